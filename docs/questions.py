@@ -6,26 +6,32 @@ from typing import Any
 
 from griffe import Extension, Function, Module, Parameter, Parameters
 
+import kant_sql
+
 BINDERS = {"reads", "writes", "delegates"}
+FRONTS = ("knowledge_base.KnowledgeBase", "pddl_parts.PddlParts", "operations.Operations")
 
 
 class Questions(Extension):
-    """Makes a method of each `name = reads(lambda: package.module.name)`, with its docstring."""
+    """Makes a member of each `name = reads(lambda: package.module.name)`, with its docstring."""
 
     def on_package(self, *, pkg: Module, **_: Any) -> None:
         """Replace the attributes, when all modules are read."""
         if pkg.path != "kant_sql":
             return
-        facade = pkg["knowledge_base.KnowledgeBase"]
-        for name, member in list(facade.members.items()):
-            call = str(member.value) if member.is_attribute and member.value is not None else ""
-            binder, _, asked = call.removesuffix(")").partition("(")
-            if binder in BINDERS:
-                place = (
-                    f"knowledge_base.{asked}" if binder == "delegates" else asked[len("lambda: ") :]
-                )
-                found = pkg[place]
-                facade.set_member(name, _method(name, getattr(found, "final_target", found)))
+        # They are computed, which this tool does not do.
+        pkg.exports = kant_sql.__all__
+        for path in FRONTS:
+            for name, member in list(pkg[path].members.items()):
+                call = str(member.value) if member.is_attribute and member.value is not None else ""
+                binder, _, asked = call.removesuffix(")").partition("(")
+                if binder in BINDERS or binder == "creates":
+                    place = asked.removeprefix("lambda: ")
+                    found = pkg[place.replace("DaoFactory", "factory.DaoFactory")]
+                    if binder in BINDERS:
+                        pkg[path].set_member(name, _method(name, found))
+                    else:
+                        member.annotation, member.docstring = found.returns, found.docstring
 
 
 def _method(name: str, question: Function) -> Function:

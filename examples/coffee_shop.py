@@ -82,7 +82,7 @@ def connect(url: str) -> Robot:
     )
     if make_url(url).database in (None, "", ":memory:"):
         robot.close()
-        raise kant_sql.InvalidUrlError(
+        raise kant_sql.errors.InvalidUrlError(
             f"{url}: each component connects by itself, and a store in memory is its connection's "
             "own; name a file or a server"
         )

@@ -156,7 +156,7 @@ class Robot(NamedTuple):
     def live(self, spell: int) -> None:
         """Do what there is to do in one spell; what its file has already is done."""
         start = MORNING + timedelta(minutes=SPELL * spell)
-        [last] = self.kb.revisions(after=self.kb.revision - 1)
+        [last] = self.kb.store.revisions(after=self.kb.revision - 1)
         online = is_online(self.fleet, self.name, spell)
         for step in steps(self.fleet, self.name):
             if start <= step.moment < start + timedelta(minutes=SPELL):
@@ -179,7 +179,7 @@ class Robot(NamedTuple):
     def push(self) -> None:
         """Send what the server lacks, and report it before and afterwards."""
         self.tell.send(("pushes", 0))
-        pushed = self.kb.push(self.fleet.url)
+        pushed = self.kb.store.push(self.fleet.url)
         self.tell.send(("pushed", pushed.versions))
 
 
@@ -275,13 +275,13 @@ def compare(fleet: Fleet, names: Sequence[str]) -> tuple[int, int, list[str]]:
     with kant_sql.open_store(fleet.url, read_only=True) as server:
         for name in names:
             with fleet.open(name, read_only=True) as robot:
-                anchor = robot.anchor()
+                anchor = robot.store.anchor()
                 kept = server.knowledge_base(name)
                 [head] = anchor.heads
-                found = kept.revisions(after=head.revision - 1)
+                found = kept.store.revisions(after=head.revision - 1)
                 same = [(each.number, each.hash) for each in found] == [(head.revision, head.hash)]
                 # The schema is the same for all: to look at it once is enough.
-                if not (same and kept.verify(structure=name == names[0]).is_intact):
+                if not (same and kept.store.verify(structure=name == names[0]).is_intact):
                     wrong.append(name)
                 revisions += head.revision
             size += (fleet.folder / f"{name}.db").stat().st_size

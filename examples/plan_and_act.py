@@ -81,9 +81,9 @@ def main(url: str) -> None:
             plan = kb.plan(timeout=60)
             show(plan)
             act(kb, plan.steps)
-        print("The goals are reached." if kb.is_goal_reached() else "The goals are not reached.")
+        print("The goals are reached." if not kb.unsatisfied() else "The goals are not reached.")
         print("What happened:")
-        for revision in kb.revisions():
+        for revision in kb.store.revisions():
             print(f"  {revision.number} {revision.actor}: {revision.reason}")
 
 

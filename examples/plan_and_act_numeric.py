@@ -87,7 +87,7 @@ def main(url: str) -> None:
             plan = kb.plan(timeout=60)
             show(plan)
             act(kb, plan.steps)
-        print("The goals are reached." if kb.is_goal_reached() else "The goals are not reached.")
+        print("The goals are reached." if not kb.unsatisfied() else "The goals are not reached.")
         print("What became of the fuel:")
         for version in kb.history("(fuel blue)"):
             since = version.since

@@ -83,7 +83,7 @@ def surprise(kb: KnowledgeBase, time: Decimal) -> set[int]:
     """Save that the door has shut, and abort the steps that need it; return their positions."""
     with kb.transaction(actor="camera", reason=f"the door slipped at {time} s"):
         kb.propositions.delete("(open hall room)")
-    broken = kb.broken_invariants()
+    broken = kb.pddl.broken_invariants()
     for each in broken:
         print(each)
         robot, start, _ = each.step.arguments
@@ -107,9 +107,9 @@ def main(url: str) -> None:
             kb.load_domain(DOMAIN)
             kb.load_problem(PROBLEM)
         act(kb, plan_anew(kb), SLIP)
-        if not kb.is_goal_reached():
+        if kb.unsatisfied():
             act(kb, plan_anew(kb))
-        print("The goals are reached." if kb.is_goal_reached() else "The goals are not reached.")
+        print("The goals are reached." if not kb.unsatisfied() else "The goals are not reached.")
         print("What became of the steps:")
         for number, plan in enumerate(kb.plans.get_all(), start=1):
             for step in plan.steps:

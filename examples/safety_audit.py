@@ -74,7 +74,7 @@ def live(kb: KnowledgeBase) -> None:
 
 def audit(kb: KnowledgeBase) -> None:
     """Hold the rules against the day, and show what led to each violation."""
-    verdicts = kb.check_rules(RULES, clock="observed")
+    verdicts = kb.pddl.check_rules(RULES, clock="observed")
     for verdict in verdicts:
         print("kept    " if verdict.is_satisfied else "violated", verdict.rule)
     for verdict in verdicts.violated:

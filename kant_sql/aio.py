@@ -21,6 +21,7 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
 from . import knowledge_store as sync_store
+from .binding import factory_of, state_of
 from .dao.interfaces import (
     Dao,
     FormulaDao,
@@ -35,12 +36,15 @@ from .dao.interfaces import (
 from .dto import Dto, PddlObjectDto
 from .dto.formulas import Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
+from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
-from .knowledge_base import KnowledgeBase, state_of
+from .knowledge_base import KnowledgeBase
 from .knowledge_store import KnowledgeStore
 from .limits import PATIENCE
 from .moment_text import When
+from .operations import Operations
+from .pddl_parts import PddlParts
 from .plans.interfaces import PlanDao
 from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
@@ -57,6 +61,8 @@ __all__ = [
     "AsyncMetricDao",
     "AsyncNamedDao",
     "AsyncObjectDao",
+    "AsyncOperations",
+    "AsyncPddlParts",
     "AsyncPlanDao",
     "AsyncPropositionDao",
     "AsyncRedefinableDao",
@@ -138,7 +144,7 @@ class _Block:
         self.is_broken = False
         self.is_open = False
         # From before it begins: to begin, too, it may hold what a call in this thread waits for.
-        factory = door.kb.factory
+        factory = factory_of(door.kb)
         self._in_loop = LoopBlock(factory.queue, lambda: factory.label)
 
     async def run(self, call: Callable[[], R]) -> R:
@@ -158,8 +164,8 @@ class _Block:
             future = self.lane.submit(call)
         except RuntimeError as error:
             raise ClosedError(
-                f"{self.door.kb.factory.label}: this was begun within a transaction that has ended "
-                "since; call it again, and await it within the block or outside of any"
+                f"{factory_of(self.door.kb).label}: this was begun within a transaction that has "
+                "ended since; call it again, and await it within the block or outside of any"
             ) from error
         return future.result()
 
@@ -251,9 +257,9 @@ class _Door:
 
     def _is_behind(self, block: _Block) -> bool:
         """Return whether this door would wait for the end of a block."""
-        door, queue = block.door, self.kb.factory.queue
+        door, queue = block.door, factory_of(self.kb).queue
         # Two front doors may be of one knowledge base, or of one file.
-        is_same = door is self or (queue is not None and door.kb.factory.queue == queue)
+        is_same = door is self or (queue is not None and factory_of(door.kb).queue == queue)
         return is_same or (self._crew.writers == 1 and door._crew is self._crew)
 
     def own_block(self) -> _Block | None:
@@ -689,6 +695,53 @@ class AsyncPlanDao(_Part):
     set_status = _write(PlanDao.set_status)
 
 
+class AsyncPddlParts(_Part):
+    """`PddlParts` for asyncio."""
+
+    metric_value = _read(PddlParts.metric_value)
+    check_rules = _read(PddlParts.check_rules)
+    broken_invariants = _read(PddlParts.broken_invariants)
+    domain = _read(PddlParts.domain)
+    problem = _read(PddlParts.problem)
+    requirements = _read(PddlParts.requirements)
+    complete = _read(PddlParts.complete)
+    to_unified_planning = _read(PddlParts.to_unified_planning)
+    load_unified_planning = _write(PddlParts.load_unified_planning)
+
+    def __init__(self, door: _Door, *, of: PddlParts) -> None:
+        super().__init__(door, of=of)
+        self.processes = AsyncNamedDao(door, of=of.processes)
+        self.events = AsyncNamedDao(door, of=of.events)
+        self.derived_predicates = AsyncFormulaDao(door, of=of.derived_predicates)
+        self.timed_initial_literals = AsyncFormulaDao(door, of=of.timed_initial_literals)
+        self.initial_literals = AsyncFormulaDao(door, of=of.initial_literals)
+        self.constraints = AsyncFormulaDao(door, of=of.constraints)
+        self.domain_constraints = AsyncFormulaDao(door, of=of.domain_constraints)
+        self.metric = AsyncMetricDao(door, of=of.metric)
+
+
+class AsyncOperations(_Part):
+    """`Operations` for asyncio."""
+
+    revisions = _read(Operations.revisions)
+    verify = _read(Operations.verify)
+    anchor = _read(Operations.anchor)
+    archive = _write(Operations.archive)
+    # It reads here: other tasks write meanwhile.
+    push = _read(Operations.push)
+    promote = _write(Operations.promote)
+    to_arrow = _read(Operations.to_arrow)
+
+    @property
+    def factory(self) -> DaoFactory:
+        """The factory of the synchronous DAOs, as `Operations.factory`."""
+        return factory_of(self._operations)
+
+    def __init__(self, door: _Door, *, of: Operations) -> None:
+        super().__init__(door, of=of)
+        self._operations = of
+
+
 class AsyncKnowledgeBase(_Part):
     """`KnowledgeBase` for asyncio: the same methods and DAOs, with awaitable calls.
 
@@ -696,49 +749,28 @@ class AsyncKnowledgeBase(_Part):
     Use it as an asynchronous context manager, or await `close`.
     """
 
+    transaction = _Call(KnowledgeBase.transaction, _Transaction)
     load_domain = _write(KnowledgeBase.load_domain)
     load_problem = _write(KnowledgeBase.load_problem)
-    load_unified_planning = _write(KnowledgeBase.load_unified_planning)
-    domain = _read(KnowledgeBase.domain)
-    problem = _read(KnowledgeBase.problem)
     domain_pddl = _read(KnowledgeBase.domain_pddl)
     problem_pddl = _read(KnowledgeBase.problem_pddl)
-    requirements = _read(KnowledgeBase.requirements)
-    to_unified_planning = _read(KnowledgeBase.to_unified_planning)
-    plan = _read(KnowledgeBase.plan)
-    validate = _read(KnowledgeBase.validate)
-    revisions = _read(KnowledgeBase.revisions)
-    diff = _read(KnowledgeBase.diff)
-    history = _read(KnowledgeBase.history)
-    blame = _read(KnowledgeBase.blame)
-    timeline = _read(KnowledgeBase.timeline)
-    to_arrow = _read(KnowledgeBase.to_arrow)
-    restore = _write(KnowledgeBase.restore)
-    verify = _read(KnowledgeBase.verify)
-    anchor = _read(KnowledgeBase.anchor)
-    archive = _write(KnowledgeBase.archive)
-    # It reads here: other tasks write meanwhile.
-    push = _read(KnowledgeBase.push)
-    promote = _write(KnowledgeBase.promote)
-    log = _iterate(KnowledgeBase.log)
-    changes = _iterate(KnowledgeBase.changes)
-    when = _iterate(KnowledgeBase.when)
-    check_rules = _read(KnowledgeBase.check_rules)
-    transaction = _Call(KnowledgeBase.transaction, _Transaction)
     holds = _read(KnowledgeBase.holds)
-    complete = _read(KnowledgeBase.complete)
+    when = _iterate(KnowledgeBase.when)
     unsatisfied = _read(KnowledgeBase.unsatisfied)
-    unsatisfied_goals = _read(KnowledgeBase.unsatisfied_goals)
-    is_goal_reached = _read(KnowledgeBase.is_goal_reached)
-    metric_value = _read(KnowledgeBase.metric_value)
     why_not = _read(KnowledgeBase.why_not)
-    is_applicable = _read(KnowledgeBase.is_applicable)
     applicable_actions = _iterate(KnowledgeBase.applicable_actions)
     apply = _write(KnowledgeBase.apply)
     start = _write(KnowledgeBase.start)
     end = _write(KnowledgeBase.end)
     abort = _write(KnowledgeBase.abort)
-    broken_invariants = _read(KnowledgeBase.broken_invariants)
+    plan = _read(KnowledgeBase.plan)
+    validate = _read(KnowledgeBase.validate)
+    log = _iterate(KnowledgeBase.log)
+    changes = _iterate(KnowledgeBase.changes)
+    history = _read(KnowledgeBase.history)
+    blame = _read(KnowledgeBase.blame)
+    timeline = _read(KnowledgeBase.timeline)
+    restore = _write(KnowledgeBase.restore)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
         """Wrap a knowledge base; `connect` does this.
@@ -756,19 +788,13 @@ class AsyncKnowledgeBase(_Part):
         self.function_values = AsyncFunctionValueDao(door, of=kb.function_values)
         self.propositions = AsyncPropositionDao(door, of=kb.propositions)
         self.actions = AsyncNamedDao(door, of=kb.actions)
-        self.processes = AsyncNamedDao(door, of=kb.processes)
-        self.events = AsyncNamedDao(door, of=kb.events)
-        self.derived_predicates = AsyncFormulaDao(door, of=kb.derived_predicates)
-        self.timed_initial_literals = AsyncFormulaDao(door, of=kb.timed_initial_literals)
-        self.initial_literals = AsyncFormulaDao(door, of=kb.initial_literals)
         self.goals = AsyncGoalDao(door, of=kb.goals)
-        self.constraints = AsyncFormulaDao(door, of=kb.constraints)
-        self.domain_constraints = AsyncFormulaDao(door, of=kb.domain_constraints)
-        self.metric = AsyncMetricDao(door, of=kb.metric)
         self.plans = AsyncPlanDao(door, of=kb.plans)
+        self.pddl = AsyncPddlParts(door, of=kb.pddl)
+        self.store = AsyncOperations(door, of=kb.store)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self._kb.factory.label}>"
+        return f"<{type(self).__name__} {factory_of(self._kb).label}>"
 
     async def at(self, when: When) -> AsyncKnowledgeBase:
         """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
@@ -794,14 +820,24 @@ class AsyncKnowledgeBase(_Part):
             self._door.refuse_inherited()
         return Connecting(call)
 
-    async def diff_with(self, other: AsyncKnowledgeBase | KnowledgeBase) -> list[Change]:
-        """Compare this state with that of another knowledge base, as `KnowledgeBase.diff_with`."""
-        if not isinstance(other, AsyncKnowledgeBase):
-            return await self._door.read(partial(self._kb.diff_with, other))
-        here, there = [
-            await one._door.read(partial(_state_lines, one._kb)) for one in (self, other)
-        ]
+    async def diff(
+        self,
+        a: When | AsyncKnowledgeBase | KnowledgeBase,
+        b: When | AsyncKnowledgeBase | KnowledgeBase,
+    ) -> list[Change]:
+        """Compare two states, as `KnowledgeBase.diff`."""
+        kinds = AsyncKnowledgeBase | KnowledgeBase
+        if not (isinstance(a, kinds) or isinstance(b, kinds)):
+            return await self._door.read(partial(self._kb.diff, a, b))
+        here, there = await self._lines(a), await self._lines(b)
         return diff_lines(here, there)
+
+    async def _lines(self, of: When | AsyncKnowledgeBase | KnowledgeBase) -> list[tuple[str, str]]:
+        """Read a state where it can be read: in the block that its own task has open, if any."""
+        if not isinstance(of, AsyncKnowledgeBase | KnowledgeBase):
+            of = await self.at(of)
+        door, kb = (of._door, of._kb) if isinstance(of, AsyncKnowledgeBase) else (self._door, of)
+        return await door.read(lambda: state_lines(state_of(kb)))
 
     async def revision(self) -> int:
         """Read the number of the last revision, as `KnowledgeBase.revision`."""
@@ -858,10 +894,6 @@ class AsyncKnowledgeBase(_Part):
         await self.close()
 
 
-def _state_lines(kb: KnowledgeBase) -> list[tuple[str, str]]:
-    return state_lines(state_of(kb))
-
-
 def _watch(
     kb: KnowledgeBase, after: int | None, timeout: float | None, is_ended: Callable[[], bool]
 ) -> int | None:
@@ -891,7 +923,7 @@ class AsyncKnowledgeStore:
         return AsyncKnowledgeBase(_Door(kb, self._store.has_one_connection, self._crew), kb=kb)
 
     async def knowledge_bases(self) -> list[Inventory]:
-        """List the knowledge bases that have a revision, as `kant_sql.knowledge_bases` does."""
+        """List the knowledge bases that have a revision, as `KnowledgeStore.knowledge_bases`."""
         if self._is_closed:
             # Raises the error.
             return self._store.knowledge_bases()
@@ -946,7 +978,7 @@ class Connecting(AbstractAsyncContextManager[AsyncKnowledgeBase]):
 
     async def _open(self) -> AsyncKnowledgeBase:
         kb = await _opened(self._make)
-        return AsyncKnowledgeBase(_Door(kb, kb.factory.has_one_connection), kb=kb)
+        return AsyncKnowledgeBase(_Door(kb, factory_of(kb).has_one_connection), kb=kb)
 
     async def __aenter__(self) -> AsyncKnowledgeBase:
         self._kb = await self._open()

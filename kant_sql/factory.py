@@ -217,72 +217,11 @@ class DaoFactory(ABC):
         """Create the DAO of recorded plans."""
 
 
-class Daos:
-    """The DAOs of a knowledge base.
-
-    Attributes:
-        types: the DAO of types.
-        objects: the DAO of objects.
-        predicates: the DAO of predicates.
-        functions: the DAO of functions.
-        function_values: the DAO of function values (fluents).
-        propositions: the DAO of facts and goals.
-        actions: the DAO of actions.
-        processes: the DAO of processes.
-        events: the DAO of events.
-        derived_predicates: the DAO of the rules of derived predicates.
-        timed_initial_literals: the DAO of timed initial literals and values.
-        initial_literals: the DAO of negative literals and equalities of the initial state.
-        goals: the DAO of goals of any form.
-        constraints: the DAO of the problem's constraints.
-        domain_constraints: the DAO of the domain's constraints.
-        metric: the DAO of the metric.
-        plans: the DAO of recorded plans.
-    """
-
-    types: daos.PddlTypeDao
-    objects: daos.PddlObjectDao
-    predicates: daos.PddlPredicateDao
-    functions: daos.PddlFunctionDao
-    function_values: daos.PddlFunctionValueDao
-    propositions: daos.PddlPropositionDao
-    actions: daos.PddlActionDao
-    processes: daos.PddlProcessDao
-    events: daos.PddlEventDao
-    derived_predicates: daos.DerivedPredicateDao
-    timed_initial_literals: daos.TimedInitialLiteralDao
-    initial_literals: daos.InitialLiteralDao
-    goals: daos.GoalDao
-    constraints: daos.ConstraintDao
-    domain_constraints: daos.ConstraintDao
-    metric: daos.MetricDao
-    plans: PlanDao
-
-    def _create(self, factory: DaoFactory) -> None:
-        self.types = factory.create_pddl_type_dao()
-        self.objects = factory.create_pddl_object_dao()
-        self.predicates = factory.create_pddl_predicate_dao()
-        self.functions = factory.create_pddl_function_dao()
-        self.function_values = factory.create_pddl_function_value_dao()
-        self.propositions = factory.create_pddl_proposition_dao()
-        self.actions = factory.create_pddl_action_dao()
-        self.processes = factory.create_pddl_process_dao()
-        self.events = factory.create_pddl_event_dao()
-        self.derived_predicates = factory.create_derived_predicate_dao()
-        self.timed_initial_literals = factory.create_timed_initial_literal_dao()
-        self.initial_literals = factory.create_initial_literal_dao()
-        self.goals = factory.create_goal_dao()
-        self.constraints = factory.create_constraint_dao()
-        self.domain_constraints = factory.create_domain_constraint_dao()
-        self.metric = factory.create_metric_dao()
-        self.plans = factory.create_plan_dao()
-
-
 T = TypeVar("T")
 
 
 def _creates(part: Callable[[Store, int | None], T]) -> Callable[[SqlDaoFactory], T]:
-    return lambda factory: part(factory._store, factory._at)
+    return lambda factory: part(factory._open_store, factory._at)
 
 
 class SqlDaoFactory(DaoFactory):
@@ -300,8 +239,8 @@ class SqlDaoFactory(DaoFactory):
         self._at: int | None = None
         backend = create_backend(url, read_only=read_only)
         try:
-            self._open_store = Store(backend, knowledge_base, actor)
-            self.queue = self._open_store.queue
+            self._store = Store(backend, knowledge_base, actor)
+            self.queue = self._store.queue
             self.has_one_connection = backend.has_one_connection
         except BaseException:
             backend.close()
@@ -312,38 +251,38 @@ class SqlDaoFactory(DaoFactory):
         """Open a knowledge base on connections that others share, without a statement."""
         made = object.__new__(cls)
         made._at = None
-        made._open_store = Store(backend, knowledge_base, actor, is_one_of_many=True)
-        made.queue = made._open_store.queue
+        made._store = Store(backend, knowledge_base, actor, is_one_of_many=True)
+        made.queue = made._store.queue
         made.has_one_connection = backend.has_one_connection
         return made
 
     @property
     @override
     def name(self) -> str:  # type: ignore[override]
-        return self._open_store.name
+        return self._store.name
 
     @property
     @override
     def address(self) -> str:  # type: ignore[override]
-        return self._open_store.backend.label
+        return self._store.backend.label
 
     @property
     @override
     def label(self) -> str:  # type: ignore[override]
         past = "" if self._at is None else f" at revision {self._at}"
-        closed = ", closed" if self._open_store.is_closed else ""
+        closed = ", closed" if self._store.is_closed else ""
         return f"{self.name!r} of {self.address}{past}{closed}"
 
     @property
-    def _store(self) -> Store:
+    def _open_store(self) -> Store:
         """The store, unless it was closed."""
-        self._open_store.refuse_closed()
-        return self._open_store
+        self._store.refuse_closed()
+        return self._store
 
     @property
     def state(self) -> State:
         """What questions are asked of."""
-        return State(self._store, self._at)
+        return State(self._open_store, self._at)
 
     create_pddl_type_dao = _creates(SqlTypeDao)
     create_pddl_object_dao = _creates(SqlObjectDao)
@@ -375,12 +314,12 @@ class SqlDaoFactory(DaoFactory):
         observed_at: datetime | None = None,
         plan_step: RecordedStep | None = None,
     ) -> Iterator[None]:
-        refuse_past(self._store, self._at)
+        refuse_past(self._open_store, self._at)
         if expected_revision is not None:
             whole_number(expected_revision, "expected_revision")
         step = None if plan_step is None else place_of(plan_step)
         own = (actor, reason, source, expected_revision, observed_at, step)
-        with self._store.transaction(*own) as transaction:
+        with self._open_store.transaction(*own) as transaction:
             if plan_step is not None:
                 check_step(transaction, plan_step)
             yield
@@ -388,8 +327,8 @@ class SqlDaoFactory(DaoFactory):
     @override
     def at(self, when: When) -> Self:
         past = object.__new__(type(self))
-        past._open_store = self._store
-        past._at = state_at(self._store, when, self._at)
+        past._store = self._open_store
+        past._at = state_at(self._open_store, when, self._at)
         return past
 
     @override
@@ -402,7 +341,7 @@ class SqlDaoFactory(DaoFactory):
     ) -> DaoFactory:
         from .history.branch import read_origin, write_branch
 
-        store = self._store
+        store = self._open_store
         origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))
         if url is None and name is not None:
             store.refuse_read_only()
@@ -410,7 +349,7 @@ class SqlDaoFactory(DaoFactory):
         try:
             if not isinstance(made, SqlDaoFactory):
                 raise InvalidUrlError(f"{type(made).__name__}: this DAO family takes no branches")
-            write_branch(made._store, origin)
+            write_branch(made._open_store, origin)
         except BaseException:
             made.close()
             raise
@@ -427,13 +366,13 @@ class SqlDaoFactory(DaoFactory):
     @property
     @override
     def revision(self) -> int:
-        store = self._store
+        store = self._open_store
         return head_revision(store) if self._at is None else self._at
 
     @override
     def close(self) -> None:
         if self._at is None:
-            self._open_store.close()
+            self._store.close()
 
 
 class SqliteDaoFactory(SqlDaoFactory):

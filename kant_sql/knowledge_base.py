@@ -2,214 +2,115 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
-from functools import wraps
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
 
 from . import documents, history, html, reasoning
-from .arguments import expect
-from .dao.base import refuse_past
-from .errors import InvalidArgumentError
-from .factory import DaoFactory, Daos, SqlDaoFactory, create_dao_factory, daos_only
+from .binding import Front, creates, delegates, reads, state_of, writes
+from .factory import DaoFactory, create_dao_factory
 from .moment_text import When
 from .sql.changes import Change
-from .store.state import State
 
-P = ParamSpec("P")
-R = TypeVar("R")
+if TYPE_CHECKING:
+    from .operations import Operations
+    from .pddl_parts import PddlParts
 
 # Revisions that a notebook shows of a knowledge base.
 _LATEST = 5
 
 
-def state_of(kb: KnowledgeBase) -> State:
-    """Return what functions of a state are asked of.
-
-    Raises:
-        InvalidUrlError: the DAO family is not built on an SQL store, and has DAOs only.
-        ClosedError: the store was closed.
-    """
-    state = kb._state
-    if state is None:
-        raise daos_only(kb.factory, "history, documents and reasoning")
-    if state.store.is_closed:
-        state.store.refuse_closed()
-    return state
-
-
-class _Question:
-    """A method of the class below that is made when it is first asked for."""
-
-    def __init__(self, make: Callable[[], Callable[..., Any]]) -> None:
-        self._make = make
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._place = owner, name
-
-    def __get__(self, kb: object, owner: type | None = None) -> Any:
-        """Take the place of it for good."""
-        method = self._make()
-        setattr(*self._place, method)
-        return method.__get__(kb, owner)
-
-
-def reads(
-    find: Callable[[], Callable[Concatenate[State, P], R]],
-) -> Callable[Concatenate[KnowledgeBase, P], R]:
-    """Bind a function of a state: a method with its docstring, arguments and defaults.
-
-    `find` names it. Its module is imported when the method is first asked for.
-    """
-
-    def make() -> Callable[..., R]:
-        function = find()
-
-        @wraps(function)
-        def ask(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            return function(state_of(self), *args, **kwargs)
-
-        return _method(ask)
-
-    return cast("Callable[Concatenate[KnowledgeBase, P], R]", _Question(make))
-
-
-def writes(
-    find: Callable[[], Callable[Concatenate[State, P], R]],
-) -> Callable[Concatenate[KnowledgeBase, P], R]:
-    """Bind a function that writes, as `reads`; views of the past refuse it."""
-
-    def make() -> Callable[..., R]:
-        function = find()
-
-        @wraps(function)
-        def write(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            state = state_of(self)
-            if state.at is not None:
-                refuse_past(state.store, state.at)
-            return function(state, *args, **kwargs)
-
-        return _method(write)
-
-    return cast("Callable[Concatenate[KnowledgeBase, P], R]", _Question(make))
-
-
-def delegates(
-    method: Callable[Concatenate[DaoFactory, P], R],
-) -> Callable[Concatenate[KnowledgeBase, P], R]:
-    """Bind a method of the factory."""
-
-    @wraps(method)
-    def call(self: KnowledgeBase, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        return cast(Callable[P, R], getattr(self.factory, method.__name__))(*args, **kwargs)
-
-    return call
-
-
-def _method(bound: Callable[..., R]) -> Callable[..., R]:
-    """Show `self` in place of the state, to `help` and to who reads annotations."""
-    shown = inspect.signature(bound)
-    state, *others = shown.parameters.values()
-    own = state.replace(name="self", annotation=inspect.Parameter.empty)
-    bound.__signature__ = shown.replace(parameters=[own, *others])  # type: ignore[attr-defined]
-    hints = bound.__annotations__.items()
-    bound.__annotations__ = {name: hint for name, hint in hints if name != state.name}
-    return bound
-
-
-class KnowledgeBase(Daos):
+class KnowledgeBase(Front):
     """A robot's knowledge: its present state, its history, and its documents.
 
     Threads may share it. Use it as a context manager, or call `close`.
-
-    Attributes:
-        factory: the factory of the DAOs.
     """
 
-    def __init__(self, factory: DaoFactory) -> None:
-        """Create the DAOs.
-
-        Args:
-            factory: the factory; the knowledge base owns it.
-        """
-        self.factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
-        self._state = factory.state if isinstance(factory, SqlDaoFactory) else None
-        self._create(factory)
+    types = creates(DaoFactory.create_pddl_type_dao)
+    objects = creates(DaoFactory.create_pddl_object_dao)
+    predicates = creates(DaoFactory.create_pddl_predicate_dao)
+    functions = creates(DaoFactory.create_pddl_function_dao)
+    function_values = creates(DaoFactory.create_pddl_function_value_dao)
+    propositions = creates(DaoFactory.create_pddl_proposition_dao)
+    goals = creates(DaoFactory.create_goal_dao)
+    actions = creates(DaoFactory.create_pddl_action_dao)
+    plans = creates(DaoFactory.create_plan_dao)
 
     transaction = delegates(DaoFactory.transaction)
 
     load_domain = writes(lambda: documents.exchange.load_domain)
     load_problem = writes(lambda: documents.exchange.load_problem)
-    load_unified_planning = writes(lambda: documents.planners.load_unified_planning)
-    domain = reads(lambda: documents.exchange.domain)
-    problem = reads(lambda: documents.exchange.problem)
     domain_pddl = reads(lambda: documents.exchange.domain_pddl)
     problem_pddl = reads(lambda: documents.exchange.problem_pddl)
-    requirements = reads(lambda: documents.exchange.requirements)
-    to_unified_planning = reads(lambda: documents.planners.to_unified_planning)
-    plan = reads(lambda: documents.planners.plan)
 
     holds = reads(lambda: reasoning.ask.holds)
     query = reads(lambda: reasoning.ask.query)
-    complete = reads(lambda: reasoning.complete.complete)
+    when = reads(lambda: reasoning.when.when)
     unsatisfied = reads(lambda: reasoning.explain.unsatisfied)
-    unsatisfied_goals = reads(lambda: reasoning.explain.unsatisfied_goals)
-    is_goal_reached = reads(lambda: reasoning.explain.is_goal_reached)
-    metric_value = reads(lambda: reasoning.explain.metric_value)
     why_not = reads(lambda: reasoning.act.why_not)
     applicable_actions = reads(lambda: reasoning.act.applicable_actions)
-    is_applicable = reads(lambda: reasoning.act.is_applicable)
     apply = writes(lambda: reasoning.durative.apply)
     start = writes(lambda: reasoning.durative.start)
     end = writes(lambda: reasoning.durative.end)
     abort = writes(lambda: reasoning.durative.abort)
-    broken_invariants = reads(lambda: reasoning.durative.broken_invariants)
+    plan = reads(lambda: documents.planners.plan)
     validate = reads(lambda: reasoning.validate.validate)
-    when = reads(lambda: reasoning.when.when)
-    check_rules = reads(lambda: reasoning.rules.check_rules)
 
-    revisions = reads(lambda: history.log.revisions)
     log = reads(lambda: history.log.log)
     changes = reads(lambda: history.follow.changes)
     watch = reads(lambda: history.follow.watch)
-    diff = reads(lambda: history.diff.diff)
     history = reads(lambda: history.versions.history)
     blame = reads(lambda: history.versions.blame)
     timeline = reads(lambda: history.timeline.timeline)
-    to_arrow = reads(lambda: history.audit.to_arrow)
     restore = writes(lambda: history.restore.restore)
-    verify = reads(lambda: history.verify.verify.verify)
-    anchor = reads(lambda: history.anchors.anchor)
-    archive = writes(lambda: history.archive.archive.archive)
-    push = writes(lambda: history.replication.calls.push)
-    promote = writes(lambda: history.replication.promote.promote)
 
-    def diff_with(self, other: KnowledgeBase) -> list[Change]:
-        """Compare this state with that of another knowledge base, in any store.
+    @cached_property
+    def pddl(self) -> PddlParts:
+        """The rarer parts of PDDL, and whole documents as trees."""
+        from .pddl_parts import PddlParts
+
+        return PddlParts(self._factory)
+
+    @cached_property
+    def store(self) -> Operations:
+        """What operates the store: verification, anchors, archives, replication."""
+        from .operations import Operations
+
+        return Operations(self._factory)
+
+    def diff(self, a: When | KnowledgeBase, b: When | KnowledgeBase) -> list[Change]:
+        """Compare two states. Recorded plans and archives belong to no state.
 
         Args:
-            other: the other one, in the present or the past.
+            a: a revision, given as for `at`; or the state of another knowledge base, in any store,
+                as a branch has it.
+            b: another, before or after `a`.
 
         Returns:
-            What would turn this state into the other's: `+` for what holds only there, `-` for what
-            holds only here, sorted by sign, kind and text. Pending changes of open transactions
-            count.
+            What would turn `a` into `b`: `+` for what holds at `b` only, `-` for what holds at `a`
+            only, sorted by sign, kind and text. Of a knowledge base, pending changes of open
+            transactions count.
 
         Raises:
-            InvalidArgumentError: `other` is not a knowledge base.
+            UnknownRevisionError: there is no such revision yet, or a time lies in the future or
+                has no zone.
+            ArchivedError: one of the states was moved to an archive.
 
         Examples:
-            >>> with kb.branch() as trial:
-            ...     _ = trial.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
-            ...     for change in kb.diff_with(trial):
-            ...         print(change.sign, change.kind, change.text)
+            >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
+            >>> for change in kb.diff(1, 2):
+            ...     print(change.sign, change.kind, change.text)
             + fact (robot_at rb1 wp2)
             + object wp2 - wp
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.delete("(robot_at rb1 wp2)")
+            ...     print(*kb.diff(kb, trial))
+            Change(sign='-', kind='fact', text='(robot_at rb1 wp2)')
         """
-        expect(other, KnowledgeBase, "what it is compared with", InvalidArgumentError)
-        return history.diff.diff_lines(
-            history.diff.state_lines(state_of(self)), history.diff.state_lines(state_of(other))
-        )
+        if not (isinstance(a, KnowledgeBase) or isinstance(b, KnowledgeBase)):
+            return history.diff.diff(state_of(self), a, b)
+        here, there = (one if isinstance(one, KnowledgeBase) else self.at(one) for one in (a, b))
+        lines = history.diff.state_lines
+        return history.diff.diff_lines(lines(state_of(here)), lines(state_of(there)))
 
     def at(self, when: When) -> Self:
         """Open a past state for reading; writes raise `ReadOnlyError`.
@@ -234,7 +135,7 @@ class KnowledgeBase(Daos):
             >>> kb.at("yesterday").revision
             0
         """
-        return type(self)(self.factory.at(when))
+        return type(self)(self._factory.at(when))
 
     def branch(
         self,
@@ -275,10 +176,10 @@ class KnowledgeBase(Daos):
         Examples:
             >>> with kb.branch() as trial:
             ...     _ = trial.propositions.delete_all()
-            ...     print(kb.diff_with(trial)[0])
+            ...     print(kb.diff(kb, trial)[0])
             Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
         """
-        return type(self)(self.factory.branch(name, at=at, url=url))
+        return type(self)(self._factory.branch(name, at=at, url=url))
 
     @property
     def revision(self) -> int:
@@ -286,7 +187,7 @@ class KnowledgeBase(Daos):
 
         Within a transaction, the revision that it began from; of a past state, its revision.
         """
-        return self.factory.revision
+        return self._factory.revision
 
     def close(self) -> None:
         """Close the database connections. This deletes a store in memory.
@@ -295,10 +196,10 @@ class KnowledgeBase(Daos):
         once if it is this thread's, else at the end of its block. Closing a past state does
         nothing.
         """
-        self.factory.close()
+        self._factory.close()
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.factory.label}>"
+        return f"<{type(self).__name__} {self._factory.label}>"
 
     def _repr_html_(self) -> str:
         return html.guarded(self._shown)
@@ -306,10 +207,11 @@ class KnowledgeBase(Daos):
     def _shown(self) -> str:
         """Write what the state holds, and who changed it last."""
         head = self.revision
-        last = [each._html_row_() for each in self.revisions(after=max(0, head - _LATEST))][::-1]
+        found = history.log.revisions(state_of(self), max(0, head - _LATEST))
+        last = [each._html_row_() for each in found][::-1]
         latest = html.heading("The latest revisions") + html.table(last) if last else ""
         counts = {"revision": head, **history.overview.read_overview(state_of(self))._asdict()}
-        return html.heading(self.factory.label) + html.fields(counts) + latest
+        return html.heading(self._factory.label) + html.fields(counts) + latest
 
     def __enter__(self) -> Self:
         return self

@@ -93,7 +93,7 @@ class KnowledgeStore:
         return KnowledgeBase(self._family.one_of_many(self._backend, name, actor))
 
     def knowledge_bases(self) -> list[Inventory]:
-        """List the knowledge bases that have a revision, as `kant_sql.knowledge_bases` does.
+        """List the knowledge bases that have a revision, the oldest first.
 
         Returns:
             What is in each of them, the oldest knowledge base first.

@@ -141,7 +141,7 @@ def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> 
         url,
         kb,
         at,
-        lambda state: (list(_goals(state)), state.unsatisfied_goals(), _metric(state)),
+        lambda state: (list(_goals(state)), state.unsatisfied(), _metric(state)),
     )
     found, unsatisfied, (metric, value, lack) = answer
     if as_json:
@@ -189,9 +189,9 @@ def _goals(state: KnowledgeBase) -> Iterator[_Goal]:
 
 def _metric(state: KnowledgeBase) -> tuple[f.Metric | None, Decimal | None, str | None]:
     """Return the metric, its value, and why it has none."""
-    metric = state.metric.get()
+    metric = state.pddl.metric.get()
     try:
-        return metric, state.metric_value(), None
+        return metric, state.pddl.metric_value(), None
     except (InvalidKnowledgeError, UnsupportedConstructError) as error:
         return metric, None, str(error)
 
@@ -309,7 +309,7 @@ def rules(
     source = next(map(rules_source, given), None)
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_state(url, kb, at) as (name, state):
-        found = state.check_rules(source, since=first, until=last, clock=clock)
+        found = state.pddl.check_rules(source, since=first, until=last, clock=clock)
     if as_json:
         header = {"knowledge_base": name, "first": found.first, "last": found.last}
         write_json({**header, "is_satisfied": found.is_satisfied, "rules": found})

@@ -275,7 +275,15 @@ def choose(name: str | None, names: Sequence[str]) -> str:
 
 def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> KantSqlError:
     """Make the error for an element that was not found, with a similar name if there is one."""
-    daos = (kb.types, kb.objects, kb.predicates, kb.functions, kb.actions, kb.processes, kb.events)
+    daos = (
+        kb.types,
+        kb.objects,
+        kb.predicates,
+        kb.functions,
+        kb.actions,
+        kb.pddl.processes,
+        kb.pddl.events,
+    )
     names = [dto.name for dao in daos for dto in dao.get_all()]
     known = {one.lower() for one in names}
     words = (word for word in tokenize(element) if word not in "()-" and word.lower() not in known)

@@ -180,7 +180,7 @@ def _store(
             warnings += knowledge_base.load_problem(
                 inputs.problem, mode=mode, strict=strict, progress=part
             )[1]
-    made = knowledge_base.revisions(after=before, limit=1)
+    made = knowledge_base.store.revisions(after=before, limit=1)
     # If nothing has changed, the next revision may be another writer's.
     own = [one for one in made if (one.actor, one.reason, one.source) == (actor, reason, source)]
     return dict.fromkeys(warnings), own[0] if own else None

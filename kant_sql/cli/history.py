@@ -301,7 +301,7 @@ def branch(
         knowledge_base.branch(*names, at=moment, url=target) as made,
     ):
         branched = names[0] if names else name
-        (first,) = made.revisions(limit=1) or (None,)
+        (first,) = made.store.revisions(limit=1) or (None,)
     source = None if first is None else first.source
     if as_json:
         document = {"knowledge_base": branched, "revision": None if first is None else first.number}

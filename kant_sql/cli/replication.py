@@ -288,7 +288,7 @@ def promote(
     It can be written to from then on, and its origin's later revisions are refused.
     """
     with open_to_read(url, kb) as (name, knowledge_base):
-        made = knowledge_base.promote(reason=reason, actor=actor)
+        made = knowledge_base.store.promote(reason=reason, actor=actor)
     if as_json:
         write_json({"knowledge_base": name, "revision": made})
     elif made is None:

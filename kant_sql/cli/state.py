@@ -116,7 +116,7 @@ def _show_revision(url: str, kb: str | None, when: str, as_json: bool) -> None:
 def _committed_at(state: KnowledgeBase) -> str | None:
     if state.revision == 0:
         return None
-    (revision,) = state.revisions(after=state.revision - 1, limit=1)
+    (revision,) = state.store.revisions(after=state.revision - 1, limit=1)
     return time_text(revision.committed_at)
 
 
@@ -294,14 +294,16 @@ class ElementTable(NamedTuple):
 
     def elements(self, state: KnowledgeBase) -> Sequence[Any]:
         """Read its elements."""
-        found: Sequence[Any]
-        found = getattr(state, self.name).get_all() if self.read is None else self.read(state)
+        if self.read is not None:
+            return self.read(state)
+        of = state if hasattr(type(state), self.name) else state.pddl
+        found: Sequence[Any] = getattr(of, self.name).get_all()
         return found
 
 
 _SECTIONS = (
     ElementTable(
-        "requirements", "requirement", str, read=lambda state: state.domain().requirements
+        "requirements", "requirement", str, read=lambda state: state.pddl.domain().requirements
     ),
     ElementTable(
         "types", "type", _type, ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE)
@@ -320,7 +322,7 @@ _SECTIONS = (
     ElementTable("constraints", "constraint"),
     ElementTable("domain_constraints", "domain constraint"),
     ElementTable(
-        "metric", "metric", _metric, read=lambda state: [*filter(None, [state.metric.get()])]
+        "metric", "metric", _metric, read=lambda state: [*filter(None, [state.pddl.metric.get()])]
     ),
     ElementTable("actions", "action", _action),
     ElementTable("processes", "process", _action),

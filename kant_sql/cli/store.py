@@ -265,7 +265,7 @@ def anchor(
     # Raises if the store is missing, where connecting would create it.
     names = written_names(url)
     with connect(url, knowledge_base=names[0] if names else DEFAULT_NAME) as knowledge_base:
-        typer.echo(knowledge_base.anchor().text())
+        typer.echo(knowledge_base.store.anchor().text())
 
 
 _BACKUP_USAGE = "[URL] FILE"
@@ -326,7 +326,7 @@ def archive(
         leaving_nothing(to),
         bar(name) as progress,
     ):
-        done = knowledge_base.archive(
+        done = knowledge_base.store.archive(
             when, to=to, dry_run=dry_run, reason=reason, actor=actor, progress=progress
         )
     if as_json:

@@ -210,7 +210,7 @@ def _verify(store: KnowledgeStore, task: VerificationTask, progress: Progress) -
 
     try:
         with closing(store.knowledge_base(task.name)) as knowledge_base:
-            return knowledge_base.verify(
+            return knowledge_base.store.verify(
                 task.anchor,
                 progress=progress,
                 structure=task.structure,

@@ -105,19 +105,19 @@ class SqlDao:
 
     def __init__(self, store: Store, at: int | None = None) -> None:
         """Make a DAO."""
-        self._open_store = store
+        self._store = store
         self._at = at
 
     @property
-    def _store(self) -> Store:
+    def _open_store(self) -> Store:
         """The store, if it was not closed: no call goes by without asking."""
-        store = self._open_store
+        store = self._store
         if store.is_closed:
             store.refuse_closed()
         return store
 
     def _check_writable(self) -> None:
-        store = self._open_store
+        store = self._store
         if store.is_closed:
             store.refuse_closed()
         if self._at is not None:
@@ -170,7 +170,7 @@ class SqlGroundDao(SqlDao, Dao[G]):
         self._check(dto)
         one: Any = dto
         # The check has refused a closed store.
-        self._open_store.write(lambda transaction: self._save_batch(transaction, [one]))
+        self._store.write(lambda transaction: self._save_batch(transaction, [one]))
         return True
 
     @override
@@ -180,13 +180,13 @@ class SqlGroundDao(SqlDao, Dao[G]):
         def work(transaction: Transaction) -> bool:
             return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) == 1
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     @override
     def save_all(self, dtos: Iterable[G | str | Node]) -> int:
         self._check_writable()
         changed = 0
-        with self._store.transaction() as transaction:
+        with self._open_store.transaction() as transaction:
             for batch in batches(dtos):
                 for dto in batch:
                     self._check(dto)
@@ -201,14 +201,14 @@ class SqlGroundDao(SqlDao, Dao[G]):
 
     def _delete_one(self, dto: G | str | Node) -> bool:
         self._check(dto)
-        return self._store.write(lambda transaction: self._remove(transaction, dto))
+        return self._open_store.write(lambda transaction: self._remove(transaction, dto))
 
     def _delete_given(self, dtos: Iterable[G | str | Node] | None) -> int:
         self._check_writable()
         if dtos is None:
-            return self._store.write(self._remove_all)
+            return self._open_store.write(self._remove_all)
         removed = 0
-        with self._store.transaction() as transaction:
+        with self._open_store.transaction() as transaction:
             for dto in iterate(dtos, "what delete_all takes", "an iterable of DTOs"):
                 self._check(dto)
                 removed += self._remove(transaction, dto)
@@ -631,7 +631,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             definition = self._named(definitions, name)
             return None if definition is None else self._build(DtoBuilder(definitions), definition)
 
-        return self._store.read_definitions(work, self._at)
+        return self._open_store.read_definitions(work, self._at)
 
     @override
     def get_all(self) -> list[D]:
@@ -639,7 +639,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             builder = DtoBuilder(definitions)
             return [self._build(builder, definition) for definition in self._all(definitions)]
 
-        return self._store.read_definitions(work, self._at)
+        return self._open_store.read_definitions(work, self._at)
 
     @override
     def save(self, dto: D | Sequence[D], *, cascade: bool = False) -> bool:
@@ -649,7 +649,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             return True
         one: Any = dto
         self._check(one)
-        self._store.write(lambda transaction: self._put(transaction, one, cascade))
+        self._open_store.write(lambda transaction: self._put(transaction, one, cascade))
         return True
 
     @override
@@ -662,7 +662,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             self._put(transaction, dto, False)
             return True
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     @override
     def update(self, dto: D, *, cascade: bool = False) -> bool:
@@ -675,7 +675,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             self._put(transaction, dto, cascade)
             return True
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     @override
     def save_all(self, dtos: Iterable[D]) -> int:
@@ -684,7 +684,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
     def _save_many(self, dtos: Iterable[D], cascade: bool) -> int:
         self._check_writable()
         changed = 0
-        with self._store.transaction() as transaction:
+        with self._open_store.transaction() as transaction:
             for batch in batches(dtos):
                 for dto in batch:
                     self._check(dto)
@@ -697,7 +697,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
     def delete(self, dto: D | str) -> bool:
         self._check_writable()
         name = self._name(dto)
-        return self._store.write(lambda transaction: self._delete(transaction, [name])) > 0
+        return self._open_store.write(lambda transaction: self._delete(transaction, [name])) > 0
 
     @override
     def delete_all(self, dtos: Iterable[D | str] | None = None) -> int:
@@ -706,7 +706,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         if dtos is not None:
             given = iterate(dtos, "what delete_all takes", "an iterable of DTOs and names")
             names = [self._name(dto) for dto in given]
-        return self._store.write(lambda transaction: self._delete(transaction, names))
+        return self._open_store.write(lambda transaction: self._delete(transaction, names))
 
     def _delete(self, transaction: Transaction, names: Iterable[str] | None) -> int:
         """Delete the elements of some names, or all; return how many there were."""

@@ -667,7 +667,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
 
     @override
     def get_all(self) -> list[N]:
-        return self._store.read_definitions(self._stored, self._at)
+        return self._open_store.read_definitions(self._stored, self._at)
 
     @override
     def save(self, formula: N | str | Sequence[N | str]) -> bool:
@@ -683,7 +683,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
     def save_all(self, formulas: Iterable[N | str]) -> int:
         self._check_writable()
         changed = 0
-        with self._store.transaction() as transaction:
+        with self._open_store.transaction() as transaction:
             for batch in batches(formulas):
                 for formula in batch:
                     self._check(formula)
@@ -694,7 +694,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
     def delete(self, formula: N | str) -> bool:
         self._check_writable()
         self._check(formula)
-        return self._store.write(lambda transaction: self._remove_given(transaction, formula))
+        return self._open_store.write(lambda transaction: self._remove_given(transaction, formula))
 
     def _check(self, formula: object) -> None:
         """Refuse what is not a formula of the section."""
@@ -740,9 +740,9 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
     def delete_all(self, formulas: Iterable[N | str] | None = None) -> int:
         self._check_writable()
         if formulas is None:
-            return self._store.write(self._remove_all)
+            return self._open_store.write(self._remove_all)
         removed = 0
-        with self._store.transaction() as transaction:
+        with self._open_store.transaction() as transaction:
             for formula in iterate(formulas, "what delete_all takes", "an iterable of formulas"):
                 self._check(formula)
                 removed += self._remove_given(transaction, formula)
@@ -774,7 +774,7 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived], DerivedPredicateDao):
 
     @override
     def save_all(self, formulas: Iterable[f.Derived | str]) -> int:
-        with self._store.transaction() as transaction:
+        with self._open_store.transaction() as transaction:
             changed = super().save_all(formulas)
             if changed:
                 check_stratified(transaction.definitions)
@@ -835,7 +835,7 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
 
     @override
     def get_all(self) -> list[f.Formula]:
-        return self._store.read(read_goals, self._at)
+        return self._open_store.read(read_goals, self._at)
 
     @override
     def save(self, formula: GoalLike | Sequence[GoalLike]) -> bool:
@@ -909,7 +909,7 @@ class SqlMetricDao(SqlDao, MetricDao):
             stored = read_formulas(definitions, METRIC)
             return read_formula(definitions, stored[0]) if stored else None  # type: ignore[return-value]
 
-        return self._store.read_definitions(work, self._at)
+        return self._open_store.read_definitions(work, self._at)
 
     @override
     def set(self, metric: f.Metric | None) -> bool:
@@ -919,7 +919,7 @@ class SqlMetricDao(SqlDao, MetricDao):
                 f"the metric is a node Metric of kant_sql.pddl, or None, not "
                 f"{type(metric).__name__}: {shown(metric)}"
             )
-        return self._store.write(lambda transaction: put_metric(transaction, metric))
+        return self._open_store.write(lambda transaction: put_metric(transaction, metric))
 
 
 def put_metric(transaction: Transaction, metric: f.Metric | None) -> bool:

@@ -233,7 +233,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
         function, objects = fluent_of(function, objects)
-        transaction = self._store.current()
+        transaction = self._open_store.current()
         if transaction is not None and self._at is None:
             # From memory: a query would have to write first what is pending.
             value = self._value(transaction, function, objects)
@@ -257,21 +257,21 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
                 self._refuse_unknown(function, objects)
             return None
 
-        return self._store.read(work, self._at)
+        return self._open_store.read(work, self._at)
 
     def _refuse_unknown(
         self, function: FunctionReference, objects: Sequence[ObjectReference]
     ) -> None:
         """Refuse names that never were; what a DTO describes may be saved later."""
         if isinstance(function, str):
-            refuse_unknown(self._open_store, function, "function")
+            refuse_unknown(self._store, function, "function")
         for each in objects:
             if isinstance(each, str):
-                refuse_unknown(self._open_store, each, "object")
+                refuse_unknown(self._store, each, "object")
 
     @override
     def get_all(self) -> list[PddlFunctionValueDto]:
-        return self._store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
+        return self._open_store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
 
     @override
     def get_by_function(self, name: str) -> list[PddlFunctionValueDto]:
@@ -280,10 +280,10 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
             id_ = NO_ID if function is None else function.id
             found = _dtos(view, OF_FUNCTION.rows(view, function=id_))
             if function is None:
-                refuse_unknown(self._open_store, name, "function")
+                refuse_unknown(self._store, name, "function")
             return found
 
-        return self._store.read(work, self._at)
+        return self._open_store.read(work, self._at)
 
     @override
     def set(
@@ -302,7 +302,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
             entry = key, text, references.value(declared, value, text)
             return transaction.values.set_many([entry]) == 1
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     @override
     def unset(
@@ -318,7 +318,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
                 return False
             return transaction.values.set(fluent, None)
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     @override
     def increase(
@@ -366,7 +366,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
             self._save_batch(transaction, [dto])
             return True
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     def _remove(self, transaction: Transaction, dto: ValueLike) -> bool:
         if isinstance(dto, str | Node):
@@ -433,7 +433,7 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
             values.set(fluent, FluentValue(result))
             return Decimal(result)
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     @classmethod
     def _value(

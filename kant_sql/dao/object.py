@@ -81,7 +81,7 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
                 if not types.isdisjoint(each.type_ids)
             ]
 
-        found = self._store.read_definitions(work, self._at)
+        found = self._open_store.read_definitions(work, self._at)
         if found is None:
-            refuse_unknown(self._store, name, "type")
+            refuse_unknown(self._open_store, name, "type")
         return found or []

@@ -209,7 +209,7 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
 
     @override
     def get_all(self) -> list[PddlPropositionDto]:
-        return self._store.read(_ALL.answer, self._at)
+        return self._open_store.read(_ALL.answer, self._at)
 
     @override
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
@@ -219,10 +219,10 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
             id_ = NO_ID if predicate is None else predicate.id
             found = _OF_PREDICATE.answer(view, predicate=id_)
             if predicate is None:
-                refuse_unknown(self._open_store, name, "predicate")
+                refuse_unknown(self._store, name, "predicate")
             return found
 
-        return self._store.read(work, self._at)
+        return self._open_store.read(work, self._at)
 
     @override
     def get_by_object(self, name: str) -> list[PddlPropositionDto]:
@@ -230,14 +230,14 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
             object_ = view.definitions.objects.named(name)
             found = _OF_OBJECT.answer(view, object=NO_ID if object_ is None else object_.id)
             if object_ is None:
-                refuse_unknown(self._open_store, name, "object")
+                refuse_unknown(self._store, name, "object")
             return found
 
-        return self._store.read(work, self._at)
+        return self._open_store.read(work, self._at)
 
     @override
     def get_goals(self) -> list[PddlPropositionDto]:
-        return self._store.read(GOALS.answer, self._at)
+        return self._open_store.read(GOALS.answer, self._at)
 
     @override
     def get_facts(self) -> list[PddlPropositionDto]:
@@ -269,7 +269,7 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
             References(transaction).resolve(dto)
             return True
 
-        return self._store.write(work)
+        return self._open_store.write(work)
 
     def _remove(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)

@@ -177,7 +177,7 @@ def domain(state: State) -> Domain:
         The domain; named like the knowledge base if none was loaded.
 
     Examples:
-        >>> kb.domain().name
+        >>> kb.pddl.domain().name
         'tiago'
     """
     name = _default_name(state.store)
@@ -192,7 +192,7 @@ def problem(state: State) -> Problem:
         The problem; named like the knowledge base if none was loaded.
 
     Examples:
-        >>> kb.problem().facts
+        >>> kb.pddl.problem().facts
         (Atom(predicate='robot_at', terms=(Constant(name='rb1'), Constant(name='wp1'))),)
     """
     return _read(state, build_problem)
@@ -261,7 +261,7 @@ def requirements(state: State) -> tuple[str, ...]:
         The requirements, in the order of the standard.
 
     Examples:
-        >>> kb.requirements()
+        >>> kb.pddl.requirements()
         (':strips', ':typing')
     """
     task = read_task(state)

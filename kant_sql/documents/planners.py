@@ -26,7 +26,7 @@ def to_unified_planning(state: State) -> UpProblem:
         PlannerMissingError: unified-planning is not installed.
 
     Examples:
-        >>> kb.to_unified_planning().name
+        >>> kb.pddl.to_unified_planning().name
         'tiago'
     """
     task = read_task(state)
@@ -47,7 +47,7 @@ def load_unified_planning(state: State, problem: UpProblem, *, mode: Mode = "rep
         ReadOnlyError: this is a view of the past.
 
     Examples:
-        >>> kb.load_unified_planning(kb.to_unified_planning()).revision
+        >>> kb.pddl.load_unified_planning(kb.pddl.to_unified_planning()).revision
         2
     """
     own_domain, own = from_unified_planning(problem)

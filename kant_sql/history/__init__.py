@@ -21,41 +21,17 @@ if TYPE_CHECKING:
     from . import timeline as timeline
     from . import verify as verify
     from . import versions as versions
-    from .anchors import Anchor, AnchoredHead, parse_anchor
-    from .archive.archive import Archived
     from .elements import Element
-    from .revisions import LogEntry, Revision, RunningStep
-    from .verify.findings import Finding
-    from .verify.verify import Verification
-    from .versions import Version
+    from .revisions import RunningStep
 else:
     __getattr__ = asked_for(
         __name__,
         {
             "..dao.interfaces": ("Progress",),
             "..moment_text": ("When",),
-            ".anchors": ("Anchor", "AnchoredHead", "parse_anchor"),
-            ".archive.archive": ("Archived",),
             ".elements": ("Element",),
-            ".revisions": ("LogEntry", "Revision", "RunningStep"),
-            ".verify.findings": ("Finding",),
-            ".verify.verify": ("Verification",),
-            ".versions": ("Version",),
+            ".revisions": ("RunningStep",),
         },
     )
 
-__all__ = [
-    "Anchor",
-    "AnchoredHead",
-    "Archived",
-    "Element",
-    "Finding",
-    "LogEntry",
-    "Progress",
-    "Revision",
-    "RunningStep",
-    "Verification",
-    "Version",
-    "When",
-    "parse_anchor",
-]
+__all__ = ["Element", "Progress", "RunningStep", "When"]

@@ -99,8 +99,8 @@ def anchor(state: State) -> Anchor:
         The heads; `verify` compares a later state with them.
 
     Examples:
-        >>> anchor = kb.anchor()
-        >>> kb.verify(anchor).is_intact
+        >>> anchor = kb.store.anchor()
+        >>> kb.store.verify(anchor).is_intact
         True
     """
 

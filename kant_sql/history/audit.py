@@ -34,7 +34,7 @@ def to_arrow(state: State, view: str) -> pyarrow.Table:
             the task or thread has a transaction open.
 
     Examples:
-        >>> facts = kb.to_arrow("fact")
+        >>> facts = kb.store.to_arrow("fact")
         >>> facts.select(["text", "since", "asserted_by"]).to_pylist()
         [{'text': '(robot_at rb1 wp1)', 'since': 1, 'asserted_by': 'perception'}]
     """

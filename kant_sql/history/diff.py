@@ -132,28 +132,7 @@ def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> lis
 
 
 def diff(state: State, a: When, b: When) -> list[Change]:
-    """Compare two states. Recorded plans and archives belong to no state.
-
-    Args:
-        a: a revision, given as for `kb.at`.
-        b: another, before or after `a`.
-
-    Returns:
-        `+` for what holds at `b` only, `-` for what holds at `a` only, sorted by sign, kind and
-        text.
-
-    Raises:
-        UnknownRevisionError: there is no such revision yet, or a time lies in the future or
-            has no zone.
-        ArchivedError: one of the states was moved to an archive.
-
-    Examples:
-        >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
-        >>> for change in kb.diff(1, 2):
-        ...     print(change.sign, change.kind, change.text)
-        + fact (robot_at rb1 wp2)
-        + object wp2 - wp
-    """
+    """Compare two revisions, as `KnowledgeBase.diff`."""
     store, upto = state
     states, stand = states_at(store, (a, b), upto)
     before, after = sorted(states)

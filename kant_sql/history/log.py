@@ -222,7 +222,7 @@ def revisions(state: State, after: int = 0, *, limit: int | None = None) -> list
         The revisions, without what they changed.
 
     Examples:
-        >>> [(revision.number, revision.actor) for revision in kb.revisions()]
+        >>> [(revision.number, revision.actor) for revision in kb.store.revisions()]
         [(1, 'perception')]
     """
     store, upto = state

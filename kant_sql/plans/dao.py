@@ -413,7 +413,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             plan.problem_pddl if problem_pddl is None else problem_pddl,
         )
         digest, kept = self._compare(plan, revision, said)
-        metric, steps = self._store.read_definitions(
+        metric, steps = self._open_store.read_definitions(
             lambda known: (_metric(known), check_steps(known, revision, plan)), revision
         )
         measured = _objective(plan, metric, objective)
@@ -431,18 +431,18 @@ class SqlPlanDao(SqlDao, PlanDao):
             *kept,
             steps,
         )
-        return self._store.write(lambda transaction: self._record(transaction, definition))
+        return self._open_store.write(lambda transaction: self._record(transaction, definition))
 
     def _state_of(self, plan: Plan) -> int:
         """Find the revision of the state that a plan was made from."""
-        head = head_revision(self._store)
+        head = head_revision(self._open_store)
         at = head if plan.revision is None else plan.revision
         if at > head and plan.problem_hash is not None:
             raise PlanError(self._elsewhere(at))
-        revision = state_at(self._store, at)
+        revision = state_at(self._open_store, at)
         if revision == 0:
             raise PlanError(
-                f"the plan was made from knowledge base {self._store.name!r} before its first "
+                f"the plan was made from knowledge base {self._open_store.name!r} before its first "
                 "revision; commit the knowledge that the planner needs, and plan again"
             )
         return revision
@@ -450,9 +450,9 @@ class SqlPlanDao(SqlDao, PlanDao):
     def _elsewhere(self, revision: int) -> str:
         return (
             f"the planner was not given revision {revision} of knowledge base "
-            f"{self._store.name!r}: the plan is of a branch, of another knowledge base or of the "
-            "uncommitted state of a transaction; record it where it was made, plan again here, or "
-            "pass what the planner was given as domain_pddl and problem_pddl, and the revision "
+            f"{self._open_store.name!r}: the plan is of a branch, of another knowledge base or of "
+            "the uncommitted state of a transaction; record it where it was made, plan again here, "
+            "or pass what the planner was given as domain_pddl and problem_pddl, and the revision "
             "of this knowledge base in the plan"
         )
 
@@ -460,7 +460,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         """Hash the planner's input, and find which of its texts to store."""
         for text, role in zip(said, ("domain_pddl", "problem_pddl"), strict=True):
             check_text(text, role)
-        written = _write_given(self._store, revision)
+        written = _write_given(self._open_store, revision)
         given = _complete(said, written)
         digest = problem_hash(given.domain, problem=given.problem)
         if plan.problem_hash not in (None, digest):
@@ -475,15 +475,17 @@ class SqlPlanDao(SqlDao, PlanDao):
     def _record(self, transaction: Transaction, definition: PlanDefinition) -> RecordedPlan:
         if definition.revision < transaction.head.archived_revision:
             # It was moved since the problem was written.
-            refuse_archived_revision(self._store, definition.revision)
+            refuse_archived_revision(self._open_store, definition.revision)
         plan = definition._replace(id=transaction.number_plan())
         rows = plan_rows(transaction.kb_id, transaction.number, plan)
         transaction.records.add(Change(ASSERTED, PLAN, plan.text), rows)
         steps = [
-            _recorded_step(self._store, (plan.id, position), step.start, step.duration, step.text)
+            _recorded_step(
+                self._open_store, (plan.id, position), step.start, step.duration, step.text
+            )
             for position, step in enumerate(plan.steps)
         ]
-        return _recorded_plan(self._store, (plan.id, transaction.number, *plan[1:8]), steps)
+        return _recorded_plan(self._open_store, (plan.id, transaction.number, *plan[1:8]), steps)
 
     @override
     def get(self, id_: int) -> RecordedPlan | None:
@@ -501,14 +503,14 @@ class SqlPlanDao(SqlDao, PlanDao):
         def work(view: View) -> list[RecordedPlan]:
             if view.kb_id is None:
                 return []
-            return _PlanReader(self._store, view, view.kb_id).read(id_)
+            return _PlanReader(self._open_store, view, view.kb_id).read(id_)
 
-        return self._store.read_in_snapshot(work, self._at)
+        return self._open_store.read_in_snapshot(work, self._at)
 
     @override
     def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
         self._check_writable()
-        return self._store.write(lambda transaction: set_status(transaction, step, status))
+        return self._open_store.write(lambda transaction: set_status(transaction, step, status))
 
 
 def _objective(plan: Plan, metric: str | None, stated: str | None) -> str | None:

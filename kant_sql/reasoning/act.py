@@ -251,30 +251,13 @@ def _instances(
     return found
 
 
-def is_applicable(state: State, step: Step) -> bool:
-    """Return whether a step can begin now.
-
-    Its objects fit its parameters, its duration is given or fixed where it matters and allowed,
-    its conditions `at start` hold, its effects `at start` have results, and its conditions
-    `over all` hold right after these effects. `why_not`, `applicable_actions`, `start` and
-    `apply` judge by the same condition; `apply` executes the end, too, which may fail then.
-
-    Args:
-        step: as for `apply`.
-
-    Returns:
-        Whether it can begin.
-
-    Raises:
-        PddlError, InvalidKnowledgeError: it names what is not known.
-        UnsupportedConstructError: the action has continuous change that is not linear.
-    """
-    store, at = state
-    return not store.read(lambda view: judge(view, ground(view.definitions, step), False)[1], at)
-
-
 def why_not(state: State, step: Step) -> list[FailedCondition]:
-    """Return why a step cannot be executed now.
+    """Return why a step cannot begin now.
+
+    It can begin if its objects fit its parameters, its duration is given or fixed where it matters
+    and allowed, its conditions `at start` hold, its effects `at start` have results, and its
+    conditions `over all` hold right after these effects. `applicable_actions`, `start` and `apply`
+    judge by the same condition; `apply` executes the end, too, which may fail then.
 
     Args:
         step: as for `apply`; its arguments may be of any type.
@@ -297,7 +280,7 @@ def why_not(state: State, step: Step) -> list[FailedCondition]:
         (key): does not hold
     """
     store, at = state
-    failed = store.read_in_snapshot(lambda view: judge(view, ground(view.definitions, step))[1], at)
+    failed = store.read(lambda view: judge(view, ground(view.definitions, step))[1], at)
     return Listing(failed, FAILED)
 
 

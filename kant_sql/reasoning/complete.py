@@ -64,7 +64,7 @@ def complete(state: State, beginning: str, *, limit: int = DEFAULT_LIMIT) -> lis
         InvalidArgumentError: `beginning` is not text, or `limit` is not a number.
 
     Examples:
-        >>> for one in kb.complete("rob"):
+        >>> for one in kb.pddl.complete("rob"):
         ...     print(one.kind, one.text)
         predicate (robot_at ?r0 - robot ?w1 - wp)
         type robot

@@ -95,8 +95,8 @@ def apply(
         2
         >>> kb.apply("(unlock)", reason="the bell rang")
         3
-        >>> kb.is_applicable("(unlock)")
-        False
+        >>> print(*kb.why_not("(unlock)"))
+        (not (open)): does not hold
     """
     store = state.store
 
@@ -151,7 +151,7 @@ def start(
         its own.
 
     Raises:
-        NotApplicableError: the step cannot begin (see `is_applicable`), its duration violates a
+        NotApplicableError: the step cannot begin (see `why_not`), its duration violates a
             constraint by more than 0.01, or the same step is running already.
         PlanError: the action has no duration.
         UnsupportedConstructError: as `apply`.

@@ -281,20 +281,21 @@ def exact(
 
 
 def unsatisfied(
-    state: State, condition: str | Node, /, **bindings: Binding
+    state: State, condition: str | Node | None = None, /, **bindings: Binding
 ) -> list[FailedCondition]:
-    """Return the parts of a condition that do not hold.
+    """Return the parts of a condition, or of the goals, that do not hold.
 
     Conjunctions are taken apart, and universal quantifiers into their first 20
     counterexamples; other formulas are parts as they are.
 
     Args:
-        condition: as for `holds`.
+        condition: as for `holds`; None for the goals, of which preferences are no part.
         **bindings: as for `holds`.
 
     Returns:
         The parts, in order, each with the values of both sides of a comparison, and for a fact
-        that held before with the revision that retracted it. Empty if the condition holds.
+        that held before with the revision that retracted it. Empty if the condition holds, or if
+        all goals are reached.
 
     Raises:
         PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
@@ -303,69 +304,45 @@ def unsatisfied(
         >>> for part in kb.unsatisfied("(and (robot_at rb1 wp1) (not (robot_at rb1 wp1)))"):
         ...     print(part)
         (not (robot_at rb1 wp1)): does not hold
+        >>> kb.unsatisfied()
+        []
+        >>> _ = kb.goals.save("(not (robot_at rb1 wp1))")
+        >>> print(*kb.unsatisfied())
+        (not (robot_at rb1 wp1)): does not hold
     """
 
     def work(view: View) -> list[FailedCondition]:
-        definitions = view.definitions
-        text = text_of(condition, EXAMPLE)
-        read = read_condition(text, symbols=symbols_of(definitions))
-        variables = [variable.name for variable in read.free]
-        names = {
-            given_variable(name, variables): find_object(definitions, value).name
-            for name, value in bindings.items()
-        }
-        formula: f.Formula = substitute(read.formula, names)
-        free = tuple(each for each in read.free if fold(each.name) not in names)
-        if free:
-            formula = f.Exists(free, formula)
-        # Once more, for what the given objects do not fit.
-        read_condition(str(formula), symbols=symbols_of(definitions))
-        return Explainer(view).failed([formula])
+        asked_for = _hard_goals(view) if condition is None else [_closed(view, condition, bindings)]
+        return Explainer(view).failed(asked_for)
 
+    if condition is None:
+        for name in bindings:
+            given_variable(name, ())
     return Listing(state.store.read_in_snapshot(work, state.at), FAILED)
 
 
-def unsatisfied_goals(state: State) -> list[FailedCondition]:
-    """Return the parts of the goals that do not hold; preferences are not part.
-
-    Returns:
-        The parts, as `unsatisfied`. Empty if all goals are reached.
-
-    Examples:
-        >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
-        >>> print(*kb.unsatisfied_goals())
-        (robot_at rb1 wp2): does not hold
-    """
-    store, at = state
-    failed = store.read_in_snapshot(lambda view: Explainer(view).failed(_hard_goals(view)), at)
-    return Listing(failed, FAILED)
+def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) -> f.Formula:
+    """Read a condition, with objects for its variables; others are quantified existentially."""
+    definitions = view.definitions
+    read = read_condition(text_of(condition, EXAMPLE), symbols=symbols_of(definitions))
+    variables = [variable.name for variable in read.free]
+    names = {
+        given_variable(name, variables): find_object(definitions, value).name
+        for name, value in bindings.items()
+    }
+    formula: f.Formula = substitute(read.formula, names)
+    free = tuple(each for each in read.free if fold(each.name) not in names)
+    if free:
+        formula = f.Exists(free, formula)
+    # Once more, for what the given objects do not fit.
+    read_condition(str(formula), symbols=symbols_of(definitions))
+    return formula
 
 
 def _hard_goals(view: View) -> list[f.Formula]:
     """Read the goals without preferences."""
     found = (of_time(goal, None) for goal in read_goals(view))
     return [goal for goal in found if goal is not None]
-
-
-def is_goal_reached(state: State) -> bool:
-    """Return whether all goals hold; preferences do not count.
-
-    Returns:
-        Whether they hold; True without goals.
-
-    Examples:
-        >>> kb.is_goal_reached()
-        True
-    """
-
-    def work(view: View) -> bool:
-        resolver = Resolver(view.definitions)
-        part = all_of(resolver.part(goal) for goal in _hard_goals(view))
-        check_levels(part)
-        [row] = asked(view, question(view).truths([part], {}), {}, first_two)
-        return bool(row[GUARDS])
-
-    return state.store.read_in_snapshot(work, state.at)
 
 
 def metric_value(state: State) -> Decimal | None:
@@ -382,7 +359,7 @@ def metric_value(state: State) -> Decimal | None:
             a goal: a plan has these, a state has not.
 
     Examples:
-        >>> kb.metric_value() is None
+        >>> kb.pddl.metric_value() is None
         True
     """
 

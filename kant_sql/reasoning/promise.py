@@ -315,13 +315,8 @@ def _contradictions(
 # Judging steps.
 
 
-def judge(
-    view: View, step: GroundStep, explains: bool = True
-) -> tuple[Numbers, list[FailedCondition]]:
-    """Return the duration of a step, and why it cannot begin; nothing if it can.
-
-    Without explanation, the reasons may be less than all, but for a step that can begin.
-    """
+def judge(view: View, step: GroundStep) -> tuple[Numbers, list[FailedCondition]]:
+    """Return the duration of a step, and why it cannot begin; nothing if it can."""
     wrong = misfits(view.definitions, step)
     if wrong:
         return {}, wrong
@@ -336,7 +331,7 @@ def judge(
             return numbers, wrong
     promise = promise_of(action)
     if not is_true(view, step, None, numbers):
-        failed = _explain(view, step, numbers) if explains else []
+        failed = _explain(view, step, numbers)
         return numbers, failed or [FailedCondition(str(step), "its condition does not hold")]
     return numbers, [] if promise.is_whole else _explain(view, step, numbers)
 

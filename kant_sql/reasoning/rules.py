@@ -82,7 +82,7 @@ def check_rules(
 
     Examples:
         >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
-        >>> for verdict in kb.check_rules("(always (not (robot_at rb1 wp2)))"):
+        >>> for verdict in kb.pddl.check_rules("(always (not (robot_at rb1 wp2)))"):
         ...     print(verdict.is_satisfied, verdict.revision.number, verdict.revision.actor)
         False 2 perception
     """

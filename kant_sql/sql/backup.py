@@ -60,7 +60,7 @@ def backup(
         >>> import kant_sql
         >>> with kant_sql.connect("sqlite:///robot.db") as kb:
         ...     _ = kb.types.save(PddlTypeDto("robot"))
-        >>> kant_sql.backup("sqlite:///robot.db", "monday.db").revisions
+        >>> kant_sql.operations.backup("sqlite:///robot.db", "monday.db").revisions
         {'default': 1}
     """
     expect(file, (str, PathLike), "the file of a backup", InvalidArgumentError)

@@ -434,7 +434,7 @@ class Store:
         return ReplicaError(
             f"{self.backend.label}: knowledge base {self.name!r} is a replica of the one in "
             f"{printable(origin)}: nothing was written; write there, or end the replication here "
-            "with kb.promote() or 'kant-sql promote'"
+            "with kb.store.promote() or 'kant-sql promote'"
         )
 
     def _judge(self, head: Head) -> None:

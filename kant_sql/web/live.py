@@ -174,7 +174,7 @@ def _watch(kb: KnowledgeBase, name: str, feed: LiveFeed, seen: int | None) -> in
 
 
 def _event(kb: KnowledgeBase, name: str, head: int) -> LiveEvent:
-    revision = next(iter(kb.revisions(head - 1, limit=1)), None) if head else None
+    revision = next(iter(kb.store.revisions(head - 1, limit=1)), None) if head else None
     if revision is None:
         return LiveEvent(name, head, None, None, None, f"Revision {head}")
     who = "" if revision.actor is None else f" by {shorten(revision.actor, 60)}"

@@ -117,7 +117,7 @@ def report_html(
     if verify:
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))
     page["anchor"] = read("anchor", report.anchor)
-    return _render({**page, "errors": read.errors}, kb.factory.name)
+    return _render({**page, "errors": read.errors}, kb.store.factory.name)
 
 
 def _object(report: ReportReader, name: str) -> ReportStays:

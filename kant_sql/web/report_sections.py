@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import NamedTuple
 
+from ..binding import state_of
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
@@ -16,7 +17,7 @@ from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision
 from ..history.timeline import Bar, Lane, Timeline
 from ..history.verify.verify import Verification
-from ..knowledge_base import KnowledgeBase, state_of
+from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
 from ..plans.interfaces import RecordedPlan
 from ..reasoning.failures import FailedCondition
@@ -196,7 +197,7 @@ class ReportReader(NamedTuple):
 
     def command(self, *words: str) -> str:
         """Write the command that shows all of something; the environment names the store."""
-        return shlex.join(["kant-sql", *words, "--kb", self.kb.factory.name])
+        return shlex.join(["kant-sql", *words, "--kb", self.kb.store.factory.name])
 
     def ranged(self, *words: str) -> str:
         """Write the command that shows all of something in the range."""
@@ -225,8 +226,8 @@ class ReportReader(NamedTuple):
         return ReportSummary(
             left_out,
             self.ranged("log"),
-            self.kb.factory.name,
-            self.kb.factory.address,
+            self.kb.store.factory.name,
+            self.kb.store.factory.address,
             datetime.now(UTC),
             None if self.is_empty else self._revision(tally.first),
             None if self.is_empty else self._revision(tally.last),
@@ -239,7 +240,7 @@ class ReportReader(NamedTuple):
 
     def _revision(self, number: int) -> Revision | None:
         try:
-            found = self.kb.revisions(after=number - 1, limit=1)
+            found = self.kb.store.revisions(after=number - 1, limit=1)
         except StoreIntegrityError:
             # The log says so.
             return None
@@ -296,7 +297,7 @@ class ReportReader(NamedTuple):
 
     def rules(self, rules: Rules | None) -> ReportRules:
         """Hold rules against the range."""
-        verdicts = self.kb.check_rules(rules, since=self.tally.first, until=self.tally.last)
+        verdicts = self.kb.pddl.check_rules(rules, since=self.tally.first, until=self.tally.last)
         ordered = verdicts.worst_first
         left = len(ordered) - RULES
         command = self.ranged("rules", *(() if rules is None else ("RULES",)))
@@ -312,7 +313,7 @@ class ReportReader(NamedTuple):
     def goals(self) -> ReportGoals:
         """Find the goals that were not reached at the end of the range."""
         last = self.tally.last
-        found = self.kb.at(last).unsatisfied_goals()
+        found = self.kb.at(last).unsatisfied()
         left = len(found) - GOALS
         left_out = f"{left:,} more goals" if left > 0 else None
         command = self.command("goals", "--at", str(last))
@@ -339,7 +340,7 @@ class ReportReader(NamedTuple):
 
     def verify(self, anchor: Anchor | None, progress: Progress | None) -> ReportVerification:
         """Verify the whole knowledge base, and write its head for whoever verifies it later."""
-        found = self.kb.verify(anchor, progress=progress)
+        found = self.kb.store.verify(anchor, progress=progress)
         left = len(found.findings) - FINDINGS
         left_out = f"{left:,} more findings" if left > 0 else None
         some = replace(found, findings=found.findings[:FINDINGS])
@@ -347,8 +348,8 @@ class ReportReader(NamedTuple):
 
     def anchor(self) -> str:
         """Write the anchor of this knowledge base alone."""
-        made = self.kb.anchor()
-        own = made.head(self.kb.factory.name)
+        made = self.kb.store.anchor()
+        own = made.head(self.kb.store.factory.name)
         return made._replace(heads=() if own is None else (own,)).text()
 
 

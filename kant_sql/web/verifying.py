@@ -135,7 +135,7 @@ class Verifier:
         error: str | None = None
         try:
             with obeying(run.limit), self._lend(run.name) as kb:
-                result = kb.verify(run.anchor, progress=run.tell)
+                result = kb.store.verify(run.anchor, progress=run.tell)
         except KantSqlError as refused:
             error = self._folders.said(refused)
         except Exception as failed:

@@ -44,7 +44,7 @@ def test_the_archive_is_what_the_store_was_and_the_store_keeps_the_rest(
     head, before = kb.revision, rows_of(shared_url)
     then = states(kb, range(head + 1))
     for upto in (6, head // 2, head - 2):
-        done = kb.archive(upto + 1, to=any_archive_url)
+        done = kb.store.archive(upto + 1, to=any_archive_url)
         assert (done.upto, done.revision) == (upto, kb.revision)
         there, here = rows_of(any_archive_url), rows_of(shared_url)
         assert versions_of(there) == versions_upto(before, upto)
@@ -55,7 +55,7 @@ def test_the_archive_is_what_the_store_was_and_the_store_keeps_the_rest(
             assert archive.revision == upto
             moved = range(upto, -1, -EACH)
             assert states(archive, moved) == {r: then[r] for r in moved}
-            assert archive.revisions() == kb.revisions(limit=upto)
+            assert archive.store.revisions() == kb.store.revisions(limit=upto)
         kept = range(upto, head + 1, EACH)
         assert states(kb, kept) == {r: then[r] for r in kept}
         for url in (shared_url, any_archive_url):
@@ -69,7 +69,7 @@ def test_all_rows_of_the_archive_are_those_of_the_store(
     kb = connect(file_url, knowledge_base="tiago")
     before, head = rows_of(file_url), kb.revision
     kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "later"))
-    kb.archive(head + 1, to=archive_url)
+    kb.store.archive(head + 1, to=archive_url)
     there = rows_of(archive_url)
     del there["head"], before["head"]
     assert there == before
@@ -79,14 +79,14 @@ def test_what_is_archived_is_refused_with_the_place_where_it_is(
     kb: KnowledgeBase, archive_url: str
 ) -> None:
     count(kb, 6)
-    assert kb.archive(5, to=archive_url).upto == 4
+    assert kb.store.archive(5, to=archive_url).upto == 4
     for revision in (1, 3):
         with pytest.raises(ArchivedError, match="archive"):
             kb.at(revision)
     assert counter.read(kb.at(4)) == 3
     assert counter.read(kb) == 5
     assert kb.revision == 7
-    assert [revision.number for revision in kb.revisions()] == [1, 2, 3, 4, 5, 6, 7]
+    assert [revision.number for revision in kb.store.revisions()] == [1, 2, 3, 4, 5, 6, 7]
 
 
 def test_before_the_first_revision_there_was_nothing_to_archive(
@@ -94,21 +94,21 @@ def test_before_the_first_revision_there_was_nothing_to_archive(
 ) -> None:
     count(kb, 6)
     changes = kb.diff(0, kb.revision)
-    assert kb.archive(5, to=archive_url).upto == 4
+    assert kb.store.archive(5, to=archive_url).upto == 4
     assert kb.at(0).objects.get_all() == []
     assert [each for each in kb.diff(0, kb.revision) if each.kind != "archive"] == changes
     with pytest.raises(ArchivedError, match="archive"):
         list(kb.log())
     kb.restore(0)
     assert kb.diff(0, kb.revision) == []
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
 
 
 def test_counting_changes_nothing_and_creates_nothing(
     file_kb: KnowledgeBase, tmp_path: Path
 ) -> None:
     count(file_kb, 6)
-    done = file_kb.archive(5, to=target_url(tmp_path), dry_run=True)
+    done = file_kb.store.archive(5, to=target_url(tmp_path), dry_run=True)
     assert done.versions == {"proposition_version": 6}
     assert (done.upto, done.revision, file_kb.revision) == (4, None, 6)
     assert not (tmp_path / "archive.db").exists()
@@ -117,10 +117,10 @@ def test_counting_changes_nothing_and_creates_nothing(
 
 def test_a_time_means_what_ended_before_it(file_kb: KnowledgeBase, tmp_path: Path) -> None:
     count(file_kb, 6)
-    third = file_kb.revisions(after=2, limit=1)[0].committed_at
+    third = file_kb.store.revisions(after=2, limit=1)[0].committed_at
     url = target_url(tmp_path)
-    assert file_kb.archive(third, to=url, dry_run=True).upto == 2
-    assert file_kb.archive(third + timedelta(microseconds=1), to=url, dry_run=True).upto == 3
+    assert file_kb.store.archive(third, to=url, dry_run=True).upto == 2
+    assert file_kb.store.archive(third + timedelta(microseconds=1), to=url, dry_run=True).upto == 3
 
 
 @pytest.mark.parametrize("before", [0, 1, 2])
@@ -128,7 +128,7 @@ def test_where_nothing_ended_there_is_nothing_to_move(
     file_kb: KnowledgeBase, tmp_path: Path, before: int
 ) -> None:
     count(file_kb, 3)
-    done = file_kb.archive(before, to=target_url(tmp_path))
+    done = file_kb.store.archive(before, to=target_url(tmp_path))
     assert (done.versions, done.revision, file_kb.revision) == ({}, None, 3)
     assert not (tmp_path / "archive.db").exists()
 
@@ -136,20 +136,20 @@ def test_where_nothing_ended_there_is_nothing_to_move(
 def test_an_unused_knowledge_base_has_nothing_to_move(
     file_kb: KnowledgeBase, tmp_path: Path
 ) -> None:
-    assert file_kb.archive(0, to=target_url(tmp_path)).revision is None
+    assert file_kb.store.archive(0, to=target_url(tmp_path)).revision is None
 
 
 def test_moving_again_moves_nothing(file_kb: KnowledgeBase, archive_url: str) -> None:
     count(file_kb, 6)
-    file_kb.archive(5, to=archive_url)
+    file_kb.store.archive(5, to=archive_url)
     for before in (5, 4, 1):
-        assert file_kb.archive(before, to=archive_url).revision is None
+        assert file_kb.store.archive(before, to=archive_url).revision is None
     assert file_kb.revision == 7
 
 
 def test_the_revision_says_who_archived_and_why(file_kb: KnowledgeBase, archive_url: str) -> None:
     count(file_kb, 6)
-    file_kb.archive(5, to=archive_url, reason="retention of 90 days", actor="cron")
+    file_kb.store.archive(5, to=archive_url, reason="retention of 90 days", actor="cron")
     entry = next(file_kb.log())
     assert (entry.revision.actor, entry.revision.reason) == ("cron", "retention of 90 days")
     (change,) = entry.changes
@@ -159,8 +159,8 @@ def test_the_revision_says_who_archived_and_why(file_kb: KnowledgeBase, archive_
 
 def test_verification_says_what_is_where(file_kb: KnowledgeBase, archive_url: str) -> None:
     count(file_kb, 6)
-    assert file_kb.archive(5, to=archive_url).revision == 7
-    verification = file_kb.verify()
+    assert file_kb.store.archive(5, to=archive_url).revision == 7
+    verification = file_kb.store.verify()
     assert verification.is_intact
     (said,) = verification.archives
     place = f"that ended up to revision 4 were moved to {archive_url} in revision 7: verify that"
@@ -170,7 +170,7 @@ def test_verification_says_what_is_where(file_kb: KnowledgeBase, archive_url: st
 def test_progress_is_told(file_kb: KnowledgeBase, archive_url: str) -> None:
     count(file_kb, 6)
     told: list[tuple[int, int]] = []
-    file_kb.archive(5, to=archive_url, progress=lambda done, all_: told.append((done, all_)))
+    file_kb.store.archive(5, to=archive_url, progress=lambda done, all_: told.append((done, all_)))
     assert told[-1] == (4, 4)
 
 
@@ -181,7 +181,7 @@ def test_an_archive_holds_knowledge_bases_side_by_side(
         kb = connect(file_url, knowledge_base=name)
         count(kb, 5 + number)
     for name in ("third", "first"):
-        connect(file_url, knowledge_base=name).archive(5, to=archive_url)
+        connect(file_url, knowledge_base=name).store.archive(5, to=archive_url)
     assert set(written_names(archive_url)) == {"first", "third"}
     assert counter.read(connect(archive_url, knowledge_base="third").at(2)) == 1
     assert connect(file_url, knowledge_base="second").revision == 6
@@ -196,7 +196,7 @@ def test_atoms_of_objects_that_are_gone_go_and_come_back(
     assert kb.propositions.delete(robot_at(place=WP2))
     assert kb.objects.delete(WP2)
     kb.propositions.delete(robot_at())
-    other.archive(4, to=any_archive_url)
+    other.store.archive(4, to=any_archive_url)
     rows = rows_of(shared_url)
     assert sum(rows["proposition"].values()) == 1
     assert sum(rows["proposition_argument"].values()) == 2
@@ -208,7 +208,7 @@ def test_atoms_of_objects_that_are_gone_go_and_come_back(
     ]
     kb.propositions.delete_all()
     kb.objects.save(WP1)
-    other.archive(kb.revision, to=any_archive_url)
+    other.store.archive(kb.revision, to=any_archive_url)
     with connect(any_archive_url, knowledge_base="tiago") as archive:
         assert len(archive.at(1).propositions.get_all()) == 2
         assert len(archive.at(7).propositions.get_all()) == 2
@@ -226,7 +226,7 @@ def test_plans_come_along_and_tell_what_the_planner_was_given(
     with kb.transaction():
         kb.propositions.delete_all()
         kb.actions.delete_all()
-    kb.archive(kb.revision, to=archive_url)
+    kb.store.archive(kb.revision, to=archive_url)
     archive = connect(archive_url, knowledge_base="tiago")
     there = archive.plans.get_all()
     assert [(plan.id, plan.domain_pddl(), plan.problem_pddl()) for plan in there] == plans
@@ -244,7 +244,7 @@ def test_much_leaves_in_several_revisions(
     monkeypatch.setattr(archiving, "AT_ONCE", 5)
     count(file_kb, 21)
     before, then = rows_of(file_url), states(file_kb, range(22))
-    done = file_kb.archive(21, to=archive_url)
+    done = file_kb.store.archive(21, to=archive_url)
     records = rows_of(file_url)["archive"]
     assert len(records) == 7
     assert (done.versions, done.revision) == ({"proposition_version": 2 * 19}, 21 + 7)
@@ -267,7 +267,7 @@ def test_who_has_cached_what_ended_learns_of_it_all_the_same(
     kb.objects.delete(WP2)
     kb.objects.save(PddlObjectDto(RB1.type, "rb2"))
     kb.objects.save(PddlObjectDto(RB1.type, "rb3"))
-    kb.archive(5, to=archive_url)
+    kb.store.archive(5, to=archive_url)
     assert [dto.name for dto in other.objects.get_all()] == ["rb1", "wp1", "rb2", "rb3"]
     assert [dto.name for dto in other.at(4).objects.get_all()] == ["rb1", "wp1", "rb2"]
     with pytest.raises(ConflictError):

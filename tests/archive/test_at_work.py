@@ -28,7 +28,7 @@ def small_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 def counted(kb: KnowledgeBase) -> dict[int, int]:
     """Where the counter stood at each revision, by who made it."""
     where, value = {}, -1
-    for revision in kb.revisions():
+    for revision in kb.store.revisions():
         value += revision.actor == "writer"
         where[revision.number] = value
     return where
@@ -52,7 +52,7 @@ def test_writers_go_on_while_it_is_archived(
         moved = 0
         try:
             while moved < ROUNDS:
-                moved += kb.archive(moved * STEP + STEP, to=there).revision is not None
+                moved += kb.store.archive(moved * STEP + STEP, to=there).revision is not None
         finally:
             is_over.set()
         writing.result()
@@ -77,7 +77,7 @@ def test_who_archives_at_the_same_time_moves_everything_once(
 
     def archive(kb: KnowledgeBase, before: int) -> int:
         together.wait(30)
-        return sum(kb.archive(before, to=there).versions.values())
+        return sum(kb.store.archive(before, to=there).versions.values())
 
     with ThreadPoolExecutor() as pool:
         moved = [*pool.map(archive, (first, second), (21, 27))]

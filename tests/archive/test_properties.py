@@ -41,7 +41,7 @@ class SharedFactory(SqlDaoFactory):
 
     def __init__(self, backend: Backend, name: str) -> None:
         self._at = None
-        self._open_store = Store(backend, name, "test")
+        self._store = Store(backend, name, "test")
 
 
 def alike(step: Any) -> Any:
@@ -82,7 +82,7 @@ class Pair:
         url = self._target.url.render_as_string(hide_password=False)
         upto = max(0, self.kb.revision - rest)
         before = upto + 1 if upto < self.kb.revision else datetime.now(UTC)
-        done = self.kb.archive(before, to=url)
+        done = self.kb.store.archive(before, to=url)
         assert done.upto == upto
         if done.revision is None:
             return False
@@ -90,9 +90,9 @@ class Pair:
         there = KnowledgeBase(SharedFactory(self._target, self._name))
         assert there.revision == upto
         self._compare(there, range(upto + 1), is_exact)
-        assert there.verify().findings == ()
+        assert there.store.verify().findings == ()
         self._compare(self.kb, range(upto, self.kb.revision + 1), is_exact)
-        assert self.kb.verify().findings == ()
+        assert self.kb.store.verify().findings == ()
         return True
 
     def _compare(self, kb: KnowledgeBase, revisions: range, is_exact: bool) -> None:

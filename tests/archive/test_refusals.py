@@ -38,13 +38,15 @@ def test_the_past_and_the_future_cannot_be_archived(file_kb: KnowledgeBase, tmp_
     count(file_kb, 3)
     url = target_url(tmp_path)
     with pytest.raises(ReadOnlyError):
-        file_kb.at(2).archive(2, to=url)
+        file_kb.at(2).store.archive(2, to=url)
     with pytest.raises(ReadOnlyError, match="transaction open"), file_kb.transaction():
-        file_kb.archive(2, to=url)
+        file_kb.store.archive(2, to=url)
     with pytest.raises(UnknownRevisionError):
-        file_kb.archive(4, to=url)
+        file_kb.store.archive(4, to=url)
     with pytest.raises(UnknownRevisionError, match="future"):
-        file_kb.archive(file_kb.revisions()[-1].committed_at + timedelta(days=1), to=url)
+        file_kb.store.archive(
+            file_kb.store.revisions()[-1].committed_at + timedelta(days=1), to=url
+        )
     assert not (tmp_path / "archive.db").exists()
 
 
@@ -54,21 +56,21 @@ def test_a_store_is_no_archive_of_its_own(shared_url: str, connect: Connect) -> 
     before = rows_of(shared_url)
     for url in (shared_url, shared_url.replace("sqlite:///", "sqlite:////.")):
         with pytest.raises(ConflictError, match="name another"):
-            kb.archive(5, to=url)
+            kb.store.archive(5, to=url)
     assert rows_of(shared_url) == before
 
 
 def test_an_archive_in_memory_is_refused(file_kb: KnowledgeBase) -> None:
     count(file_kb, 6)
     with pytest.raises(ConflictError, match="name a file"):
-        file_kb.archive(5, to="sqlite://")
+        file_kb.store.archive(5, to="sqlite://")
     assert file_kb.revision == 6
 
 
 def test_a_server_must_have_the_tables(file_kb: KnowledgeBase, server: Server) -> None:
     count(file_kb, 6)
     with pytest.raises(SchemaMissingError, match="kant-sql db upgrade"):
-        file_kb.archive(5, to=server.new_database())
+        file_kb.store.archive(5, to=server.new_database())
 
 
 def test_another_knowledge_base_of_the_name_is_left_alone(
@@ -79,7 +81,7 @@ def test_another_knowledge_base_of_the_name_is_left_alone(
         counter.start(other)
     before = rows_of(archive_url)
     with pytest.raises(ConflictError, match="has another knowledge base"):
-        file_kb.archive(5, to=archive_url)
+        file_kb.store.archive(5, to=archive_url)
     assert rows_of(archive_url) == before
     assert file_kb.revision == 6
 
@@ -88,14 +90,14 @@ def test_an_archive_that_was_written_to_is_left_alone(
     file_kb: KnowledgeBase, archive_url: str, connect: Connect
 ) -> None:
     count(file_kb, 6)
-    file_kb.archive(4, to=archive_url)
+    file_kb.store.archive(4, to=archive_url)
     with connect(archive_url, knowledge_base="tiago") as archive:
         with pytest.raises(ReplicaError):
             archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
-        archive.promote()
+        archive.store.promote()
         archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
     with pytest.raises(ConflictError, match="was written to"):
-        file_kb.archive(6, to=archive_url)
+        file_kb.store.archive(6, to=archive_url)
     assert file_kb.revision == 7
 
 
@@ -103,10 +105,10 @@ def test_what_was_moved_before_must_be_where_the_rest_goes(
     file_kb: KnowledgeBase, archive_url: str, tmp_path: Path
 ) -> None:
     count(file_kb, 6)
-    file_kb.archive(4, to=archive_url)
+    file_kb.store.archive(4, to=archive_url)
     with pytest.raises(ConflictError, match="it lacks the versions that ended up to revision 3"):
-        file_kb.archive(6, to=target_url(tmp_path, "another.db"))
-    assert file_kb.archive(6, to=archive_url).upto == 5
+        file_kb.store.archive(6, to=target_url(tmp_path, "another.db"))
+    assert file_kb.store.archive(6, to=archive_url).upto == 5
 
 
 def test_nothing_is_removed_that_the_archive_has_lost(
@@ -117,7 +119,7 @@ def test_nothing_is_removed_that_the_archive_has_lost(
     with monkeypatch.context() as patch:
         patch.setattr(archiving, "_move_all", never)
         with pytest.raises(KeyboardInterrupt):
-            file_kb.archive(7, to=archive_url)
+            file_kb.store.archive(7, to=archive_url)
     for damage in (
         "UPDATE proposition_version SET since = since - 1 WHERE until = 5",
         "UPDATE proposition SET text = '(value c n9)' WHERE text = '(value c n2)'",
@@ -130,21 +132,21 @@ def test_nothing_is_removed_that_the_archive_has_lost(
             assert archive.execute(damage).rowcount > 0
             archive.commit()
         with pytest.raises(ConflictError, match="nothing was removed"):
-            file_kb.archive(7, to=f"{file_url}.damaged")
+            file_kb.store.archive(7, to=f"{file_url}.damaged")
         assert rows_of(file_url) == before
-    assert file_kb.archive(7, to=archive_url).revision == 9
+    assert file_kb.store.archive(7, to=archive_url).revision == 9
 
 
 def test_an_archive_that_lost_what_holds_is_not_gone_on_with(
     file_kb: KnowledgeBase, archive_url: str
 ) -> None:
     count(file_kb, 8)
-    file_kb.archive(4, to=archive_url)
+    file_kb.store.archive(4, to=archive_url)
     with closing(sqlite3.connect(archive_url.removeprefix("sqlite:///"))) as archive:
         archive.execute("DELETE FROM proposition_version WHERE until IS NULL")
         archive.commit()
     with pytest.raises(ConflictError, match="rows of proposition_version are missing"):
-        file_kb.archive(7, to=archive_url)
+        file_kb.store.archive(7, to=archive_url)
 
 
 def test_who_may_not_remove_is_told_before_anything_is_done(
@@ -153,9 +155,9 @@ def test_who_may_not_remove_is_told_before_anything_is_done(
     url = server.new_store()
     count(connect(url, knowledge_base="tiago"), 6)
     with (
-        members(url, kant_sql.create_roles(url)) as own,
+        members(url, kant_sql.operations.create_roles(url)) as own,
         kant_sql.connect(own.writer, knowledge_base="tiago") as kb,
         pytest.raises(ReadOnlyStoreError),
     ):
-        kb.archive(5, to=target_url(tmp_path))
+        kb.store.archive(5, to=target_url(tmp_path))
     assert not (tmp_path / "archive.db").exists()

@@ -55,5 +55,5 @@ def write_fleet(url: str) -> str:
         with kbs["tiago"].transaction(actor="loader", reason="deployed"):
             kbs["tiago"].load_domain(BOLD, mode="replace")
         for name in ("tiago", "pepper"):
-            assert kbs[name].verify(keep=True).is_kept
+            assert kbs[name].store.verify(keep=True).is_kept
     return url

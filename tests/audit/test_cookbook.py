@@ -26,7 +26,7 @@ def asked(request: pytest.FixtureRequest, story_url: str, asked: Ask) -> Ask:
     """Ask the store; where it is distributed, by the views of one knowledge base."""
     if request.node.callspec.params["story_url"] not in CITUS:
         return asked
-    schema = kant_sql.create_roles(story_url, knowledge_base="courier").schema
+    schema = kant_sql.operations.create_roles(story_url, knowledge_base="courier").schema
     path = {"options": f"-csearch_path={schema},public"}
     url = make_url(story_url).update_query_dict(path).render_as_string(hide_password=False)
     return lambda sql: ask(url, sql)

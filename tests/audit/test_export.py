@@ -22,13 +22,8 @@ import pytest
 from pyarrow import parquet
 
 import kant_sql
-from kant_sql import (
-    ExtraMissingError,
-    InvalidArgumentError,
-    KantSqlError,
-    SchemaMissingError,
-    UnknownRevisionError,
-)
+from kant_sql import InvalidArgumentError, KantSqlError, UnknownRevisionError
+from kant_sql.errors import ExtraMissingError, SchemaMissingError
 from kant_sql.export import FORMATS, Exported, export_store, open_reader
 from kant_sql.export.files import MANIFEST, folder_name
 from kant_sql.json_values import json_value
@@ -75,9 +70,9 @@ def test_parquet_has_what_the_knowledge_base_gives(story_url: str, tmp_path: Pat
     exported = export_store(story_url, to=tmp_path / "out")
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
         for view in AUDIT_VIEWS:
-            assert read(tmp_path / "out", view) == kb.to_arrow(view)
+            assert read(tmp_path / "out", view) == kb.store.to_arrow(view)
         (state,) = (each for each in exported.knowledge_bases if each.name == "courier")
-        (head,) = (each for each in kb.anchor().heads if each.knowledge_base == "courier")
+        (head,) = (each for each in kb.store.anchor().heads if each.knowledge_base == "courier")
         assert (state.revision, state.hash, state.committed_at) == (
             *(head.revision, head.hash),
             head.committed_at,
@@ -407,7 +402,7 @@ def test_a_reader_gives_all_knowledge_bases_or_one(story_url: str) -> None:
     with open_reader(story_url, view="fact") as reader:
         assert reader.read_all().slice(2) == courier
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
-        assert kb.to_arrow("fact") == courier
+        assert kb.store.to_arrow("fact") == courier
     for wrong in ({"view": "x"}, {"view": "fact", "knowledge_base": "nobody"}):
         with pytest.raises(KantSqlError), open_reader(story_url, **wrong):
             pass
@@ -432,7 +427,7 @@ def test_an_archived_store_says_where_its_history_begins(tmp_path: Path) -> None
         for place in (None, WP2, None, WP2):
             kb.propositions.delete_all()
             kb.propositions.save(robot_at() if place is None else robot_at(place=place))
-        kb.archive(4, to=old)
+        kb.store.archive(4, to=old)
     exported = export_store(url, to=tmp_path / "out")
     assert exported.knowledge_bases[0].archived == 3
     assert read(tmp_path / "out", "audit_archive", "tiago").num_rows == 1

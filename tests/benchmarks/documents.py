@@ -96,7 +96,7 @@ def by_library(url: str, text: str) -> Callable[[], None]:
     with kant_sql.connect(url) as kb:
         kb.load_domain(generated.DOMAIN)
     kb = kant_sql.connect(url)
-    kb.domain()
+    kb.pddl.domain()
 
     def load() -> None:
         kb.load_problem(text)

@@ -56,7 +56,9 @@ def _in_processes(url: str, names: Sequence[str]) -> None:
 
 def _each(store: KnowledgeStore, names: Sequence[str], **options: Any) -> Callable[[str], None]:
     def verify(name: str) -> None:
-        assert store.knowledge_base(name).verify(structure=False, keep=True, **options).is_intact
+        assert (
+            store.knowledge_base(name).store.verify(structure=False, keep=True, **options).is_intact
+        )
 
     return verify
 
@@ -66,7 +68,7 @@ def measure(backend: str, url: str, robots: int, revisions: int) -> list[tuple[s
     names = fill(url, robots, revisions)
     connected = seconds(lambda: _connect(url, names))
     opened = seconds(lambda: _open(url, names))
-    listed = seconds(lambda: kant_sql.knowledge_bases(url))
+    listed = seconds(lambda: kant_sql.operations.knowledge_bases(url))
     with kant_sql.open_store(url) as store:
         began, used = time.perf_counter(), time.process_time()
         for name in names:

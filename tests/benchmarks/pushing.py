@@ -61,7 +61,7 @@ def _column(name: str, url: str) -> str:
 def push(source: str, target: str, name: str = NAME) -> None:
     """Push by the library."""
     with kant_sql.connect(source, knowledge_base=name, read_only=True) as kb:
-        sent = kb.push(target)
+        sent = kb.store.push(target)
     assert sent.revision == sent.source_revision > 0
 
 
@@ -107,7 +107,7 @@ def measure_robot(source: str, target: str, duration: float) -> tuple[str, ...]:
     fact, made = robot_at(), 0
     with kant_sql.connect(source, knowledge_base="robot", actor="robot") as kb:
         kb.propositions.save(fact)
-        kb.push(target)
+        kb.store.push(target)
         words = "push", source, target, "--follow"
         following = start(*words, program=PROGRAM, stdout=subprocess.DEVNULL)
         try:

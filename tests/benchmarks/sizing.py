@@ -218,10 +218,10 @@ def pushed(place: Place, revisions: int) -> Spent:
             for first in range(0, count, BATCH):
                 work.write(min(BATCH, count - first))
                 began = own_cpu()
-                kb.push(place.url)
+                kb.store.push(place.url)
                 spent += own_cpu() - began
 
-        kb.push(place.url)
+        kb.store.push(place.url)
         found = slope(place, revisions, write, 2)
         # What writing the file takes is known already.
         return found._replace(client=spent / (2 * revisions))

@@ -101,7 +101,7 @@ def _write(session: Session, digests: list[tuple[str, int]]) -> None:
 def verify(url: str, structure: bool) -> None:
     """Verify by the library."""
     with kant_sql.connect(url, knowledge_base=NAME) as kb:
-        verification = kb.verify(structure=structure)
+        verification = kb.store.verify(structure=structure)
     assert verification.findings == (), verification.findings[:3]
 
 

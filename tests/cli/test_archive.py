@@ -31,7 +31,7 @@ def test_what_ended_is_moved_and_told(own_store: str, tmp_path: Path) -> None:
     )
     assert rest[-1].split() == ["proposition_version", "1"]
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
-        (revision,) = kb.revisions(after=3)
+        (revision,) = kb.store.revisions(after=3)
         assert (revision.actor, revision.reason) == ("cron", "retention")
     with kant_sql.connect(to, knowledge_base="tiago") as archive:
         assert [str(fact) for fact in archive.at(1).propositions.get_all()] == [
@@ -65,7 +65,7 @@ def test_json_says_the_same(own_store: str, tmp_path: Path) -> None:
 def test_a_time_says_before_when(own_store: str, tmp_path: Path) -> None:
     to = target_url(tmp_path)
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
-        third = time_text(kb.revisions()[2].committed_at)
+        third = time_text(kb.store.revisions()[2].committed_at)
     result = run("archive", own_store, "--before", third, "--to", to, "--dry-run")
     assert "up to revision 2" in result.stdout
     result = run("archive", own_store, "--before", "90 days ago", "--to", to)

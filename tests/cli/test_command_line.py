@@ -156,7 +156,7 @@ def test_python_takes_the_path_of_a_file(
             assert store.knowledge_bases()[0].revision == 3
         with kant_sql.connect(path, knowledge_base="tiago") as kb:
             assert kb.revision == 3
-        assert [one.revision for one in kant_sql.knowledge_bases(path)] == [3]
+        assert [one.revision for one in kant_sql.operations.knowledge_bases(path)] == [3]
 
 
 @pytest.mark.parametrize(

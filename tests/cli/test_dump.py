@@ -61,7 +61,7 @@ def test_what_is_dumped_and_loaded_elsewhere_is_the_same(
     assert (result.exit_code, result.stderr) == (0, "")
     assert dumped(new_url, "--kb", "copy").encode() == path.read_bytes()
     with kant_sql.connect(url) as kb, kant_sql.connect(new_url, knowledge_base="copy") as copy:
-        assert (kb.domain(), kb.problem()) == (copy.domain(), copy.problem())
+        assert (kb.pddl.domain(), kb.pddl.problem()) == (copy.pddl.domain(), copy.pddl.problem())
 
 
 def test_a_revision_of_the_past_is_dumped(store: str) -> None:
@@ -70,7 +70,7 @@ def test_a_revision_of_the_past_is_dumped(store: str) -> None:
         assert isinstance(problem, kant_sql.pddl.Problem)
         assert [str(each) for each in problem.facts] == [fact]
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
-        moment = kb.revisions()[0].committed_at
+        moment = kb.store.revisions()[0].committed_at
     assert dumped(store, "--at", moment.isoformat()) == dumped(store, "--at", "1")
 
 

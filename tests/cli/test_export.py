@@ -18,8 +18,8 @@ def test_all_views_are_written_and_told(own_store: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     lines = run("export", own_store, "--to", str(out)).stdout.splitlines()
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
-        moment = kb.anchor().heads[0].committed_at
-        assert parquet.read_table(out / "audit_fact").num_rows == kb.to_arrow("fact").num_rows
+        moment = kb.store.anchor().heads[0].committed_at
+        assert parquet.read_table(out / "audit_fact").num_rows == kb.store.to_arrow("fact").num_rows
     total = sum(parquet.read_table(out / view).num_rows for view in AUDIT_VIEWS)
     assert lines[0] == f"{out}: {len(AUDIT_VIEWS)} files with {total} rows"
     assert lines[1] == f"tiago: revision 3 of {moment}"

@@ -71,9 +71,9 @@ def test_a_domain_and_a_problem_become_one_revision(new_url: str) -> None:
     )
     with kant_sql.connect(new_url, knowledge_base="tiago") as kb:
         domain = read_domain(Path(WATERING))
-        assert kb.domain() == domain
-        assert kb.problem() == read_problem(Path(BALCONY), domain=domain)
-        (made,) = kb.revisions()
+        assert kb.pddl.domain() == domain
+        assert kb.pddl.problem() == read_problem(Path(BALCONY), domain=domain)
+        (made,) = kb.store.revisions()
     assert (made.actor, made.reason) == ("operator", "a new shift")
     assert made.source == {
         "files": [
@@ -99,7 +99,7 @@ def test_to_load_the_same_again_changes_nothing(url: str) -> None:
 def test_the_order_of_the_files_does_not_matter_for_what_is_in_them_does(url: str) -> None:
     assert run("load", url, PROBLEM, DOMAIN).exit_code == 0
     with kant_sql.connect(url) as kb:
-        assert kb.problem().name == "coffee"
+        assert kb.pddl.problem().name == "coffee"
 
 
 def test_several_files_are_one_domain(url: str, write: Callable[[str, str], str]) -> None:
@@ -110,7 +110,12 @@ def test_several_files_are_one_domain(url: str, write: Callable[[str, str], str]
     assert run("load", url, DOMAIN, more, PROBLEM).exit_code == 0
     with kant_sql.connect(url) as kb:
         assert kb.revision == 1
-        assert [each.name for each in kb.domain().predicates] == ["at", "lies", "holds", "shut"]
+        assert [each.name for each in kb.pddl.domain().predicates] == [
+            "at",
+            "lies",
+            "holds",
+            "shut",
+        ]
 
 
 def test_one_file_with_both_is_read_for_both_without_a_warning(
@@ -121,7 +126,10 @@ def test_one_file_with_both_is_read_for_both_without_a_warning(
     assert (result.exit_code, result.stderr) == (0, "")
     with kant_sql.connect(url) as kb:
         domain = read_domain(Path(DOMAIN))
-        assert (kb.domain(), kb.problem()) == (domain, read_problem(Path(PROBLEM), domain=domain))
+        assert (kb.pddl.domain(), kb.pddl.problem()) == (
+            domain,
+            read_problem(Path(PROBLEM), domain=domain),
+        )
 
 
 def test_errors_in_a_file_with_both_have_their_place(
@@ -146,7 +154,7 @@ def test_a_hyphen_is_standard_input(url: str) -> None:
     )
     assert done.stderr == b""
     with kant_sql.connect(url) as kb:
-        assert kb.revisions()[0].source == {
+        assert kb.store.revisions()[0].source == {
             "files": [{"path": "<stdin>", "sha256": hashlib.sha256(text).hexdigest()}]
         }
 
@@ -185,7 +193,7 @@ def test_what_the_files_do_not_say_is_retracted_or_kept(
     run("load", url, DOMAIN, PROBLEM)
     assert run("load", url, other, "--merge").exit_code == 0
     with kant_sql.connect(url) as kb:
-        assert len(kb.problem().objects) == 5
+        assert len(kb.pddl.problem().objects) == 5
     result = run("load", url, other)
     assert result.stdout == (
         "knowledge base default, revision 3\n"
@@ -193,7 +201,7 @@ def test_what_the_files_do_not_say_is_retracted_or_kept(
         "- 1 document, 2 facts, 1 goal, 3 objects\n"
     )
     with kant_sql.connect(url) as kb:
-        assert kb.problem() == read_problem(Path(other), domain=read_domain(Path(DOMAIN)))
+        assert kb.pddl.problem() == read_problem(Path(other), domain=read_domain(Path(DOMAIN)))
 
 
 def test_what_violates_the_standard_is_warned_of_with_its_place_or_refused(
@@ -325,7 +333,7 @@ def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Pat
     )
     assert (done.returncode, done.stderr) == (0, b"")
     with kant_sql.connect(url) as kb:
-        assert str(kb.revisions()[0].source).count(r"\\xff.pddl") == 1
+        assert str(kb.store.revisions()[0].source).count(r"\\xff.pddl") == 1
 
 
 def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None:

@@ -32,7 +32,7 @@ def numbers(*words: str) -> list[int]:
 
 def times(store: str) -> list[datetime]:
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
-        return [revision.committed_at for revision in kb.revisions()]
+        return [revision.committed_at for revision in kb.store.revisions()]
 
 
 def test_the_log_is_bounded_by_revisions_and_times(store: str) -> None:
@@ -201,7 +201,7 @@ def test_restore_makes_a_revision_that_can_be_undone(own_store: str) -> None:
     assert f"+ fact {AT_WP1}" in changes
     assert f"- fact {AT_WP2}" in changes
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
-        (revision,) = kb.revisions(after=3)
+        (revision,) = kb.store.revisions(after=3)
         assert (revision.actor, revision.reason) == ("operator", "tried too much")
         assert kb.diff(1, 4) == []
     document = json_of("restore", own_store, "3")

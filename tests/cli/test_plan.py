@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, NoPlanError, PlannerMissingError
+from kant_sql import KnowledgeBase, NoPlanError
+from kant_sql.errors import PlannerMissingError
 from kant_sql.planning import Plan, PlanStep
 from tests.support.processes.commands import child, one_line, run
 
@@ -158,7 +159,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
     document = json.loads(run("plan", url, *words, "--json").stdout)
     assert (document["revision"], document["recorded_in"]) == (1, 3)
     with kant_sql.connect(url) as kb:
-        (revision,) = kb.revisions(after=2)
+        (revision,) = kb.store.revisions(after=2)
         assert (revision.actor, revision.reason) == ("operator", "to see")
         (recorded,) = kb.plans.get_all()
         assert recorded.id == document["plan"]

@@ -115,7 +115,7 @@ def test_one_that_is_refused_does_not_keep_the_others(source: str, replica: str)
         save(source, 1, name)
     documents(source, replica)
     with kant_sql.connect(replica, knowledge_base="a") as kb:
-        kb.promote()
+        kb.store.promote()
     for name in ("tiago", "a", "b"):
         save(source, 12, name)
     result = run("push", source, replica, "--json")
@@ -164,7 +164,7 @@ def test_a_damaged_one_does_not_keep_the_others(source: str, replica: str) -> No
 def archived(source: str, tmp_path: Path) -> str:
     """A source whose first knowledge base needs an archive, and whose second one does not."""
     with kant_sql.connect(source, knowledge_base="tiago") as kb:
-        kb.archive(3, to=target_url(tmp_path))
+        kb.store.archive(3, to=target_url(tmp_path))
     save(source, 1, "other")
     return source
 
@@ -489,7 +489,7 @@ def test_it_waits_for_a_file_that_was_there(
     path, aside = tmp_path / "source.db", tmp_path / "aside.db"
     if not is_there:
         path.rename(aside)
-        with pytest.raises(kant_sql.SchemaMissingError):
+        with pytest.raises(kant_sql.errors.SchemaMissingError):
             followed(source, replica, lambda events: False)
         return
 
@@ -497,7 +497,7 @@ def test_it_waits_for_a_file_that_was_there(
         kind = names_of(events)[-1:]
         if kind == ["pushed"]:
             path.rename(aside)
-        if kind == ["waiting"] and isinstance(events[-1].error, kant_sql.SchemaMissingError):
+        if kind == ["waiting"] and isinstance(events[-1].error, kant_sql.errors.SchemaMissingError):
             aside.rename(path)
         return kind == ["current"]
 
@@ -506,7 +506,7 @@ def test_it_waits_for_a_file_that_was_there(
 
 @pytest.mark.usefixtures("short_delays")
 def test_it_waits_for_space(source: str, replica: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    failures = iter([kant_sql.StoreFullError("full")])
+    failures = iter([kant_sql.errors.StoreFullError("full")])
 
     def full(*arguments: Any) -> Any:
         for failure in failures:

@@ -91,7 +91,7 @@ def test_an_installed_script_does_the_same(store: str) -> None:
 def test_json_says_all_of_the_state(store: str) -> None:
     state = shown(store)
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
-        (last,) = kb.revisions(after=2)
+        (last,) = kb.store.revisions(after=2)
     committed_at = last.committed_at.isoformat(timespec="microseconds").replace("+00:00", "Z")
     literal = {"predicate": "robot_at", "is_negative": False}
     assert state == {
@@ -165,7 +165,7 @@ def test_before_the_first_revision_there_is_no_time(store: str) -> None:
 
 def test_a_revision_of_the_past_is_named_by_a_time_in_any_zone(store: str) -> None:
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
-        first = kb.revisions(limit=1)[0].committed_at
+        first = kb.store.revisions(limit=1)[0].committed_at
     far = timezone(timedelta(hours=-7))
     for moment in (first, first.astimezone(far)):
         assert facts(store, "--at", moment.isoformat()) == ["(robot_at rb1 wp1)"]
@@ -177,7 +177,7 @@ def test_a_time_without_a_zone_is_in_utc_wherever_the_reader_is(
     store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
-        first = kb.revisions(limit=1)[0].committed_at
+        first = kb.store.revisions(limit=1)[0].committed_at
     naive = first.astimezone(UTC).replace(tzinfo=None).isoformat()
     for zone in ("JST-9", "PST8"):
         monkeypatch.setenv("TZ", zone)
@@ -398,7 +398,7 @@ def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -
     with kant_sql.connect(own_store, knowledge_base="rb[1]") as kb:
         with kb.transaction(actor="operator", reason="a new shift"):
             kb.types.save(PddlTypeDto("robot"))
-        (only,) = kb.revisions()
+        (only,) = kb.store.revisions()
     kant_sql.connect(own_store, knowledge_base="never written").close()
     found = json.loads(run("kbs", own_store, "--json").stdout)["knowledge_bases"]
     assert [(one["name"], one["revision"]) for one in found] == [("tiago", 3), ("rb[1]", 1)]

@@ -69,7 +69,7 @@ def test_a_step_is_applied_as_one_revision(own_breakfast: str) -> None:
         "+ fact (holds rb1 cup)\n- fact (lies cup kitchen)\n"
     )
     with kant_sql.connect(own_breakfast) as kb:
-        (revision,) = kb.revisions(after=2)
+        (revision,) = kb.store.revisions(after=2)
         assert (revision.actor, revision.reason) == ("gripper", "as planned")
         assert kb.holds("(holds rb1 cup)")
         battery, rb1 = kb.functions.get("battery"), kb.objects.get("rb1")
@@ -190,7 +190,7 @@ def test_a_branch_begins_with_a_state(own_breakfast: str) -> None:
     assert result.stdout == said
     with kant_sql.connect(own_breakfast, knowledge_base="monday") as kb:
         assert kb.holds("(at rb1 table1)")
-        assert kb.revisions()[0].actor == "operator"
+        assert kb.store.revisions()[0].actor == "operator"
     words = "branch", own_breakfast, "monday", "--kb", "default"
     assert "knowledge base 'monday' exists there" in complaint(*words)
     found = document("branch", own_breakfast, "tuesday", "--kb", "default")

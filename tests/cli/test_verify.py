@@ -107,7 +107,7 @@ def test_a_knowledge_base_without_a_head_is_not_passed_over(own_file: str) -> No
 def test_an_anchor_is_one_small_document(store: str) -> None:
     document = json.loads(child("anchor", store).stdout)
     with kant_sql.connect(store, knowledge_base="tiago") as kb:
-        last = kb.revisions()[-1]
+        last = kb.store.revisions()[-1]
     (head,) = document["heads"]
     assert document["format"] == 1
     assert document["made_at"].endswith("Z")
@@ -377,7 +377,7 @@ def test_a_run_that_was_killed_goes_on(tmp_path: Path, jobs: str) -> None:
             process.send_signal(signal.SIGKILL)
         _, alive = psutil.wait_procs(children, 20)
         assert alive == []
-        now = [one for one in kant_sql.knowledge_bases(url) if one.verified_revision]
+        now = [one for one in kant_sql.operations.knowledge_bases(url) if one.verified_revision]
         assert len(now) >= max(1, verified)
         verified = len(now)
     assert verified < len(names)

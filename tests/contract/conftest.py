@@ -172,19 +172,21 @@ def role_store(server: Server) -> str:
     """The URL of a store with two knowledge bases, with something in each table, and with roles."""
     url = server.new_database()
     fill_store(url)
-    kant_sql.create_roles(url)
+    kant_sql.operations.create_roles(url)
     return url
 
 
 @pytest.fixture(scope="session")
 def role_users(role_store: str) -> Iterator[Members]:
     """Users, each a member of a role of that store."""
-    with members(role_store, kant_sql.create_roles(role_store)) as urls:
+    with members(role_store, kant_sql.operations.create_roles(role_store)) as urls:
         yield urls
 
 
 @pytest.fixture(scope="session")
 def limited_users(role_store: str) -> Iterator[Members]:
     """Users who may see only one of the two knowledge bases."""
-    with members(role_store, kant_sql.create_roles(role_store, knowledge_base=MINE)) as urls:
+    with members(
+        role_store, kant_sql.operations.create_roles(role_store, knowledge_base=MINE)
+    ) as urls:
         yield urls

@@ -12,17 +12,15 @@ import pyarrow
 import pytest
 
 from kant_sql import (
-    ClosedError,
-    ExtraMissingError,
     InvalidArgumentError,
     KnowledgeBase,
     PddlFunctionDto,
     PddlObjectDto,
     PddlPropositionDto,
     ReadOnlyError,
-    StoreIntegrityError,
     aio,
 )
+from kant_sql.errors import ClosedError, ExtraMissingError, StoreIntegrityError
 from kant_sql.sql.arrow import arrow_schema
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from tests.support.citus import is_distributed
@@ -50,10 +48,10 @@ def fill(kb: KnowledgeBase) -> None:
 
 @pytest.mark.parametrize("view", AUDIT_VIEWS)
 def test_every_view_has_its_types_also_without_rows(kb: KnowledgeBase, view: str) -> None:
-    empty = kb.to_arrow(view)
+    empty = kb.store.to_arrow(view)
     assert empty.num_rows == 0
     kb.propositions.save(robot_at())
-    table = kb.to_arrow(view.removeprefix("audit_"))
+    table = kb.store.to_arrow(view.removeprefix("audit_"))
     assert table.schema == empty.schema == arrow_schema(AUDIT_VIEWS[view])
     assert all(field.nullable for field in table.schema)
     assert bool(table.num_rows) == (view in FILLED)
@@ -67,7 +65,7 @@ FILLED = {
 
 def test_values_have_types_and_are_those_of_the_history(kb: KnowledgeBase) -> None:
     fill(kb)
-    first, second = kb.to_arrow("fact").to_pylist()
+    first, second = kb.store.to_arrow("fact").to_pylist()
     (kept,) = kb.history("(robot_at rb1 wp1)")
     assert first["since"] == kept.since.number == 2
     assert first["since_at"] == kept.since.committed_at
@@ -76,12 +74,12 @@ def test_values_have_types_and_are_those_of_the_history(kb: KnowledgeBase) -> No
     assert first["until"] == 3
     assert first["duration"] > 0
     assert [second[name] for name in ("until", "until_at", "duration")] == [None] * 3
-    revision = kb.to_arrow("revision").to_pylist()[1]
+    revision = kb.store.to_arrow("revision").to_pylist()[1]
     assert revision["source"] == '{"camera":4}'
     assert revision["committed_epoch"] == revision["committed_at"].timestamp()
-    objects = kb.to_arrow("object").to_pylist()
+    objects = kb.store.to_arrow("object").to_pylist()
     assert [row["is_constant"] for row in objects] == [False] * 3
-    needs = kb.to_arrow("action_literal")
+    needs = kb.store.to_arrow("action_literal")
     assert needs.schema.field("is_conditional").type == pyarrow.bool_()
     assert needs.num_rows
 
@@ -90,7 +88,7 @@ def test_rows_are_of_this_knowledge_base_and_sorted(kb: KnowledgeBase) -> None:
     fill(kb)
     fill(beside(kb, "other"))
     for name, view in AUDIT_VIEWS.items():
-        table = kb.to_arrow(name)
+        table = kb.store.to_arrow(name)
         assert set(table["knowledge_base"].to_pylist()) <= {"tiago"}
         keys = [tuple(row.values()) for row in table.select([*view.order]).to_pylist()]
         assert keys == sorted(keys)
@@ -102,12 +100,12 @@ def test_unicode_and_numbers_of_any_size_are_kept(kb: KnowledgeBase) -> None:
     with kb.transaction(reason="x" * 10_000 + "\u202e🤖\n\t\"',"):
         kb.function_values.set(BATTERY, objects=[RB1], value=great)
         kb.propositions.save(PddlPropositionDto(ROBOT_AT, [RB1, PddlObjectDto(WAYPOINT, name)]))
-    (value,) = kb.to_arrow("value").to_pylist()
+    (value,) = kb.store.to_arrow("value").to_pylist()
     assert value["value"] == str(great)
     assert value["number"] == float(great)
-    (fact,) = kb.to_arrow("fact").to_pylist()
+    (fact,) = kb.store.to_arrow("fact").to_pylist()
     assert fact["arguments"] == f"rb1 {name}"
-    assert fact["asserted_reason"] == kb.revisions()[0].reason
+    assert fact["asserted_reason"] == kb.store.revisions()[0].reason
 
 
 def test_what_was_archived_is_in_the_tables_of_the_archive(
@@ -116,38 +114,38 @@ def test_what_was_archived_is_in_the_tables_of_the_archive(
     fill(kb)
     kb.propositions.save(robot_at(is_goal=True))
     target = f"sqlite:///{tmp_path_factory.mktemp('archive') / 'old.db'}"
-    before = kb.to_arrow("fact")
-    kb.archive(4, to=target)
-    assert kb.to_arrow("fact")["since"].to_pylist() == [3, 4]
-    (row,) = kb.to_arrow("archive").to_pylist()
+    before = kb.store.to_arrow("fact")
+    kb.store.archive(4, to=target)
+    assert kb.store.to_arrow("fact")["since"].to_pylist() == [3, 4]
+    (row,) = kb.store.to_arrow("archive").to_pylist()
     assert row["revision"] == 3
-    assert kb.to_arrow("revision").num_rows == kb.revision
-    moved = connect(target, knowledge_base="tiago").to_arrow("fact")
+    assert kb.store.to_arrow("revision").num_rows == kb.revision
+    moved = connect(target, knowledge_base="tiago").store.to_arrow("fact")
     assert moved.slice(0, 1).drop(["proposition_id"]) == before.slice(0, 1).drop(["proposition_id"])
 
 
 def test_two_statements_however_many_rows(kb: KnowledgeBase, url: str) -> None:
     fill(kb)
-    few = count(lambda: kb.to_arrow("change"))
+    few = count(lambda: kb.store.to_arrow("change"))
     for _ in range(5):
         kb.propositions.delete_all()
         kb.propositions.save(robot_at())
     # On a cluster, one more reads what the view is.
-    assert count(lambda: kb.to_arrow("change")) == few <= (3 if is_distributed(url) else 2)
+    assert count(lambda: kb.store.to_arrow("change")) == few <= (3 if is_distributed(url) else 2)
 
 
 def test_the_past_and_pending_changes_are_refused(kb: KnowledgeBase) -> None:
     fill(kb)
     with pytest.raises(ReadOnlyError, match="since <= 2 and"):
-        kb.at(2).to_arrow("fact")
+        kb.at(2).store.to_arrow("fact")
     with kb.transaction(), pytest.raises(ReadOnlyError, match="a transaction"):
-        kb.to_arrow("fact")
+        kb.store.to_arrow("fact")
 
 
 @pytest.mark.parametrize("view", ["facts", "", "audit_", "revision; --", 3, None, b"fact"])
 def test_a_view_that_is_none_is_refused(kb: KnowledgeBase, view: str) -> None:
     with pytest.raises(InvalidArgumentError) as caught:
-        kb.to_arrow(view)
+        kb.store.to_arrow(view)
     if isinstance(view, str):
         assert "choose one of: knowledge_base, revision, change, fact" in str(caught.value)
 
@@ -158,7 +156,7 @@ def test_without_pyarrow_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     fill(kb)
     answers = kb.query("(robot_at ?r ?w)")
-    calls: list[Callable[[], object]] = [lambda: kb.to_arrow("fact"), answers.to_arrow]
+    calls: list[Callable[[], object]] = [lambda: kb.store.to_arrow("fact"), answers.to_arrow]
     for call in calls:
         with pytest.raises(ExtraMissingError, match=r"pip install 'kant-sql\[data\]'"):
             call()
@@ -167,7 +165,7 @@ def test_without_pyarrow_the_extra_is_named(
 def test_a_closed_knowledge_base_has_no_tables(kb: KnowledgeBase) -> None:
     kb.close()
     with pytest.raises(ClosedError):
-        kb.to_arrow("fact")
+        kb.store.to_arrow("fact")
 
 
 def test_answers_are_columns_of_names(kb: KnowledgeBase) -> None:
@@ -199,7 +197,7 @@ def test_tasks_await_tables(url: str) -> None:
             await kb.propositions.save(robot_at())
             answers = await kb.query("(robot_at ?r ?w)")
             assert answers.to_arrow().num_rows == 1
-            return await kb.to_arrow("fact")
+            return await kb.store.to_arrow("fact")
 
     assert asyncio.run(ask())["text"].to_pylist() == ["(robot_at rb1 wp1)"]
 
@@ -213,4 +211,4 @@ def test_a_time_that_is_none_is_found(url: str, connect: Connect) -> None:
     with opened(url) as store:
         store.execute("UPDATE revision SET committed_at = 'yesterday'", {})
     with pytest.raises(StoreIntegrityError, match="audit_fact"):
-        kb.to_arrow("fact")
+        kb.store.to_arrow("fact")

@@ -38,14 +38,14 @@ def test_a_registered_backend_serves_all_of_the_library(
     toy_url: str, tmp_path: Path, connect: Connect
 ) -> None:
     kb = connect(toy_url, knowledge_base="tiago", actor="me")
-    assert type(kb.factory._store.backend).__name__ == "ToyBackend"  # type: ignore[attr-defined]
+    assert type(kb.store.factory._store.backend).__name__ == "ToyBackend"  # type: ignore[attr-defined]
     kb.propositions.save(robot_at())
     kb.propositions.save(robot_at(place=WP2))
     assert [str(each) for each in kb.at(1).propositions.get_all()] == [str(robot_at())]
     assert kb.restore(1) == 3
     assert {view.change for view in update_views(toy_url)} == {"created"}
-    assert kb.archive(3, to=f"toy:///{tmp_path / 'archive.toy'}").versions == {}
-    verified = kb.verify()
+    assert kb.store.archive(3, to=f"toy:///{tmp_path / 'archive.toy'}").versions == {}
+    verified = kb.store.verify()
     assert (verified.findings, verified.revisions) == ((), 3)
 
 

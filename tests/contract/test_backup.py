@@ -48,7 +48,7 @@ def test_a_backup_below_a_writer_is_the_store_at_one_moment(
     writer = threading.Thread(target=write)
     writer.start()
     try:
-        made = kant_sql.backup(url, tmp_path / "copy.db", progress=follow)
+        made = kant_sql.operations.backup(url, tmp_path / "copy.db", progress=follow)
     finally:
         is_done.set()
         writer.join()
@@ -58,8 +58,8 @@ def test_a_backup_below_a_writer_is_the_store_at_one_moment(
         assert kb.revision > made.revisions["tiago"] + len(steps)
         with kant_sql.connect(str(made.file), knowledge_base="tiago") as copy:
             assert copy.revision == made.revisions["tiago"]
-            assert copy.verify().is_intact
-            assert copy.diff_with(kb.at(copy.revision)) == []
+            assert copy.store.verify().is_intact
+            assert copy.diff(copy, kb.at(copy.revision)) == []
             copy.propositions.delete(robot_at())
     assert made.bytes > 0
 
@@ -85,7 +85,7 @@ def test_a_backup_that_fails_leaves_nothing(
         ),
     ):
         with pytest.raises(error, match=said) as raised:
-            kant_sql.backup(source, file)
+            kant_sql.operations.backup(source, file)
         assert "secret" not in str(raised.value)
     monkeypatch.setattr(sqlite, "COPIED_PAGES", 1)
 
@@ -97,13 +97,13 @@ def test_a_backup_that_fails_leaves_nothing(
             raise KeyboardInterrupt
 
     with pytest.raises(InvalidArgumentError, match="never overwrites a file"):
-        kant_sql.backup(url, tmp_path / "copy.db", progress=interrupt)
+        kant_sql.operations.backup(url, tmp_path / "copy.db", progress=interrupt)
     assert (tmp_path / "copy.db").read_text() == "precious, too"
     assert existing.read_text() == "precious"
     existing.unlink()
     (tmp_path / "copy.db").unlink()
     with pytest.raises(KeyboardInterrupt):
-        kant_sql.backup(url, tmp_path / "copy.db", progress=interrupt)
+        kant_sql.operations.backup(url, tmp_path / "copy.db", progress=interrupt)
     assert {*tmp_path.iterdir()} == there
 
 
@@ -129,6 +129,6 @@ def test_a_backup_is_durable_before_it_has_its_name(
     with kant_sql.connect(url, knowledge_base="other") as kb:
         kb.types.save(PddlTypeDto("door"))
     monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(OSError("no links here")))
-    made = kant_sql.backup(url, tmp_path / "second.db")
+    made = kant_sql.operations.backup(url, tmp_path / "second.db")
     assert made.revisions == {"tiago": 2, "other": 1}
     assert (tmp_path / "second.db").stat().st_size == made.bytes

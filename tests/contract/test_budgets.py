@@ -193,7 +193,7 @@ def test_revisions_take_one_statement_and_the_log_three_for_each_page(
     for number in range(revisions):
         kb.propositions.save(fact(number))
     assert count(lambda: kb.revision) == 1
-    assert count(kb.revisions) == 1
+    assert count(kb.store.revisions) == 1
     assert count(lambda: list(kb.log())) == 3
     assert len(list(kb.log())) == revisions
 

@@ -8,14 +8,8 @@ from typing import Any
 import pytest
 from sqlalchemy import make_url
 
-from kant_sql import (
-    InvalidArgumentError,
-    KnowledgeBase,
-    PddlObjectDto,
-    StoreIntegrityError,
-    UnknownRevisionError,
-)
-from kant_sql.errors import ArchivedError
+from kant_sql import InvalidArgumentError, KnowledgeBase, PddlObjectDto, UnknownRevisionError
+from kant_sql.errors import ArchivedError, StoreIntegrityError
 from kant_sql.history import follow as following
 from kant_sql.history import revisions as pages
 from kant_sql.history.revisions import LogEntry
@@ -240,14 +234,14 @@ def _execute(url: str, sql: str) -> None:
 @pytest.mark.parametrize("limit", ["1", 1.5, True, -1, float("nan"), -(10**30)])
 def test_a_limit_is_a_whole_number(kb: KnowledgeBase, limit: Any) -> None:
     kb.objects.save(waypoint(0))
-    for call in (kb.changes, kb.revisions, kb.log):
+    for call in (kb.changes, kb.store.revisions, kb.log):
         with pytest.raises(InvalidArgumentError, match="whole number from 0 on, or None for all"):
             list(call(limit=limit))
 
 
 def test_a_limit_and_a_place_may_be_larger_than_any_number(kb: KnowledgeBase) -> None:
     kb.objects.save(waypoint(0))
-    for call in (kb.changes, kb.revisions, kb.log):
+    for call in (kb.changes, kb.store.revisions, kb.log):
         assert len(list(call(limit=10**30))) == 1
         assert list(call(limit=0)) == []
-    assert kb.revisions(after=2**70) == []
+    assert kb.store.revisions(after=2**70) == []

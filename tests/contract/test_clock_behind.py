@@ -36,7 +36,7 @@ def test_a_clock_more_than_a_minute_behind_is_warned_of(
         message = log.records[0].getMessage()
         assert "the clock says 2026-03-02T11:58:59+00:00" in message
         assert f"revision {last} is of 2026-03-02T12:00:00+00:00" in message
-    assert fresh_kb.revisions()[-1].committed_at == NOON
+    assert fresh_kb.store.revisions()[-1].committed_at == NOON
 
 
 def test_the_warning_comes_once_an_hour(

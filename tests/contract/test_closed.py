@@ -11,16 +11,17 @@ from typing import Any
 import pytest
 
 import kant_sql
-from kant_sql import ClosedError, KnowledgeBase, PddlFunctionDto
-from kant_sql.factory import Daos
+from kant_sql import KnowledgeBase, PddlFunctionDto
+from kant_sql.errors import ClosedError
 from kant_sql.pddl import Metric, Number
+from tests.support.parts import DAOS, PATHS, part
 from tests.support.stores import Connect
 from tests.support.worlds.missions import TOUR, begin
 from tests.support.worlds.robots import RB1, ROBOT, robot_at
 
 REMEDY = "was closed; connect again"
 # What needs no store: it ends, or leaves the store to whom it is of.
-FREE = {"address", "close", "label", "name"}
+FREE = {"address", "close", "factory", "label", "name"}
 DOMAIN = "(define (domain d) (:predicates (p)))"
 PROBLEM = "(define (problem e) (:domain d) (:goal (p)))"
 
@@ -63,11 +64,13 @@ def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) ->
 
 def calls(kb: KnowledgeBase, kept: dict[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every public method of a knowledge base, of its DAOs and of its factory, and properties."""
-    owners: dict[str, Any] = {"": kb, "factory": kb.factory}
-    owners |= {name: getattr(kb, name) for name in Daos.__annotations__}
+    owners: dict[str, Any] = {
+        "factory": kb.store.factory,
+        **{path: part(kb, path) for path in PATHS},
+    }
     for owner, thing in owners.items():
         for name in dir(type(thing)):
-            if name.startswith("_") or name in FREE or name in Daos.__annotations__:
+            if name.startswith("_") or name in FREE:
                 continue
             label = f"{owner}.{name}"
             found = inspect.getattr_static(type(thing), name)
@@ -110,14 +113,14 @@ def fill(kb: KnowledgeBase) -> dict[str, Any]:
     kb.functions.save(PddlFunctionDto("battery", [ROBOT]))
     kb.function_values.set("battery", objects=["rb1"], value=1)
     kept: dict[str, Any] = {
-        name: (getattr(kb, name).get_all() or [None])[0]
-        for name in Daos.__annotations__
-        if hasattr(getattr(kb, name), "get_all")
+        path: (part(kb, path).get_all() or [None])[0]
+        for path, dao in DAOS.items()
+        if hasattr(dao, "get_all")
     }
-    for name in ("processes", "events"):
+    for name in ("pddl.processes", "pddl.events"):
         kept[name] = kept["types"]
     kept["step"] = recorded.steps[0]
-    kept["up"] = kb.to_unified_planning()
+    kept["up"] = kb.pddl.to_unified_planning()
     kept["plan"] = recorded
     return kept
 
@@ -231,7 +234,7 @@ def test_a_block_of_another_thread_is_not_written(url: str, connect: Connect) ->
     is_open.wait(30)
     closing = threading.Thread(target=kb.close)
     closing.start()
-    while not kb.factory._open_store.backend.is_closed:  # type: ignore[attr-defined]
+    while not kb.store.factory._store.backend.is_closed:  # type: ignore[attr-defined]
         pass
     may_go_on.set()
     writer.join(30)

@@ -78,7 +78,7 @@ def test_what_nobody_closed_is_freed(common_url: str, make: Callable[[str], Know
     kb.types.save(PddlTypeDto("door"))
     with kb.transaction():
         kb.types.get_all()
-    backend = kb.factory._open_store.backend  # type: ignore[attr-defined]
+    backend = kb.store.factory._store.backend  # type: ignore[attr-defined]
     kept = [weakref.ref(each) for each in (kb, backend, backend.engine, backend.engine.pool)]
     del kb, backend
     # The first collection gives the connections back to their pool.

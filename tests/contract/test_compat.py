@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from kant_sql import InvalidArgumentError, InvalidUrlError, KnowledgeBase, compat
+from kant_sql import InvalidArgumentError, KnowledgeBase, compat
 from kant_sql.compat import (
     DaoFactory,
     DaoFactoryMethod,
@@ -29,6 +29,7 @@ from kant_sql.dto.elements import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from kant_sql.errors import InvalidUrlError
 from tests.support.worlds.robots import (
     RB1,
     ROBOT,
@@ -460,7 +461,7 @@ class RosNode:
 def written_by(factory: DaoFactory) -> tuple[str, str | None]:
     """Write, and tell to which knowledge base and as whom."""
     assert factory.create_pddl_type_dao().save(PddlTypeDto("robot"))
-    made = KnowledgeBase(factory._factory).revisions()[-1]
+    made = KnowledgeBase(factory._factory).store.revisions()[-1]
     return factory._factory.name, made.actor
 
 

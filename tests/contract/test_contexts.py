@@ -19,7 +19,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kant_sql
-from kant_sql import KnowledgeBase, TransactionOpenError
+from kant_sql import KnowledgeBase
+from kant_sql.errors import TransactionOpenError
 from kant_sql.store.ownership import OPEN
 from tests.support.profile import PROFILE, hunting
 from tests.support.stores import Connect
@@ -248,7 +249,7 @@ def test_a_generator_that_another_task_closes_rolls_back(kb: KnowledgeBase) -> N
         kb.propositions.save(robot_at(place=WP2))
 
     asyncio.run(main())
-    assert written(kb) == [(kb.factory._store.actor, ["(robot_at rb1 wp2)"])]  # type: ignore[attr-defined]
+    assert written(kb) == [(kb.store.factory._store.actor, ["(robot_at rb1 wp2)"])]  # type: ignore[attr-defined]
 
 
 def test_a_block_left_in_another_thread_ends_well(kb: KnowledgeBase) -> None:
@@ -266,7 +267,7 @@ def test_a_block_left_in_another_thread_ends_well(kb: KnowledgeBase) -> None:
 def test_nothing_is_kept_of_a_block_that_has_ended() -> None:
     kept: list[contextvars.Context] = []
     kb = kant_sql.connect("sqlite://")
-    store = weakref.ref(kb.factory._store)  # type: ignore[attr-defined]
+    store = weakref.ref(kb.store.factory._store)  # type: ignore[attr-defined]
     with kb.transaction():
         kb.types.save(ROBOT)
         kept.append(contextvars.copy_context())

@@ -29,10 +29,10 @@ def agree(kb: KnowledgeBase, init: str) -> Problem:
     with kb.transaction():
         kb.load_domain(DOMAIN)
         assert kb.load_problem(text(init)).warnings == problem.warnings
-    assert kb.problem() == problem
+    assert kb.pddl.problem() == problem
     assert read_problem(kb.problem_pddl(), domain=KNOWN) == problem
     assert read_problem(write(problem), domain=KNOWN, strict=True) == problem
-    assert kb.verify().findings == ()
+    assert kb.store.verify().findings == ()
     return problem
 
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import (
-    ArityError,
     ConflictError,
     InvalidKnowledgeError,
-    InvalidNameError,
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlTypeDto,
-    TypeMismatchError,
 )
+from kant_sql.errors import ArityError, InvalidNameError, TypeMismatchError
 from tests.support.reading import refuses
 from tests.support.worlds.robots import (
     ROBOT,

@@ -19,9 +19,9 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    TypeMismatchError,
 )
 from kant_sql.dao import base
+from kant_sql.errors import TypeMismatchError
 from kant_sql.store import transaction as propositions
 from tests.support.reading import (
     Undone,

@@ -9,9 +9,7 @@ from typing import Any
 import pytest
 
 from kant_sql import (
-    ArityError,
     InvalidKnowledgeError,
-    InvalidNameError,
     KantSqlError,
     KnowledgeBase,
     PddlFunctionDto,
@@ -19,9 +17,9 @@ from kant_sql import (
     PddlObjectDto,
     PddlTypeDto,
     ReadOnlyError,
-    TypeMismatchError,
     UnknownNameError,
 )
+from kant_sql.errors import ArityError, InvalidNameError, TypeMismatchError
 from tests.support.reading import last_changes, rows, undone, versions
 from tests.support.worlds.robots import (
     BATTERY,

@@ -7,11 +7,9 @@ from typing import Any
 import pytest
 
 from kant_sql import (
-    ArityError,
     ConflictError,
     DependantsError,
     InvalidKnowledgeError,
-    InvalidNameError,
     KnowledgeBase,
     PddlEitherTypeDto,
     PddlFunctionDto,
@@ -21,8 +19,8 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
     ReadOnlyError,
-    TypeMismatchError,
 )
+from kant_sql.errors import ArityError, InvalidNameError, TypeMismatchError
 from tests.support.reading import beside, last_changes, nothing_changes, refuses, undone, versions
 from tests.support.worlds.robots import (
     RB1,
@@ -87,7 +85,7 @@ def test_a_function_keeps_all_that_was_said_of_it(fresh_kb: KnowledgeBase) -> No
         "(boss ?of - (either robot human)) - (either human robot)",
     ]
     assert texts(fresh_kb) == wanted
-    newcomer = beside(fresh_kb, fresh_kb.factory._store.name)  # type: ignore[attr-defined]
+    newcomer = beside(fresh_kb, fresh_kb.store.factory._store.name)  # type: ignore[attr-defined]
     assert texts(newcomer) == wanted
     found = newcomer.functions.get("boss")
     assert found is not None

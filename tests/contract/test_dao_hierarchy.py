@@ -12,8 +12,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    TypeCycleError,
 )
+from kant_sql.errors import TypeCycleError
 from tests.support.reading import refuses, state
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import pytest
 
 from kant_sql import (
-    InvalidNameError,
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
@@ -19,6 +18,7 @@ from kant_sql import (
     PddlTypeDto,
     UnknownNameError,
 )
+from kant_sql.errors import InvalidNameError
 from tests.support.reading import beside, facts, nothing_changes, refuses, state, undone
 from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, robot_at
 
@@ -251,17 +251,17 @@ def test_names_that_an_older_version_stored_stay_readable(
             fresh_kb.propositions.save(fact(name))
         fresh_kb.propositions.save(fact(">="))
         fresh_kb.function_values.set(PddlFunctionDto("not"), objects=[], value=3)
-    kb = beside(fresh_kb, fresh_kb.factory._store.name)  # type: ignore[attr-defined]
+    kb = beside(fresh_kb, fresh_kb.store.factory._store.name)  # type: ignore[attr-defined]
     for seen in (kb, kb.at(kb.revision)):
         assert [dto.name for dto in seen.objects.get_all()] == [*names, ">="]
         assert [str(each) for each in seen.propositions.get_by_predicate(">=")] == ["(>= >=)"]
         assert seen.function_values.get("not") == 3
-        assert [thing.name for thing in seen.problem().objects] == [*names, ">="]
+        assert [thing.name for thing in seen.pddl.problem().objects] == [*names, ">="]
     for name in names:
         assert kb.history(PddlObjectDto(PddlTypeDto(name), name))
         assert kb.blame(fact(name)) is not None
         assert kb.propositions.insert(fact(name)) is False
-    assert kb.verify().findings == ()
+    assert kb.store.verify().findings == ()
     with pytest.raises(InvalidNameError, match="cannot name an object"):
         kb.problem_pddl()
     with pytest.raises(InvalidNameError, match="cannot name a"):
@@ -281,8 +281,8 @@ def test_a_requirement_that_an_older_version_took_is_no_finding(
     with monkeypatch.context() as older:
         older.setattr("kant_sql.pddl.declarations.is_requirement", lambda _: True)
         fresh_kb.load_domain(text)
-    assert fresh_kb.verify().findings == ()
-    assert fresh_kb.domain().requirements == (":strips", ":?x")
+    assert fresh_kb.store.verify().findings == ()
+    assert fresh_kb.pddl.domain().requirements == (":strips", ":?x")
     with pytest.raises(InvalidNameError, match="cannot name a requirement"):
         fresh_kb.domain_pddl()
     fresh_kb.load_domain(text.replace(" :?x", ""))

@@ -75,7 +75,7 @@ def test_another_process_reads_the_same_past(
 ) -> None:
     if common_url == "sqlite://":
         pytest.skip("a store in memory has one process")
-    name = fresh_kb.factory._store.name  # type: ignore[attr-defined]
+    name = fresh_kb.store.factory._store.name  # type: ignore[attr-defined]
     other = connect(common_url, knowledge_base=name)
     for number, recorded in enumerate(states):
         assert state(other.at(number)) == recorded
@@ -108,7 +108,7 @@ def test_each_dao_reads_the_past(fresh_kb: KnowledgeBase, states: list[State]) -
     assert past.propositions.get_no_goals() == [robot_at(), robot_at(RB1, WP2)]
     assert fresh_kb.at(1).actions.get("navigation") is None
     assert fresh_kb.at(0).propositions.get_by_predicate("robot_at") == []
-    assert [revision.number for revision in past.revisions()] == [1, 2, 3]
+    assert [revision.number for revision in past.store.revisions()] == [1, 2, 3]
     assert [entry.revision.number for entry in past.log()] == [3, 2, 1]
     assert [entry.revision.number for entry in past.log(limit=2)] == [3, 2]
 
@@ -184,7 +184,7 @@ def test_a_revision_in_the_making_is_not_there_yet(fresh_kb: KnowledgeBase) -> N
 def test_a_time_reads_the_last_revision_up_to_it(
     fresh_kb: KnowledgeBase, states: list[State]
 ) -> None:
-    revisions = fresh_kb.revisions()
+    revisions = fresh_kb.store.revisions()
     for revision in revisions:
         same_time = [r.number for r in revisions if r.committed_at == revision.committed_at]
         moment = revision.committed_at
@@ -243,7 +243,7 @@ TAKERS: dict[str, Callable[[KnowledgeBase, Any], object]] = {
     "log_since": lambda kb, when: [each.revision.number for each in kb.log(when)],
     "timeline": lambda kb, when: len(kb.timeline(until=when).lanes),
     "when": lambda kb, when: len(list(kb.when("(robot_at ?r ?w)", until=when))),
-    "rules": lambda kb, when: str(kb.check_rules("(always (robot_at rb1 wp2))", since=when)),
+    "rules": lambda kb, when: str(kb.pddl.check_rules("(always (robot_at rb1 wp2))", since=when)),
 }
 
 
@@ -252,7 +252,7 @@ def test_a_revision_or_a_time_is_given_as_text(fresh_kb: KnowledgeBase, taker: s
     for step in HISTORY[:4]:
         step(fresh_kb)
     take = TAKERS[taker]
-    moment = fresh_kb.revisions()[1].committed_at
+    moment = fresh_kb.store.revisions()[1].committed_at
     assert take(fresh_kb, "2") == take(fresh_kb, 2)
     assert take(fresh_kb, moment.isoformat()) == take(fresh_kb, moment)
     naive = moment.replace(tzinfo=None).isoformat()
@@ -274,6 +274,6 @@ def test_yesterday_and_now_are_read(fresh_kb: KnowledgeBase) -> None:
 def test_now_is_the_present(fresh_kb: KnowledgeBase) -> None:
     for number in range(5):
         fresh_kb.objects.save(waypoint(number))
-        last = fresh_kb.revisions()[-1]
+        last = fresh_kb.store.revisions()[-1]
         assert fresh_kb.at(last.committed_at).revision == number + 1
     assert facts(fresh_kb.at(5)) == []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import (
-    ArityError,
     ConflictError,
     DependantsError,
     KnowledgeBase,
@@ -14,6 +13,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from kant_sql.errors import ArityError
 from tests.support.reading import (
     facts,
     last_changes,

@@ -5,16 +5,15 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import (
-    ArityError,
     ConflictError,
     KnowledgeBase,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    TypeMismatchError,
     UnknownNameError,
 )
+from kant_sql.errors import ArityError, TypeMismatchError
 from tests.support.reading import (
     facts,
     last_changes,

@@ -8,11 +8,9 @@ from typing import NamedTuple
 import pytest
 
 from kant_sql import (
-    ArityError,
     ConflictError,
     DependantsError,
     InvalidKnowledgeError,
-    InvalidNameError,
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
@@ -20,9 +18,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    TypeCycleError,
-    TypeMismatchError,
 )
+from kant_sql.errors import ArityError, InvalidNameError, TypeCycleError, TypeMismatchError
 from tests.support.reading import Undone, last_changes, refuses, state, versions
 from tests.support.worlds.robots import RB1, ROBOT, WP1, WP2, navigation, robot_at, waypoint
 
@@ -114,7 +111,7 @@ def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 def test_a_refused_call_stores_nothing(kb: KnowledgeBase, refused: Refused) -> None:
     refuses(kb, refused.error, refused.call, kb)
     refuses(kb, refused.error, refused.call, kb)
-    assert len(kb.revisions()) == 1
+    assert len(kb.store.revisions()) == 1
 
 
 @ALL

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from kant_sql import InvalidMetadataError, KnowledgeBase, PddlTypeDto, UnknownRevisionError
+from kant_sql import KnowledgeBase, PddlTypeDto, UnknownRevisionError
+from kant_sql.errors import InvalidMetadataError
 from kant_sql.sql.dialects.base import Session
 from tests.support.reading import last_changes, nothing_changes
 from tests.support.stores import Connect
@@ -40,7 +41,7 @@ SOURCES: list[Any] = [
 
 def test_an_empty_knowledge_base_has_no_revision(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.revision == 0
-    assert fresh_kb.revisions() == []
+    assert fresh_kb.store.revisions() == []
     assert list(fresh_kb.log()) == []
     assert fresh_kb.at(0).revision == 0
     with fresh_kb.transaction():
@@ -56,7 +57,7 @@ def test_revisions_are_numbered_without_gaps_and_time_does_not_go_back(
         fresh_kb.objects.save(waypoint(number))
         fresh_kb.objects.save(waypoint(number))
         assert fresh_kb.objects.delete(waypoint(99)) is False
-    revisions = fresh_kb.revisions()
+    revisions = fresh_kb.store.revisions()
     assert [revision.number for revision in revisions] == [1, 2, 3, 4, 5, 6]
     times = [revision.committed_at for revision in revisions]
     assert times == sorted(times)
@@ -72,20 +73,20 @@ def test_time_does_not_go_back_even_if_the_clock_does(
     true_now = Session.now
     monkeypatch.setattr(Session, "now", lambda self, raw: true_now(self, raw) - timedelta(days=1))
     fresh_kb.types.save(WAYPOINT)
-    one, other = fresh_kb.revisions()
+    one, other = fresh_kb.store.revisions()
     assert one.committed_at == other.committed_at
     # What was the present then is the past, whatever the clock says.
     assert fresh_kb.at(other.committed_at).revision == 2
     monkeypatch.undo()
     fresh_kb.types.save(PddlTypeDto("later"))
-    assert fresh_kb.revisions()[-1].committed_at > other.committed_at
+    assert fresh_kb.store.revisions()[-1].committed_at > other.committed_at
 
 
 def test_each_revision_has_a_hash_of_its_own(fresh_kb: KnowledgeBase) -> None:
     for _ in range(2):
         fresh_kb.types.save(ROBOT)
         fresh_kb.types.delete(ROBOT)
-    hashes = [revision.hash for revision in fresh_kb.revisions()]
+    hashes = [revision.hash for revision in fresh_kb.store.revisions()]
     assert len(set(hashes)) == 4
     assert all(len(digest) == 64 and int(digest, 16) >= 0 for digest in hashes)
 
@@ -99,7 +100,7 @@ def test_actor_and_reason_are_recorded(fresh_kb: KnowledgeBase) -> None:
         fresh_kb.types.delete(WAYPOINT)
     with fresh_kb.transaction(reason="x" * 100_000):
         fresh_kb.types.save(WAYPOINT)
-    said = [(revision.actor, revision.reason) for revision in fresh_kb.revisions()]
+    said = [(revision.actor, revision.reason) for revision in fresh_kb.store.revisions()]
     assert said == [
         ("test", None),
         ("executive", strange),
@@ -111,14 +112,14 @@ def test_actor_and_reason_are_recorded(fresh_kb: KnowledgeBase) -> None:
 def test_without_an_actor_there_is_none(common_url: str, connect: Connect) -> None:
     kb = connect(common_url, knowledge_base=f"nobody {datetime.now(UTC).isoformat()}")
     kb.types.save(ROBOT)
-    assert kb.revisions()[0].actor is None
+    assert kb.store.revisions()[0].actor is None
 
 
 def test_a_source_is_any_json_and_is_read_as_it_was_given(fresh_kb: KnowledgeBase) -> None:
     for number, source in enumerate(SOURCES):
         with fresh_kb.transaction(source=source):
             fresh_kb.objects.save(waypoint(number))
-    read = [revision.source for revision in fresh_kb.revisions()]
+    read = [revision.source for revision in fresh_kb.store.revisions()]
     assert read == SOURCES
     for got, given in zip(read, SOURCES, strict=True):
         # JSON has one kind of number: one without a fraction is read as an integer, if that is
@@ -131,7 +132,7 @@ def test_a_source_is_any_json_and_is_read_as_it_was_given(fresh_kb: KnowledgeBas
 def test_a_tuple_is_read_back_as_the_list_that_it_is_in_json(fresh_kb: KnowledgeBase) -> None:
     with fresh_kb.transaction(source=("camera", 3)):
         fresh_kb.types.save(ROBOT)
-    assert fresh_kb.revisions()[0].source == ["camera", 3]
+    assert fresh_kb.store.revisions()[0].source == ["camera", 3]
 
 
 @pytest.mark.parametrize(
@@ -168,7 +169,7 @@ def test_revisions_are_read_from_where_and_as_many_as_asked_for(fresh_kb: Knowle
         fresh_kb.objects.save(waypoint(number))
 
     def numbers(after: int = 0, limit: int | None = None) -> list[int]:
-        return [revision.number for revision in fresh_kb.revisions(after, limit=limit)]
+        return [revision.number for revision in fresh_kb.store.revisions(after, limit=limit)]
 
     assert numbers() == [1, 2, 3, 4, 5]
     assert numbers(3) == [4, 5]
@@ -199,7 +200,7 @@ def test_the_log_is_newest_first_and_in_the_order_of_the_hash(fresh_kb: Knowledg
     ]
     entries = list(fresh_kb.log())
     assert [entry.revision.number for entry in entries] == [2, 1]
-    assert [entry.revision for entry in entries] == fresh_kb.revisions()[::-1]
+    assert [entry.revision for entry in entries] == fresh_kb.store.revisions()[::-1]
     for entry in entries:
         assert list(entry.changes) == sorted(entry.changes)
     assert [len(list(fresh_kb.log(limit=limit))) for limit in (0, 1, 2, 3)] == [0, 1, 2, 2]

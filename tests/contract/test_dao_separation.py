@@ -59,7 +59,7 @@ def test_an_empty_knowledge_base_answers_every_question(fresh_kb: KnowledgeBase)
         with pytest.raises(UnknownNameError):
             kb.propositions.get_by_predicate("robot_at")
         assert kb.revision == 0
-        assert kb.revisions() == []
+        assert kb.store.revisions() == []
         assert list(kb.log()) == []
 
 
@@ -85,7 +85,7 @@ def test_two_knowledge_bases_do_not_see_each_other(
     one.actions.save(navigation())
     assert state(other) == EMPTY
     assert other.revision == 0
-    assert other.revisions() == []
+    assert other.store.revisions() == []
     # The same names, with other definitions.
     other.types.save(PddlTypeDto("WP", parent=ROBOT))
     other.propositions.save(robot_at(RB1, WP2))
@@ -96,8 +96,8 @@ def test_two_knowledge_bases_do_not_see_each_other(
         assert one.types.delete_all() == 2
         assert one.propositions.delete_all() == 0
     assert state(one) == EMPTY
-    assert [revision.actor for revision in one.revisions()] == ["one"] * 3
-    assert [revision.actor for revision in other.revisions()] == ["other"] * 2
+    assert [revision.actor for revision in one.store.revisions()] == ["one"] * 3
+    assert [revision.actor for revision in other.store.revisions()] == ["other"] * 2
     assert [entry.revision.number for entry in other.log()] == [2, 1]
     assert facts(one.at(1)) == ["(robot_at rb1 wp1)"]
 

@@ -242,7 +242,7 @@ def test_an_action_is_redefined_in_one_transaction_as_often_as_one_likes(
 def test_the_outer_transaction_says_who_and_why(kb: KnowledgeBase) -> None:
     with kb.transaction(actor="outer", reason="because"), kb.transaction(actor="inner", source=1):
         kb.types.save(PddlTypeDto("new"))
-    last = kb.revisions()[-1]
+    last = kb.store.revisions()[-1]
     assert (last.actor, last.reason, last.source) == ("outer", "because", None)
 
 
@@ -288,7 +288,7 @@ def test_the_past_can_be_read_within_a_transaction(kb: KnowledgeBase) -> None:
         assert facts(kb) == []
         assert state(kb.at(1)) == before
         assert state(kb.at(0))["types"] == []
-        assert [revision.number for revision in kb.revisions()] == [1]
+        assert [revision.number for revision in kb.store.revisions()] == [1]
         assert [entry.revision.number for entry in kb.log()] == [1]
         kb.propositions.save(robot_at(RB1, WP1))
     assert last_changes(kb) == [

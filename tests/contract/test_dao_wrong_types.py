@@ -17,7 +17,6 @@ import pytest
 from kant_sql import (
     Dto,
     InvalidKnowledgeError,
-    InvalidNameError,
     KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
@@ -27,6 +26,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from kant_sql.errors import InvalidNameError
 from tests.support.reading import Undone, nothing_changes, refuses, undone
 from tests.support.worlds.robots import RB1, ROBOT, assigned, robot_at
 

@@ -59,18 +59,18 @@ def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:
 @pytest.mark.parametrize("opening", ["(or (p) ", "(exists (?x) "])
 def test_what_is_deep_comes_back_equal(fresh_kb: KnowledgeBase, opening: str) -> None:
     domain, problem = load(fresh_kb, opening, LEVELS)
-    assert fresh_kb.domain() == domain
-    assert fresh_kb.problem() == problem
+    assert fresh_kb.pddl.domain() == domain
+    assert fresh_kb.pddl.problem() == problem
     assert fresh_kb.at(fresh_kb.revision).problem_pddl() == write(problem)
     assert fresh_kb.at(1).domain_pddl() == write(domain)
-    assert fresh_kb.verify().is_intact
+    assert fresh_kb.store.verify().is_intact
     action = fresh_kb.actions.get("a")
     assert pickle.loads(pickle.dumps(action)).conditions == action.conditions  # type: ignore[union-attr]
     fresh_kb.restore(1)
     fresh_kb.restore(2)
-    assert fresh_kb.problem() == problem
+    assert fresh_kb.pddl.problem() == problem
     fresh_kb.load_domain(write(domain), mode="replace")
-    assert fresh_kb.domain() == domain
+    assert fresh_kb.pddl.domain() == domain
 
 
 def nested(leaf: Any, levels: int) -> Any:
@@ -92,11 +92,11 @@ def test_daos_take_and_give_what_is_deep(fresh_kb: KnowledgeBase) -> None:
     goal = Exists((TypedName("x", ("t",)),), nested(Atom("q", (term,)), LEVELS // 2))
     fresh_kb.goals.save(goal)
     fresh_kb.goals.save(Comparison("<", total, Fluent("f")))
-    fresh_kb.metric.set(Metric("minimize", total))
-    fresh_kb.derived_predicates.save(Derived("d", (), nested(Atom("p"), LEVELS)))
+    fresh_kb.pddl.metric.set(Metric("minimize", total))
+    fresh_kb.pddl.derived_predicates.save(Derived("d", (), nested(Atom("p"), LEVELS)))
     assert fresh_kb.goals.get_all() == [goal, Comparison("<", total, Fluent("f"))]
-    assert fresh_kb.metric.get() == Metric("minimize", total)
-    assert fresh_kb.verify().is_intact
+    assert fresh_kb.pddl.metric.get() == Metric("minimize", total)
+    assert fresh_kb.store.verify().is_intact
     assert fresh_kb.goals.insert(goal) is False
     assert fresh_kb.goals.delete(goal) is True
     assert fresh_kb.goals.delete(goal) is False
@@ -125,7 +125,7 @@ def test_what_is_deeper_is_refused_wherever_it_comes_from(fresh_kb: KnowledgeBas
             for save in (
                 lambda wrong=wrong: fresh_kb.goals.save(wrong),
                 lambda wrong=wrong: fresh_kb.goals.save(str(wrong)),
-                lambda wrong=wrong: fresh_kb.derived_predicates.save(Derived("p", (), wrong)),
+                lambda wrong=wrong: fresh_kb.pddl.derived_predicates.save(Derived("p", (), wrong)),
                 lambda wrong=wrong: fresh_kb.actions.save(
                     PddlActionDto("a", [], [wrong], [], durative=False)
                 ),

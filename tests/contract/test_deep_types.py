@@ -41,8 +41,8 @@ def test_a_deep_hierarchy_is_loaded_listed_and_saved(fresh_kb: KnowledgeBase) ->
     assert str(deepest) == f"t{LEVELS - 1} - t{LEVELS - 2}"
     assert fresh_kb.types.insert(deepest) is False
     fresh_kb.objects.save(PddlObjectDto(deepest, "o"))
-    assert fresh_kb.verify().is_intact
-    assert read_domain(fresh_kb.domain_pddl()) == fresh_kb.domain()
+    assert fresh_kb.store.verify().is_intact
+    assert read_domain(fresh_kb.domain_pddl()) == fresh_kb.pddl.domain()
     # What is missing above is saved along.
     fresh_kb.types.save(chain(LEVELS, "u")[-1])
     assert len(fresh_kb.types.get_all()) == 2 * LEVELS

@@ -71,11 +71,11 @@ def folded(value: Any) -> Any:
 def check_holds(kb: KnowledgeBase, documents: Documents) -> None:
     """Check that a knowledge base gives just these documents, in whatever way it is asked."""
     domain, problem = documents
-    assert kb.domain() == domain
-    assert kb.problem() == problem
+    assert kb.pddl.domain() == domain
+    assert kb.pddl.problem() == problem
     assert kb.domain_pddl() == write(domain)
     text = kb.problem_pddl()
-    assert text == write(kb.problem()) == kb.problem_pddl()
+    assert text == write(kb.pddl.problem()) == kb.problem_pddl()
     assert read_problem(text, domain=domain) == problem
 
 
@@ -89,7 +89,7 @@ def test_documents_survive_the_store() -> None:
             made = kb.revision
             check_holds(kb, documents)
             # Definitions of a process that has not written them come from the tables.
-            newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+            newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
             check_holds(newcomer, documents)
             for mode in ("replace", "merge"):
                 assert newcomer.load_domain(kb.domain_pddl(), mode=mode).revision is None
@@ -110,14 +110,14 @@ def test_documents_replace_others(stores: list[str]) -> None:
             load(kb, before)
             load(kb, after)
             # What is known already keeps its first spelling.
-            assert folded((kb.domain(), kb.problem())) == folded(after)
-            assert read_domain(kb.domain_pddl()) == kb.domain()
+            assert folded((kb.pddl.domain(), kb.pddl.problem())) == folded(after)
+            assert read_domain(kb.domain_pddl()) == kb.pddl.domain()
             text = kb.problem_pddl()
-            assert read_problem(text, domain=kb.domain()) == kb.problem()
+            assert read_problem(text, domain=kb.pddl.domain()) == kb.pddl.problem()
             check_holds(kb.at(1), before)
             load(kb, before)
             check_holds(kb, before)
-            newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+            newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
             check_holds(newcomer, before)
 
         everywhere(check)

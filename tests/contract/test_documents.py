@@ -126,7 +126,7 @@ def test_several_files_are_one_domain(fresh_kb: KnowledgeBase) -> None:
     )
     fresh_kb.load_domain(types, predicates, act)
     assert fresh_kb.revision == 1
-    assert fresh_kb.domain() == read_domain(types, predicates, act)
+    assert fresh_kb.pddl.domain() == read_domain(types, predicates, act)
     contradiction = domain("(:types truck - object) (:predicates (free))")
     with nothing_changes(fresh_kb), pytest.raises(PddlError):
         fresh_kb.load_domain(predicates, contradiction)
@@ -159,7 +159,7 @@ def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> Non
         assert fresh_kb.load_domain(DOMAIN).revision is None
         assert fresh_kb.load_problem(PROBLEM).revision is None
         fresh_kb.propositions.save(fact("t2"))
-        assert set(fresh_kb.problem().facts) == {at(), at(T2)}
+        assert set(fresh_kb.pddl.problem().facts) == {at(), at(T2)}
         with pytest.raises(PddlError):
             fresh_kb.load_problem(problem("(near t1 t2)"))
     assert fresh_kb.revision == 1
@@ -167,7 +167,7 @@ def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> Non
     text = fresh_kb.problem_pddl()
     with undone(fresh_kb):
         fresh_kb.load_domain(domain("(:predicates (idle))"))
-        assert fresh_kb.problem().facts == ()
+        assert fresh_kb.pddl.problem().facts == ()
     assert (fresh_kb.revision, fresh_kb.problem_pddl()) == (1, text)
 
 
@@ -177,7 +177,7 @@ def test_the_past_is_read_only(fresh_kb: KnowledgeBase) -> None:
     for call in (past.load_domain, past.load_problem):
         with nothing_changes(fresh_kb), pytest.raises(ReadOnlyError):
             call(DOMAIN if call == past.load_domain else PROBLEM)
-    assert past.problem() == read_problem(PROBLEM, domain=read_domain(DOMAIN))
+    assert past.pddl.problem() == read_problem(PROBLEM, domain=read_domain(DOMAIN))
 
 
 def test_past_documents_stay(fresh_kb: KnowledgeBase) -> None:
@@ -202,14 +202,14 @@ def test_a_knowledge_base_without_documents_has_some(fresh_kb: KnowledgeBase) ->
     assert fresh_kb.domain_pddl() == "(define (domain default)\n  (:requirements :strips)\n)\n"
     check_text(fresh_kb)
     fresh_kb.propositions.save(fact())
-    assert fresh_kb.domain().requirements == (":strips", ":typing")
-    assert fresh_kb.problem().facts == (at(),)
+    assert fresh_kb.pddl.domain().requirements == (":strips", ":typing")
+    assert fresh_kb.pddl.problem().facts == (at(),)
     check_text(fresh_kb)
     # Whatever the domain is called in a problem, it is this one.
     fresh_kb.load_problem(
         "(define (problem p) (:domain Depot) (:objects t2 - truck) (:init) (:goal (and)))"
     )
-    assert fresh_kb.domain().name == "Depot"
+    assert fresh_kb.pddl.domain().name == "Depot"
     check_text(fresh_kb)
 
 
@@ -224,13 +224,13 @@ def test_replacing_a_problem_retracts_what_it_does_not_say(fresh_kb: KnowledgeBa
         "(:constraints (always (idle))) (:metric minimize (fuel t1))",
     )
     fresh_kb.load_problem(first)
-    assert fresh_kb.problem() == read_problem(first, domain=fresh_kb.domain())
+    assert fresh_kb.pddl.problem() == read_problem(first, domain=fresh_kb.pddl.domain())
     bare = (
         "(define (problem monday) (:domain depot) (:objects t2 - truck p2 - place) "
         "(:init (at t2 p2)) (:goal (and)))"
     )
     fresh_kb.load_problem(bare)
-    assert fresh_kb.problem() == read_problem(bare, domain=fresh_kb.domain())
+    assert fresh_kb.pddl.problem() == read_problem(bare, domain=fresh_kb.pddl.domain())
     assert fresh_kb.function_values.get_all() == []
     changes = last_changes(fresh_kb)
     assert "- fact (at t1 p1)" in changes
@@ -240,19 +240,19 @@ def test_replacing_a_problem_retracts_what_it_does_not_say(fresh_kb: KnowledgeBa
         "value",
     ]
     # The domain is as it was, its constant too.
-    assert fresh_kb.domain() == read_domain(DOMAIN)
+    assert fresh_kb.pddl.domain() == read_domain(DOMAIN)
 
 
 def test_replacing_a_domain_keeps_what_still_fits(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     with fresh_kb.transaction():
         fresh_kb.goals.save_all([Not(IDLE), Exists((TRUCK,), at(T, HUB)), at(T2)])
-        fresh_kb.metric.set(None)
+        fresh_kb.pddl.metric.set(None)
     before = fresh_kb.revision
     wider = DOMAIN.replace("(idle)", "(idle ?m - machine)").replace("(fuel ?t - truck)", "(fuel)")
     fresh_kb.load_domain(wider)
-    assert fresh_kb.domain() == read_domain(wider)
-    problem_ = fresh_kb.problem()
+    assert fresh_kb.pddl.domain() == read_domain(wider)
+    problem_ = fresh_kb.pddl.problem()
     assert problem_.facts == (at(),)
     assert problem_.goal == (at(T2), Exists((TRUCK,), at(T, HUB)))
     # What has another signature now takes its values and formulas along.
@@ -268,7 +268,11 @@ def test_replacing_a_domain_keeps_what_still_fits(fresh_kb: KnowledgeBase) -> No
     # A fact that was not touched has one version all the time.
     count = "SELECT count(*) FROM proposition_version WHERE kb_id = :kb AND NOT until IS NULL"
     assert rows(fresh_kb, count) == [(0,)]
-    assert fresh_kb.at(before).problem().goal == (at(T2), Not(IDLE), Exists((TRUCK,), at(T, HUB)))
+    assert fresh_kb.at(before).pddl.problem().goal == (
+        at(T2),
+        Not(IDLE),
+        Exists((TRUCK,), at(T, HUB)),
+    )
 
 
 REPLACED = {
@@ -298,15 +302,15 @@ def test_what_fits_no_more_goes_with_the_domain_that_is_replaced(
     fresh_kb: KnowledgeBase, old: str, new: str, gone: str
 ) -> None:
     load(fresh_kb)
-    before = fresh_kb.problem()
+    before = fresh_kb.pddl.problem()
     changed = DOMAIN.replace(old, new)
     assert changed != DOMAIN
     if gone == "unread":
         changed = domain("(:types crane - machine machine place) (:predicates (idle))")
     fresh_kb.load_domain(changed)
-    assert fresh_kb.domain() == read_domain(changed)
+    assert fresh_kb.pddl.domain() == read_domain(changed)
     check_text(fresh_kb)
-    problem_ = fresh_kb.problem()
+    problem_ = fresh_kb.pddl.problem()
     left = {value.fluent.function for value in problem_.values}
     if gone == "unread":
         assert [part.name for part in problem_.objects] == ["c1", "p1", "p2"]
@@ -317,16 +321,16 @@ def test_what_fits_no_more_goes_with_the_domain_that_is_replaced(
     else:
         assert problem_.facts == (at(),)
         assert left == {"fuel", "home"} - {gone}
-    assert fresh_kb.at(1).problem() == before
+    assert fresh_kb.at(1).pddl.problem() == before
     fresh_kb.load_domain(DOMAIN)
     fresh_kb.load_problem(PROBLEM)
-    assert fresh_kb.problem() == before
+    assert fresh_kb.pddl.problem() == before
 
 
 def test_a_problem_follows_its_domain_to_another_name(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     fresh_kb.load_domain(DOMAIN.replace("(domain depot)", "(domain harbour)"))
-    assert fresh_kb.problem().domain == "harbour"
+    assert fresh_kb.pddl.problem().domain == "harbour"
     check_text(fresh_kb)
 
 
@@ -337,15 +341,15 @@ def test_an_action_may_become_an_event_and_a_constant_an_object(fresh_kb: Knowle
     fresh_kb.load_problem(problem("(at t1 hub)"))
     event = DOMAIN.rstrip()[:-1] + act.replace(":action", ":event") + ")"
     fresh_kb.load_domain(event)
-    assert fresh_kb.domain() == read_domain(event)
+    assert fresh_kb.pddl.domain() == read_domain(event)
     # Without its constant a domain keeps nothing that mentions it.
     fresh_kb.load_domain(DOMAIN.replace("(:constants hub - place)", ""))
     fresh_kb.load_problem(problem("(at t1 hub)", objects="hub - place"))
-    assert [part.name for part in fresh_kb.problem().objects][-1] == "hub"
-    assert fresh_kb.domain().constants == ()
+    assert [part.name for part in fresh_kb.pddl.problem().objects][-1] == "hub"
+    assert fresh_kb.pddl.domain().constants == ()
     fresh_kb.load_domain(event)
-    assert [part.name for part in fresh_kb.domain().constants] == ["hub"]
-    assert fresh_kb.problem().facts == (at(T1, HUB),)
+    assert [part.name for part in fresh_kb.pddl.domain().constants] == ["hub"]
+    assert fresh_kb.pddl.problem().facts == (at(T1, HUB),)
     check_text(fresh_kb)
 
 
@@ -358,7 +362,7 @@ def test_merging_keeps_what_there_is(fresh_kb: KnowledgeBase) -> None:
         "(:requirements :strips) (:types ship - machine machine) (:predicates (sunk ?s - ship))"
     )
     fresh_kb.load_domain(more, mode="merge")
-    merged = fresh_kb.domain()
+    merged = fresh_kb.pddl.domain()
     assert [type_.name for type_ in merged.types] == ["truck", "crane", "machine", "place", "ship"]
     assert [each.name for each in merged.predicates][-2:] == ["reachable", "sunk"]
     assert merged.functions == read_domain(DOMAIN).functions
@@ -368,7 +372,7 @@ def test_merging_keeps_what_there_is(fresh_kb: KnowledgeBase) -> None:
         "(:init (sunk s1) (= (fuel t1) 7.5)) (:goal (not (idle))))",
         mode="merge",
     )
-    problem_ = fresh_kb.problem()
+    problem_ = fresh_kb.pddl.problem()
     assert [part.name for part in problem_.objects] == ["t1", "t2", "c1", "p1", "p2", "s1"]
     assert [str(fact_) for fact_ in problem_.facts] == ["(at t1 p1)", "(sunk s1)"]
     assert problem_.goal == (Not(IDLE),)
@@ -465,12 +469,12 @@ def test_the_order_of_declarations_is_that_of_the_last_load(fresh_kb: KnowledgeB
     assert fresh_kb.load_domain(turned).revision == 2
     assert [line.split()[1] for line in last_changes(fresh_kb)] == ["document", "document"]
     for reader in (fresh_kb, again(fresh_kb)):
-        assert reader.domain() == read_domain(turned)
+        assert reader.pddl.domain() == read_domain(turned)
         assert reader.domain_pddl() == write(read_domain(turned))
     objects = PROBLEM.replace("t1 t2 - truck c1 - crane", "c1 - crane t2 t1 - truck")
     fresh_kb.load_problem(objects)
-    assert fresh_kb.problem() == read_problem(objects, domain=fresh_kb.domain())
-    assert fresh_kb.at(1).domain() == read_domain(DOMAIN)
+    assert fresh_kb.pddl.problem() == read_problem(objects, domain=fresh_kb.pddl.domain())
+    assert fresh_kb.at(1).pddl.domain() == read_domain(DOMAIN)
 
 
 def test_the_order_of_goals_is_kept(fresh_kb: KnowledgeBase) -> None:
@@ -478,14 +482,14 @@ def test_the_order_of_goals_is_kept(fresh_kb: KnowledgeBase) -> None:
     goals = ["(idle)", "(not (at t1 p1))", "(at t2 p2)", "(or (idle))", "(at t1 p2)"]
     for order in (goals, goals[::-1], [*goals[2:], *goals[:2]]):
         fresh_kb.load_problem(problem("(at t1 p1)", f"(and {' '.join(order)})"))
-        assert [str(goal) for goal in fresh_kb.problem().goal] == order
-        assert [str(goal) for goal in again(fresh_kb).problem().goal] == order
+        assert [str(goal) for goal in fresh_kb.pddl.problem().goal] == order
+        assert [str(goal) for goal in again(fresh_kb).pddl.problem().goal] == order
         literals = [str(goal) for goal in fresh_kb.propositions.get_goals()]
         assert sorted(literals) == ["(at t1 p2)", "(at t2 p2)", "(idle)"]
     # Whoever adds one later adds it at the end.
     fresh_kb.goals.save(Exists((TRUCK,), at(T, HUB)))
     fresh_kb.propositions.delete(PddlPropositionDto(PddlPredicateDto("idle"), [], True))
-    found = [str(goal) for goal in fresh_kb.problem().goal]
+    found = [str(goal) for goal in fresh_kb.pddl.problem().goal]
     left = ["(at t2 p2)", "(or (idle))", "(at t1 p2)", "(not (at t1 p1))"]
     assert found == [*left, "(exists (?t - truck) (at ?t hub))"]
     check_text(fresh_kb)
@@ -499,8 +503,8 @@ def test_goals_and_constraints_said_twice_are_kept(fresh_kb: KnowledgeBase) -> N
         "(:constraints (and (always (idle)) (always (idle))))",
     )
     fresh_kb.load_problem(twice)
-    assert fresh_kb.problem() == read_problem(twice, domain=fresh_kb.domain())
-    assert len(fresh_kb.problem().goal) == 4
+    assert fresh_kb.pddl.problem() == read_problem(twice, domain=fresh_kb.pddl.domain())
+    assert len(fresh_kb.pddl.problem().goal) == 4
     assert fresh_kb.load_problem(fresh_kb.problem_pddl()).revision is None
 
 
@@ -508,25 +512,27 @@ def test_spelling_is_the_first_one(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     loud = PROBLEM.upper().replace("MONDAY", "Monday")
     fresh_kb.load_problem(loud)
-    problem_ = fresh_kb.problem()
+    problem_ = fresh_kb.pddl.problem()
     assert (problem_.name, problem_.domain) == ("Monday", "depot")
     assert [part.name for part in problem_.objects] == ["t1", "t2", "c1", "p1", "p2"]
     assert problem_.facts == (at(),)
     # A name that was never known is kept as it is written.
     fresh_kb.load_problem(problem("(at T3 P1)", objects="T3 - Truck"))
-    assert fresh_kb.problem().facts == (at(Constant("T3")),)
+    assert fresh_kb.pddl.problem().facts == (at(Constant("T3")),)
     check_text(fresh_kb)
 
 
 def test_parameters_that_share_a_name_are_kept(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    linked = next(each for each in again(fresh_kb).domain().predicates if each.name == "linked")
+    linked = next(
+        each for each in again(fresh_kb).pddl.domain().predicates if each.name == "linked"
+    )
     assert linked.parameters == (TypedName("x", ("place",)),) * 2
     renamed = DOMAIN.replace("(linked ?x ?x - place)", "(linked ?from ?to - place)")
     # That is not a contradiction, and so no reason to change what is kept.
     assert fresh_kb.load_domain(renamed, mode="merge").revision is None
     assert fresh_kb.load_domain(renamed).revision == 2
-    assert fresh_kb.domain() == read_domain(renamed)
+    assert fresh_kb.pddl.domain() == read_domain(renamed)
     assert len(last_changes(fresh_kb)) == 2
 
 
@@ -534,7 +540,7 @@ def test_numbers_are_exact(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     for text in ("0.1", "7.50", "100000000000000000000000.000000000000000000001", "-3", "1e2"):
         fresh_kb.load_problem(problem(f"(= (fuel t1) {text})"))
-        (value,) = fresh_kb.problem().values
+        (value,) = fresh_kb.pddl.problem().values
         assert value == FunctionValue(fuel(), number(text))
     fresh_kb.load_problem(problem("(= (fuel t1) 7.50)"))
     assert "(= (fuel t1) 7.50)" in fresh_kb.problem_pddl()
@@ -555,7 +561,7 @@ def test_edits_through_daos_show_in_the_documents(fresh_kb: KnowledgeBase) -> No
         fresh_kb.propositions.delete(fact())
         fresh_kb.function_values.increase("fuel", objects=["t1"], by=1)
         fresh_kb.actions.save(PddlActionDto("act", [], [Not(IDLE)], [IDLE], durative=False))
-    domain_, problem_ = fresh_kb.domain(), fresh_kb.problem()
+    domain_, problem_ = fresh_kb.pddl.domain(), fresh_kb.pddl.problem()
     assert domain_.types[-1] == TypedName("ship", ("machine",))
     assert domain_.predicates[-1].name == "sunk"
     assert [action.name for action in domain_.actions] == ["act"]
@@ -568,7 +574,7 @@ def test_a_fact_that_comes_to_hold_is_not_denied(fresh_kb: KnowledgeBase) -> Non
     load(fresh_kb)
     fresh_kb.load_problem(problem("(not (at t1 p1)) (not (idle)) (= t1 t1)"))
     fresh_kb.propositions.save(fact())
-    problem_ = fresh_kb.problem()
+    problem_ = fresh_kb.pddl.problem()
     assert problem_.facts == (at(),)
     assert problem_.literals == (Not(IDLE), Equal(T1, T1))
     check_text(fresh_kb)
@@ -578,31 +584,31 @@ def test_requirements_are_kept_as_written_and_computed(fresh_kb: KnowledgeBase) 
     written = DOMAIN.replace("(:types", "(:requirements :adl :typing :adl) (:types")
     fresh_kb.load_domain(written)
     fresh_kb.load_problem(PROBLEM)
-    assert fresh_kb.domain().requirements == (":adl", ":typing")
-    assert {":strips", ":typing", ":object-fluents"} <= {*fresh_kb.requirements()}
-    assert ":adl" not in fresh_kb.requirements()
+    assert fresh_kb.pddl.domain().requirements == (":adl", ":typing")
+    assert {":strips", ":typing", ":object-fluents"} <= {*fresh_kb.pddl.requirements()}
+    assert ":adl" not in fresh_kb.pddl.requirements()
     fresh_kb.goals.save(Exists((TRUCK,), at(T, HUB)))
-    assert ":existential-preconditions" in fresh_kb.requirements()
-    assert ":existential-preconditions" not in fresh_kb.at(2).requirements()
+    assert ":existential-preconditions" in fresh_kb.pddl.requirements()
+    assert ":existential-preconditions" not in fresh_kb.at(2).pddl.requirements()
 
 
 def test_a_document_within_a_transaction_is_what_it_has_changed(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     with fresh_kb.transaction():
         fresh_kb.goals.save(And((at(T2), Not(IDLE))))
-        assert fresh_kb.problem().goal == (at(T2), Not(IDLE))
+        assert fresh_kb.pddl.problem().goal == (at(T2), Not(IDLE))
         assert "(at t2 p1)" in fresh_kb.problem_pddl()
-        assert again(fresh_kb).problem().goal == () if _is_shared(fresh_kb) else True
-    assert fresh_kb.problem().goal == (at(T2), Not(IDLE))
+        assert again(fresh_kb).pddl.problem().goal == () if _is_shared(fresh_kb) else True
+    assert fresh_kb.pddl.problem().goal == (at(T2), Not(IDLE))
 
 
 def _is_shared(kb: KnowledgeBase) -> bool:
     """Whether others can read while one writes: a store in memory has one connection."""
-    store: Any = kb.factory._store  # type: ignore[attr-defined]
+    store: Any = kb.store.factory._store  # type: ignore[attr-defined]
     return str(store.backend.engine.url) != "sqlite://"
 
 
 def test_fluents_are_kept(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
-    values = {value.fluent: value.value for value in again(fresh_kb).problem().values}
+    values = {value.fluent: value.value for value in again(fresh_kb).pddl.problem().values}
     assert values == {fuel(): number("7.50"), Fluent("home", (T1,)): HUB}

@@ -78,25 +78,25 @@ def test_a_problem_is_checked_against_the_domain_that_it_is_stored_with(
     monkeypatch.setattr(exchange, "read_problem", read_while_another_writes)
     if fits:
         kb.load_problem(text)
-        assert kb.problem() == read_problem(text, domain=read_domain(OTHER_DOMAIN))
+        assert kb.pddl.problem() == read_problem(text, domain=read_domain(OTHER_DOMAIN))
     else:
         with pytest.raises(PddlError, match="open"):
             kb.load_problem(text)
         assert kb.revision == 2
     assert len(calls) == 2
-    assert kb.domain() == read_domain(OTHER_DOMAIN)
+    assert kb.pddl.domain() == read_domain(OTHER_DOMAIN)
     check_text(kb)
 
 
 def test_a_problem_and_its_domain_are_of_one_state(shared_url: str, connect: Connect) -> None:
     kb, other = (connect(shared_url, knowledge_base="tiago") for _ in range(2))
     load(kb)
-    before = kb.problem()
+    before = kb.pddl.problem()
     with other.transaction():
         other.load_domain(OTHER_DOMAIN)
         other.load_problem(PROBLEM.replace("monday", "tuesday"))
         # Nothing of it is seen before it is committed.
-        assert kb.problem() == before
-        assert kb.domain() == read_domain(DOMAIN)
-    assert kb.problem().name == "tuesday"
-    assert kb.domain() == read_domain(OTHER_DOMAIN)
+        assert kb.pddl.problem() == before
+        assert kb.pddl.domain() == read_domain(DOMAIN)
+    assert kb.pddl.problem().name == "tuesday"
+    assert kb.pddl.domain() == read_domain(OTHER_DOMAIN)

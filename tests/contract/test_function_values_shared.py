@@ -89,7 +89,7 @@ def test_save_all_takes_as_many_statements_for_a_thousand_values_as_for_ten(
 def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
     fill(kb, 2)
     kb.functions.save(LOCATION)
-    store: Any = kb.factory._store  # type: ignore[attr-defined]
+    store: Any = kb.store.factory._store  # type: ignore[attr-defined]
     with store.transaction() as transaction:
         functions, objects = transaction.definitions.functions, transaction.definitions.objects
         one, zero = objects.named("wp1"), objects.named("wp0")
@@ -282,7 +282,7 @@ def test_any_program_has_the_results_of_a_dict(
             assert kb.revision - revision == (state != states[-1])
             if kb.revision > revision:
                 states.append(dict(state))
-        newcomer = beside(root, kb.factory._store.name)  # type: ignore[attr-defined]
+        newcomer = beside(root, kb.store.factory._store.name)  # type: ignore[attr-defined]
         assert read(newcomer) == state
         for number, then in enumerate(states[1:], start=4):
             assert read(newcomer.at(number)) == then

@@ -101,7 +101,7 @@ def test_every_hash_recomputes_from_the_tables(shared_url: str, connect: Connect
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     write_history(kb)
     assert kb.revision == 21
-    assert last_hash(shared_url) == kb.revisions()[-1].hash
+    assert last_hash(shared_url) == kb.store.revisions()[-1].hash
 
 
 def test_a_source_is_hashed_as_it_is_stored(shared_url: str, connect: Connect) -> None:
@@ -109,8 +109,8 @@ def test_a_source_is_hashed_as_it_is_stored(shared_url: str, connect: Connect) -
     for number, source in enumerate(SOURCES):
         with kb.transaction(source=source):
             kb.types.save(PddlTypeDto(f"type{number}"))
-    assert last_hash(shared_url) == kb.revisions()[-1].hash
-    assert [revision.source for revision in kb.revisions()] == SOURCES
+    assert last_hash(shared_url) == kb.store.revisions()[-1].hash
+    assert [revision.source for revision in kb.store.revisions()] == SOURCES
 
 
 def test_a_large_revision_is_hashed_as_a_small_one_is(
@@ -119,7 +119,7 @@ def test_a_large_revision_is_hashed_as_a_small_one_is(
     monkeypatch.setattr(propositions, "SPILL_AT", 1)
     kb = connect(shared_url, knowledge_base="tiago")
     write_history(kb)
-    assert last_hash(shared_url) == kb.revisions()[-1].hash
+    assert last_hash(shared_url) == kb.store.revisions()[-1].hash
 
 
 def test_the_program_accepts_no_other_form(shared_url: str, connect: Connect) -> None:
@@ -143,7 +143,7 @@ def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
         kb = connect(shared_url, knowledge_base=name)
         kb.propositions.save(robot_at())
         kb.propositions.delete_all()
-        assert last_hash(shared_url, name) == kb.revisions()[-1].hash
+        assert last_hash(shared_url, name) == kb.store.revisions()[-1].hash
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_whoever_changes_the_tables_breaks_the_chain(
         kb.propositions.save(robot_at(place=WP2))
         kb.function_values.set(BATTERY, objects=[RB1], value=80)
         kb.goals.save(EITHER_PLACE)
-    known = kb.revisions()[-1].hash
+    known = kb.store.revisions()[-1].hash
     assert last_hash(shared_url) == known
     with opened(shared_url) as store:
         store.execute(tampering, {})
@@ -199,7 +199,7 @@ def test_the_example_is_what_a_store_writes(
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     program = PYTHON[0].replace('"sqlite:///robot.db"', repr(shared_url))
     exec(program, {})
-    assert [revision.hash for revision in kb.revisions()] == HASHES
+    assert [revision.hash for revision in kb.store.revisions()] == HASHES
     assert last_hash(shared_url) == HASHES[-1]
 
 

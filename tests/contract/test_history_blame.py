@@ -28,7 +28,7 @@ def test_it_names_the_revision_that_asserted_it(fresh_kb: KnowledgeBase) -> None
     fresh_kb.propositions.save(robot_at(RB1, WP2))
     blamed = fresh_kb.blame(robot_at())
     assert blamed is not None
-    assert blamed.since == fresh_kb.revisions()[2]
+    assert blamed.since == fresh_kb.store.revisions()[2]
     assert (blamed.since.actor, blamed.since.reason) == ("camera", "seen")
     assert (blamed.kind, blamed.text, blamed.until) == ("fact", "(robot_at rb1 wp1)", None)
     assert fresh_kb.blame("(ROBOT_AT RB1 WP1)") == blamed

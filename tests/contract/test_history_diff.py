@@ -100,7 +100,7 @@ def test_a_value_is_a_difference_by_what_is_written(told: KnowledgeBase) -> None
 def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> None:
     start = load(fresh_kb)
     fresh_kb.goals.save(Comparison(">", fuel(), number("2")))
-    fresh_kb.metric.set(Metric("minimize", fuel()))
+    fresh_kb.pddl.metric.set(Metric("minimize", fuel()))
     assert lines(fresh_kb, start, fresh_kb.revision) == [
         "+ goal (> (fuel t1) 2)",
         "+ metric (:metric minimize (fuel t1))",
@@ -108,7 +108,7 @@ def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> Non
 
 
 def test_times_name_states(told: KnowledgeBase) -> None:
-    moments = [revision.committed_at for revision in told.revisions()]
+    moments = [revision.committed_at for revision in told.store.revisions()]
     before = moments[0] - timedelta(microseconds=1)
     assert told.diff(before, moments[-1]) == told.diff(0, len(STORY))
     assert told.diff(moments[-1], before) == told.diff(len(STORY), 0)

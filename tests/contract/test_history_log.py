@@ -75,7 +75,7 @@ def paged(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.usefixtures("paged")
 def test_entries_come_newest_first_with_all_that_changed(told: KnowledgeBase) -> None:
     entries = list(told.log())
-    assert [entry.revision for entry in entries] == told.revisions()[::-1]
+    assert [entry.revision for entry in entries] == told.store.revisions()[::-1]
     assert lines(iter(entries[:1])) == [
         (
             10,
@@ -163,7 +163,7 @@ def test_a_formula_is_an_element(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_times_bound_it_inclusively(told: KnowledgeBase) -> None:
-    revisions = told.revisions()
+    revisions = told.store.revisions()
     tick = timedelta(microseconds=1)
     for revision in revisions:
         moment = revision.committed_at
@@ -217,7 +217,7 @@ def test_a_view_of_the_past_knows_nothing_later(told: KnowledgeBase) -> None:
     assert lines(then.log(element=robot_at(RB1, WP1), limit=1)) == [
         (4, ["- fact (robot_at rb1 wp1)"])
     ]
-    assert then.at(told.revisions()[-1].committed_at).revision == 4
+    assert then.at(told.store.revisions()[-1].committed_at).revision == 4
     for call in (then.at, lambda when: then.log(until=when), then.restore):
         with pytest.raises((UnknownRevisionError, ReadOnlyError)):
             call(5)
@@ -268,7 +268,7 @@ def test_statements_do_not_grow_with_what_changed(kb: KnowledgeBase) -> None:
         for _ in range(size):
             kb.propositions.delete(robot_at(RB1, waypoint(0)))
             kb.propositions.save(robot_at(RB1, waypoint(0)))
-        times = [revision.committed_at for revision in kb.revisions(limit=2)]
+        times = [revision.committed_at for revision in kb.store.revisions(limit=2)]
         counts = (
             count(lambda: list(kb.log())),
             count(lambda: list(kb.log(actor="test"))),
@@ -378,7 +378,7 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
         kb.propositions.save(robot_at())
         kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at(RB1, WP2))
-    kb.archive(3, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'archive.db'}")
     whole: dict[str, Any]
     for whole, complete in (
         ({"until": 5}, [5, 4, 3]),

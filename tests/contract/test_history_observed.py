@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from kant_sql import InvalidMetadataError, KnowledgeBase
+from kant_sql import KnowledgeBase
+from kant_sql.errors import InvalidMetadataError
 from tests.support.chain import check_chain
 from tests.support.reading import nothing_changes, undone
 from tests.support.stores import Connect
@@ -18,7 +19,7 @@ SEEN = datetime(2026, 1, 31, 9, 30, 15, 123456, tzinfo=UTC)
 
 
 def observed(kb: KnowledgeBase) -> list[datetime | None]:
-    return [revision.observed_at for revision in kb.revisions()]
+    return [revision.observed_at for revision in kb.store.revisions()]
 
 
 @pytest.mark.parametrize(
@@ -35,7 +36,7 @@ def observed(kb: KnowledgeBase) -> list[datetime | None]:
 def test_it_is_kept_to_the_microsecond_in_utc(fresh_kb: KnowledgeBase, moment: datetime) -> None:
     with fresh_kb.transaction(observed_at=moment):
         fresh_kb.propositions.save(robot_at())
-    (revision,) = again(fresh_kb).revisions()
+    (revision,) = again(fresh_kb).store.revisions()
     assert revision.observed_at == moment
     assert revision.observed_at is not None
     assert revision.observed_at.utcoffset() == timedelta(0)

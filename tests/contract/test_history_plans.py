@@ -26,7 +26,7 @@ ASKED: dict[str, tuple[Callable[[KnowledgeBase], Any], int]] = {
     "history of a name": (lambda kb: kb.history("wp7"), 3),
     "log of an element": (lambda kb: list(kb.log(element=CALM)), 3),
     "log of few": (lambda kb: list(kb.log(limit=3)), 3),
-    "a moment": (lambda kb: kb.at(kb.revisions(after=9, limit=1)[0].committed_at), 3),
+    "a moment": (lambda kb: kb.at(kb.store.revisions(after=9, limit=1)[0].committed_at), 3),
 }
 
 

@@ -82,7 +82,7 @@ def text_of(call: Callable[[], str]) -> str:
 def everything(kb: KnowledgeBase) -> dict[str, str]:
     """All that a knowledge base can be asked for."""
     told = {dao: repr(getattr(kb, dao).get_all()) for dao in DAOS}
-    told["metric"] = repr(kb.metric.get())
+    told["metric"] = repr(kb.pddl.metric.get())
     told["domain"], told["problem"] = text_of(kb.domain_pddl), text_of(kb.problem_pddl)
     return told
 
@@ -102,18 +102,18 @@ STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.function_values.set(AT_DOCK, objects=[RB1], value=WP1),
     lambda kb: kb.actions.save(navigation()),
     lambda kb: kb.goals.save(Comparison(">", fuel(), number("2.50"))),
-    lambda kb: kb.metric.set(Metric("minimize", fuel())),
-    lambda kb: kb.constraints.save(Modal("always", (), (IDLE,))),
-    lambda kb: kb.timed_initial_literals.save(TimedLiteral(number("5"), at())),
-    lambda kb: kb.initial_literals.save(Not(IDLE)),
-    lambda kb: kb.derived_predicates.save(REACHABLE),
+    lambda kb: kb.pddl.metric.set(Metric("minimize", fuel())),
+    lambda kb: kb.pddl.constraints.save(Modal("always", (), (IDLE,))),
+    lambda kb: kb.pddl.timed_initial_literals.save(TimedLiteral(number("5"), at())),
+    lambda kb: kb.pddl.initial_literals.save(Not(IDLE)),
+    lambda kb: kb.pddl.derived_predicates.save(REACHABLE),
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=3),
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
     lambda kb: kb.propositions.delete(robot_at()),
     lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
     lambda kb: kb.objects.delete(WP1),
-    lambda kb: kb.metric.set(Metric("maximize", fuel())),
+    lambda kb: kb.pddl.metric.set(Metric("maximize", fuel())),
     lambda kb: kb.types.delete_all(),
     lambda kb: kb.propositions.save(robot_at()),
     lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "rb2")),
@@ -145,7 +145,7 @@ def test_it_is_a_revision_like_any_other(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.restore(1) == 3
     assert fresh_kb.restore(2, reason="a mistake", actor="operator") == 4
     assert fresh_kb.restore(3, reason="") == 5
-    said = [(each.actor, each.reason) for each in fresh_kb.revisions()[2:]]
+    said = [(each.actor, each.reason) for each in fresh_kb.store.revisions()[2:]]
     assert said == [("test", "restored revision 1"), ("operator", "a mistake"), ("test", "")]
     assert last_changes(fresh_kb) == ["+ fact (robot_at rb1 wp1)"]
     assert [each.since.number for each in fresh_kb.history(robot_at())] == [1, 3, 5]
@@ -177,10 +177,10 @@ def test_a_value_comes_back_as_it_was_written(fresh_kb: KnowledgeBase) -> None:
 def test_a_time_names_a_state(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
     fresh_kb.propositions.save(robot_at(RB1, WP2))
-    first = fresh_kb.revisions()[0].committed_at
+    first = fresh_kb.store.revisions()[0].committed_at
     fresh_kb.restore(first - timedelta(microseconds=1))
     check_is_as_at(fresh_kb, 0)
-    assert fresh_kb.revisions()[-1].reason == "restored revision 0"
+    assert fresh_kb.store.revisions()[-1].reason == "restored revision 0"
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> Non
         assert fresh_kb.propositions.get_all() == [robot_at()]
         fresh_kb.objects.save(waypoint(8))
     assert fresh_kb.revision == 4
-    assert fresh_kb.revisions()[-1].reason == "more than that"
+    assert fresh_kb.store.revisions()[-1].reason == "more than that"
     assert [" ".join(each) for each in fresh_kb.diff(2, 4)] == ["+ object wp8 - wp"]
 
 

@@ -97,7 +97,7 @@ def kb_with_past(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 
 def test_a_fact_has_a_version_for_each_time_that_it_held(kb_with_past: KnowledgeBase) -> None:
     versions = kb_with_past.history(robot_at())
-    revisions = kb_with_past.revisions()
+    revisions = kb_with_past.store.revisions()
     assert [(each.since, each.until) for each in versions] == [
         (revisions[0], revisions[2]),
         (revisions[5], revisions[6]),
@@ -206,12 +206,14 @@ def test_the_text_of_any_change_finds_what_it_is_of(fresh_kb: KnowledgeBase) -> 
     fresh_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
     fresh_kb.goals.save(Comparison(">", fuel(), number("2.50")))
     fresh_kb.goals.save(Equal(home(), HUB))
-    fresh_kb.timed_initial_literals.save(TimedLiteral(number("5"), at()))
-    fresh_kb.initial_literals.save(Not(IDLE))
-    fresh_kb.constraints.save(Modal("always", (), (IDLE,)))
-    fresh_kb.domain_constraints.save(Modal("sometime", (), (IDLE,)))
-    fresh_kb.metric.set(Metric("minimize", fuel()))
-    fresh_kb.derived_predicates.save(Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))))
+    fresh_kb.pddl.timed_initial_literals.save(TimedLiteral(number("5"), at()))
+    fresh_kb.pddl.initial_literals.save(Not(IDLE))
+    fresh_kb.pddl.constraints.save(Modal("always", (), (IDLE,)))
+    fresh_kb.pddl.domain_constraints.save(Modal("sometime", (), (IDLE,)))
+    fresh_kb.pddl.metric.set(Metric("minimize", fuel()))
+    fresh_kb.pddl.derived_predicates.save(
+        Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
+    )
     kinds = set()
     for entry in fresh_kb.log():
         for _, kind, text in entry.changes:
@@ -243,7 +245,7 @@ FORMULAS: list[tuple[Any, list[str]]] = [
 def test_a_formula_is_found_in_whatever_section(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     fresh_kb.goals.save(Comparison(">", fuel(), number("2.50")))
-    fresh_kb.initial_literals.save(Not(IDLE))
+    fresh_kb.pddl.initial_literals.save(Not(IDLE))
     fresh_kb.goals.save(Not(IDLE))
     fresh_kb.goals.delete_all()
     for formula, kinds in FORMULAS:

@@ -27,11 +27,11 @@ SHOWN: dict[str, tuple[int, Callable[[KnowledgeBase], Any]]] = {
     "log": (4, lambda kb: kb.log()),
     "log of an element": (5, lambda kb: kb.log(element="rb1")),
     "changes": (4, lambda kb: kb.changes()),
-    "revisions": (0, lambda kb: kb.revisions()),
-    "revision": (0, lambda kb: kb.revisions()[0]),
+    "revisions": (0, lambda kb: kb.store.revisions()),
+    "revision": (0, lambda kb: kb.store.revisions()[0]),
     "log entry": (0, lambda kb: next(kb.log())),
     "difference": (0, lambda kb: kb.diff(0, kb.revision)),
-    "difference of two": (0, lambda kb: kb.diff_with(kb.at(1))),
+    "difference of two": (0, lambda kb: kb.diff(kb, kb.at(1))),
     "change": (0, lambda kb: kb.diff(0, kb.revision)[0]),
     "history": (0, lambda kb: kb.history("rb1")),
     "version": (0, lambda kb: kb.history("rb1")[0]),
@@ -42,10 +42,10 @@ SHOWN: dict[str, tuple[int, Callable[[KnowledgeBase], Any]]] = {
     "answer": (1, lambda kb: kb.query("(robot_at rb1 wp0)")),
     "periods": (2, lambda kb: kb.when("(robot_at ?r ?w)")),
     "period": (0, lambda kb: kb.when("(robot_at ?r ?w)")[0]),
-    "verdicts": (0, lambda kb: kb.check_rules("(always (not (robot_at rb1 wp1)))")),
-    "verdict": (0, lambda kb: kb.check_rules("(always (not (robot_at rb1 wp1)))")[0]),
-    "verification": (0, lambda kb: kb.verify(structure=False)),
-    "anchor": (0, lambda kb: kb.anchor()),
+    "verdicts": (0, lambda kb: kb.pddl.check_rules("(always (not (robot_at rb1 wp1)))")),
+    "verdict": (0, lambda kb: kb.pddl.check_rules("(always (not (robot_at rb1 wp1)))")[0]),
+    "verification": (0, lambda kb: kb.store.verify(structure=False)),
+    "anchor": (0, lambda kb: kb.store.anchor()),
     "validation": (0, lambda kb: kb.validate(kb.plans.get_all()[0])),
 }
 
@@ -149,9 +149,9 @@ def test_hostile_texts_are_data(shared_url: str, connect: Connect) -> None:
         kb.log(),
         kb.changes(),
         *kb.log(),
-        kb.revisions(),
+        kb.store.revisions(),
         kb.diff(0, kb.revision),
-        kb.diff_with(kb.at(0)),
+        kb.diff(kb, kb.at(0)),
         kb.history(name),
         kb.history(f"({fact} {name})"),
         plans,
@@ -160,9 +160,9 @@ def test_hostile_texts_are_data(shared_url: str, connect: Connect) -> None:
         kb.query(f"({fact} ?x)"),
         kb.when(f"({fact} ?x)"),
         *kb.when(f"({fact} ?x)"),
-        kb.check_rules(),
-        kb.verify(structure=False),
-        kb.anchor(),
+        kb.pddl.check_rules(),
+        kb.store.verify(structure=False),
+        kb.store.anchor(),
         kb.validate(plans[0]),
     ]
     for value in values:
@@ -206,7 +206,7 @@ def test_lists_of_elements_failures_and_steps_are_tables(kb: KnowledgeBase) -> N
         "(:action go": kb.actions.get_all(),
         "(not (at a))": kb.why_not("(go a)"),
         "(go b)": kb.applicable_actions(),
-        "does not hold": kb.unsatisfied_goals(),
+        "does not hold": kb.unsatisfied(),
     }
     for text, found in shown.items():
         made = found._repr_html_()  # type: ignore[attr-defined]

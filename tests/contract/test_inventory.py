@@ -11,15 +11,11 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from fastapi.testclient import TestClient
 
-from kant_sql import (
-    QuestionCancelledError,
-    SchemaMissingError,
-    knowledge_bases,
-    limited,
-    open_store,
-)
+from kant_sql import limited, open_store
+from kant_sql.errors import QuestionCancelledError, SchemaMissingError
 from kant_sql.json_values import json_value
 from kant_sql.knowledge.canonical import time_text
+from kant_sql.operations import knowledge_bases
 from kant_sql.sql import inventory
 from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import create_app
@@ -49,7 +45,7 @@ def test_it_says_who_changed_what_and_what_there_is(shared_url: str, connect: Co
         assert not has_more
         assert (one.name, one.revision) == ("tiago", 3)
         assert (one.actor, one.reason, one.source) == ("operator", "a new mission", source)
-        assert one.committed_at == kb.revisions()[-1].committed_at
+        assert one.committed_at == kb.store.revisions()[-1].committed_at
         assert (one.facts, one.has_more_facts, one.goals, one.reached) == (1, False, 2, 1)
         assert catalog.find("tiago") == one
         assert catalog.find("never written") is None

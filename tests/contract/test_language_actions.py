@@ -80,7 +80,7 @@ def check(kb: KnowledgeBase, parts: list[Parts]) -> None:
     made = [line for line in last_changes(kb) if line.startswith("+ action")]
     assert made == sorted(f"+ action {dto}" for dto in dtos)
     for reader in (kb, again(kb), kb.at(world + 1)):
-        assert reader.domain().actions == wanted
+        assert reader.pddl.domain().actions == wanted
         check_text(reader)
         found = reader.actions.get_all()
         assert [str(dto) for dto in found] == [str(dto) for dto in dtos]
@@ -88,8 +88,8 @@ def check(kb: KnowledgeBase, parts: list[Parts]) -> None:
     assert kb.actions.save_all(found) == 0
     for dto in dtos:
         assert kb.actions.delete(dto) is True
-    assert kb.domain().actions == ()
-    assert kb.at(world + 1).domain().actions == wanted
+    assert kb.pddl.domain().actions == ()
+    assert kb.at(world + 1).pddl.domain().actions == wanted
     live = "SELECT count(*) FROM action_version WHERE kb_id = :kb AND until IS NULL"
     assert rows(kb, live) == [(0,)]
 
@@ -114,26 +114,26 @@ def test_a_fixed_duration_is_read_as_the_number_that_it_is(fresh_kb: KnowledgeBa
         found = fresh_kb.actions.get("act")
         assert found is not None
         assert found.duration == given
-        (constraint,) = only_action(fresh_kb.domain()).duration
+        (constraint,) = only_action(fresh_kb.pddl.domain()).duration
         assert constraint == Comparison("=", DURATION, number(str(given)))
 
 
 def test_processes_and_events_have_daos_of_their_own(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     with fresh_kb.transaction():
-        fresh_kb.processes.save(CHARGE)
-        fresh_kb.events.save(FULL)
+        fresh_kb.pddl.processes.save(CHARGE)
+        fresh_kb.pddl.events.save(FULL)
     assert last_changes(fresh_kb) == [f"+ action {FULL}", f"+ action {CHARGE}"]
     made = fresh_kb.revision
     assert fresh_kb.actions.get_all() == []
     assert fresh_kb.actions.get("charge") is None
     for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
-        assert [str(dto) for dto in reader.processes.get_all()] == [str(CHARGE)]
-        assert [str(dto) for dto in reader.events.get_all()] == [str(FULL)]
-        kinds = [(action.kind, action.name) for action in reader.domain().actions]
+        assert [str(dto) for dto in reader.pddl.processes.get_all()] == [str(CHARGE)]
+        assert [str(dto) for dto in reader.pddl.events.get_all()] == [str(FULL)]
+        kinds = [(action.kind, action.name) for action in reader.pddl.domain().actions]
         assert kinds == [("process", "charge"), ("event", "full")]
         check_text(reader)
-    assert ":time" in fresh_kb.requirements()
+    assert ":time" in fresh_kb.pddl.requirements()
     assert rows(fresh_kb, "SELECT kind FROM action_version WHERE kb_id = :kb ORDER BY kind") == [
         ("event",),
         ("process",),
@@ -143,11 +143,11 @@ def test_processes_and_events_have_daos_of_their_own(fresh_kb: KnowledgeBase) ->
             fresh_kb.actions.save(PddlActionDto("Charge", durative=False))
         with pytest.raises(InvalidKnowledgeError, match="has a DAO of its own"):
             fresh_kb.actions.save(FULL)
-        assert fresh_kb.events.delete(PddlEventDto("charge")) is False
-    assert fresh_kb.processes.delete(CHARGE) is True
-    assert fresh_kb.events.delete_all() == 1
-    assert fresh_kb.domain().actions == ()
-    assert len(fresh_kb.at(made).domain().actions) == 2
+        assert fresh_kb.pddl.events.delete(PddlEventDto("charge")) is False
+    assert fresh_kb.pddl.processes.delete(CHARGE) is True
+    assert fresh_kb.pddl.events.delete_all() == 1
+    assert fresh_kb.pddl.domain().actions == ()
+    assert len(fresh_kb.at(made).pddl.domain().actions) == 2
 
 
 def test_conjunctions_within_a_list_are_its_items(fresh_kb: KnowledgeBase) -> None:
@@ -155,7 +155,7 @@ def test_conjunctions_within_a_list_are_its_items(fresh_kb: KnowledgeBase) -> No
     nested = And((at(T, P), And((IDLE, And(())))))
     dto = PddlActionDto("act", PARAMETERS, [nested], [nested], durative=False)
     fresh_kb.actions.save(dto)
-    action = only_action(fresh_kb.domain())
+    action = only_action(fresh_kb.pddl.domain())
     assert action.condition == action.effect == (at(T, P), IDLE)
     check_text(fresh_kb)
 
@@ -167,7 +167,7 @@ def test_which_actions_can_make_an_atom_false_is_one_join(fresh_kb: KnowledgeBas
         for name, effect in EFFECTS.items()
         if " " not in name
     )
-    fresh_kb.events.save(FULL)
+    fresh_kb.pddl.events.save(FULL)
     sql = (
         "SELECT DISTINCT action.name FROM action_version AS version "
         "JOIN action ON (action.kb_id, action.id) = (version.kb_id, version.action_id) "
@@ -187,8 +187,8 @@ def test_an_object_that_an_action_mentions_is_a_constant_of_the_domain(
 ) -> None:
     load(fresh_kb)
     fresh_kb.actions.save(PddlActionDto("act", [], [at(T2, P2)], [], durative=False))
-    assert [part.name for part in fresh_kb.domain().constants] == ["hub", "t2", "p2"]
-    assert [part.name for part in fresh_kb.problem().objects] == ["t1", "c1", "p1"]
+    assert [part.name for part in fresh_kb.pddl.domain().constants] == ["hub", "t2", "p2"]
+    assert [part.name for part in fresh_kb.pddl.problem().objects] == ["t1", "c1", "p1"]
     check_text(fresh_kb)
     text, problem = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
     # A problem does not retract what the domain needs.
@@ -210,8 +210,8 @@ def test_a_redefined_action_keeps_its_history(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.actions.save(one)
     before = fresh_kb.domain_pddl()
     fresh_kb.actions.save(other)
-    assert only_action(fresh_kb.domain()).kind == "durative-action"
-    assert only_action(fresh_kb.domain()).name == "act"
+    assert only_action(fresh_kb.pddl.domain()).kind == "durative-action"
+    assert only_action(fresh_kb.pddl.domain()).name == "act"
     check_text(fresh_kb)
     assert fresh_kb.at(fresh_kb.revision - 1).domain_pddl() == before
     fresh_kb.actions.save(one)

@@ -19,21 +19,21 @@ DOCUMENT = 5
 
 READS: dict[str, Call] = {
     "goals.get_all": lambda kb: kb.goals.get_all(),
-    "derived_predicates.get_all": lambda kb: kb.derived_predicates.get_all(),
-    "timed_initial_literals.get_all": lambda kb: kb.timed_initial_literals.get_all(),
-    "initial_literals.get_all": lambda kb: kb.initial_literals.get_all(),
-    "constraints.get_all": lambda kb: kb.constraints.get_all(),
-    "domain_constraints.get_all": lambda kb: kb.domain_constraints.get_all(),
-    "metric.get": lambda kb: kb.metric.get(),
-    "processes.get_all": lambda kb: kb.processes.get_all(),
-    "events.get": lambda kb: kb.events.get("nothing"),
-    "domain": lambda kb: kb.domain(),
+    "derived_predicates.get_all": lambda kb: kb.pddl.derived_predicates.get_all(),
+    "timed_initial_literals.get_all": lambda kb: kb.pddl.timed_initial_literals.get_all(),
+    "initial_literals.get_all": lambda kb: kb.pddl.initial_literals.get_all(),
+    "constraints.get_all": lambda kb: kb.pddl.constraints.get_all(),
+    "domain_constraints.get_all": lambda kb: kb.pddl.domain_constraints.get_all(),
+    "metric.get": lambda kb: kb.pddl.metric.get(),
+    "processes.get_all": lambda kb: kb.pddl.processes.get_all(),
+    "events.get": lambda kb: kb.pddl.events.get("nothing"),
+    "domain": lambda kb: kb.pddl.domain(),
     "domain_pddl": lambda kb: kb.domain_pddl(),
 }
 DOCUMENTS: dict[str, Call] = {
-    "problem": lambda kb: kb.problem(),
+    "problem": lambda kb: kb.pddl.problem(),
     "problem_pddl": lambda kb: kb.problem_pddl(),
-    "requirements": lambda kb: kb.requirements(),
+    "requirements": lambda kb: kb.pddl.requirements(),
 }
 
 
@@ -53,10 +53,10 @@ def fill(kb: KnowledgeBase, size: int) -> None:
         for each in range(size):
             bound = number(str(each))
             kb.goals.save(Comparison(">", fuel(), bound))
-            kb.timed_initial_literals.save(TimedLiteral(bound, at()))
-            kb.constraints.save(Modal("within", (bound,), (IDLE,)))
-        kb.initial_literals.save(Not(IDLE))
-        kb.derived_predicates.save(Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))))
+            kb.pddl.timed_initial_literals.save(TimedLiteral(bound, at()))
+            kb.pddl.constraints.save(Modal("within", (bound,), (IDLE,)))
+        kb.pddl.initial_literals.save(Not(IDLE))
+        kb.pddl.derived_predicates.save(Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))))
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -64,12 +64,12 @@ def test_a_warm_read_takes_as_many_statements_however_much_it_gives(
     kb: KnowledgeBase, size: int
 ) -> None:
     fill(kb, size)
-    kb.problem()
+    kb.pddl.problem()
     taken = {name: count(partial(read, kb)) for name, read in READS.items()}
     assert max(taken.values()) <= READ, taken
     taken = {name: count(partial(read, kb)) for name, read in DOCUMENTS.items()}
     assert max(taken.values()) <= DOCUMENT, taken
-    assert len(kb.problem().timed) == size
+    assert len(kb.pddl.problem().timed) == size
 
 
 @pytest.mark.parametrize("size", SIZES)

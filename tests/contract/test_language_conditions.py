@@ -20,15 +20,15 @@ def test_each_condition_is_kept_as_a_goal(fresh_kb: KnowledgeBase) -> None:
     formulas = [condition for condition in conditions if not is_ground(condition)]
     for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
         assert sorted(map(str, reader.goals.get_all())) == sorted(map(str, conditions))
-        assert {*reader.problem().goal} == {*conditions}
+        assert {*reader.pddl.problem().goal} == {*conditions}
         # Literals are kept as propositions, and come first.
-        assert reader.problem().goal[-len(formulas) :] == tuple(formulas)
+        assert reader.pddl.problem().goal[-len(formulas) :] == tuple(formulas)
         check_text(reader)
     for condition in conditions:
         assert fresh_kb.goals.delete(condition) is True
         assert last_changes(fresh_kb) == [f"- goal {condition}"]
         assert fresh_kb.goals.delete(condition) is False
-    assert fresh_kb.problem().goal == ()
+    assert fresh_kb.pddl.problem().goal == ()
     for count in (0, 1, 7):
         assert {*fresh_kb.at(world + count).goals.get_all()} == {*conditions[:count]}
 
@@ -51,15 +51,15 @@ def test_each_condition_is_kept_as_a_precondition(fresh_kb: KnowledgeBase) -> No
     assert fresh_kb.actions.save_all(actions) == len(actions)
     made = fresh_kb.revision
     for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
-        found = reader.domain().actions
+        found = reader.pddl.domain().actions
         assert [action.condition for action in found] == [(part,) for part in wanted]
         assert [str(dto) for dto in reader.actions.get_all()] == [str(dto) for dto in actions]
         check_text(reader)
     # What is read can be saved: it says the same.
     assert fresh_kb.actions.save_all(again(fresh_kb).actions.get_all()) == 0
     assert fresh_kb.actions.delete_all() == len(actions)
-    assert fresh_kb.domain().actions == ()
-    assert len(fresh_kb.at(made).domain().actions) == len(actions)
+    assert fresh_kb.pddl.domain().actions == ()
+    assert len(fresh_kb.at(made).pddl.domain().actions) == len(actions)
 
 
 def test_a_conjunction_of_goals_is_each_of_them(fresh_kb: KnowledgeBase) -> None:
@@ -79,10 +79,10 @@ def test_a_conjunction_of_goals_is_each_of_them(fresh_kb: KnowledgeBase) -> None
     assert [str(dto) for dto in literals] == ["(at t1 p1)", "(idle)"]
     assert fresh_kb.goals.get_all() == [at(), IDLE, someone, Not(IDLE)]
     fresh_kb.propositions.delete(literals[0])
-    assert at() not in fresh_kb.problem().goal
+    assert at() not in fresh_kb.pddl.problem().goal
     assert fresh_kb.goals.delete(And((IDLE, at()))) is True
     assert fresh_kb.goals.delete_all() == 2
-    assert fresh_kb.problem().goal == ()
+    assert fresh_kb.pddl.problem().goal == ()
 
 
 def test_a_goal_refers_to_what_it_mentions(fresh_kb: KnowledgeBase) -> None:

@@ -106,7 +106,7 @@ REDEFINITIONS: dict[str, tuple[str, Any]] = {
 
 def save(kb: KnowledgeBase, dao: str, dto: Any) -> None:
     if dao == "metric":
-        kb.metric.set(dto)
+        kb.pddl.metric.set(dto)
     else:
         getattr(kb, dao).save(dto)
 
@@ -114,7 +114,7 @@ def save(kb: KnowledgeBase, dao: str, dto: Any) -> None:
 def held(kb: KnowledgeBase, dao: str) -> list[str]:
     """What a DAO of formulas or actions gives, as text."""
     if dao == "metric":
-        metric = kb.metric.get()
+        metric = kb.pddl.metric.get()
         return [] if metric is None else [str(metric)]
     return [str(each) for each in getattr(kb, dao).get_all()]
 
@@ -205,7 +205,7 @@ def test_names_of_parameters_may_change_below_formulas(fresh_kb: KnowledgeBase) 
     renamed = PddlPredicateDto("at", [TRUCKS, PLACES], parameter_names=["who", "where"])
     fresh_kb.predicates.save(renamed)
     assert fresh_kb.goals.get_all() == [goal]
-    predicate = next(each for each in fresh_kb.domain().predicates if each.name == "at")
+    predicate = next(each for each in fresh_kb.pddl.domain().predicates if each.name == "at")
     assert [part.name for part in predicate.parameters] == ["who", "where"]
     check_text(fresh_kb)
 
@@ -227,7 +227,7 @@ def test_the_database_refuses_what_dangles(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.goals.save(Exists((TRUCK,), Or((at(T), Comparison("<", fuel(T), number("1"))))))
     truck = PddlObjectDto(TRUCKS, "t")
     fresh_kb.actions.save(PddlActionDto("act", [truck], [at(T)], [], durative=False))
-    store: Any = fresh_kb.factory._store  # type: ignore[attr-defined]
+    store: Any = fresh_kb.store.factory._store  # type: ignore[attr-defined]
     (id_,) = rows(fresh_kb, "SELECT id FROM knowledge_base WHERE id = :kb")[0]
     driver: Any = store.backend.driver_errors
     for name, (table, column) in DANGLING.items():
@@ -247,4 +247,4 @@ def test_fluents_within_terms_are_mentioned(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.goals.save(Not(at(T1, home(T2))))
     fresh_kb.functions.delete(PddlFunctionDto("home"))
     assert fresh_kb.goals.get_all() == []
-    assert Fluent("home", (T1,)) not in [value.fluent for value in fresh_kb.problem().values]
+    assert Fluent("home", (T1,)) not in [value.fluent for value in fresh_kb.pddl.problem().values]

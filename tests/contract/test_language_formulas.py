@@ -65,7 +65,7 @@ SORTS = [
     Sort(
         "derived_predicates",
         "derived",
-        lambda kb: kb.domain().derived,
+        lambda kb: kb.pddl.domain().derived,
         {
             "rule": Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))),
             "another rule of it": Derived("reachable", (X,), Atom("open", (Variable("x"),))),
@@ -80,7 +80,7 @@ SORTS = [
     Sort(
         "timed_initial_literals",
         "timed",
-        lambda kb: kb.problem().timed,
+        lambda kb: kb.pddl.problem().timed,
         {
             "add": TimedLiteral(number("5"), at()),
             "delete": TimedLiteral(number("7.50"), Not(at())),
@@ -92,18 +92,18 @@ SORTS = [
     Sort(
         "initial_literals",
         "initial",
-        lambda kb: kb.problem().literals,
+        lambda kb: kb.pddl.problem().literals,
         {
             "negative": Not(at(T2)),
             "equality": Equal(T1, T2),
             "inequality": Not(Equal(T1, C1)),
         },
     ),
-    Sort("constraints", "constraint", lambda kb: kb.problem().constraints, CONSTRAINTS),
+    Sort("constraints", "constraint", lambda kb: kb.pddl.problem().constraints, CONSTRAINTS),
     Sort(
         "domain_constraints",
         "domain constraint",
-        lambda kb: kb.domain().constraints,
+        lambda kb: kb.pddl.domain().constraints,
         CONSTRAINTS,
     ),
 ]
@@ -184,35 +184,35 @@ def test_a_conjunction_is_its_conjuncts(fresh_kb: KnowledgeBase, dao: str) -> No
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
 def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: Metric) -> None:
     world = load(fresh_kb)
-    assert fresh_kb.metric.get() is None
-    assert fresh_kb.metric.set(metric) is True
+    assert fresh_kb.pddl.metric.get() is None
+    assert fresh_kb.pddl.metric.set(metric) is True
     assert last_changes(fresh_kb) == [f"+ metric {metric}"]
-    assert fresh_kb.metric.set(metric) is False
+    assert fresh_kb.pddl.metric.set(metric) is False
     for reader in (fresh_kb, again(fresh_kb)):
-        assert reader.metric.get() == reader.problem().metric == metric
+        assert reader.pddl.metric.get() == reader.pddl.problem().metric == metric
         check_text(reader)
     other = Metric("maximize", fuel())
-    assert fresh_kb.metric.set(other) is True
+    assert fresh_kb.pddl.metric.set(other) is True
     assert last_changes(fresh_kb) == [f"+ metric {other}", f"- metric {metric}"]
-    assert fresh_kb.problem().metric == other
-    assert fresh_kb.metric.set(None) is True
-    assert fresh_kb.metric.set(None) is False
-    assert fresh_kb.problem().metric is None
-    assert fresh_kb.at(world + 1).metric.get() == metric
-    assert fresh_kb.at(world + 2).metric.get() == other
+    assert fresh_kb.pddl.problem().metric == other
+    assert fresh_kb.pddl.metric.set(None) is True
+    assert fresh_kb.pddl.metric.set(None) is False
+    assert fresh_kb.pddl.problem().metric is None
+    assert fresh_kb.at(world + 1).pddl.metric.get() == metric
+    assert fresh_kb.at(world + 2).pddl.metric.get() == other
 
 
 def test_one_text_in_two_sections_is_two_formulas(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     formula = Modal("always", (), (IDLE,))
-    fresh_kb.constraints.save(formula)
-    fresh_kb.domain_constraints.save(formula)
+    fresh_kb.pddl.constraints.save(formula)
+    fresh_kb.pddl.domain_constraints.save(formula)
     fresh_kb.goals.save(Not(at()))
-    fresh_kb.initial_literals.save(Not(at()))
-    fresh_kb.constraints.delete_all()
+    fresh_kb.pddl.initial_literals.save(Not(at()))
+    fresh_kb.pddl.constraints.delete_all()
     fresh_kb.goals.delete_all()
-    assert fresh_kb.domain_constraints.get_all() == [formula]
-    assert fresh_kb.initial_literals.get_all() == [Not(at())]
+    assert fresh_kb.pddl.domain_constraints.get_all() == [formula]
+    assert fresh_kb.pddl.initial_literals.get_all() == [Not(at())]
 
 
 def test_names_are_kept_in_their_first_spelling(fresh_kb: KnowledgeBase) -> None:
@@ -232,8 +232,8 @@ def test_what_a_transaction_saves_and_deletes_leaves_nothing(fresh_kb: Knowledge
     world = load(fresh_kb)
     constraint = CONSTRAINTS["always"]
     with fresh_kb.transaction():
-        fresh_kb.constraints.save(constraint)
-        assert fresh_kb.problem().constraints == (constraint,)
-        fresh_kb.constraints.delete(constraint)
+        fresh_kb.pddl.constraints.save(constraint)
+        assert fresh_kb.pddl.problem().constraints == (constraint,)
+        fresh_kb.pddl.constraints.delete(constraint)
     assert fresh_kb.revision == world
     assert rows(fresh_kb, "SELECT count(*) FROM formula_version WHERE kb_id = :kb") == [(0,)]

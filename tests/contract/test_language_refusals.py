@@ -269,7 +269,7 @@ def test_what_is_no_effect_is_refused(fresh_kb: KnowledgeBase) -> None:
             caught = refused(fresh_kb, name, fresh_kb.actions.save, action)
             assert message in str(caught), name
             assert "the effect of action 'act': " in str(caught), name
-    assert fresh_kb.domain().actions == ()
+    assert fresh_kb.pddl.domain().actions == ()
 
 
 DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
@@ -370,8 +370,8 @@ def test_what_is_no_metric_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     with nothing_changes(fresh_kb):
         for wrong, message in NO_METRICS:
-            assert message in str(refused(fresh_kb, message, fresh_kb.metric.set, wrong))
-    assert fresh_kb.metric.get() is None
+            assert message in str(refused(fresh_kb, message, fresh_kb.pddl.metric.set, wrong))
+    assert fresh_kb.pddl.metric.get() is None
 
 
 def test_an_action_that_is_not_durative_has_no_duration(fresh_kb: KnowledgeBase) -> None:
@@ -379,7 +379,7 @@ def test_an_action_that_is_not_durative_has_no_duration(fresh_kb: KnowledgeBase)
     load(fresh_kb)
     dto = PddlActionDto("act", [], [], [IDLE], durative=False, duration=[IDLE])
     fresh_kb.actions.save(dto)
-    assert fresh_kb.domain().actions[0].duration == ()
+    assert fresh_kb.pddl.domain().actions[0].duration == ()
 
 
 def test_a_parameter_hides_no_object_of_its_name(fresh_kb: KnowledgeBase) -> None:
@@ -388,7 +388,7 @@ def test_a_parameter_hides_no_object_of_its_name(fresh_kb: KnowledgeBase) -> Non
         "act", [PddlObjectDto(PddlTypeDto("truck"), "t1")], [], [at(T1), at(Variable("T1"))], False
     )
     fresh_kb.actions.save(dto)
-    assert fresh_kb.domain().actions[0].effect == (at(T1), at(Variable("t1")))
+    assert fresh_kb.pddl.domain().actions[0].effect == (at(T1), at(Variable("t1")))
     check_text(fresh_kb)
 
 
@@ -411,8 +411,8 @@ def test_what_is_wrong_deep_within_is_said_briefly(fresh_kb: KnowledgeBase) -> N
         saves: list[tuple[Any, Any]] = [
             (fresh_kb.goals, wrong),
             (fresh_kb.actions, PddlActionDto("act", [], [wrong], [], False)),
-            (fresh_kb.derived_predicates, wrong),
-            (fresh_kb.derived_predicates, Derived("idle", (), wrong)),
+            (fresh_kb.pddl.derived_predicates, wrong),
+            (fresh_kb.pddl.derived_predicates, Derived("idle", (), wrong)),
         ]
         for dao, given in saves:
             with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:

@@ -13,16 +13,8 @@ from contextlib import contextmanager
 import psycopg
 import pytest
 
-from kant_sql import (
-    InvalidTimeoutError,
-    KnowledgeBase,
-    Limit,
-    QuestionCancelledError,
-    StatementTimeoutError,
-    aio,
-    limited,
-    limits,
-)
+from kant_sql import KnowledgeBase, Limit, aio, limited, limits
+from kant_sql.errors import InvalidTimeoutError, QuestionCancelledError, StatementTimeoutError
 from kant_sql.limits import questions_of
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.guard import GuardedCursor

@@ -58,7 +58,7 @@ def test_opening_is_told(url: str, connect: Connect, log: pytest.LogCaptureFixtu
 def test_migrations_are_told(tmp_path: Path, log: pytest.LogCaptureFixture) -> None:
     url = f"sqlite:///{tmp_path / 'new.db'}"
     kant_sql.upgrade(url)
-    kant_sql.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="0001")
     steps = said(log, "schema", logging.INFO)
     assert steps[0] == f"{url}: migrating from no tables to 0001"
     assert steps[1:-1] == [
@@ -83,7 +83,7 @@ def test_a_load_is_told_with_its_warnings(
     fresh_kb.load_domain(DOMAIN)
     loaded = fresh_kb.load_problem(PROBLEM)
     assert loaded.warnings
-    name = fresh_kb.factory._store.name  # type: ignore[attr-defined]
+    name = fresh_kb.store.factory._store.name  # type: ignore[attr-defined]
     number = len(loaded.warnings)
     assert said(log, "documents", logging.INFO) == [
         f"knowledge base {name!r}: loaded domain 'shop', revision 1, 0 warnings",
@@ -98,7 +98,7 @@ def test_restore_and_archive_are_told(
     kb = connect(shared_url, knowledge_base="tiago")
     fill(kb, 3)
     kb.restore(1)
-    moved = kb.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    moved = kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
     restored, archived = said(log, "history", logging.INFO)
     assert restored == "knowledge base 'tiago': revision 1 restored, by revision 3"
     assert archived == (
@@ -170,7 +170,7 @@ def test_statements_are_told_shortened_with_their_time(
 def test_a_statement_that_fails_is_told_too(
     fresh_kb: KnowledgeBase, log: pytest.LogCaptureFixture
 ) -> None:
-    with fresh_kb.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+    with fresh_kb.store.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
         with pytest.raises(KantSqlError):
             session.define("SELECT nothing FROM nowhere")
         session.rollback()
@@ -231,7 +231,7 @@ def test_a_lost_connection_within_a_transaction_is_told(
             terminate(url)
             kb.propositions.get_all()
 
-    with pytest.raises(kant_sql.ConnectionLostError):
+    with pytest.raises(kant_sql.errors.ConnectionLostError):
         work()
     assert len(said(log, "postgresql", logging.WARNING)) == 1
 
@@ -270,7 +270,7 @@ try:
         kb.propositions.save_all(fact(number) for number in range(10, 10 + many))
         terminate(url)
         kb.propositions.get_all()
-except kant_sql.ConnectionLostError:
+except kant_sql.errors.ConnectionLostError:
     print("lost")
 """
 
@@ -346,18 +346,18 @@ def test_no_password_is_told(
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
         kb.restore(1)
-        kb.verify()
+        kb.store.verify()
         list(kb.log())
-        kb.archive(kb.revision, to=with_password(server.new_store(), where))
+        kb.store.archive(kb.revision, to=with_password(server.new_store(), where))
         with suppress(KantSqlError), kb.transaction():
             kb.propositions.save_all(fact(number) for number in range(100, 120))
             terminate(url)
             kb.propositions.get_all()
         terminate(url)
         kb.propositions.get_all()
-        kant_sql.update_views(url)
+        kant_sql.operations.update_views(url)
         kant_sql.upgrade(url)
-        kant_sql.downgrade(url, revision="base")
+        kant_sql.operations.downgrade(url, revision="base")
         with pytest.raises(KantSqlError):
             kb.propositions.get_all()
     with pytest.raises(KantSqlError):

@@ -11,7 +11,8 @@ from typing import Any
 import psycopg
 import pytest
 
-from kant_sql import ConnectionLostError, OutcomeUnknownError, StoreError
+from kant_sql import OutcomeUnknownError, StoreError
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
 from tests.support.chain import check_chain
 from tests.support.faults import (
@@ -240,7 +241,7 @@ def test_an_answer_that_cannot_be_found_out_names_what_to_look_for(
         lose_answer(monkeypatch, True, close_door)
         with pytest.raises(OutcomeUnknownError) as caught:
             one_call(kb)
-    last = kb.revisions()[-1]
+    last = kb.store.revisions()[-1]
     assert last.number == 2
     assert f"revision {last.number} of hash {last.hash}" in str(caught.value)
     assert one_call(kb) is False

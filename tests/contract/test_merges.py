@@ -104,9 +104,12 @@ def merge_all(kb: KnowledgeBase, url: str, name: str, size: int) -> dict[str, tu
         merge(kb, text)
         after = rows_of(url, name)
         found[case], before = written(before, after), after
-    assert (again(kb).domain(), again(kb).problem()) == (kb.domain(), kb.problem())
+    assert (again(kb).pddl.domain(), again(kb).pddl.problem()) == (
+        kb.pddl.domain(),
+        kb.pddl.problem(),
+    )
     check_text(kb)
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
     return found
 
 
@@ -133,7 +136,7 @@ def test_only_what_no_element_shows_changes_the_document(
         assert documents == []
         return
     # What has the order of its elements is listed no more.
-    (name,) = again(fresh_kb).problem().requirements
+    (name,) = again(fresh_kb).pddl.problem().requirements
     old, new = sorted(documents, reverse=True)
     assert old.startswith("- document (define (problem q) (:domain d) (:goal ")
     assert new == f"+ document (define (problem q) (:domain d) (:requirement {name}))"
@@ -149,17 +152,17 @@ def test_a_merge_keeps_an_order_that_is_not_that_of_the_elements(fresh_kb: Knowl
     rest = "(:requirements :adl) (:goal (and (p d)))"
     merge(fresh_kb, problem("d - t", "(p d)", rest))
     for kb in (fresh_kb, again(fresh_kb)):
-        assert [part.name for part in kb.problem().objects] == ["c", "a", "b", "d"]
-        assert [str(goal) for goal in kb.problem().goal] == [
+        assert [part.name for part in kb.pddl.problem().objects] == ["c", "a", "b", "d"]
+        assert [str(goal) for goal in kb.pddl.problem().goal] == [
             "(not (p1))",
             "(p b)",
             "(p a)",
             "(p d)",
         ]
-        assert kb.problem().requirements == (":adl",)
+        assert kb.pddl.problem().requirements == (":adl",)
         assert kb.at(3).problem_pddl() == before
         check_text(kb)
-    assert fresh_kb.verify().is_intact
+    assert fresh_kb.store.verify().is_intact
 
 
 def test_a_merge_keeps_what_is_said_twice(fresh_kb: KnowledgeBase) -> None:
@@ -167,7 +170,7 @@ def test_a_merge_keeps_what_is_said_twice(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_problem(problem(O1, "", "(:goal (and (p o1) (p1)))"))
     twice = "(:goal (and (preference x (p2)) (preference x (p2))))"
     merge(fresh_kb, problem(O1, "", twice))
-    goals = [str(goal) for goal in again(fresh_kb).problem().goal]
+    goals = [str(goal) for goal in again(fresh_kb).pddl.problem().goal]
     assert goals == ["(p o1)", "(p1)", *["(preference x (p2))"] * 2]
     assert fresh_kb.load_problem(problem(O1, "", twice), mode="merge").revision is None
     check_text(fresh_kb)
@@ -184,12 +187,12 @@ def test_a_type_above_all_that_an_older_version_listed_stays_listed(
     with monkeypatch.context() as patch:
         patch.setattr(domain_loading, "_items", old_items)
         fresh_kb.load_domain("(define (domain d) (:types b a) (:predicates (p ?x)))")
-    assert [type_.name for type_ in fresh_kb.domain().types] == ["b", "a", "object"]
+    assert [type_.name for type_ in fresh_kb.pddl.domain().types] == ["b", "a", "object"]
     merge(fresh_kb, "(define (domain d) (:requirements :adl) (:types c))")
     for kb in (fresh_kb, again(fresh_kb)):
-        assert [type_.name for type_ in kb.domain().types] == ["b", "a", "object", "c"]
+        assert [type_.name for type_ in kb.pddl.domain().types] == ["b", "a", "object", "c"]
     merge(fresh_kb, "(define (domain d) (:requirements :strips))")
-    assert fresh_kb.domain().requirements == (":adl", ":strips")
+    assert fresh_kb.pddl.domain().requirements == (":adl", ":strips")
 
 
 def test_merges_are_restored_and_replaced(fresh_kb: KnowledgeBase) -> None:
@@ -200,17 +203,21 @@ def test_merges_are_restored_and_replaced(fresh_kb: KnowledgeBase) -> None:
     for text in (problem("new by_hand - t", "(p new)"), PROBLEMS["requirement and object"][0]):
         merge(fresh_kb, text)
         texts.append(fresh_kb.problem_pddl())
-    assert [part.name for part in fresh_kb.problem().objects][-3:] == ["by_hand", "new", "newer"]
+    assert [part.name for part in fresh_kb.pddl.problem().objects][-3:] == [
+        "by_hand",
+        "new",
+        "newer",
+    ]
     fresh_kb.load_problem(problem(O1))
     for revision, text in ((2, texts[0]), (4, texts[1]), (5, texts[2])):
         fresh_kb.restore(revision)
         assert again(fresh_kb).problem_pddl() == fresh_kb.at(revision).problem_pddl() == text
-    whole = fresh_kb.problem()
+    whole = fresh_kb.pddl.problem()
     # The same text, loaded in place of what was merged, holds the same.
     fresh_kb.load_problem(fresh_kb.problem_pddl())
-    assert fresh_kb.problem() == whole == read_problem(texts[2], domain=fresh_kb.domain())
+    assert fresh_kb.pddl.problem() == whole == read_problem(texts[2], domain=fresh_kb.pddl.domain())
     assert fresh_kb.load_problem(texts[2]).revision is None
-    assert fresh_kb.verify().is_intact
+    assert fresh_kb.store.verify().is_intact
 
 
 @pytest.mark.parametrize(
@@ -230,11 +237,11 @@ def test_verify_finds_a_changed_row_of_a_merge(
     kb.load_domain("(define (domain d) (:types t) (:predicates (p ?x - t)))")
     kb.load_problem(problem("a b - t"))
     merge(kb, problem("c - t", rest="(:requirements :adl) (:goal (and))"))
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
     with closing(sqlite3.connect(file)) as raw:
         # Whoever changes rows by hand can do away with what keeps them from it.
         raw.execute("DROP INDEX uq_document_version_live")
         raw.execute(f"{change} AND since < 4" if "until" in change else f"{change} AND since = 3")
         raw.commit()
-    tables = {finding.table for finding in kb.verify().findings}
+    tables = {finding.table for finding in kb.store.verify().findings}
     assert any(table.startswith("document_") for table in tables if table)

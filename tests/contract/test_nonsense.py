@@ -26,9 +26,9 @@ from kant_sql import (
     aio,
 )
 from kant_sql.errors import InvalidKnowledgeError, InvalidTimeoutError, PlanError, UnknownNameError
-from kant_sql.factory import Daos
 from kant_sql.planning import plan
 from tests.support.generators.junk import JUNK, SLOW, Calling, Case, World, cases, sample
+from tests.support.parts import PATHS, part
 from tests.support.profile import PROFILE
 from tests.support.stores import Connect
 
@@ -58,17 +58,17 @@ def asynchronous_cases(kb: aio.AsyncKnowledgeBase) -> list[Case]:
     """List the public calls of the asynchronous front door, each with a few kinds of junk."""
     chooser, quick = random.Random(8), sorted(set(JUNK) - SLOW)
     found = []
-    for owner in ["kb", *(f"kb.{dao}" for dao in Daos.__annotations__)]:
-        thing = getattr(kb, owner[3:]) if "." in owner else kb
+    for path in PATHS:
+        owner, thing = f"kb.{path}".rstrip("."), part(kb, path)
         for name in dir(type(thing)):
-            if not name.startswith("_") and name != "close":
+            if not name.startswith("_") and name not in ("close", "factory"):
                 found += [Case(owner, name, None, junk) for junk in chooser.sample(quick, 3)]
     return found
 
 
 async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
     """Call with junk where the synchronous method has its first parameter, and use the answer."""
-    thing = getattr(kb, case.owner[3:]) if "." in case.owner else kb
+    thing = part(kb, case.owner[3:])
     given = one_argument(kb, case)
     # What stands before keywords has no name to be given by.
     many = [given.pop(name) for name in POSITIONAL_ONLY if name in given and is_unnamed(kb, case)]
@@ -101,7 +101,7 @@ def is_unnamed(kb: aio.AsyncKnowledgeBase, case: Case) -> bool:
 
 def one_argument(kb: aio.AsyncKnowledgeBase, case: Case) -> dict[str, object]:
     """Give junk for each parameter that must be given."""
-    thing = getattr(kb._kb, case.owner[3:]) if "." in case.owner else kb._kb
+    thing = part(kb._kb, case.owner[3:])
     found = getattr(type(thing), case.method)
     if not callable(found):
         return {}
@@ -130,7 +130,7 @@ def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
                         calling._judge_error(case, error)
                     except Exception as error:
                         calling._judge_other(case, error)
-                assert (await asynchronous.verify()).is_intact
+                assert (await asynchronous.store.verify()).is_intact
 
         with mock.patch.object(plan, "_run", side_effect=NoPlanError("none", "internal_error")):
             asyncio.run(main())
@@ -179,7 +179,7 @@ def test_what_is_nested_or_wide_is_found(fresh_kb: KnowledgeBase) -> None:
 
 def test_numbers_beyond_all_bounds(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.predicates.save(PddlPredicateDto("p", []))
-    assert [one.name for one in fresh_kb.complete("p", limit=2**64)] == ["p"]
+    assert [one.name for one in fresh_kb.pddl.complete("p", limit=2**64)] == ["p"]
     assert [*fresh_kb.query("(p)", limit=2**64)] == []
     assert [*fresh_kb.applicable_actions(limit=2**64)] == []
     anything: Any = fresh_kb
@@ -195,5 +195,5 @@ def test_messages_are_bounded_and_can_be_written(fresh_kb: KnowledgeBase) -> Non
                 ask(text)
             assert len(str(caught.value).encode()) <= 2_000
     with pytest.raises(KantSqlError) as caught:
-        fresh_kb.check_rules("(always (\ud800))")
+        fresh_kb.pddl.check_rules("(always (\ud800))")
     assert "\\ud800" in str(caught.value)

@@ -20,17 +20,19 @@ from sqlalchemy import event
 
 import kant_sql
 from kant_sql import (
-    ClosedError,
     InvalidArgumentError,
-    InvalidMetadataError,
-    InvalidUrlError,
     KnowledgeStore,
     PddlTypeDto,
     ReadOnlyError,
-    SchemaMissingError,
     StoreBusyError,
-    TransactionOpenError,
     aio,
+)
+from kant_sql.errors import (
+    ClosedError,
+    InvalidMetadataError,
+    InvalidUrlError,
+    SchemaMissingError,
+    TransactionOpenError,
 )
 from kant_sql.history import follow
 from kant_sql.sql.dialects import base as dialect_base
@@ -109,7 +111,7 @@ def test_its_knowledge_bases_are_apart_and_listed(store: KnowledgeStore) -> None
     assert found == [("tiago", 2, "me", 2), ("pepper", 1, None, 0)]
     assert tiago.at(1).propositions.get_all() == [robot_at()]
     for kb in (tiago, pepper):
-        assert kb.verify().is_intact
+        assert kb.store.verify().is_intact
 
 
 def test_opening_a_knowledge_base_takes_no_statement(store: KnowledgeStore) -> None:
@@ -135,7 +137,7 @@ def test_closing_one_leaves_the_others_open(store: KnowledgeStore) -> None:
         lambda: tiago.watch(0),
         lambda: tiago.revision,
         lambda: next(iter(tiago.log())),
-        tiago.verify,
+        tiago.store.verify,
     ):
         with pytest.raises(ClosedError):
             call()
@@ -227,7 +229,7 @@ def test_it_may_be_for_reading_only(shared_url: str) -> None:
     with kant_sql.open_store(shared_url, read_only=True) as store:
         kb = store.knowledge_base("tiago")
         assert kb.propositions.get_all() == [robot_at()]
-        assert kb.verify().is_intact
+        assert kb.store.verify().is_intact
         for call in (lambda: kb.objects.save(WP2), lambda: kb.branch("trial")):
             with pytest.raises(ReadOnlyError):
                 call()
@@ -282,7 +284,7 @@ async def work_in_a_task(store: aio.AsyncKnowledgeStore, number: int) -> None:
 @pytest.mark.more
 @on_server
 def test_a_thousand_in_tasks(shared_url: str) -> None:
-    async def main() -> tuple[list[kant_sql.Inventory], int]:
+    async def main() -> tuple[list[kant_sql.operations.Inventory], int]:
         async with aio.open_store(shared_url, connections=CONNECTIONS) as store:
             most = 0
 

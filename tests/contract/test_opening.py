@@ -15,15 +15,13 @@ import pytest
 from sqlalchemy import select
 
 import kant_sql
-from kant_sql import (
-    KantSqlError,
+from kant_sql import KantSqlError, StoreError, StoreUnreachableError
+from kant_sql.errors import (
     NotADatabaseError,
     ReadOnlyStoreError,
     SchemaMissingError,
     SchemaOutdatedError,
     SchemaTooNewError,
-    StoreError,
-    StoreUnreachableError,
 )
 from kant_sql.sql import schema
 from kant_sql.sql.dialects import create_backend
@@ -174,7 +172,7 @@ def test_the_version_table_of_the_users_own_alembic_is_left_alone(
     )
     for step in (
         kant_sql.upgrade,
-        lambda at: kant_sql.downgrade(at, revision="base"),
+        lambda at: kant_sql.operations.downgrade(at, revision="base"),
         kant_sql.upgrade,
     ):
         step(url)
@@ -222,7 +220,7 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'pipe'}"
     for refused in (
         lambda: kant_sql.connect(url),
-        lambda: kant_sql.knowledge_bases(url),
+        lambda: kant_sql.operations.knowledge_bases(url),
     ):
         with pytest.raises(StoreUnreachableError, match="no regular file"):
             refused()

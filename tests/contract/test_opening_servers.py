@@ -15,13 +15,8 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import (
-    AuthenticationError,
-    KantSqlError,
-    ReadOnlyStoreError,
-    StoreError,
-    StoreUnreachableError,
-)
+from kant_sql import KantSqlError, StoreError, StoreUnreachableError
+from kant_sql.errors import AuthenticationError, ReadOnlyStoreError
 from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at

@@ -32,7 +32,7 @@ KEPT = "SELECT domain_pddl, problem_pddl FROM plan WHERE kb_id = :kb ORDER BY id
 
 def newcomer(kb: KnowledgeBase) -> KnowledgeBase:
     """The same knowledge base, of which nothing is known yet."""
-    return beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+    return beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
 
 
 def texts_of(kb: KnowledgeBase) -> Texts:

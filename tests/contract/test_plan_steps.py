@@ -81,7 +81,7 @@ def test_a_step_is_started_and_ends(fresh_kb: KnowledgeBase) -> None:
     assert spans(fresh_kb, first) == [("started", 3, 4), ("failed", 4, None)]
     started, failed = now(fresh_kb, first).outcomes
     assert (started.kind, failed.text) == ("plan step", f"(:plan {plan.id} :step 0 failed)")
-    assert failed.since == started.until == fresh_kb.revisions()[3]
+    assert failed.since == started.until == fresh_kb.store.revisions()[3]
     assert (failed.since.actor, failed.since.reason) == ("executive", "blocked")
     assert now(fresh_kb, second) == second
 
@@ -150,7 +150,7 @@ def test_revisions_that_a_step_causes_link_to_it(fresh_kb: KnowledgeBase) -> Non
         fresh_kb.plans.set_status(first, status="succeeded")
     assert now(fresh_kb, first).revisions == (3, 4, 6)
     assert now(fresh_kb, second).revisions == ()
-    links = [revision.plan_step for revision in fresh_kb.revisions()]
+    links = [revision.plan_step for revision in fresh_kb.store.revisions()]
     place = (first.plan_id, 0)
     assert links == [None, None, place, place, None, place]
 

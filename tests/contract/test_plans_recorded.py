@@ -79,7 +79,7 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert {(one.plan_id, one.status, one.outcomes, one.revisions) for one in made.steps} == {
         (made.id, None, (), ())
     }
-    newcomer = beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+    newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
     assert newcomer.plans.get(made.id) == made == kb.plans.get(made.id)
     assert newcomer.plans.get_all() == [made]
     for strange in (made.id + 1, made.id - 1, 0, -1, 10**30):
@@ -95,7 +95,7 @@ def test_what_is_not_said_is_taken_from_the_plan_and_the_state(fresh_kb: Knowled
     assert (made.planner, made.planner_version) == ("hand", None)
     assert (made.objective, made.value) == ("minimize (total-cost)", None)
     assert made.revision == 1
-    fresh_kb.metric.set(None)
+    fresh_kb.pddl.metric.set(None)
     assert fresh_kb.plans.record(TOUR).objective is None
     assert fresh_kb.plans.record(replace(TOUR, revision=1)).objective == "minimize (total-cost)"
     assert fresh_kb.plans.record(Plan((), "", "")).planner is None
@@ -336,7 +336,7 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
         kb.actions.delete_all()
     arrive(kb, "wp2")
     url = f"sqlite:///{tmp_path / 'archive.db'}"
-    kb.archive(kb.revision, to=url)
+    kb.store.archive(kb.revision, to=url)
     assert kb.plans.get_all() == [made, kept]
     assert kept.problem_pddl() == "b"
     with pytest.raises(ArchivedError, match=r"archive\.db"):
@@ -377,4 +377,4 @@ def test_plans_are_numbered_from_one(kb: KnowledgeBase) -> None:
         numbers += [kb.plans.record(plan).id]
     numbers += [kb.plans.record(plan).id for _ in range(40)]
     assert numbers == [*range(1, 45)]
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact

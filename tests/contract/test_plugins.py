@@ -12,7 +12,8 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import ConnectionLostError, ExtraMissingError, SchemaError
+from kant_sql import SchemaError
+from kant_sql.errors import ConnectionLostError, ExtraMissingError
 from kant_sql.plugins import Plugins, _entries
 from kant_sql.sql import schema
 from kant_sql.sql.dialects import create_backend
@@ -119,7 +120,7 @@ def test_an_extension_of_postgresql_joins_where_a_database_has_it(
     assert joined.asked == ["one connection", "migrating"]
     with connect(url, knowledge_base="tiago") as kb:
         kb.propositions.save(robot_at())
-        assert kb.verify().findings == ()
+        assert kb.store.verify().findings == ()
     backend = create_backend(url)
     with backend.open_session() as session:
         session.begin(write=True)

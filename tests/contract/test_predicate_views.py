@@ -530,7 +530,7 @@ def test_migrations_take_them_out_of_the_way(
     with caplog.at_level(logging.WARNING, "kant_sql.schema"):
         kant_sql.upgrade(story_url)
         assert not caplog.records
-        kant_sql.downgrade(story_url, revision=version)
+        kant_sql.operations.downgrade(story_url, revision=version)
     (record,) = caplog.records
     assert "2 views" in record.getMessage()
     assert "kant-sql views" in record.getMessage()

@@ -28,7 +28,7 @@ def test_processes_that_read_modify_and_write_lose_no_update(
     counter.start(kb)
     in_processes(*[(count, shared_url, way, TIMES)] * PROCESSES)
     assert counter.read(kb) == PROCESSES * TIMES
-    numbers = [revision.number for revision in kb.revisions()]
+    numbers = [revision.number for revision in kb.store.revisions()]
     assert numbers == [*range(1, PROCESSES * TIMES + 2)]
     assert check_chain(shared_url) == {"tiago": PROCESSES * TIMES + 1}
 

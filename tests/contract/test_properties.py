@@ -72,7 +72,7 @@ class SharedFactory(SqlDaoFactory):
 
     def __init__(self, backend: Backend, name: str) -> None:
         self._at = None
-        self._open_store = Store(backend, name, "test")
+        self._store = Store(backend, name, "test")
 
 
 @pytest.fixture(scope="module")

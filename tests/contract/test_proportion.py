@@ -56,7 +56,7 @@ def test_reading_many_actions(form: str) -> None:
 def test_loading_many_actions(fresh_kb: KnowledgeBase, form: str) -> None:
     def load(count: int) -> None:
         fresh_kb.load_domain(actions(form, count))
-        fresh_kb.domain()
+        fresh_kb.pddl.domain()
 
     load(10)
     # Squared, that would be 256 times as long.
@@ -81,7 +81,7 @@ def test_facts_spread_over_a_deep_hierarchy(fresh_kb: KnowledgeBase) -> None:
             fresh_kb.load_domain(domain)
             fresh_kb.load_problem(problem)
         fresh_kb.propositions.save_all(fresh_kb.propositions.get_all())
-        assert fresh_kb.verify().is_intact
+        assert fresh_kb.store.verify().is_intact
         assert f"(p o{levels - 1})" in fresh_kb.problem_pddl()
 
     use(10)

@@ -10,14 +10,8 @@ from typing import Any
 import pytest
 
 import kant_sql
-from kant_sql import (
-    InvalidArgumentError,
-    KnowledgeBase,
-    ReadOnlyError,
-    ReadOnlyStoreError,
-    SchemaMissingError,
-    aio,
-)
+from kant_sql import InvalidArgumentError, KnowledgeBase, ReadOnlyError, aio
+from kant_sql.errors import ReadOnlyStoreError, SchemaMissingError
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.sql.query import raw
 from tests.support.stores import Connect
@@ -53,7 +47,7 @@ def test_writes_are_refused_and_reads_are_not(
     kb.propositions.save(robot_at(place=WP2))
     assert len(reader.propositions.get_all()) == 2
     assert reader.at(1).propositions.get_all() == [robot_at()]
-    assert reader.verify().findings == ()
+    assert reader.store.verify().findings == ()
     assert reader.watch(after=1, timeout=0) == 2
 
 
@@ -61,7 +55,7 @@ def test_an_archive_is_refused(shared_url: str, connect: Connect, tmp_path: Path
     connect(shared_url).propositions.save(robot_at())
     reader = connect(shared_url, read_only=True)
     with pytest.raises(ReadOnlyError, match="read_only=True"):
-        reader.archive(1, to=f"sqlite:///{tmp_path / 'archive.db'}")
+        reader.store.archive(1, to=f"sqlite:///{tmp_path / 'archive.db'}")
     assert not (tmp_path / "archive.db").exists()
 
 
@@ -78,7 +72,7 @@ def test_a_branch_to_another_store_only_reads(shared_url: str, connect: Connect)
 )
 def test_the_database_itself_refuses(shared_url: str, connect: Connect, sql: str) -> None:
     connect(shared_url).propositions.save(robot_at())
-    factory = connect(shared_url, read_only=True).factory
+    factory = connect(shared_url, read_only=True).store.factory
     assert isinstance(factory, SqlDaoFactory)
     store = factory._store
     with pytest.raises(ReadOnlyStoreError):

@@ -20,9 +20,9 @@ from kant_sql import (
     PlanError,
     PlanStep,
     ReadOnlyError,
-    TypeMismatchError,
     UnsupportedConstructError,
 )
+from kant_sql.errors import TypeMismatchError
 from kant_sql.planning import Plan
 from tests.support.statements import count
 from tests.support.stores import Connect
@@ -169,22 +169,20 @@ def test_many_failing_facts_take_few_statements(kb: KnowledgeBase) -> None:
 
 
 def test_goals_and_metric(kb: KnowledgeBase) -> None:
-    assert not kb.is_goal_reached()
-    assert [failed.condition for failed in kb.unsatisfied_goals()] == ["(at p1 c1)", "(lit c1)"]
+    assert [failed.condition for failed in kb.unsatisfied()] == ["(at p1 c1)", "(lit c1)"]
     # (total) is 0.1; `home` is violated, and `each` for h2.
-    assert kb.metric_value() == Decimal("4.1")
+    assert kb.pddl.metric_value() == Decimal("4.1")
     kb.apply("(board h1 p1 c0)")
     kb.apply("(fly p1 c0 c1)")
-    assert kb.is_goal_reached()
-    assert kb.unsatisfied_goals() == []
-    assert kb.metric_value() == Decimal("12.1")
+    assert kb.unsatisfied() == []
+    assert kb.pddl.metric_value() == Decimal("12.1")
     past = kb.at(2)
-    assert (past.is_goal_reached(), past.metric_value()) == (False, Decimal("4.1"))
+    assert (not past.unsatisfied(), past.pddl.metric_value()) == (False, Decimal("4.1"))
 
 
 def test_a_metric_that_no_state_has_is_refused_by_name(fresh_kb: KnowledgeBase) -> None:
-    assert fresh_kb.metric_value() is None
-    assert fresh_kb.is_goal_reached()
+    assert fresh_kb.pddl.metric_value() is None
+    assert not fresh_kb.unsatisfied()
     fresh_kb.load_domain("(define (domain d) (:predicates (p)) (:functions (cost)))")
     for metric, error, message in (
         ("total-time", UnsupportedConstructError, "total-time"),
@@ -194,7 +192,7 @@ def test_a_metric_that_no_state_has_is_refused_by_name(fresh_kb: KnowledgeBase) 
         fresh_kb.load_problem(f"""(define (problem p) (:domain d) (:init) (:goal (and))
           (:constraints (preference q (always (p)))) (:metric minimize {metric}))""")
         with pytest.raises(error, match=message):
-            fresh_kb.metric_value()
+            fresh_kb.pddl.metric_value()
 
 
 def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
@@ -204,7 +202,7 @@ def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
         "?a - aircraft: h1 is of type person, expected aircraft",
         "?y - city: p1 is of type aircraft, expected city",
     ]
-    assert not kb.is_applicable("(fly h1 c0 p1)")
+    assert kb.why_not("(fly h1 c0 p1)")
     kb.function_values.set("fuel", objects=["p1"], value=2)
     [failed] = kb.why_not(PlanStep(None, "FLY", ("P1", "C0", "C1")))
     assert (failed.left, failed.right) == (Decimal(2), Decimal("3.5"))
@@ -232,11 +230,11 @@ def test_applicable_actions(kb: KnowledgeBase) -> None:
     expected += [f"(swap {x} {y})" for x in ("c0", "c1") for y in ("c0", "c1")]
     expected += ["(stay p1 c0)", "(numbers p1)", "(twice)", "(long p1 c0 c1)"]
     assert texts(kb.applicable_actions()) == expected
-    assert all(kb.is_applicable(step) for step in expected)
+    assert all(not kb.why_not(step) for step in expected)
     for step in ("(wrong)", "(lost p1)", "(long p1 c0 c0)", "(free)", "(free) [1]"):
-        assert not kb.is_applicable(step)
+        assert kb.why_not(step)
         assert kb.why_not(step) != []
-    assert kb.is_applicable("(free) [3]")
+    assert not kb.why_not("(free) [3]")
     assert kb.why_not("(free) [3]") == []
     assert texts(kb.applicable_actions("fly")) == ["(fly p1 c0 c1)"]
     assert texts(kb.applicable_actions(limit=3)) == expected[:3]
@@ -262,14 +260,14 @@ def test_each_action_takes_one_statement_when_it_is_needed(kb: KnowledgeBase) ->
     steps = kb.applicable_actions()
     assert count(lambda: next(steps)) == 1
     assert count(lambda: next(steps)) == 1
-    assert count(lambda: kb.is_applicable("(fly p1 c0 c1)")) == 1
+    assert count(lambda: kb.why_not("(fly p1 c0 c1)")) == 1
 
 
 def test_a_step_is_one_revision(kb: KnowledgeBase) -> None:
     before = kb.revision
     assert kb.apply("(board h1 p1 c0)", reason="first call") == before + 1
     assert kb.apply(PlanStep(None, "fly", ("p1", "c0", "c1"))) == before + 2
-    first, second = kb.revisions(before)
+    first, second = kb.store.revisions(before)
     assert (first.reason, second.reason) == ("first call", "applied (fly p1 c0 c1)")
     [entry] = kb.log(since=before + 2)
     assert [f"{change.sign}{change.text}" for change in entry.changes] == [
@@ -282,7 +280,7 @@ def test_a_step_is_one_revision(kb: KnowledgeBase) -> None:
         "-(= (fuel p1) 10)",
         "-(= (total) 0.1)",
     ]
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
 
 
 def test_a_step_that_cannot_be_executed_writes_nothing(kb: KnowledgeBase) -> None:
@@ -337,9 +335,9 @@ def test_steps_within_a_transaction(kb: KnowledgeBase) -> None:
     before = kb.revision
     with kb.transaction(actor="executive", reason="two steps"):
         assert kb.apply("(board h1 p1 c0)") is None
-        assert kb.is_applicable("(fly p1 c0 c1)")
+        assert not kb.why_not("(fly p1 c0 c1)")
         kb.apply("(fly p1 c0 c1)")
-        assert not kb.is_applicable("(fly p1 c0 c1)")
+        assert kb.why_not("(fly p1 c0 c1)")
         with pytest.raises(NotApplicableError):
             kb.apply("(fly p1 c0 c1)")
     assert kb.revision == before + 1
@@ -371,11 +369,11 @@ def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
         ("p1", "c0", "c1"),
     )
     started = kb.revision
-    assert [each.reason for each in kb.revisions(started - 1)] == ["take off"]
+    assert [each.reason for each in kb.store.revisions(started - 1)] == ["take off"]
     assert kb.holds("(and (busy p1) (not (at p1 c0)) (not (at p1 c1)))")
     with pytest.raises(NotApplicableError, match="it is running"):
         kb.start("(long p1 c0 c1)")
-    assert kb.broken_invariants() == []
+    assert kb.pddl.broken_invariants() == []
     ended = kb.end("(LONG p1 c0 c1)")
     assert ended == started + 1
     assert kb.holds("(and (not (busy p1)) (at p1 c1))")
@@ -385,7 +383,7 @@ def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
     assert (read.steps[0].status, read.steps[0].revisions) == ("succeeded", (started, ended))
     with pytest.raises(PlanError, match="is not running: start it first; running are: none"):
         kb.end(step)
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
 
 
 def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
@@ -397,7 +395,7 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
         assert c0 is not None
         kb.propositions.save(PddlPropositionDto(lit, [c0]))
     dusk = kb.revision
-    [broken] = kb.broken_invariants()
+    [broken] = kb.pddl.broken_invariants()
     assert (broken.step.plan_id, broken.unsatisfied.condition) == (step.plan_id, "(not (lit c0))")
     assert broken.since is not None
     assert (broken.since.number, broken.since.actor) == (dusk, "perception")
@@ -409,12 +407,12 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
     aborted = kb.abort(step, reason="lights")
     assert aborted.revision == dusk + 1
     assert str(aborted) == "(long p1 c0 c1) was aborted; it leaves +(busy p1), -(at p1 c0)"
-    assert kb.broken_invariants() == []
+    assert kb.pddl.broken_invariants() == []
     read = kb.plans.get(step.plan_id)
     assert read is not None
     assert read.steps[0].status == "aborted"
     with pytest.raises(PlanError, match="of the present"):
-        kb.at(dusk).broken_invariants()
+        kb.at(dusk).pddl.broken_invariants()
 
 
 def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None:
@@ -510,7 +508,7 @@ def test_what_is_promised_can_begin(rooms: KnowledgeBase, step: str, reason: str
     is_durative = "divide" not in step
     listed = texts(rooms.applicable_actions(step.strip("()").split()[0].rstrip(")")))
     assert (step in listed) is (reason is None and "[" not in step)
-    assert rooms.is_applicable(step) is (reason is None)
+    assert (not rooms.why_not(step)) is (reason is None)
     failed = [str(each) for each in rooms.why_not(step)]
     if reason is None:
         assert failed == []
@@ -536,7 +534,7 @@ def test_a_step_that_rules_allow_is_found(rooms: KnowledgeBase) -> None:
     assert door is not None
     rooms.propositions.save(PddlPropositionDto(declared, [door]))
     assert texts(rooms.applicable_actions("wait")) == ["(wait)"]
-    assert rooms.is_applicable("(wait)")
+    assert not rooms.why_not("(wait)")
     assert not rooms.holds("(ready)")
     rooms.start("(wait)")
     assert rooms.holds("(ready)")
@@ -556,7 +554,7 @@ def test_continuous_change_is_the_rate_times_the_duration(rooms: KnowledgeBase) 
     rooms.load_problem(FLAT)
     step = rooms.start("(drive) [4]")
     assert bat() == 10
-    assert rooms.broken_invariants() == []
+    assert rooms.pddl.broken_invariants() == []
     rooms.function_values.set("bat", objects=[], value=9)
     rooms.end(step)
     assert bat() == 1
@@ -565,7 +563,7 @@ def test_continuous_change_is_the_rate_times_the_duration(rooms: KnowledgeBase) 
     rooms.apply("(drive) [5]")
     assert bat() == 0
     rooms.load_problem(FLAT)
-    assert rooms.is_applicable("(drive) [5.5]")
+    assert not rooms.why_not("(drive) [5.5]")
     with pytest.raises(NotApplicableError, match=r"\(> \(bat\) 0\): the sides are -1 and 0"):
         rooms.apply("(drive) [5.5]")
     assert (bat(), rooms.holds("(lit)")) == (10, False)
@@ -586,7 +584,7 @@ def test_continuous_change_is_the_rate_times_the_duration(rooms: KnowledgeBase) 
 def test_change_that_is_not_linear_is_refused_by_name(
     rooms: KnowledgeBase, name: str, message: str
 ) -> None:
-    for ask in (rooms.is_applicable, rooms.why_not, rooms.start, rooms.apply):
+    for ask in (rooms.why_not, rooms.start, rooms.apply):
         with pytest.raises(UnsupportedConstructError, match=re.escape(message)):
             ask(f"({name})")
     assert name not in " ".join(texts(rooms.applicable_actions()))
@@ -611,7 +609,7 @@ def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None
     assert done.revision == begun + 2 == rooms.revision
     assert (shown(done.undone), done.left) == (["+(lit)", "+(= (rate) 2)"], ())
     assert sorted(state(rooms)) == sorted(before)
-    assert rooms.revisions(begun + 1)[0].reason == "aborted and undid (drive)"
+    assert rooms.store.revisions(begun + 1)[0].reason == "aborted and undid (drive)"
     read = rooms.plans.get(step.plan_id)
     assert read is not None
     assert read.steps[0].status == "aborted"

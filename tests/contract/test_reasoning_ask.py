@@ -12,15 +12,14 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import (
-    ClosedError,
     InvalidArgumentError,
     InvalidKnowledgeError,
     KnowledgeBase,
     PddlError,
     PddlObjectDto,
     PddlTypeDto,
-    TypeMismatchError,
 )
+from kant_sql.errors import ClosedError, TypeMismatchError
 from kant_sql.pddl import Atom, Derived, Not, Or, Variable
 from kant_sql.sql.dialects.decimals import add_functions
 from tests.support.statements import count
@@ -118,7 +117,7 @@ def test_conditions_of_the_past_are_answered_alike(fresh_kb: KnowledgeBase) -> N
     # Definitions of then: the predicate is gone now.
     predicate = fresh_kb.predicates.get("blocked")
     assert predicate is not None
-    fresh_kb.derived_predicates.delete_all()
+    fresh_kb.pddl.derived_predicates.delete_all()
     fresh_kb.predicates.delete(predicate)
     with pytest.raises(PddlError, match="the predicate 'blocked'"):
         fresh_kb.holds("(blocked w2)")
@@ -351,7 +350,7 @@ def test_rules_that_are_not_stratified_are_refused_by_name(fresh_kb: KnowledgeBa
         fresh_kb.load_domain(UNSTRATIFIED)
     assert fresh_kb.revision == 0
     fresh_kb.load_domain("(define (domain u) (:predicates (base) (p) (q)))")
-    rules = fresh_kb.derived_predicates
+    rules = fresh_kb.pddl.derived_predicates
     rules.save(Derived("p", (), Not(Atom("q"))))
     with pytest.raises(InvalidKnowledgeError, match="not stratified"):
         rules.save_all([Derived("q", (), Or((Atom("base"), Atom("p"))))])

@@ -19,9 +19,9 @@ from kant_sql import (
     KnowledgeBase,
     NotApplicableError,
     PddlError,
-    TypeMismatchError,
     aio,
 )
+from kant_sql.errors import TypeMismatchError
 from tests.support.reading import rows, undone
 from tests.support.stores import Connect
 
@@ -79,8 +79,7 @@ def test_an_empty_knowledge_base_has_a_logic(fresh_kb: KnowledgeBase) -> None:
     assert list(fresh_kb.query("(= ?x ?y)")) == []
     assert len(fresh_kb.at(0).query("(and)")) == 1
     assert list(fresh_kb.applicable_actions()) == []
-    assert fresh_kb.is_goal_reached()
-    assert fresh_kb.unsatisfied_goals() == []
+    assert fresh_kb.unsatisfied() == []
     with pytest.raises(PddlError, match="predicate 'p'"):
         fresh_kb.holds("(p)")
 
@@ -411,8 +410,8 @@ def test_what_a_transaction_undoes_is_not_answered(yard: KnowledgeBase) -> None:
 
 def test_the_rules_of_the_past_are_those_of_then(yard: KnowledgeBase) -> None:
     before = yard.revision
-    [rule] = [r for r in yard.derived_predicates.get_all() if r.predicate == "docked"]
-    yard.derived_predicates.delete(rule)
+    [rule] = [r for r in yard.pddl.derived_predicates.get_all() if r.predicate == "docked"]
+    yard.pddl.derived_predicates.delete(rule)
     assert not yard.holds("(docked Dock)")
     assert yard.at(before).holds("(docked Dock)")
     yard.objects.delete(expected(yard.objects.get("k")))
@@ -485,8 +484,8 @@ def texts_cut_short() -> Iterator[str]:
 
 def test_a_text_that_is_cut_short_is_refused_as_pddl(yard: KnowledgeBase) -> None:
     calls: tuple[Callable[[str], object], ...] = (
-        *(yard.query, yard.holds, yard.when, yard.check_rules, yard.why_not, yard.unsatisfied),
-        *(yard.goals.delete, yard.constraints.delete, yard.propositions.delete, yard.blame),
+        *(yard.query, yard.holds, yard.when, yard.pddl.check_rules, yard.why_not, yard.unsatisfied),
+        *(yard.goals.delete, yard.pddl.constraints.delete, yard.propositions.delete, yard.blame),
         lambda text: yard.query("(at ?r ?w)", parameters=text),
     )
     for text in texts_cut_short():

@@ -13,19 +13,17 @@ import pytest
 
 import kant_sql
 from kant_sql import (
-    ArchivedError,
     ConflictError,
     InvalidArgumentError,
-    InvalidUrlError,
     KnowledgeBase,
     PddlFunctionDto,
     PddlObjectDto,
     PddlTypeDto,
     ReadOnlyError,
-    TransactionOpenError,
     UnknownRevisionError,
     aio,
 )
+from kant_sql.errors import ArchivedError, InvalidUrlError, TransactionOpenError
 from kant_sql.store import transaction as transactions
 from tests.support.corpus import Pair, needs_corpus, small_pairs
 from tests.support.reading import beside, facts, state, undone
@@ -89,7 +87,7 @@ def documents(kb: KnowledgeBase) -> tuple[str, str]:
 
 
 def first(kb: KnowledgeBase) -> kant_sql.Revision:
-    return kb.revisions(limit=1)[0]
+    return kb.store.revisions(limit=1)[0]
 
 
 @pytest.fixture
@@ -114,8 +112,8 @@ def test_a_branch_is_the_state_whole_and_in_order(depot: KnowledgeBase, branch_o
         for made in (branch_of(depot, at=revision), branch_of(past)):
             assert documents(made) == documents(past)
             assert state(made) == state(past)
-            assert made.diff_with(past) == past.diff_with(made) == []
-            assert made.verify().findings == ()
+            assert made.diff(made, past) == past.diff(past, made) == []
+            assert made.store.verify().findings == ()
     made = branch_of(depot)
     assert documents(made) == documents(depot)
     assert "late" in made.problem_pddl()
@@ -126,7 +124,7 @@ def test_its_first_revision_says_what_it_is_a_branch_of(
 ) -> None:
     for at in (2, None):
         made, number_ = branch_of(depot, at=at), at or depot.revision
-        origin = depot.revisions(number_ - 1, limit=1)[0]
+        origin = depot.store.revisions(number_ - 1, limit=1)[0]
         assert made.revision == 1
         revision = first(made)
         assert revision.actor == "test"
@@ -135,7 +133,7 @@ def test_its_first_revision_says_what_it_is_a_branch_of(
 
 
 def test_a_time_names_the_state(depot: KnowledgeBase, branch_of: Branch) -> None:
-    first_at = depot.revisions(limit=1)[0].committed_at
+    first_at = depot.store.revisions(limit=1)[0].committed_at
     assert documents(branch_of(depot, at=first_at)) == documents(depot.at(first_at))
     assert branch_of(depot, at=datetime(2000, 1, 1, tzinfo=UTC)).revision == 0
 
@@ -154,7 +152,7 @@ def test_neither_is_changed_by_what_is_written_to_the_other(
     now = documents(made)
     depot.types.delete_all()
     assert documents(made) == now
-    assert made.verify().is_intact
+    assert made.store.verify().is_intact
 
 
 def test_new_elements_of_a_branch_come_after_those_it_began_with(
@@ -225,9 +223,9 @@ def test_a_scratch_branch_is_in_memory_and_gone_when_closed(
     kb = connect(shared_url, knowledge_base="tiago")
     kb.propositions.save(robot_at())
     trial = kb.branch()
-    assert trial.factory.has_one_connection
+    assert trial.store.factory.has_one_connection
     trial.close()
-    with pytest.raises(kant_sql.ClosedError):
+    with pytest.raises(kant_sql.errors.ClosedError):
         trial.propositions.get_all()
     assert facts(kb) == ["(robot_at rb1 wp1)"]
 
@@ -242,8 +240,8 @@ def test_another_store_on_another_dialect(
     assert documents(made) == documents(kb)
     back = branch_of(connect(there, knowledge_base="tiago"), "back", url=shared_url)
     assert documents(back) == documents(kb)
-    assert back.diff_with(kb) == []
-    assert back.verify().findings == made.verify().findings == ()
+    assert back.diff(back, kb) == []
+    assert back.store.verify().findings == made.store.verify().findings == ()
 
 
 def test_the_file_is_found_from_any_folder(
@@ -296,7 +294,7 @@ def test_many_facts_go_over_in_as_many_statements(
     monkeypatch.setattr("kant_sql.dao.base.BATCH", 700)
     made = branch_of(fresh_kb)
     assert documents(made) == documents(fresh_kb)
-    assert made.verify().is_intact
+    assert made.store.verify().is_intact
 
 
 def test_what_cannot_be_is_refused(depot: KnowledgeBase) -> None:
@@ -309,8 +307,8 @@ def test_what_cannot_be_is_refused(depot: KnowledgeBase) -> None:
     with pytest.raises(InvalidArgumentError):
         depot.branch("")
     anything: Any = depot
-    with pytest.raises(InvalidArgumentError, match="what it is compared with"):
-        anything.diff_with(1)
+    with pytest.raises(UnknownRevisionError, match="a revision's number, or an aware time"):
+        anything.diff(depot, None)
 
 
 def test_a_pending_state_has_no_revision_to_name(depot: KnowledgeBase) -> None:
@@ -326,7 +324,7 @@ def test_an_archived_state_is_refused(shared_url: str, tmp_path: Path, connect: 
     kb.propositions.save(robot_at())
     kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at(RB1, WP2))
-    kb.archive(3, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'old.db'}")
     with pytest.raises(ArchivedError):
         kb.branch(at=1)
     with kb.branch() as trial:
@@ -346,7 +344,7 @@ def test_the_difference_is_what_would_turn_one_into_the_other(
     other.propositions.delete(robot_at())
     other.propositions.save(robot_at(RB1, WP2))
     other.function_values.set(BATTERY, objects=[RB1], value=6)
-    assert [" ".join(change) for change in kb.diff_with(other)] == [
+    assert [" ".join(change) for change in kb.diff(kb, other)] == [
         "+ fact (robot_at rb1 wp2)",
         "+ object wp2 - wp",
         "+ value (= (battery rb1) 6)",
@@ -354,11 +352,11 @@ def test_the_difference_is_what_would_turn_one_into_the_other(
         "- value (= (battery rb1) 5)",
     ]
     # The same as between two revisions of one, and the other way round.
-    assert kb.diff_with(other) == other.diff(1, other.revision)
-    assert other.diff_with(kb) == other.diff(other.revision, 1)
-    assert other.diff_with(other.at(1)) == other.diff(other.revision, 1)
-    assert kb.diff_with(kb.at(0)) == kb.diff(kb.revision, 0)
-    assert kb.at(0).diff_with(kb) == kb.diff(0, kb.revision)
+    assert kb.diff(kb, other) == other.diff(1, other.revision)
+    assert other.diff(other, kb) == other.diff(other.revision, 1)
+    assert other.diff(other, other.at(1)) == other.diff(other.revision, 1)
+    assert kb.diff(kb, kb.at(0)) == kb.diff(kb.revision, 0)
+    assert kb.at(0).diff(kb.at(0), kb) == kb.diff(0, kb.revision)
 
 
 def test_pending_changes_count(fresh_kb: KnowledgeBase) -> None:
@@ -368,7 +366,7 @@ def test_pending_changes_count(fresh_kb: KnowledgeBase) -> None:
         kb.propositions.save(robot_at(RB1, WP2))
         with other.transaction():
             other.objects.save(PddlObjectDto(WAYPOINT, "wp9"))
-            assert [" ".join(change) for change in kb.diff_with(other)] == [
+            assert [" ".join(change) for change in kb.diff(kb, other)] == [
                 "+ object wp9 - wp",
                 "- fact (robot_at rb1 wp2)",
                 "- object wp2 - wp",
@@ -380,18 +378,18 @@ def test_of_two_stores_that_were_written_apart(
 ) -> None:
     kb = connect(shared_url, knowledge_base="another")
     everything(kb)
-    assert kb.diff_with(depot) == []
+    assert kb.diff(kb, depot) == []
     kb.propositions.save(robot_at(RB1, WP1))
-    assert {change.sign for change in kb.diff_with(depot)} == {"-"}
-    assert beside(kb, "empty").diff_with(kb) == kb.diff(0, kb.revision)
+    assert {change.sign for change in kb.diff(kb, depot)} == {"-"}
+    assert kb.diff(beside(kb, "empty"), kb) == kb.diff(0, kb.revision)
 
 
 def test_it_takes_one_statement_each(fresh_kb: KnowledgeBase) -> None:
     fill(fresh_kb, 50)
-    other = beside(fresh_kb, f"{fresh_kb.factory._store.name} other")  # type: ignore[attr-defined]
+    other = beside(fresh_kb, f"{fresh_kb.store.factory._store.name} other")  # type: ignore[attr-defined]
     fill(other, 20)
-    fresh_kb.diff_with(other)
-    assert count(lambda: fresh_kb.diff_with(other)) <= 4
+    fresh_kb.diff(fresh_kb, other)
+    assert count(lambda: fresh_kb.diff(fresh_kb, other)) <= 4
 
 
 # With asyncio.
@@ -403,7 +401,7 @@ def test_the_asynchronous_front_door_branches_and_compares(url: str) -> None:
             await kb.propositions.save(robot_at())
             async with kb.branch() as trial:
                 await trial.propositions.save(robot_at(RB1, WP2))
-                changes = await kb.diff_with(trial)
+                changes = await kb.diff(kb, trial)
                 assert [" ".join(change) for change in changes] == [
                     "+ fact (robot_at rb1 wp2)",
                     "+ object wp2 - wp",
@@ -411,7 +409,7 @@ def test_the_asynchronous_front_door_branches_and_compares(url: str) -> None:
             past = await kb.at(0)
             trial = await past.branch()
             assert await trial.revision() == 0
-            assert len(await trial.diff_with(kb)) == 6
+            assert len(await trial.diff(trial, kb)) == 6
             await trial.close()
             async with kb.transaction():
                 with pytest.raises(ReadOnlyError, match="end it first"):

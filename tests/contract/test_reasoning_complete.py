@@ -10,7 +10,7 @@ from tests.support.worlds.robots import robot_at
 
 
 def found(kb: KnowledgeBase, beginning: str, **options: int) -> list[tuple[str, str]]:
-    return [(one.kind, one.name) for one in kb.complete(beginning, **options)]
+    return [(one.kind, one.name) for one in kb.pddl.complete(beginning, **options)]
 
 
 def test_names_that_begin_so_come_before_those_that_contain_it(kb: KnowledgeBase) -> None:
@@ -32,7 +32,7 @@ def test_names_that_begin_so_come_before_those_that_contain_it(kb: KnowledgeBase
     ]
     assert found(kb, "rob", limit=2) == [("predicate", "robot_at"), ("function", "rob_battery")]
     assert found(kb, "nothing") == []
-    assert [one.text for one in kb.complete("robot_at")] == ["(robot_at ?r - robot ?w - wp)"]
+    assert [one.text for one in kb.pddl.complete("robot_at")] == ["(robot_at ?r - robot ?w - wp)"]
 
 
 def test_names_are_those_of_the_state(kb: KnowledgeBase) -> None:
@@ -48,14 +48,14 @@ def test_names_are_those_of_the_state(kb: KnowledgeBase) -> None:
 def test_what_is_no_beginning_is_refused(kb: KnowledgeBase) -> None:
     for wrong in (None, 3, b"rob"):
         with pytest.raises(InvalidArgumentError):
-            kb.complete(wrong)  # type: ignore[arg-type]
+            kb.pddl.complete(wrong)  # type: ignore[arg-type]
     with pytest.raises(InvalidArgumentError):
-        kb.complete("rob", limit=-1)
+        kb.pddl.complete("rob", limit=-1)
 
 
 def test_one_statement_finds_names(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
-    kb.complete("rb")
+    kb.pddl.complete("rb")
     with recorded() as statements:
-        kb.complete("ro")
+        kb.pddl.complete("ro")
     assert len(statements) == 1

@@ -38,7 +38,7 @@ def fill(kb: KnowledgeBase, articles: int, places: int) -> None:
 
 def definitions(kb: KnowledgeBase) -> Definitions:
     """Return the definitions that a knowledge base has in memory."""
-    factory: Any = kb.factory
+    factory: Any = kb.store.factory
     found: Definitions = factory._store.check_definitions(lambda known: known)
     return found
 

@@ -89,7 +89,7 @@ class Judge:
         self.states = []
         for number in range(1, kb.revision + 1):
             past = kb.at(number)
-            domain, problem = past.domain(), past.problem()
+            domain, problem = past.pddl.domain(), past.pddl.problem()
             self.states.append(Evaluator(theory_of(domain), state_of(domain, problem)))
 
     def check(self) -> int:

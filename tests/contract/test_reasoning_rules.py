@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from kant_sql import (
-    ArchivedError,
     InvalidArgumentError,
     KnowledgeBase,
     PddlError,
@@ -22,12 +21,12 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    SourceMissingError,
     UnknownRevisionError,
     UnsupportedConstructError,
     Verdicts,
     aio,
 )
+from kant_sql.errors import ArchivedError, SourceMissingError
 from kant_sql.pddl import read_problem
 from tests.support.reading import beside
 from tests.support.statements import count
@@ -85,25 +84,25 @@ def found(verdicts: Verdicts) -> list[int | None]:
 
 
 def judge(kb: KnowledgeBase, rule: str, **options: Any) -> int | None:
-    [number] = found(kb.check_rules(rule, **options))
+    [number] = found(kb.pddl.check_rules(rule, **options))
     return number
 
 
 def test_a_safety_rule_is_one_line(day: KnowledgeBase) -> None:
-    verdicts = day.check_rules(SAFETY, clock="observed")
+    verdicts = day.pddl.check_rules(SAFETY, clock="observed")
     [verdict] = verdicts
     assert not verdicts.is_satisfied
     assert verdicts.violated == [verdict]
     assert not verdict.is_satisfied
     assert verdict.rule == SAFETY
-    assert verdict.revision == day.revisions(3, limit=1)[0]
+    assert verdict.revision == day.store.revisions(3, limit=1)[0]
     assert verdict.revision is not None
     assert (verdict.revision.actor, verdict.revision.reason) == ("driver", "driver did it")
     assert verdict.time == 30
     assert "violated in revision 4" in str(verdicts)
     assert "driver did it" in str(verdicts)
-    assert day.check_rules(SAFETY, until=3).is_satisfied
-    assert str(day.check_rules(SAFETY, until=3)) == f"{SAFETY} is kept"
+    assert day.pddl.check_rules(SAFETY, until=3).is_satisfied
+    assert str(day.pddl.check_rules(SAFETY, until=3)) == f"{SAFETY} is kept"
 
 
 def test_each_operator(day: KnowledgeBase) -> None:
@@ -131,7 +130,7 @@ def test_each_operator(day: KnowledgeBase) -> None:
     }
     for rule, revision in rules.items():
         assert judge(day, rule, clock="observed") == revision, rule
-    whole = day.check_rules("\n".join(rules), clock="observed")
+    whole = day.pddl.check_rules("\n".join(rules), clock="observed")
     assert found(whole) == [*rules.values()]
     assert [one.rule for one in whole] == [*rules]
     assert whole.first == 1
@@ -156,7 +155,7 @@ def test_times_of_rules_matter_where_nothing_mentioned_changes(fresh_kb: Knowled
 
 
 def test_preferences_are_counted(day: KnowledgeBase) -> None:
-    verdicts = day.check_rules(
+    verdicts = day.pddl.check_rules(
         "(and (preference calm (always (not (child_in kitchen))))"
         " (forall (?r - robot) (preference home (sometime-after (robot_at ?r kitchen)"
         " (robot_at ?r hall))))"
@@ -171,22 +170,22 @@ def test_preferences_are_counted(day: KnowledgeBase) -> None:
 
 def test_a_quantifier_makes_a_rule_for_each_object(day: KnowledgeBase) -> None:
     rule = "(forall (?r - robot) (always (not (and (robot_at ?r kitchen) (child_in kitchen)))))"
-    verdicts = day.check_rules(rule)
+    verdicts = day.pddl.check_rules(rule)
     assert [one.rule for one in verdicts] == [SAFETY, SAFETY.replace("rb1", "rb2")]
     assert found(verdicts) == [4, 3]
     # One that comes later is judged from then on, one that goes until then.
     step(day, "installer", ("+", at(PddlObjectDto(ROBOT, "rb3"), HALL)))
     day.objects.delete(RB2)
     ever = "(forall (?r - robot) (always (exists (?w - room) (robot_at ?r ?w))))"
-    later = day.check_rules(ever)
+    later = day.pddl.check_rules(ever)
     assert found(later) == [7, None, None]
     assert ["rb1" in later[0].rule, "rb2" in later[1].rule, "rb3" in later[2].rule] == [True] * 3
-    assert found(day.check_rules(rule)) == [4, 3, None]
+    assert found(day.pddl.check_rules(rule)) == [4, 3, None]
 
 
 def test_the_rules_of_the_store_are_the_default(fresh_kb: KnowledgeBase) -> None:
     kb = fresh_kb
-    assert len(kb.check_rules()) == 0
+    assert len(kb.pddl.check_rules()) == 0
     kb.load_domain(
         """(define (domain d) (:requirements :constraints :typing :preferences)
       (:types robot room) (:predicates (robot_at ?r - robot ?w - room) (child_in ?w - room))
@@ -197,12 +196,12 @@ def test_the_rules_of_the_store_are_the_default(fresh_kb: KnowledgeBase) -> None
       (:init (robot_at rb1 hall))
       (:constraints (and (always (not (child_in hall))) (preference p (sometime (child_in hall))))))
       """)
-    verdicts = kb.check_rules()
+    verdicts = kb.pddl.check_rules()
     assert found(verdicts) == [None, None, 2]
     step(kb, "camera", ("+", child(HALL)))
-    assert found(kb.check_rules()) == [None, 3, None]
-    assert found(kb.at(2).check_rules()) == [None, None, 2]
-    assert kb.check_rules().to_dicts()[1]["actor"] == "camera"
+    assert found(kb.pddl.check_rules()) == [None, 3, None]
+    assert found(kb.at(2).pddl.check_rules()) == [None, None, 2]
+    assert kb.pddl.check_rules().to_dicts()[1]["actor"] == "camera"
 
 
 def test_files_nodes_and_constraints_sections(day: KnowledgeBase, tmp_path: Path) -> None:
@@ -210,17 +209,17 @@ def test_files_nodes_and_constraints_sections(day: KnowledgeBase, tmp_path: Path
     path.write_text(
         f"; What must never be.\n{SAFETY}\n\n(:constraints (sometime (child_in hall)))\n"
     )
-    assert found(day.check_rules(path)) == [4, 7]
-    assert found(day.check_rules(str(path))) == [4, 7]
+    assert found(day.pddl.check_rules(path)) == [4, 7]
+    assert found(day.pddl.check_rules(str(path))) == [4, 7]
     problem = read_problem(f"(define (problem p) (:domain d) (:constraints {SAFETY}))")
-    assert found(day.check_rules(problem.constraints)) == [4]
-    assert found(day.check_rules(problem.constraints[0])) == [4]
-    assert found(day.check_rules("(and)")) == []
+    assert found(day.pddl.check_rules(problem.constraints)) == [4]
+    assert found(day.pddl.check_rules(problem.constraints[0])) == [4]
+    assert found(day.pddl.check_rules("(and)")) == []
     with pytest.raises(SourceMissingError):
-        day.check_rules(tmp_path / "missing.pddl")
+        day.pddl.check_rules(tmp_path / "missing.pddl")
     path.write_text(f"{SAFETY}\n(always (child_on kitchen))")
     with pytest.raises(PddlError, match="child_in") as caught:
-        day.check_rules(path)
+        day.pddl.check_rules(path)
     assert (caught.value.line, str(path) in str(caught.value)) == (2, True)
 
 
@@ -234,25 +233,25 @@ def test_what_is_no_rule_is_refused(day: KnowledgeBase) -> None:
         "(hold-during 5 1 (child_in kitchen))",
     ):
         with pytest.raises(PddlError):
-            day.check_rules(text)
+            day.pddl.check_rules(text)
     with pytest.raises(UnsupportedConstructError, match="sometime"):
-        day.check_rules("(always (sometime (child_in kitchen)))")
+        day.pddl.check_rules("(always (sometime (child_in kitchen)))")
     anything: Any = day
     with pytest.raises(InvalidArgumentError, match="the clock"):
         anything.check_rules(SAFETY, clock="wall")
     with pytest.raises(InvalidArgumentError, match="a source"):
         anything.check_rules(3)
     with pytest.raises(UnknownRevisionError):
-        day.check_rules(SAFETY, until=99)
+        day.pddl.check_rules(SAFETY, until=99)
 
 
 def test_a_range_that_ends_before_it_begins_is_refused(day: KnowledgeBase) -> None:
-    first, last = (day.revisions(one, limit=1)[0].committed_at for one in (2, 5))
+    first, last = (day.store.revisions(one, limit=1)[0].committed_at for one in (2, 5))
     for since, until in ((5, 2), (last, first), (5, first), (last, 2)):
         for asked in (
             lambda **span: list(day.log(**span)),
             lambda **span: day.when("(child_in ?w)", **span),
-            lambda **span: day.check_rules(SAFETY, **span),
+            lambda **span: day.pddl.check_rules(SAFETY, **span),
         ):
             with pytest.raises(InvalidArgumentError, match="the range ends before it begins"):
                 asked(since=since, until=until)
@@ -265,9 +264,9 @@ def test_a_range_is_a_trajectory_of_its_own(day: KnowledgeBase) -> None:
     within = "(within 15 (robot_at rb1 kitchen))"
     assert judge(day, within, clock="observed") == 3
     assert judge(day, within, clock="observed", since=3) is None
-    times = [revision.committed_at for revision in day.revisions()]
+    times = [revision.committed_at for revision in day.store.revisions()]
     assert judge(day, SAFETY, since=times[0], until=times[6]) == 4
-    assert day.at(3).check_rules(SAFETY).is_satisfied
+    assert day.at(3).pddl.check_rules(SAFETY).is_satisfied
     assert judge(day.at(4), SAFETY) == 4
 
 
@@ -289,21 +288,21 @@ def test_definitions_are_those_of_each_revision(day: KnowledgeBase) -> None:
     day.objects.delete(KITCHEN)
     assert judge(day, SAFETY) == 4
     with pytest.raises(PddlError):
-        day.check_rules("(always (child_in cellar))")
+        day.pddl.check_rules("(always (child_in cellar))")
 
 
 def test_a_rule_without_its_names_is_not_judged(day: KnowledgeBase) -> None:
     rule, soft = "(sometime (robot_at rb2 hall))", "(preference near (always (robot_at rb2 hall)))"
     day.propositions.delete(at(RB2, KITCHEN))
     since = day.objects.delete(RB2) and day.revision
-    judged = day.check_rules(f"{SAFETY} {rule} {soft}", since=since)
+    judged = day.pddl.check_rules(f"{SAFETY} {rule} {soft}", since=since)
     assert [one.verdict for one in judged] == ["kept", "not judged", "not judged"]
     assert (judged.is_satisfied, judged.violated, judged.violated_preferences) == (False, [], {})
     assert judged.not_judged == [judged[1], judged[2]]
     assert str(judged[1]) == f"{rule} is not judged: no state of the range has all its names"
     assert judged.to_dicts()[1]["verdict"] == "not judged"
-    assert day.check_rules(f"{SAFETY} {soft}", since=since).is_satisfied
-    assert day.check_rules(rule).is_satisfied
+    assert day.pddl.check_rules(f"{SAFETY} {soft}", since=since).is_satisfied
+    assert day.pddl.check_rules(rule).is_satisfied
 
 
 def test_numbers_and_derived_predicates(fresh_kb: KnowledgeBase) -> None:
@@ -317,13 +316,13 @@ def test_numbers_and_derived_predicates(fresh_kb: KnowledgeBase) -> None:
 
 def test_it_takes_as_many_statements_however_long_the_past(day: KnowledgeBase) -> None:
     rules = f"{SAFETY} (within 20 (child_in kitchen))"
-    day.check_rules(rules)
-    few = count(lambda: day.check_rules(rules))
+    day.pddl.check_rules(rules)
+    few = count(lambda: day.pddl.check_rules(rules))
     assert few <= 16
     for _ in range(20):
         step(day, "driver", ("+", at(RB1, KITCHEN)))
         step(day, "driver", ("-", at(RB1, KITCHEN)))
-    assert count(lambda: day.check_rules(rules)) == few
+    assert count(lambda: day.pddl.check_rules(rules)) == few
 
 
 def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: Connect) -> None:
@@ -331,25 +330,25 @@ def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: C
     step(kb, "a", ("+", at(RB1, HALL)))
     step(kb, "b", ("-", at(RB1, HALL)), ("+", at(RB1, KITCHEN)))
     step(kb, "c", ("-", at(RB1, KITCHEN)))
-    kb.archive(3, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'old.db'}")
     rule = "(always (robot_at rb1 kitchen))"
     with pytest.raises(ArchivedError, match=r"old\.db"):
-        kb.check_rules(rule)
+        kb.pddl.check_rules(rule)
     assert judge(kb, rule, since=2) == 3
     assert judge(kb, "(sometime (robot_at rb1 kitchen))", since=2) is None
 
 
 def test_nothing_was_recorded(fresh_kb: KnowledgeBase) -> None:
-    assert len(fresh_kb.check_rules("(and)")) == 0
-    assert fresh_kb.check_rules().is_satisfied
-    assert str(fresh_kb.check_rules()) == "there are no rules"
+    assert len(fresh_kb.pddl.check_rules("(and)")) == 0
+    assert fresh_kb.pddl.check_rules().is_satisfied
+    assert str(fresh_kb.pddl.check_rules()) == "there are no rules"
 
 
 def test_the_asynchronous_front_door_has_the_same_verdicts(url: str) -> None:
     async def main() -> None:
         async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
             await kb.propositions.save(at(RB1, HALL))
-            assert found(await kb.check_rules("(always (not (robot_at rb1 hall)))")) == [1]
+            assert found(await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")) == [1]
 
     asyncio.run(main())
 
@@ -424,7 +423,7 @@ def random_rules(random: Random) -> list[tuple[str, ...]]:
 @pytest.mark.parametrize("seed", range(4))
 def test_verdicts_of_a_random_past(fresh_kb: KnowledgeBase, seed: int) -> None:
     random = Random(seed)
-    kb = beside(fresh_kb, f"{fresh_kb.factory._store.name} {seed}")  # type: ignore[attr-defined]
+    kb = beside(fresh_kb, f"{fresh_kb.store.factory._store.name} {seed}")  # type: ignore[attr-defined]
     facts = {
         str(fact): fact
         for fact in (at(RB1, HALL), at(RB1, KITCHEN), child(HALL), child(KITCHEN), at(RB2, HALL))
@@ -441,7 +440,9 @@ def test_verdicts_of_a_random_past(fresh_kb: KnowledgeBase, seed: int) -> None:
         step(kb, "x", *changes, after=float(time))
     trajectory = observed(kb)
     rules = random_rules(random)
-    verdicts = kb.check_rules("\n".join(f"({' '.join(rule)})" for rule in rules), clock="observed")
+    verdicts = kb.pddl.check_rules(
+        "\n".join(f"({' '.join(rule)})" for rule in rules), clock="observed"
+    )
     for rule, verdict in zip(rules, verdicts, strict=True):
         assert verdict.is_satisfied is not violates(rule, trajectory), (rule, trajectory)
     for low, high in ((3, kb.revision - 1), (5, 5)):
@@ -449,14 +450,14 @@ def test_verdicts_of_a_random_past(fresh_kb: KnowledgeBase, seed: int) -> None:
         moved = [(time - cut[0][0], held) for time, held in cut]
         for rule in rules[::3]:
             text = f"({' '.join(rule)})"
-            [verdict] = kb.check_rules(text, clock="observed", since=low, until=high)
+            [verdict] = kb.pddl.check_rules(text, clock="observed", since=low, until=high)
             assert verdict.is_satisfied is not violates(rule, moved), (rule, low, high)
 
 
 def observed(kb: KnowledgeBase) -> list[tuple[Decimal, set[str]]]:
     """The state of each revision, read by itself."""
     states = []
-    for revision in kb.revisions():
+    for revision in kb.store.revisions():
         assert revision.observed_at is not None
         seconds = Decimal(str((revision.observed_at - BASE).total_seconds()))
         past = kb.at(revision.number).propositions.get_no_goals()

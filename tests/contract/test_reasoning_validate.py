@@ -86,7 +86,7 @@ def test_a_past_state_is_chosen_by_revision_or_time(rounds: KnowledgeBase) -> No
     before = rounds.revision
     leave(rounds)
     after = rounds.revision
-    moment = rounds.revisions(before - 1, limit=1)[0].committed_at
+    moment = rounds.store.revisions(before - 1, limit=1)[0].committed_at
     assert not rounds.validate(PLAN).valid
     assert rounds.validate(PLAN, at=before).valid
     assert rounds.validate(PLAN, at=moment).valid

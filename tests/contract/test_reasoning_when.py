@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from kant_sql import (
-    ArchivedError,
     Held,
     InvalidArgumentError,
     InvalidKnowledgeError,
@@ -24,6 +23,7 @@ from kant_sql import (
     aio,
 )
 from kant_sql.dto.formulas import And, Atom, Constant, Not, Variable
+from kant_sql.errors import ArchivedError
 from tests.support.reading import undone
 from tests.support.statements import count
 from tests.support.stores import Connect
@@ -91,7 +91,7 @@ def test_a_fact_held_from_one_revision_until_another(day: KnowledgeBase) -> None
         "installer did it",
     )
     assert (held.until.number, held.until.actor) == (4, "driver")
-    assert [held.since, held.until] == [day.revisions(n - 1, limit=1)[0] for n in (2, 4)]
+    assert [held.since, held.until] == [day.store.revisions(n - 1, limit=1)[0] for n in (2, 4)]
     assert held.since.committed_at.utcoffset() is not None
 
 
@@ -183,7 +183,7 @@ def test_a_range_cuts_periods_off(day: KnowledgeBase) -> None:
 
 
 def test_times_name_a_range(day: KnowledgeBase) -> None:
-    times = [revision.committed_at for revision in day.revisions()]
+    times = [revision.committed_at for revision in day.store.revisions()]
     found = day.when("(robot_at rb2 ?w)", since=times[2], until=times[3])
     assert numbers(found)[-1][0] == "hall"
     with pytest.raises(UnknownRevisionError):
@@ -432,7 +432,7 @@ def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: C
     step(kb, "b", ("-", at(RB1, HALL)), ("+", at(RB1, KITCHEN)))
     step(kb, "c", ("-", at(RB1, KITCHEN)), ("+", at(RB1, HALL)))
     step(kb, "d", ("-", child(HALL)))
-    kb.archive(4, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(4, to=f"sqlite:///{tmp_path / 'old.db'}")
     for text in ("(robot_at rb1 hall)", "(not (robot_at rb1 hall))"):
         for since in (None, 1, 2):
             with pytest.raises(ArchivedError, match=r"old\.db"):

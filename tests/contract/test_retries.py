@@ -13,13 +13,8 @@ from typing import Any
 import psycopg
 import pytest
 
-from kant_sql import (
-    ConnectionLostError,
-    KnowledgeBase,
-    StoreBusyError,
-    StoreError,
-    StoreFullError,
-)
+from kant_sql import KnowledgeBase, StoreBusyError, StoreError
+from kant_sql.errors import ConnectionLostError, StoreFullError
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Backend, Session
 from tests.support.chain import check_chain

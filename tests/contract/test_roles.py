@@ -231,7 +231,7 @@ def test_a_transaction_that_stays_open_dates_no_revision_back(
     connect(url, knowledge_base="tiago").propositions.save(robot_at())
     dated = REVISION.format(kb=1).replace("clock_timestamp()", "{}")
     with (
-        members(url, kant_sql.create_roles(url)) as users,
+        members(url, kant_sql.operations.create_roles(url)) as users,
         psycopg.connect(users.writer) as writer,
     ):
         writer.execute("SELECT pg_sleep(0.3)")
@@ -267,7 +267,7 @@ def test_what_is_committed_while_a_statement_runs_is_out_of_its_reach(
 ) -> None:
     kb = connect(role_store, knowledge_base=OTHER)
     kb.propositions.save(robot_at())
-    before = len(kb.verify().findings)
+    before = len(kb.store.verify().findings)
     values = {
         "kb": OTHER_ID,
         "next": kb.revision + 1,
@@ -288,7 +288,7 @@ def test_what_is_committed_while_a_statement_runs_is_out_of_its_reach(
             kb.propositions.save(robot_at(place=waypoint(kb.revision)))
         owner.execute(f"SELECT pg_advisory_unlock({LOCK})".encode())
         trying.result(PATIENCE)
-    assert len(kb.verify().findings) == before
+    assert len(kb.store.verify().findings) == before
 
 
 END = """

@@ -17,8 +17,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    ReadOnlyStoreError,
 )
+from kant_sql.errors import ReadOnlyStoreError
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql.sql.predicate_views import update_views
 from kant_sql.store import transaction as propositions
@@ -117,14 +117,14 @@ def test_a_writer_can_do_all_that_the_library_does(
     url = server.new_store()
     owned = connect(url, knowledge_base="owned")
     program(owned, monkeypatch)
-    roles = kant_sql.create_roles(url)
+    roles = kant_sql.operations.create_roles(url)
     with members(url, roles) as own:
         written = connect(own.writer, knowledge_base="written")
         program(written, monkeypatch)
         assert state(written) == state(owned)
         assert written.problem_pddl() == owned.problem_pddl()
         assert [entry.changes for entry in written.log()] == [e.changes for e in owned.log()]
-        assert written.verify().is_intact
+        assert written.store.verify().is_intact
         assert check_chain(url) == {"owned": owned.revision, "written": owned.revision}
         program(connect(own.writer, knowledge_base="owned"), monkeypatch)
         written.close()
@@ -176,7 +176,7 @@ def readings(kb: KnowledgeBase) -> list[Any]:
         kb.blame("(at t1 p2)"),
         [entry.revision for entry in kb.changes(after=1)],
         kb.watch(after=0, timeout=0),
-        kb.verify(),
+        kb.store.verify(),
     ]
 
 
@@ -201,17 +201,17 @@ def test_readers_of_all_have_tables_of_views(
     for url in (role_users.reader, role_users.writer):
         kb = connect(url, knowledge_base=MINE)
         for view in AUDIT_VIEWS:
-            assert kb.to_arrow(view) == owned.to_arrow(view)
+            assert kb.store.to_arrow(view) == owned.store.to_arrow(view)
     with pytest.raises(ReadOnlyStoreError, match="permission denied for view audit_fact"):
-        connect(limited_users.reader, knowledge_base=MINE).to_arrow("fact")
-    schema = kant_sql.create_roles(role_store, knowledge_base=MINE).schema
+        connect(limited_users.reader, knowledge_base=MINE).store.to_arrow("fact")
+    schema = kant_sql.operations.create_roles(role_store, knowledge_base=MINE).schema
     with psycopg.connect(role_store, autocommit=True) as connection:
         user = make_url(limited_users.reader).username
         connection.execute(f"ALTER ROLE {user} SET search_path = {schema}, public".encode())
     try:
         limited = connect(limited_users.reader, knowledge_base=MINE)
         for view in AUDIT_VIEWS:
-            assert limited.to_arrow(view) == owned.to_arrow(view)
+            assert limited.store.to_arrow(view) == owned.store.to_arrow(view)
     finally:
         with psycopg.connect(role_store, autocommit=True) as connection:
             connection.execute(f"ALTER ROLE {user} RESET search_path".encode())
@@ -241,7 +241,7 @@ def test_auditors_read_views_and_no_table(role_store: str, role_users: Members) 
 
 
 def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users: Members) -> None:
-    schema = kant_sql.create_roles(role_store, knowledge_base=MINE).schema
+    schema = kant_sql.operations.create_roles(role_store, knowledge_base=MINE).schema
     assert schema is not None
     assert views(role_store, schema) == views(role_store)
     for view in views(role_store):
@@ -276,12 +276,12 @@ def test_auditors_read_generated_views(server: Server, connect: Connect) -> None
         connect(url, knowledge_base=kb_name).propositions.save(robot_at())
     connect(url, knowledge_base=OTHER).propositions.save(robot_at(place=WP2))
     all_roles, limited_roles = (
-        kant_sql.create_roles(url),
-        kant_sql.create_roles(url, knowledge_base=MINE),
+        kant_sql.operations.create_roles(url),
+        kant_sql.operations.create_roles(url, knowledge_base=MINE),
     )
     made = [view for view in update_views(url) if view.kind == "fact"]
     assert {view.knowledge_base for view in made} == {MINE, OTHER}
-    kant_sql.create_roles(url)
+    kant_sql.operations.create_roles(url)
     with members(url, all_roles) as all_users, members(url, limited_roles) as limited:
         for view in made:
             assert len(rows_of(url, view.name)) == (1 if view.knowledge_base == MINE else 2)

@@ -10,7 +10,8 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import KantSqlError, SchemaMissingError, StoreError
+from kant_sql import KantSqlError, StoreError
+from kant_sql.errors import SchemaMissingError
 from kant_sql.sql.predicate_views import update_views
 from tests.support.pages import Page
 from tests.support.processes.commands import run
@@ -43,16 +44,18 @@ def rights(url: str) -> list[tuple[Any, ...]]:
 
 def test_a_second_run_brings_rights_up_to_date(role_store: str, limited_users: Members) -> None:
     before = rights(role_store)
-    assert not any("CREATE ROLE" in sql for sql in kant_sql.create_roles(role_store).statements)
+    assert not any(
+        "CREATE ROLE" in sql for sql in kant_sql.operations.create_roles(role_store).statements
+    )
     assert rights(role_store) == before
     with psycopg.connect(role_store) as owner:
         owner.execute("GRANT DELETE, UPDATE (hash) ON revision TO kant_sql_writer")
         owner.execute("GRANT SELECT ON revision TO kant_sql_auditor")
         owner.execute("DROP POLICY kant_sql_read ON head")
     assert rights(role_store) != before
-    kant_sql.create_roles(role_store, dry_run=True)
+    kant_sql.operations.create_roles(role_store, dry_run=True)
     assert rights(role_store) != before
-    kant_sql.create_roles(role_store)
+    kant_sql.operations.create_roles(role_store)
     assert rights(role_store) == before
 
 
@@ -60,18 +63,18 @@ def test_a_second_run_brings_rights_up_to_date(role_store: str, limited_users: M
 def test_rights_survive_migrations(server: Server, connect: Connect) -> None:
     url = server.new_store()
     connect(url, knowledge_base=MINE).propositions.save(robot_at())
-    roles = kant_sql.create_roles(url, knowledge_base=MINE)
-    kant_sql.create_roles(url)
+    roles = kant_sql.operations.create_roles(url, knowledge_base=MINE)
+    kant_sql.operations.create_roles(url)
     before = rights(url)
     kant_sql.upgrade(url)
     assert rights(url) == before
-    kant_sql.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="0001")
     kant_sql.upgrade(url)
     assert rights(url) == before
     with members(url, roles) as own:
         connect(own.writer, knowledge_base=MINE).propositions.delete(robot_at())
-    kant_sql.downgrade(url, revision="0001")
-    kant_sql.downgrade(url, revision="base")
+    kant_sql.operations.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="base")
     kant_sql.upgrade(url)
     assert query(url, "SELECT polname FROM pg_policy") == []
 
@@ -83,17 +86,17 @@ def test_what_was_made_for_a_knowledge_base_that_is_gone_is_for_no_other(
     with closing(connect(url, knowledge_base="tiago")) as kb:
         kb.propositions.save(robot_at())
         update_views(url)
-    roles = kant_sql.create_roles(url, knowledge_base="tiago")
+    roles = kant_sql.operations.create_roles(url, knowledge_base="tiago")
     with members(url, roles) as own, psycopg.connect(url, autocommit=True) as owner:
         owner.execute("UPDATE knowledge_base SET name = 'pepper'")
-        kant_sql.create_roles(url)
+        kant_sql.operations.create_roles(url)
         assert query(url, "SELECT FROM pg_views WHERE schemaname = 'kant_sql_tiago'") == []
         for name in ("object", "fact_robot_at"):
             for user in own:
                 with psycopg.connect(user, autocommit=True) as connection:
                     assert refused(connection, f"SELECT FROM {name}"), (name, user)
     # Nor is it in the way of a migration.
-    kant_sql.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="0001")
 
 
 def test_what_cannot_be_done_is_refused_with_the_remedy(
@@ -101,20 +104,20 @@ def test_what_cannot_be_done_is_refused_with_the_remedy(
 ) -> None:
     if shared_url.startswith("sqlite"):
         with pytest.raises(StoreError, match=r"SQLite has no roles.*\?mode=ro"):
-            kant_sql.create_roles(shared_url)
+            kant_sql.operations.create_roles(shared_url)
         return
     with pytest.raises(KantSqlError, match=r"no knowledge base 'tiagi'.*there are: .*'tiago'"):
-        kant_sql.create_roles(role_store, knowledge_base="tiagi")
+        kant_sql.operations.create_roles(role_store, knowledge_base="tiagi")
     with pytest.raises(SchemaMissingError):
-        kant_sql.create_roles(server.new_database())
+        kant_sql.operations.create_roles(server.new_database())
     with pytest.raises(StoreError, match=r"connect as the owner of the tables.*CREATEROLE"):
-        kant_sql.create_roles(role_users.reader)
+        kant_sql.operations.create_roles(role_users.reader)
 
 
 def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> None:
     url = server.new_store()
     connect(url, knowledge_base="tiago").propositions.save(robot_at())
-    roles = kant_sql.create_roles(url, knowledge_base="tiago")
+    roles = kant_sql.operations.create_roles(url, knowledge_base="tiago")
     page = Page("roles.md")
     assert all(name in page.text for name in roles[:4] if name is not None)
     with psycopg.connect(url) as owner, owner.transaction(force_rollback=True):
@@ -137,7 +140,7 @@ def test_what_only_others_may_revoke_is_left_to_them_by_name(
         try:
             own = as_user(url, user)
             kant_sql.upgrade(own)
-            roles = kant_sql.create_roles(own)
+            roles = kant_sql.operations.create_roles(own)
             assert not {*roles.statements} & {*roles.remaining}
             is_public = admin.info.server_version < 150_000
             assert [sql.split(" FROM ")[0] for sql in roles.remaining] == [
@@ -153,7 +156,7 @@ def test_what_only_others_may_revoke_is_left_to_them_by_name(
             assert [line.split(": ", 1)[1] for line in shown] == [f"{s};" for s in roles.remaining]
             for statement in roles.remaining:
                 admin.execute(statement.encode())
-            assert kant_sql.create_roles(own).remaining == ()
+            assert kant_sql.operations.create_roles(own).remaining == ()
         finally:
             admin.execute(named("DROP OWNED BY {} CASCADE", user))
             admin.execute(named("DROP ROLE {}", user))

@@ -29,18 +29,18 @@ def url(server: Server, connect: Connect) -> str:
     """A store with roles and something in it."""
     url = server.new_store()
     connect(url, knowledge_base="tiago").propositions.save(robot_at())
-    kant_sql.create_roles(url)
+    kant_sql.operations.create_roles(url)
     return url
 
 
 def renew_roles(url: str) -> None:
     """Set all rights as they are to be."""
-    kant_sql.create_roles(url)
+    kant_sql.operations.create_roles(url)
 
 
 def migrate(url: str) -> None:
     """Change tables."""
-    kant_sql.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="0001")
     kant_sql.upgrade(url)
 
 
@@ -52,7 +52,7 @@ def test_an_open_transaction_of_a_reader_is_named_and_holds_nobody_up(
     monkeypatch.setattr(retry, "RETRY_FOR", 1.5)
     kb = connect(url, knowledge_base="tiago")
     version = schema.current(url)
-    with members(url, kant_sql.create_roles(url)) as users, ThreadPoolExecutor() as pool:
+    with members(url, kant_sql.operations.create_roles(url)) as users, ThreadPoolExecutor() as pool:
         with psycopg.connect(users.reader, application_name="dashboard") as reader:
             reader.execute("SELECT FROM proposition")
             changing = pool.submit(change, url)
@@ -74,12 +74,12 @@ def test_an_open_transaction_of_a_reader_is_named_and_holds_nobody_up(
             assert longest < 10
             assert schema.current(url) == version
         change(url)
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
 
 
 def test_a_reader_that_ends_in_time_is_waited_for(url: str) -> None:
     with (
-        members(url, kant_sql.create_roles(url)) as users,
+        members(url, kant_sql.operations.create_roles(url)) as users,
         psycopg.connect(users.reader) as reader,
         ThreadPoolExecutor() as pool,
     ):
@@ -110,8 +110,8 @@ def locked_by(user: str) -> psycopg.Connection[tuple[object, ...]]:
 @pytest.mark.more
 @pytest.mark.parametrize("role", range(2))
 def test_no_login_of_a_role_keeps_the_lock_of_the_schema(role: int, url: str) -> None:
-    with members(url, kant_sql.create_roles(url)) as users, locked_by(users[role]):
-        kant_sql.create_roles(url)
+    with members(url, kant_sql.operations.create_roles(url)) as users, locked_by(users[role]):
+        kant_sql.operations.create_roles(url)
         assert update_views(url)
         migrate(url)
 

@@ -82,7 +82,7 @@ def work_on(kb: KnowledgeBase) -> None:
         kb.propositions.get_all()
         kb.propositions.save(fact(2))
     kb.at(1).propositions.get_by_predicate("robot_at")
-    kb.revisions()
+    kb.store.revisions()
     list(kb.log())
     kb.objects.save_all(waypoint(number) for number in range(10, 100))
     kb.propositions.save_all(fact(number) for number in range(10, 100))

@@ -14,10 +14,10 @@ from kant_sql import (
     PddlError,
     PddlObjectDto,
     PddlPropositionDto,
-    TypeMismatchError,
     UnknownNameError,
 )
 from kant_sql.dto.formulas import Atom, Comparison, Constant, Fluent, Not, Number, Or, Variable
+from kant_sql.errors import TypeMismatchError
 from tests.support.reading import last_changes, nothing_changes
 
 DOMAIN = """(define (domain d) (:requirements :typing :numeric-fluents :object-fluents :constraints)
@@ -204,14 +204,14 @@ def test_goals_are_given_as_text_nodes_and_dtos(world: KnowledgeBase) -> None:
 
 def test_constraints_are_given_as_text(world: KnowledgeBase) -> None:
     text = "(and (always (not (idle))) (sometime (robot_at rb1 wp2)))"
-    assert world.constraints.save(text) is True
-    assert [str(each) for each in world.constraints.get_all()] == [
+    assert world.pddl.constraints.save(text) is True
+    assert [str(each) for each in world.pddl.constraints.get_all()] == [
         "(always (not (idle)))",
         "(sometime (robot_at rb1 wp2))",
     ]
-    assert world.constraints.delete("(always (not (idle)))") is True
+    assert world.pddl.constraints.delete("(always (not (idle)))") is True
     with pytest.raises(PddlError, match=r"did you mean idle"):
-        world.constraints.save("(always (idel))")
+        world.pddl.constraints.save("(always (idel))")
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def check(kb: KnowledgeBase, url: str) -> dict[str, int]:
     """Recompute the chain, also of a store in memory, which only its own connection can read."""
     if url != "sqlite://":
         return check_chain(url)
-    with kb.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+    with kb.store.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
         connection: sqlite3.Connection = session._pooled.driver_connection
         return check_sqlite(connection)
 
@@ -52,7 +52,7 @@ def test_threads_that_read_modify_and_write_lose_no_update(
     counter.start(kb)
     in_threads(*[lambda: way(kb, TIMES)] * THREADS)
     assert counter.read(kb) == THREADS * TIMES
-    numbers = [revision.number for revision in kb.revisions()]
+    numbers = [revision.number for revision in kb.store.revisions()]
     assert numbers == [*range(1, THREADS * TIMES + 2)]
     assert check(kb, url) == {"tiago": THREADS * TIMES + 1}
 
@@ -109,7 +109,7 @@ def test_a_transaction_within_another_joins_it(kb: KnowledgeBase) -> None:
         with kb.transaction(actor="inner", reason="second", expected_revision=0):
             kb.propositions.save(robot_at(place=WP2))
         assert kb.revision == 0
-    (revision,) = kb.revisions()
+    (revision,) = kb.store.revisions()
     assert (revision.actor, revision.reason) == ("outer", "first")
     assert kb.propositions.get_all() == [robot_at(), robot_at(place=WP2)]
 
@@ -124,7 +124,7 @@ def test_readers_do_not_wait_for_a_writer(shared_url: str, connect: Connect) -> 
         found = in_threads(
             lambda: len(kb.propositions.get_all()),
             lambda: len(kb.at(kb.revision).objects.get_all()),
-            lambda: len(kb.revisions()),
+            lambda: len(kb.store.revisions()),
             lambda: len(list(kb.log())),
             lambda: len(connect(shared_url).propositions.get_all()),
         )

@@ -102,7 +102,7 @@ def meets(version: Version, first: int, last: int) -> bool:
 def slice_ends(kb: KnowledgeBase, made: Timeline) -> list[int]:
     """The last revision up to each end of a slice."""
     length = made.until - made.since
-    revisions = kb.revisions()
+    revisions = kb.store.revisions()
     ends = []
     for n in range(made.slices + 1):
         moment = made.since + length * n / made.slices
@@ -187,7 +187,7 @@ def check(kb: KnowledgeBase, made: Timeline, histories: Sequence[Wanted]) -> Non
 def test_each_version_is_a_bar_or_is_counted(fresh_kb: KnowledgeBase, seed: int) -> None:
     kb = fresh_kb
     live(kb, 40, seed)
-    known, revisions = histories(kb), kb.revisions()
+    known, revisions = histories(kb), kb.store.revisions()
     chance = random.Random(seed)
     for _ in range(max(6, PROFILE.names // 20)):
         low, high = sorted(chance.choices(revisions, k=2), key=lambda one: one.number)
@@ -209,7 +209,7 @@ def test_a_window_is_the_state_at_its_beginning_and_what_changed(fresh_kb: Knowl
     for number in range(6):
         kb.propositions.save(robot_at(RB1, waypoint(number)))
         kb.propositions.delete(robot_at(RB1, waypoint(number)))
-    revisions = kb.revisions()
+    revisions = kb.store.revisions()
 
     def shown(since: Any, until: Any) -> list[str]:
         return sorted(lane.text[-2] for lane in kb.timeline(since, until=until).lanes)
@@ -458,7 +458,7 @@ def test_plans_have_their_steps_and_outcomes(fresh_kb: KnowledgeBase) -> None:
         kb.plans.set_status(plan.steps[0], status="failed")  # 4
     kb.plans.set_status(plan.steps[1], status="started")  # 5
     kb.plans.set_status(plan.steps[2], status="aborted")  # 6
-    times = {one.number: one.committed_at for one in kb.revisions()}
+    times = {one.number: one.committed_at for one in kb.store.revisions()}
     (bar,) = kb.timeline().plans
     assert (bar.id, bar.recorded_in, bar.recorded_at) == (plan.id, 2, times[2])
     assert [step.text for step in bar.steps] == [str(step) for step in plan.steps]
@@ -537,8 +537,8 @@ def test_an_archived_part_is_missing_and_said(url: str, connect: Connect, tmp_pa
         kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at())
     assert kb.timeline().archived_until is None
-    kb.archive(4, to=target_url(tmp_path))
-    times: dict[int, Revision] = {one.number: one for one in kb.revisions()}
+    kb.store.archive(4, to=target_url(tmp_path))
+    times: dict[int, Revision] = {one.number: one for one in kb.store.revisions()}
     made = kb.timeline()
     assert made.archived_until == times[3].committed_at
     assert [(bar.since, bar.until) for bar in made.lanes[0].bars] == [(3, 4), (5, 6), (7, None)]

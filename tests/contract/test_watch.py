@@ -11,14 +11,8 @@ from typing import Any
 
 import pytest
 
-from kant_sql import (
-    KnowledgeBase,
-    ReadOnlyError,
-    StoreError,
-    StoreIntegrityError,
-    UnknownRevisionError,
-)
-from kant_sql.errors import InvalidTimeoutError
+from kant_sql import KnowledgeBase, ReadOnlyError, StoreError, UnknownRevisionError
+from kant_sql.errors import InvalidTimeoutError, StoreIntegrityError
 from kant_sql.history import follow as watching
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects import postgresql as postgresql_session

@@ -110,9 +110,9 @@ def check(domain_text: str, problem_text: str) -> bool:
     with kant_sql.connect("sqlite://") as kb:
         kb.load_domain(domain_text)
         kb.load_problem(problem_text)
-        assert kb.verify().findings == ()
-        assert kb.domain() == domain
-        assert kb.problem() == problem
+        assert kb.store.verify().findings == ()
+        assert kb.pddl.domain() == domain
+        assert kb.pddl.problem() == problem
         check_text(kb, domain)
         kb.load_domain(kb.domain_pddl())
         kb.load_problem(kb.problem_pddl())
@@ -122,9 +122,9 @@ def check(domain_text: str, problem_text: str) -> bool:
 
 def check_text(kb: kant_sql.KnowledgeBase, domain: Domain) -> None:
     text = kb.domain_pddl()
-    assert text == write(kb.domain())
+    assert text == write(kb.pddl.domain())
     assert read_domain(text) == domain
-    assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
+    assert read_problem(kb.problem_pddl(), domain=domain) == kb.pddl.problem()
 
 
 def test_whatever_is_read_verifies_and_is_regenerated() -> None:

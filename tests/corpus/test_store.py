@@ -42,10 +42,10 @@ def _check(kb: KnowledgeBase, domain_path: Path, problem_path: Path) -> None:
     assert kb.load_domain(domain_path) == (1, domain.warnings)
     # A problem that says nothing, of which there is none here, would make no revision.
     assert kb.load_problem(problem_path) == (2, problem.warnings)
-    assert (kb.domain(), kb.problem()) == (domain, problem)
+    assert (kb.pddl.domain(), kb.pddl.problem()) == (domain, problem)
     domain_text, problem_text = kb.domain_pddl(), kb.problem_pddl()
     assert domain_text == write(domain)
-    assert problem_text == write(kb.problem())
+    assert problem_text == write(kb.pddl.problem())
     assert read_domain(domain_text) == domain
     assert read_problem(problem_text, domain=domain) == problem
     # What was written says all of what is stored, and nothing else.

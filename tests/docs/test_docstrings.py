@@ -19,8 +19,9 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
-from kant_sql.factory import DaoFactory, Daos
+from kant_sql.factory import DaoFactory
 from tests.docs.test_docs import ROOT
+from tests.support.parts import DAOS, FRONTS, PATHS, part
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2
 
 INDEX = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
@@ -33,8 +34,13 @@ MODULES = [
 
 
 # The methods that questions of a state were made into.
-QUESTIONS = [name for name, member in vars(KnowledgeBase).items() if hasattr(member, "__wrapped__")]
-BOUND = {f"kant_sql.knowledge_base.KnowledgeBase.{name}" for name in QUESTIONS}
+QUESTIONS = [
+    (cls, name)
+    for cls in FRONTS.values()
+    for name in dir(cls)
+    if name[0] != "_" and hasattr(getattr(cls, name), "__wrapped__")
+]
+BOUND = {f"{cls.__module__}.{cls.__name__}.{name}" for cls, name in QUESTIONS}
 
 
 FINDER = doctest.DocTestFinder(exclude_empty=True)
@@ -80,7 +86,8 @@ def test_what_users_call_first_has_an_example() -> None:
         "kant_sql.knowledge_base.KnowledgeBase.at",
         "kant_sql.documents.exchange.load_domain",
         "kant_sql.documents.planners.plan",
-        *(f"kant_sql.history.{name}.{name}" for name in ("log", "diff", "restore")),
+        "kant_sql.knowledge_base.KnowledgeBase.diff",
+        *(f"kant_sql.history.{name}.{name}" for name in ("log", "restore")),
         *(f"kant_sql.dao.interfaces.Dao.{name}" for name in ("save", "get_all", "delete")),
     }
     assert wanted - EXAMPLES.keys() == set()
@@ -104,33 +111,32 @@ def methods(cls: type) -> Iterator[tuple[str, Any]]:
 
 
 def parts(kb: KnowledgeBase) -> dict[str, object]:
-    daos = {f"kb.{name}": getattr(kb, name) for name in Daos.__annotations__}
-    return {"kb": kb, "factory": kb.factory} | daos
+    return {"factory": kb.store.factory, **{path: part(kb, path) for path in PATHS}}
 
 
 def test_each_docstring_stands_once_and_is_inherited() -> None:
     stated = 0
     with kant_sql.connect("sqlite://") as kb:
-        for role, part in parts(kb).items():
+        for role, of in parts(kb).items():
             seen: set[str] = set()
-            for interface in interfaces(type(part)):
+            for interface in interfaces(type(of)):
                 for name, method in methods(interface):
                     if name in seen or name.startswith("create_"):
                         continue
                     seen.add(name)
                     stated += 1
-                    got = inspect.getattr_static(type(part), name)
-                    shown = got if isinstance(got, property) else getattr(part, name)
+                    got = inspect.getattr_static(type(of), name)
+                    shown = got if isinstance(got, property) else getattr(of, name)
                     assert inspect.getdoc(shown) == inspect.getdoc(method), f"{role}.{name}"
-            for cls in set(type(part).__mro__) - set(interfaces(type(part))) - {KnowledgeBase}:
+            for cls in set(type(of).__mro__) - set(interfaces(type(of))) - {*FRONTS.values()}:
                 own = {name for name, method in methods(cls) if method.__doc__} & seen
                 assert own == set(), f"{cls.__name__} repeats {own}"
     assert stated + len(QUESTIONS) > 150
 
 
-@pytest.mark.parametrize("name", QUESTIONS)
-def test_a_method_is_the_question_that_it_binds(name: str) -> None:
-    bound = inspect.getattr_static(KnowledgeBase, name)
+@pytest.mark.parametrize(("cls", "name"), QUESTIONS)
+def test_a_method_is_the_question_that_it_binds(cls: type, name: str) -> None:
+    bound = inspect.getattr_static(cls, name)
     asked = bound.__wrapped__
     assert inspect.getdoc(bound) == inspect.getdoc(asked)
     _, *parameters = inspect.signature(asked).parameters.values()
@@ -211,10 +217,7 @@ def test_the_parts_of_an_asynchronous_knowledge_base_are_public() -> None:
     public = {id(value) for _, value in public_objects()}
     with kant_sql.connect("sqlite://") as kb:
         door = _Door(kb, True)
-        daos = [
-            value
-            for name, value in vars(AsyncKnowledgeBase(door, kb=kb)).items()
-            if not name.startswith("_")
-        ]
-    assert len(daos) == len(Daos.__annotations__)
+        opened = AsyncKnowledgeBase(door, kb=kb)
+        daos = [part(opened, path) for path in PATHS]
+    assert len(daos) == len(DAOS) + len(FRONTS) == 20
     assert {type(dao).__name__ for dao in daos if id(type(dao)) not in public} == set()

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from kant_sql import PddlTypeDto, StoreFullError
+from kant_sql import PddlTypeDto
+from kant_sql.errors import StoreFullError
 from tests.support.chain import check_chain
 from tests.support.processes.crashes import fill_disk
 from tests.support.processes.workers import in_processes
@@ -44,15 +45,15 @@ def test_a_verification_without_room_gives_its_verdict(small_disk: Path) -> None
     url = f"sqlite:///{small_disk / 'store.db'}"
     with kant_sql.connect(url) as kb:
         kb.types.save(PddlTypeDto("robot"))
-        assert kb.verify(keep=True).is_kept
+        assert kb.store.verify(keep=True).is_kept
         kb.types.save(PddlTypeDto("wp"))
         fill(small_disk)
         # So little that the write-ahead log has room for it still.
         with suppress(StoreFullError):
             for number in range(100):
                 kb.types.save(PddlTypeDto(f"t{number}"))
-        done = kb.verify(keep=True)
+        done = kb.store.verify(keep=True)
         assert (done.is_intact, done.revisions, done.is_kept) == (True, kb.revision, False)
         assert "disk is full" in str(done.keep_error)
         (small_disk / "other").unlink()
-        assert kb.verify(keep=True).is_kept
+        assert kb.store.verify(keep=True).is_kept

@@ -54,7 +54,7 @@ def archive_and_die(here: str, there: str, before: int, statements: int) -> None
     die_after(statements)
     replicating.ROWS, replicating.FIRST_REVISIONS = 30, 2
     with kant_sql.connect(here, knowledge_base="tiago") as kb:
-        kb.archive(before, to=there)
+        kb.store.archive(before, to=there)
 
 
 def check(here: str, there: str, before: Rows, upto: int) -> bool:
@@ -92,7 +92,7 @@ def test_a_killed_archive_is_gone_on_with(
         kills += process.exitcode != 0
         is_done = check(shared_url, there, before, upto)
     assert kills > 0
-    assert kb.archive(upto + 1, to=there).revision is None
+    assert kb.store.archive(upto + 1, to=there).revision is None
     assert kb.revision == head + 1
     with kant_sql.connect(there, knowledge_base="tiago") as archive:
         assert states(archive, range(upto + 1)) == {r: then[r] for r in range(upto + 1)}

@@ -45,7 +45,7 @@ def push_and_die(source: str, target: str, statements: int) -> None:
     die_after(statements)
     batch.ROWS, batch.FIRST_REVISIONS = 30, 2
     with kant_sql.connect(source, knowledge_base="tiago", read_only=True) as kb:
-        kb.push(target)
+        kb.store.push(target)
 
 
 def check_prefix(source: str, target: str) -> int:
@@ -55,7 +55,7 @@ def check_prefix(source: str, target: str) -> int:
         kant_sql.connect(source, knowledge_base="tiago") as kb,
         kant_sql.connect(target, knowledge_base="tiago") as replica,
     ):
-        assert replica.revisions() == kb.revisions(limit=upto)
+        assert replica.store.revisions() == kb.store.revisions(limit=upto)
     return upto
 
 
@@ -66,8 +66,8 @@ def check_same(source: str, target: str) -> None:
         kant_sql.connect(source, knowledge_base="tiago") as kb,
         kant_sql.connect(target, knowledge_base="tiago") as replica,
     ):
-        assert replica.anchor().heads == kb.anchor().heads
-        assert replica.verify(kb.anchor()).findings == ()
+        assert replica.store.anchor().heads == kb.store.anchor().heads
+        assert replica.store.verify(kb.store.anchor()).findings == ()
     intact(source)
 
 
@@ -124,7 +124,7 @@ def test_killed_followers_and_writers(
         written += len(all_told(told))
         assert check_prefix(shared_url, target) <= kb.revision
     assert written > KILLS
-    kb.push(target)
+    kb.store.push(target)
     check_same(shared_url, target)
 
 

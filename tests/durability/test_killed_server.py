@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from kant_sql import ConnectionLostError, KnowledgeBase
+from kant_sql import KnowledgeBase
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import base as retry
 from tests.support.chain import check_chain
 from tests.support.processes.crashes import Acknowledged, all_told, check_all, write_for_ever

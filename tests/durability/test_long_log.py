@@ -134,6 +134,6 @@ def test_while_the_reader_stays_it_is_not_tried_at_each_call(
 
 
 def test_each_connection_bounds_the_log_that_sqlite_leaves(kb: KnowledgeBase) -> None:
-    with kb.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+    with kb.store.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
         session._execute("PRAGMA journal_size_limit")
         assert session._fetch() == [(LIMIT,)]

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, StoreReplacedError
+from kant_sql import KnowledgeBase
+from kant_sql.errors import StoreReplacedError
 from kant_sql.sql.dialects import sqlite_file
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.sqlite_file import Contents, StoreFile
@@ -128,7 +129,7 @@ def test_neither_reads_nor_writes_go_on(kb: KnowledgeBase, path: Path, attack: A
         kb.propositions.get_all,
         past.propositions.get_all,
         lambda: kb.revision,
-        kb.verify,
+        kb.store.verify,
     ):
         with pytest.raises(StoreReplacedError, match=r"store\.db: .* since the store was opened"):
             call()

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from kant_sql import ConnectionLostError, KantSqlError, KnowledgeBase
+from kant_sql import KantSqlError, KnowledgeBase
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import base as retry
 from tests.support.processes.watchers import LAST, follow, open_files, waiting, write_many
 from tests.support.processes.workers import PATIENCE, PROCESSES, in_processes

@@ -97,7 +97,9 @@ def test_the_robot_was_where_it_says_at_every_revision_of_the_last_iteration(ran
 
 
 def test_it_names_the_component_that_put_the_robot_there(ran: Ran) -> None:
-    revisions = {revision.number: revision for revision in ran.kb.revisions(after=ran.first - 1)}
+    revisions = {
+        revision.number: revision for revision in ran.kb.store.revisions(after=ran.first - 1)
+    }
     for stay in stays(ran):
         revision = revisions[stay.since]
         assert (stay.actor, stay.reason) == (revision.actor, revision.reason or "-")

@@ -34,7 +34,7 @@ def check(url: str, robots: int, kills: int) -> None:
     assert done.stdout.endswith("every history on the server is its robot's\n")
     found = numbers(done.stdout)
     assert (found["robots"], found["processes"]) == (robots, kills)
-    kept = kant_sql.knowledge_bases(url)
+    kept = kant_sql.operations.knowledge_bases(url)
     assert len(kept) == robots
     revisions = [one.revision or 0 for one in kept]
     assert sum(revisions) == found["revisions"]
@@ -51,7 +51,7 @@ def test_every_history_on_the_server_is_its_robots(shared_url: str) -> None:
     words = ("--robots", "1", "--minutes", "15", "--kills", "0")
     done = run_example("fleet.py", shared_url, *words)
     assert (done.returncode, done.stderr) == (0, "")
-    assert len(kant_sql.knowledge_bases(shared_url)) == ROBOTS + 1
+    assert len(kant_sql.operations.knowledge_bases(shared_url)) == ROBOTS + 1
 
 
 def test_a_history_that_is_not_its_robots_is_named(
@@ -65,7 +65,7 @@ def test_a_history_that_is_not_its_robots_is_named(
     for name in names:
         with made.open(name) as kb:
             kb.load_domain(fleet.DOMAIN)
-            kb.push(server)
+            kb.store.push(server)
             if name == "robot1":
                 # This was not sent.
                 kb.load_problem(fleet.problem(name))

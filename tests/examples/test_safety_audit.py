@@ -58,4 +58,4 @@ def test_the_day_was_safe_until_the_child_came(tmp_path: Path, end: int) -> None
     run_example("safety_audit.py", url)
     rule = "(always (not (and (robot_at rb1 kitchen) (child_in kitchen))))"
     with kant_sql.connect(url, knowledge_base="house") as kb:
-        assert kb.at(end).check_rules(rule).is_satisfied is (end < 9)
+        assert kb.at(end).pddl.check_rules(rule).is_satisfied is (end < 9)

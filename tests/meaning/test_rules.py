@@ -152,7 +152,7 @@ def test_verdicts_are_those_of_val(tmp_path: Path) -> None:
         assert not judged.refused, judged.output
         with kant_sql.connect("sqlite://") as kb:
             record(kb, case)
-            verdicts = kb.check_rules(clock="observed")
+            verdicts = kb.pddl.check_rules(clock="observed")
         seen.update(compare(case, verdicts, judged, wrong))
     print(f"{CASES} cases", dict(sorted(seen.items())))
     assert not wrong, "\n\n".join(wrong)

@@ -98,7 +98,7 @@ def refusal(url: str, revision: str) -> str:
     """Why a downgrade is refused that changes nothing."""
     before = rows_of(url), dump_of(url), current(url)
     with pytest.raises(SchemaError) as caught:
-        kant_sql.downgrade(url, revision=revision)
+        kant_sql.operations.downgrade(url, revision=revision)
     assert (rows_of(url), dump_of(url), current(url)) == before
     message = str(caught.value)
     assert "\n" not in message

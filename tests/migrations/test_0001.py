@@ -61,7 +61,7 @@ def test_every_row_survives_each_step_up_and_down(old_url: str) -> None:
         assert as_before(old_url) == before
         assert dump_of(old_url) == record(version, old_url)
     for version in VERSIONS[-2::-1]:
-        kant_sql.downgrade(old_url, revision=version)
+        kant_sql.operations.downgrade(old_url, revision=version)
         assert as_before(old_url) == before
         assert dump_of(old_url) == record(version, old_url)
 
@@ -75,14 +75,14 @@ def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Conne
     assert [str(goal) for goal in kb.goals.get_all()] == ["(or (idle) (at rb1 Home))"]
     assert "(= (battery rb1) 79.5)" in kb.problem_pddl()
     texts = {row["text"] for row in rows_of(new_url)["action_version"]}
-    written = [*kb.actions.get_all(), *kb.processes.get_all()]
+    written = [*kb.actions.get_all(), *kb.pddl.processes.get_all()]
     assert {str(dto) for dto in written} == texts
     seen = datetime(2026, 5, 4, 9, 31, 58, 500_000, tzinfo=UTC)
-    assert kb.revisions()[1].observed_at == seen
+    assert kb.store.revisions()[1].observed_at == seen
     (plan,) = kb.plans.get_all()
     assert [str(step) for step in plan.steps] == ["(move rb1 wp1 wp2)", "(rest rb1)"]
     assert plan.problem_pddl() == kb.at(2).problem_pddl()
-    assert [revision.number for revision in kb.revisions() if revision.plan_step] == [8]
+    assert [revision.number for revision in kb.store.revisions() if revision.plan_step] == [8]
     assert connect(new_url, knowledge_base="Küche 🤖").objects.get("rb1") is not None
 
 
@@ -111,7 +111,7 @@ def test_to_save_what_the_older_library_wrote_changes_nothing(
 ) -> None:
     kb = open_tiago(new_url, connect)
     daos: list[Any] = [
-        *(kb.types, kb.objects, kb.predicates, kb.functions, kb.actions, kb.processes),
+        *(kb.types, kb.objects, kb.predicates, kb.functions, kb.actions, kb.pddl.processes),
         *(kb.propositions, kb.goals),
     ]
     for dao in daos:

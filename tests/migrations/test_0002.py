@@ -49,7 +49,7 @@ def write_old_story(url: str) -> None:
     kant_sql.upgrade(url)
     with kant_sql.connect(url, knowledge_base="courier") as kb:
         record_story(kb)
-    kant_sql.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="0001")
 
 
 @pytest.fixture
@@ -71,12 +71,12 @@ def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
     assert unchanged(old_url, lambda: kant_sql.upgrade(old_url, revision="0002"))
     assert views(old_url) == {*VIEWS, NEW}
     assert dump_of(old_url) == record("0002", old_url)
-    assert unchanged(old_url, lambda: kant_sql.downgrade(old_url, revision="0001"))
+    assert unchanged(old_url, lambda: kant_sql.operations.downgrade(old_url, revision="0001"))
     assert dump_of(old_url) == record("0001", old_url)
     kant_sql.upgrade(old_url)
     check_chain(old_url)
     assert len(answers(old_url, VIEWS)["audit_change"]) > 50
-    kant_sql.downgrade(old_url, revision="base")
+    kant_sql.operations.downgrade(old_url, revision="base")
     assert (views(old_url), rows_of(old_url), current(old_url)) == (set(), {}, None)
 
 
@@ -91,13 +91,13 @@ def test_a_view_of_somebody_elses_on_these_is_not_dropped_by_the_way(old_url: st
     kant_sql.upgrade(old_url)
     run_script(old_url, "CREATE VIEW theirs AS SELECT text FROM audit_fact")
     if make_url(old_url).get_backend_name() == "sqlite":
-        kant_sql.downgrade(old_url, revision="0001")
+        kant_sql.operations.downgrade(old_url, revision="0001")
         assert views(old_url) == {*VIEWS, "theirs"}
         kant_sql.upgrade(old_url)
     else:
         before = current(old_url)
         with pytest.raises(KantSqlError, match="other objects depend on it"):
-            kant_sql.downgrade(old_url, revision="0001")
+            kant_sql.operations.downgrade(old_url, revision="0001")
         assert current(old_url) == before
     assert views(old_url) == {*VIEWS, NEW, LATER, "theirs"}
     assert len(ask(old_url, "SELECT * FROM theirs")) == len(
@@ -168,7 +168,7 @@ def test_every_past_state_survives_down_and_up(empty_url: str, connect: Connect)
             assert row["fork"] == fork(row["since"], row["until"]), (table, row)
     states = read_states(empty_url, connect)
     assert len(set(states)) > 10
-    kant_sql.downgrade(empty_url, revision="0001")
+    kant_sql.operations.downgrade(empty_url, revision="0001")
     assert rows_of(empty_url) == {table: without(before[table], *ADDED) for table in before}
     kant_sql.upgrade(empty_url)
     assert rows_of(empty_url) == before

@@ -68,7 +68,7 @@ def write_old(url: str) -> None:
     for name in ("tiago", "other"):
         with kant_sql.connect(url, knowledge_base=name, actor="test") as kb:
             come_and_go(kb)
-    kant_sql.downgrade(url, revision="0002")
+    kant_sql.operations.downgrade(url, revision="0002")
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_facts_and_goals_of_each_arity_are_carried_up_and_down(old_url: str) -> 
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     check_chain(old_url)
-    kant_sql.downgrade(old_url, revision="0002")
+    kant_sql.operations.downgrade(old_url, revision="0002")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0002", old_url))
 
 
@@ -107,7 +107,7 @@ def test_the_library_writes_what_the_migration_writes(old_url: str, connect: Con
     migrated = rows_of(old_url)
     come_and_go(connect(old_url, knowledge_base="third"))
     written = rows_of(old_url)
-    kant_sql.downgrade(old_url, revision="0002")
+    kant_sql.operations.downgrade(old_url, revision="0002")
     kant_sql.upgrade(old_url)
     assert rows_of(old_url) == written
     assert len(written[TABLE]) == len(migrated[TABLE]) * 3 // 2

@@ -22,7 +22,7 @@ def write_old(url: str) -> None:
     """Write what the first version wrote, and bring the tables to version 0003."""
     write_story(url)
     kant_sql.upgrade(url)
-    kant_sql.downgrade(url, revision="0003")
+    kant_sql.operations.downgrade(url, revision="0003")
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_nothing_else_changes(old_url: str) -> None:
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0004", old_url))
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
-    kant_sql.downgrade(old_url, revision="0003")
+    kant_sql.operations.downgrade(old_url, revision="0003")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0003", old_url))
 
 

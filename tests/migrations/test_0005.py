@@ -36,7 +36,7 @@ def test_views_say_the_same_before_and_after(old_url: str) -> None:
     assert answers(old_url, names) == said
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
-    kant_sql.downgrade(old_url, revision="0004")
+    kant_sql.operations.downgrade(old_url, revision="0004")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0004", old_url))
     assert answers(old_url, names) == said
 

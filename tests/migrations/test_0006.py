@@ -63,7 +63,7 @@ def test_rows_and_answers_are_carried_up_and_down(old_url: str) -> None:
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
 
-    kant_sql.downgrade(old_url, revision="0005")
+    kant_sql.operations.downgrade(old_url, revision="0005")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0005", old_url))
     assert answers(old_url, names) == said
 
@@ -95,7 +95,7 @@ def test_what_was_verified_and_replicated_is_lost_on_the_way_down(old_url: str) 
         f"UPDATE head SET origin = 'sqlite:///r.db', origin_revision = 9, heard_at = '{TIME}';"
         f"INSERT INTO verification VALUES (1, 1, 'x', '{TIME}', NULL)",
     )
-    kant_sql.downgrade(old_url, revision="0005")
+    kant_sql.operations.downgrade(old_url, revision="0005")
     assert rows_of(old_url) == before
 
 
@@ -104,5 +104,5 @@ def test_promotions_which_hashes_cover_are_not_dropped(old_url: str) -> None:
     run_script(old_url, "INSERT INTO promotion VALUES (1, 999, 2, 1, 'sqlite:///r.db', 'x')")
     for revision in ("0005", "0001", "-2"):
         assert "promotions (1)" in refusal(old_url, revision)
-    kant_sql.downgrade(old_url, revision="base")
+    kant_sql.operations.downgrade(old_url, revision="base")
     assert rows_of(old_url) == {}

@@ -28,7 +28,7 @@ def test_rows_and_answers_are_carried_up_and_down(make: Make, dialect: str) -> N
     assert findings(url) == []
     # PostgreSQL's views never had a second query.
     assert (record("0007", url) == record("0006", url)) is (dialect == "postgresql")
-    kant_sql.downgrade(url, revision="0006")
+    kant_sql.operations.downgrade(url, revision="0006")
     assert (rows_of(url), dump_of(url)) == (before, record("0006", url))
     assert answers(url, names) == said
 

@@ -108,7 +108,7 @@ def test_data_is_carried_up_and_down(old_url: str, add: Add) -> None:
     for table, rows in before.items():
         assert without(after[table], "depth") == rows, table
     whole = dump_of(old_url)
-    kant_sql.downgrade(old_url, revision=LAST)
+    kant_sql.operations.downgrade(old_url, revision=LAST)
     assert rows_of(old_url) == before
     assert dump_of(old_url) == record(LAST, old_url)
     kant_sql.upgrade(old_url, revision=VERSION)
@@ -122,14 +122,14 @@ def test_several_steps_at_once(old_url: str, add: Add) -> None:
     whole = dump_of(old_url)
     first, steps = schema.VERSIONS[0], len(schema.VERSIONS) - 1
     assert earlier_version(old_url, f"-{steps}") == first
-    kant_sql.downgrade(old_url, revision=f"-{steps}")
+    kant_sql.operations.downgrade(old_url, revision=f"-{steps}")
     assert (current(old_url), rows_of(old_url)) == (first, before)
     with pytest.raises(SchemaError, match=f"only {', '.join(schema.VERSIONS)}"):
         kant_sql.upgrade(old_url, revision=f"+{steps + 1}")
     kant_sql.upgrade(old_url, revision=f"+{steps}")
     assert (current(old_url), dump_of(old_url)) == (VERSION, whole)
     assert earlier_version(old_url, f"-{steps + 1}") == "base"
-    kant_sql.downgrade(old_url, revision=f"-{steps + 1}")
+    kant_sql.operations.downgrade(old_url, revision=f"-{steps + 1}")
     assert (current(old_url), rows_of(old_url)) == (None, {})
 
 
@@ -147,7 +147,7 @@ def test_what_the_older_library_wrote_goes_down_and_up_with_its_hashes(
         add_migration(patched, tmp_path, DEPTHS)
         kant_sql.upgrade(old_url)
         assert check_chain(old_url) == REVISIONS
-        kant_sql.downgrade(old_url, revision=LAST)
+        kant_sql.operations.downgrade(old_url, revision=LAST)
     connect(old_url, knowledge_base="tiago").propositions.delete_all()
     assert check_chain(old_url) == {**REVISIONS, "tiago": REVISIONS["tiago"] + 1}
     assert findings(old_url) == []
@@ -163,7 +163,7 @@ def test_the_library_refuses_what_a_newer_one_migrated(
     for refused in (
         lambda: connect(old_url),
         lambda: kant_sql.upgrade(old_url),
-        lambda: kant_sql.downgrade(old_url, revision="0001"),
+        lambda: kant_sql.operations.downgrade(old_url, revision="0001"),
     ):
         with pytest.raises(SchemaTooNewError, match=f"version {VERSION}.*install a newer kant-sql"):
             refused()
@@ -176,7 +176,7 @@ def test_what_an_older_version_has_no_place_for_is_not_dropped(old_url: str, add
     run_script(old_url, NESTED)
     for revision in (LAST, "0001", "-1", "-2"):
         assert refusal(old_url, revision).endswith("nested metrics (1); nothing was changed")
-    kant_sql.downgrade(old_url, revision="base")
+    kant_sql.operations.downgrade(old_url, revision="base")
     assert (rows_of(old_url), current(old_url)) == ({}, None)
 
 
@@ -235,7 +235,7 @@ def test_a_migration_that_fails_half_way_down_changes_nothing(
     # Of two steps, too, whichever fails.
     for revision in (LAST, "0001"):
         with pytest.raises(error):
-            kant_sql.downgrade(old_url, revision=revision)
+            kant_sql.operations.downgrade(old_url, revision=revision)
         assert (rows_of(old_url), dump_of(old_url)) == before
         assert current(old_url) == VERSION
 

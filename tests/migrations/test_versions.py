@@ -61,7 +61,7 @@ def test_base_leaves_nothing_but_the_tables_of_others(empty_url: str, connect: C
     add_other_tables(empty_url)
     kant_sql.upgrade(empty_url)
     fill(empty_url, connect)
-    kant_sql.downgrade(empty_url, revision="base")
+    kant_sql.operations.downgrade(empty_url, revision="base")
     assert tables(empty_url) == {"alembic_version", "battery"}
     with connected(empty_url) as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "theirs"
@@ -76,7 +76,7 @@ def test_each_step_down_and_up_again_gives_the_same_schema(
     fill(empty_url, connect)
     whole = dump_of(empty_url)
     for version in [*VERSIONS[-2::-1], None]:
-        kant_sql.downgrade(empty_url, revision="-1")
+        kant_sql.operations.downgrade(empty_url, revision="-1")
         assert current(empty_url) == version
     for version in VERSIONS:
         kant_sql.upgrade(empty_url, revision="+1")
@@ -89,7 +89,7 @@ def test_a_store_that_went_down_to_base_and_up_again_is_a_new_one(
 ) -> None:
     kant_sql.upgrade(empty_url)
     fill(empty_url, connect)
-    kant_sql.downgrade(empty_url, revision="base")
+    kant_sql.operations.downgrade(empty_url, revision="base")
     kant_sql.upgrade(empty_url)
     assert connect(empty_url, knowledge_base="tiago").revision == 0
     fill(empty_url, connect)

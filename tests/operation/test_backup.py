@@ -58,11 +58,11 @@ def check_copy(copy: KnowledgeBase, original: KnowledgeBase, at_least: int) -> N
     """Check that a copy is the original as it was once, after some revision."""
     revision = copy.revision
     assert at_least <= revision <= original.revision
-    assert copy.verify().findings == ()
+    assert copy.store.verify().findings == ()
     # Each revision saved one object and one fact: none is there in part.
     assert len(copy.propositions.get_all()) == len(original.at(revision).propositions.get_all())
-    assert [each.hash for each in copy.revisions()] == [
-        each.hash for each in original.revisions(limit=revision)
+    assert [each.hash for each in copy.store.revisions()] == [
+        each.hash for each in original.store.revisions(limit=revision)
     ]
 
 
@@ -91,14 +91,14 @@ def test_a_copy_of_a_file_that_is_written_to_is_whole(
     kb = connect(f"sqlite:///{path}", knowledge_base="tiago")
     with writing(f"sqlite:///{path}") as last:
         before = last()
-        anchor = kb.anchor()
+        anchor = kb.store.anchor()
         make(path, copy)
     restored = connect(f"sqlite:///{copy}", knowledge_base="tiago")
     check_copy(restored, kb, before)
     # What was noted elsewhere before the backup is in it.
-    assert restored.verify(anchor).is_intact
+    assert restored.store.verify(anchor).is_intact
     # What was noted after it is missed.
-    later = restored.verify(kb.anchor())
+    later = restored.store.verify(kb.store.anchor())
     assert later.is_intact is (restored.revision == kb.revision)
 
 
@@ -113,24 +113,24 @@ def test_a_robot_that_was_restored_gets_the_rest_from_the_server(
         vacuum_into(path, copy)
         for number in range(5, 9):
             kb.objects.insert(waypoint(number))
-        kb.push(server)
-        anchor = kb.anchor()
+        kb.store.push(server)
+        anchor = kb.store.anchor()
     # The backup is behind what the robot had sent: if it wrote on, there would be two histories.
     shutil.copy(copy, tmp_path / "wrong.db")
     with kant_sql.connect(f"sqlite:///{tmp_path / 'wrong.db'}", knowledge_base="tiago") as wrong:
         wrong.objects.insert(waypoint(99))
         with pytest.raises(DivergedError) as caught:
-            wrong.push(server)
+            wrong.store.push(server)
         assert caught.value.revision == 6
     # So it is fetched whole, becomes the robot's own, and is pushed on.
     fetched = f"sqlite:///{tmp_path / 'fetched.db'}"
     with kant_sql.connect(server, knowledge_base="tiago", read_only=True) as kept:
-        kept.push(fetched)
+        kept.store.push(fetched)
     robot = connect(fetched, knowledge_base="tiago")
-    assert robot.verify(anchor).is_intact
-    assert robot.promote(reason="the disk failed") == 10
+    assert robot.store.verify(anchor).is_intact
+    assert robot.store.promote(reason="the disk failed") == 10
     robot.objects.insert(waypoint(100))
-    assert robot.push(server).revision == 11
+    assert robot.store.push(server).revision == 11
 
 
 # The server.
@@ -149,18 +149,18 @@ def test_a_dump_taken_at_work_is_restored_whole(
     kb = filled(primary.url, connect)
     dump = primary.folder / "fleet.dump"
     with writing(primary.url) as last:
-        before, anchor = last(), kb.anchor()
+        before, anchor = last(), kb.store.anchor()
         run_program("pg_dump", "-d", primary.conninfo(), "-Fc", "-f", dump)
     primary.execute("CREATE DATABASE again")
     run_program("pg_restore", "-d", primary.conninfo("again"), "--exit-on-error", dump)
     again = primary.url.replace(f"/{DATABASE}?", "/again?")
     restored = connect(again, knowledge_base="tiago")
     check_copy(restored, kb, before)
-    assert restored.verify(anchor).is_intact
+    assert restored.store.verify(anchor).is_intact
     # It goes on, and what was generated is as it was.
     assert {view.change for view in update_views(again)} == {"unchanged"}
     assert restored.objects.insert(waypoint(7))
-    assert restored.verify().is_intact
+    assert restored.store.verify().is_intact
 
 
 def test_a_server_is_restored_to_a_moment_and_robots_send_what_it_lacks(
@@ -171,19 +171,19 @@ def test_a_server_is_restored_to_a_moment_and_robots_send_what_it_lacks(
     kant_sql.upgrade(primary.url)
     robot = connect(f"sqlite:///{tmp_path / 'robot.db'}", knowledge_base="tiago")
     robot.objects.insert(waypoint(0))
-    robot.push(primary.url)
+    robot.store.push(primary.url)
     base = cluster.node(5434)
     run_program("pg_basebackup", "-d", primary.conninfo(), "-D", base.data, "-c", "fast")
     for number in range(1, 5):
         robot.objects.insert(waypoint(number))
-    robot.push(primary.url)
+    robot.store.push(primary.url)
     moment = primary.ask("SELECT clock_timestamp()::text")
     for number in range(5, 9):
         robot.objects.insert(waypoint(number))
-    robot.push(primary.url)
-    anchor = robot.anchor()
+    robot.store.push(primary.url)
+    anchor = robot.store.anchor()
     # Somebody drops everything, and notices later.
-    kant_sql.downgrade(primary.url, revision="base")
+    kant_sql.operations.downgrade(primary.url, revision="base")
     segment = primary.ask("SELECT pg_walfile_name(pg_current_wal_lsn())")
     primary.ask("SELECT pg_switch_wal()")
     primary.wait_for(f"SELECT last_archived_wal >= '{segment}' FROM pg_stat_archiver")
@@ -202,6 +202,6 @@ def test_a_server_is_restored_to_a_moment_and_robots_send_what_it_lacks(
     base.wait_for("SELECT NOT pg_is_in_recovery()")
     restored = connect(base.url, knowledge_base="tiago", read_only=True)
     assert restored.revision == 5
-    assert not restored.verify(anchor).is_intact
-    assert robot.push(base.url).revisions == 4
-    assert restored.verify(anchor).is_intact
+    assert not restored.store.verify(anchor).is_intact
+    assert robot.store.push(base.url).revisions == 4
+    assert restored.store.verify(anchor).is_intact

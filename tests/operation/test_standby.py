@@ -9,13 +9,8 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    ReadOnlyError,
-    ReadOnlyStoreError,
-    StoreReplacedError,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, ReadOnlyError
+from kant_sql.errors import ReadOnlyStoreError, StoreReplacedError
 from tests.support.chain import check_chain
 from tests.support.clusters import DATABASE, Node
 from tests.support.processes.crashes import all_told, check_all, write_for_ever
@@ -52,9 +47,9 @@ def test_a_standby_is_read_and_verified(primary: Node, standby: Node, connect: C
     reader = connect(standby.url, knowledge_base="tiago", read_only=True)
     assert reader.propositions.get_all() == [robot_at()]
     assert reader.revision == kb.revision
-    verified = reader.verify(kb.anchor())
+    verified = reader.store.verify(kb.store.anchor())
     assert (verified.findings, verified.revisions) == ((), kb.revision)
-    assert [one.name for one in kant_sql.knowledge_bases(standby.url)] == ["tiago"]
+    assert [one.name for one in kant_sql.operations.knowledge_bases(standby.url)] == ["tiago"]
     with pytest.raises(ReadOnlyError):
         reader.propositions.delete_all()
     with pytest.raises(ReadOnlyStoreError, match="read-only"):
@@ -93,7 +88,7 @@ def test_what_an_asynchronous_standby_lacks_comes_from_the_robots(
     robot = connect(f"sqlite:///{tmp_path / 'robot.db'}", knowledge_base="tiago")
     url = either(primary, standby)
     insert(robot, *range(5))
-    robot.push(url)
+    robot.store.push(url)
     direct = connect(url, knowledge_base="dispatcher")
     insert(direct, 1)
     caught_up(primary, standby)
@@ -101,9 +96,9 @@ def test_what_an_asynchronous_standby_lacks_comes_from_the_robots(
     standby.set(primary_conninfo="")
     primary.wait_for("SELECT count(*) = 0 FROM pg_stat_replication")
     insert(robot, *range(5, 12))
-    assert robot.push(url).revision == 12
+    assert robot.store.push(url).revision == 12
     insert(direct, 2)
-    anchor = robot.anchor()
+    anchor = robot.store.anchor()
     primary.kill()
     standby.promote()
     with connect(url, knowledge_base="tiago", read_only=True) as lost:
@@ -112,10 +107,10 @@ def test_what_an_asynchronous_standby_lacks_comes_from_the_robots(
     with pytest.raises(StoreReplacedError, match="revision 2, committed before, is not in it"):
         insert(direct, 3)
     # What a robot has is sent again.
-    sent = robot.push(url)
+    sent = robot.store.push(url)
     assert (sent.before, sent.revision) == (5, 12)
     with connect(url, knowledge_base="tiago", read_only=True) as found:
-        assert found.verify(anchor).findings == ()
+        assert found.store.verify(anchor).findings == ()
     assert check_chain(standby.url) == {"dispatcher": 1, "tiago": 12}
 
 
@@ -130,5 +125,5 @@ def test_a_robot_pushes_on_while_servers_change_places(
             caught_up(primary, standby)
             primary.kill()
             standby.promote()
-        assert robot.push(url).revision == number + 1
+        assert robot.store.push(url).revision == number + 1
     assert check_chain(standby.url) == {"tiago": 20}

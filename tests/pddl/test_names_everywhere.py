@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 import kant_sql
 from kant_sql import (
-    InvalidNameError,
     KnowledgeBase,
     PddlActionDto,
     PddlEitherTypeDto,
@@ -29,6 +28,7 @@ from kant_sql import (
 )
 from kant_sql.dto.formulas import Atom, Constant, TypedName
 from kant_sql.dto.lexical import fold, is_name, is_requirement
+from kant_sql.errors import InvalidNameError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Action, Domain, Problem
 from tests.support.profile import PROFILE, hunting
@@ -259,12 +259,12 @@ def save_parts(kb: KnowledgeBase, domain: Domain, problem: Problem) -> None:
             objects = [str(term) for term in fluent.terms]
             held: Any = value.name if isinstance(value, Constant) else value.value
             kb.function_values.set(fluent.function, objects=objects, value=held)
-        kb.initial_literals.save_all(problem.literals)
-        kb.timed_initial_literals.save_all(problem.timed)
+        kb.pddl.initial_literals.save_all(problem.literals)
+        kb.pddl.timed_initial_literals.save_all(problem.timed)
         kb.goals.save_all(problem.goal)
-        kb.constraints.save_all(problem.constraints)
+        kb.pddl.constraints.save_all(problem.constraints)
         assert problem.metric is not None
-        kb.metric.set(problem.metric)
+        kb.pddl.metric.set(problem.metric)
 
 
 def save_domain(kb: KnowledgeBase, domain: Domain) -> None:
@@ -282,10 +282,12 @@ def save_domain(kb: KnowledgeBase, domain: Domain) -> None:
         kb.functions.save(
             PddlFunctionDto(function.name, types, value_types=values, parameter_names=given)
         )
-    kb.domain_constraints.save_all(domain.constraints)
-    kb.derived_predicates.save_all(domain.derived)
+    kb.pddl.domain_constraints.save_all(domain.constraints)
+    kb.pddl.derived_predicates.save_all(domain.derived)
     for action in domain.actions:
-        dao: Any = {"process": kb.processes, "event": kb.events}.get(action.kind, kb.actions)
+        dao: Any = {"process": kb.pddl.processes, "event": kb.pddl.events}.get(
+            action.kind, kb.actions
+        )
         dao.save(action_dto(action))
 
 
@@ -325,21 +327,21 @@ def check_taken(made: Renamed) -> None:
         kb.load_domain(made.domain_text)
         kb.load_problem(made.problem_text)
         check_held(kb)
-        assert (kb.domain(), kb.problem()) == (made.domain, made.problem)
+        assert (kb.pddl.domain(), kb.pddl.problem()) == (made.domain, made.problem)
     with kant_sql.connect("sqlite://") as kb:
         save_parts(kb, made.domain, made.problem)
         check_held(kb)
-        assert {*kb.domain().actions} == {*made.domain.actions}
-        assert {*kb.domain().predicates} == {*made.domain.predicates}
-        assert {*kb.problem().facts} == {*made.problem.facts}
-        assert {*kb.problem().goal} == {*made.problem.goal}
+        assert {*kb.pddl.domain().actions} == {*made.domain.actions}
+        assert {*kb.pddl.domain().predicates} == {*made.domain.predicates}
+        assert {*kb.pddl.problem().facts} == {*made.problem.facts}
+        assert {*kb.pddl.problem().goal} == {*made.problem.goal}
 
 
 def check_held(kb: KnowledgeBase) -> None:
-    assert kb.verify().findings == ()
-    domain = kb.domain()
+    assert kb.store.verify().findings == ()
+    domain = kb.pddl.domain()
     assert read_domain(kb.domain_pddl()) == domain
-    assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
+    assert read_problem(kb.problem_pddl(), domain=domain) == kb.pddl.problem()
 
 
 def is_cut(name: str) -> bool:

@@ -457,9 +457,9 @@ def test_any_prefix_and_any_token_left_out_is_read_or_refused() -> None:
                     continue
                 # What was taken is always read back.
                 domain = read_domain(kb.domain_pddl())
-                assert domain == kb.domain()
-                assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
-            assert kb.verify().findings == ()
+                assert domain == kb.pddl.domain()
+                assert read_problem(kb.problem_pddl(), domain=domain) == kb.pddl.problem()
+            assert kb.store.verify().findings == ()
 
 
 def load(kb: kant_sql.KnowledgeBase, document: Domain | Problem) -> None:

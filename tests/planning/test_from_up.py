@@ -8,8 +8,9 @@ from fractions import Fraction
 
 import pytest
 
-from kant_sql import InvalidNameError, PlannerMissingError, UnsupportedConstructError
+from kant_sql import UnsupportedConstructError
 from kant_sql.dto.formulas import And, Arithmetic, Assign, Atom, Fluent, Number
+from kant_sql.errors import InvalidNameError, PlannerMissingError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import from_unified_planning, to_unified_planning

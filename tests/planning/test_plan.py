@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from kant_sql import NoPlanError, PlannerMissingError, UnsupportedConstructError
+from kant_sql import NoPlanError, UnsupportedConstructError
+from kant_sql.errors import PlannerMissingError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write

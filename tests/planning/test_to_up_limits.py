@@ -9,7 +9,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from kant_sql import PlannerMissingError, UnsupportedConstructError
+from kant_sql import UnsupportedConstructError
+from kant_sql.errors import PlannerMissingError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.planning import from_unified_planning, to_unified_planning
 from tests.planning.normal_form import normal_form, spelled

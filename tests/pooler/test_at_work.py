@@ -16,7 +16,8 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import InvalidUrlError, KnowledgeBase, StoreBusyError, StoreError
+from kant_sql import KnowledgeBase, StoreBusyError, StoreError
+from kant_sql.errors import InvalidUrlError
 from kant_sql.history import follow as watching
 from kant_sql.sql.dialects import base as retry
 from kant_sql.sql.dialects.postgresql import PooledSession
@@ -121,7 +122,7 @@ def test_processes_lose_no_update(
     in_processes(*[(count, url, counter.increment, 12)] * 4)
     assert counter.read(kb) == 48
     assert check_chain(direct) == {"tiago": 49}
-    assert kb.verify().findings == ()
+    assert kb.store.verify().findings == ()
 
 
 def test_many_knowledge_bases_take_turns_on_one_connection(narrow: str, direct: str) -> None:
@@ -274,4 +275,4 @@ def test_sizes_are_read_in_one_state_while_another_writes(wide: str, connect: Co
     thread.join()
     assert all(size % 2 == 0 for size in sizes)
     assert all(before <= after for before, after in pairwise(sizes))
-    assert reader.verify().findings == ()
+    assert reader.store.verify().findings == ()

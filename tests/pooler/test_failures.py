@@ -11,7 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import kant_sql
-from kant_sql import ConnectionLostError, KnowledgeBase, SchemaMissingError
+from kant_sql import KnowledgeBase
+from kant_sql.errors import ConnectionLostError, SchemaMissingError
 from kant_sql.sql.dialects import base as retry
 from tests.support.chain import check_chain
 from tests.support.poolers import Pooler

@@ -13,15 +13,8 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    QuestionCancelledError,
-    ReadOnlyStoreError,
-    StatementTimeoutError,
-    StoreBusyError,
-    limited,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, StoreBusyError, limited
+from kant_sql.errors import QuestionCancelledError, ReadOnlyStoreError, StatementTimeoutError
 from kant_sql.sql.dialects import base, postgresql
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.postgresql import PooledSession
@@ -97,7 +90,7 @@ def load_many(kb: KnowledgeBase) -> None:
 
 def verify(kb: KnowledgeBase) -> None:
     load_many(kb)
-    assert kb.verify().findings == ()
+    assert kb.store.verify().findings == ()
 
 
 def watch(kb: KnowledgeBase) -> None:
@@ -111,7 +104,7 @@ def archive_into(kb: KnowledgeBase) -> None:
     """Make this store the target, whose commits are durable."""
     with kant_sql.connect("sqlite:///robot.db", knowledge_base="tiago") as robot:
         save_often(robot)
-        robot.archive(robot.revision, to=address_of(kb))
+        robot.store.archive(robot.revision, to=address_of(kb))
 
 
 def replicate(kb: KnowledgeBase) -> None:
@@ -119,26 +112,26 @@ def replicate(kb: KnowledgeBase) -> None:
     url = address_of(kb)
     with kant_sql.connect("sqlite:///pushing.db", knowledge_base="pushing") as robot:
         load_many(robot)
-        robot.push(url)
+        robot.store.push(url)
         save_often(robot)
-        assert robot.push(url).revisions == 2 * OFTEN
+        assert robot.store.push(url).revisions == 2 * OFTEN
         with kant_sql.connect(url, knowledge_base="pushing") as replica:
-            assert replica.verify(robot.anchor(), keep=True).is_intact
-            replica.push("sqlite:///back.db")
-            replica.promote()
-            assert replica.verify(resume=True).is_intact
-    assert [one.name for one in kant_sql.knowledge_bases(url)] == ["pushing"]
+            assert replica.store.verify(robot.store.anchor(), keep=True).is_intact
+            replica.store.push("sqlite:///back.db")
+            replica.store.promote()
+            assert replica.store.verify(resume=True).is_intact
+    assert [one.name for one in kant_sql.operations.knowledge_bases(url)] == ["pushing"]
 
 
 def administrate(kb: KnowledgeBase) -> None:
     url = address_of(kb)
     kb.propositions.save(robot_at())
     update_views(url)
-    kant_sql.create_roles(url)
-    kant_sql.downgrade(url, revision="-1")
+    kant_sql.operations.create_roles(url)
+    kant_sql.operations.downgrade(url, revision="-1")
     kant_sql.upgrade(url)
     with kant_sql.connect(url, knowledge_base="tiago") as again:
-        assert again.verify().findings == ()
+        assert again.store.verify().findings == ()
 
 
 def cancel(kb: KnowledgeBase) -> None:
@@ -238,7 +231,7 @@ def test_who_may_only_read_writes_nothing_and_hinders_no_writer(
             session.rollback()
         writer.propositions.delete(robot_at(place=place))
     assert writer.revision == reader.revision == 4 * OFTEN
-    assert reader.verify().findings == ()
+    assert reader.store.verify().findings == ()
 
 
 def test_an_error_outside_of_a_transaction_ends_no_later_statement(

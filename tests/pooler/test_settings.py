@@ -34,6 +34,6 @@ def test_the_settings_of_the_guide_work(server: Server, direct: str) -> None:
         assert {key: asked[key] for key in kept} == kept
         with kant_sql.connect(pooler.url(direct), knowledge_base="tiago") as kb:
             kb.propositions.save(robot_at())
-            assert kb.verify().is_intact
+            assert kb.store.verify().is_intact
     finally:
         pooler.stop()

@@ -31,8 +31,8 @@ def test_an_archived_history_arrives_whole(
     head = kb.revision
     then, before = states(kb, range(head + 1)), rows_of(shared_url)
     for upto in (head // 2, head - 2):
-        kb.archive(upto + 1, to=target_url(tmp_path))
-    sent = kb.push(target)
+        kb.store.archive(upto + 1, to=target_url(tmp_path))
+    sent = kb.store.push(target)
     assert sent.revision == kb.revision == head + 2
     intact(target)
     there = rows_of(target)
@@ -41,7 +41,7 @@ def test_an_archived_history_arrives_whole(
     assert there["archive"] == rows_of(shared_url)["archive"]
     with kant_sql.connect(target, knowledge_base="tiago") as replica:
         assert states(replica, range(head + 1)) == then
-        assert replica.anchor().heads == kb.anchor().heads
+        assert replica.store.anchor().heads == kb.store.anchor().heads
 
 
 def test_a_replica_is_complete_whenever_its_source_is_archived(
@@ -50,14 +50,14 @@ def test_a_replica_is_complete_whenever_its_source_is_archived(
     count(file_kb, 6)
     file_kb.propositions.save(robot_at(place=WP2))
     file_kb.objects.delete(WP2)
-    file_kb.push(target)
+    file_kb.store.push(target)
     whole = rows_of(file_url)["proposition_version"]
-    file_kb.archive(8, to=target_url(tmp_path))
-    file_kb.push(target)
+    file_kb.store.archive(8, to=target_url(tmp_path))
+    file_kb.store.push(target)
     # An atom that comes back has a new id here, and its old one there.
     file_kb.propositions.save(robot_at(place=WP2))
     count(file_kb, 13)
-    assert file_kb.push(target).revision == 13
+    assert file_kb.store.push(target).revision == 13
     there = rows_of(target)["proposition_version"]
     ended = [row for row in whole if row[2] is not None]
     assert ended
@@ -73,13 +73,13 @@ def test_an_archive_can_become_a_whole_replica(
 ) -> None:
     count(file_kb, 9)
     there = target_url(tmp_path)
-    file_kb.archive(5, to=there)
+    file_kb.store.archive(5, to=there)
     count(file_kb, 12)
-    assert file_kb.push(there).revision == 12
+    assert file_kb.store.push(there).revision == 12
     intact(there)
     # And the other way round: a whole replica can take what is archived.
-    assert file_kb.archive(9, to=there).upto == 8
-    file_kb.push(there)
+    assert file_kb.store.archive(9, to=there).upto == 8
+    file_kb.store.push(there)
     for url in (there, file_url):
         intact(url)
     with kant_sql.connect(there, knowledge_base="tiago") as replica:
@@ -90,14 +90,14 @@ def test_an_archive_that_is_elsewhere_is_named_and_can_be_given(
     file_kb: KnowledgeBase, target: str, tmp_path: Path
 ) -> None:
     count(file_kb, 9)
-    file_kb.archive(5, to=target_url(tmp_path))
+    file_kb.store.archive(5, to=target_url(tmp_path))
     moved = tmp_path / "moved.db"
     (tmp_path / "archive.db").rename(moved)
     with pytest.raises(ArchivedError, match=r"revisions 1 to 4 .*archive\.db.*--archive URL"):
-        file_kb.push(target)
+        file_kb.store.push(target)
     with kant_sql.connect(target, knowledge_base="tiago") as replica:
         assert replica.revision == 0
-    assert file_kb.push(target, archive=f"sqlite:///{moved}").revision == 10
+    assert file_kb.store.push(target, archive=f"sqlite:///{moved}").revision == 10
     intact(target)
 
 
@@ -106,7 +106,7 @@ def test_no_server_that_only_the_source_names_is_connected_to(
 ) -> None:
     count(file_kb, 9)
     there = server.new_store()
-    file_kb.archive(5, to=there)
+    file_kb.store.archive(5, to=there)
     with socket.create_server(("127.0.0.1", 0)) as collector:
         port = collector.getsockname()[1]
         for named in (there, f"postgresql://robots@127.0.0.1:{port}/fleet"):
@@ -114,21 +114,21 @@ def test_no_server_that_only_the_source_names_is_connected_to(
                 file.execute("UPDATE archive SET target = ?", (named,))
                 file.commit()
             with pytest.raises(ArchivedError, match=r"a server.*--archive URL"):
-                file_kb.push(target)
+                file_kb.store.push(target)
         collector.settimeout(0)
         with pytest.raises(BlockingIOError):
             collector.accept()
-    assert file_kb.push(target, archive=there).revision == 10
+    assert file_kb.store.push(target, archive=there).revision == 10
 
 
 def test_a_target_that_needs_nothing_of_it_needs_no_archive(
     file_kb: KnowledgeBase, target: str, tmp_path: Path
 ) -> None:
     count(file_kb, 6)
-    file_kb.push(target)
-    file_kb.archive(5, to=target_url(tmp_path))
+    file_kb.store.push(target)
+    file_kb.store.archive(5, to=target_url(tmp_path))
     (tmp_path / "archive.db").unlink()
-    assert file_kb.push(target).revisions == 1
+    assert file_kb.store.push(target).revisions == 1
 
 
 def test_another_archive_is_refused(
@@ -136,13 +136,13 @@ def test_another_archive_is_refused(
 ) -> None:
     count(file_kb, 9)
     old = target_url(tmp_path, "old.db")
-    file_kb.push(old)
-    file_kb.archive(5, to=target_url(tmp_path))
+    file_kb.store.push(old)
+    file_kb.store.archive(5, to=target_url(tmp_path))
     foreign, empty = (new_file_store(tmp_path / f"{name}.db") for name in ("foreign", "empty"))
     with connect(foreign, knowledge_base="tiago") as other:
         count(other, 12)
     for url in (foreign, empty):
         with pytest.raises(ArchivedError, match="does not have them"):
-            file_kb.push(target, archive=url)
+            file_kb.store.push(target, archive=url)
     # Whatever has them will do.
-    assert file_kb.push(target, archive=old).revision == 10
+    assert file_kb.store.push(target, archive=old).revision == 10

@@ -57,7 +57,7 @@ def _check(kb: KnowledgeBase, replica: KnowledgeBase, name: str, is_whole: bool)
         assert rows[0]["revision"] == rows[1]["revision"]
         for table in VERSIONS:
             assert rows[0][table.name].total() <= rows[1][table.name].total()
-    assert replica.verify(kb.anchor()).findings == ()
+    assert replica.store.verify(kb.store.anchor()).findings == ()
     assert {dao: sorted(text) for dao, text in state_of(replica).items()} == {
         dao: sorted(text) for dao, text in state_of(kb).items()
     }
@@ -104,11 +104,11 @@ def test_a_replica_is_what_its_source_is(
             for step in [*(step for _, step in program.steps), *WIPE]:
                 run(kb, alike(step))
             if is_pushed_between:
-                sent += kb.push(_url(backends[there])).revisions
+                sent += kb.store.push(_url(backends[there])).revisions
                 _check(kb, replica, name, is_whole=not (is_archived and program is then))
             if is_archived and program is first:
-                kb.archive(max(0, kb.revision - rest), to=_url(backends[2]))
-        sent += kb.push(_url(backends[there])).revisions
+                kb.store.archive(max(0, kb.revision - rest), to=_url(backends[2]))
+        sent += kb.store.push(_url(backends[there])).revisions
         _check(kb, replica, name, is_whole=not is_archived)
 
     holds_for()

@@ -37,18 +37,18 @@ def test_another_history_is_refused_with_the_first_difference(
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     count(kb, 7)
-    kb.push(target)
+    kb.store.push(target)
     with connect(target, knowledge_base="tiago") as replica:
-        replica.promote()
+        replica.store.promote()
         count(replica, 40)
-        there = replica.revisions()
+        there = replica.store.revisions()
     count(kb, 60)
     before = rows_of(target)
     with pytest.raises(DivergedError, match="first revision that differs is 8") as caught:
-        kb.push(target)
+        kb.store.push(target)
     assert rows_of(target) == before
     error = caught.value
-    assert (error.revision, error.source_hash) == (8, kb.revisions()[7].hash)
+    assert (error.revision, error.source_hash) == (8, kb.store.revisions()[7].hash)
     assert error.target_hash == there[7].hash
     for digest in (error.source_hash, error.target_hash):
         assert f"{digest}" in str(error)
@@ -61,13 +61,13 @@ def test_the_first_difference_is_found_by_few_statements(
     copy = target_url(tmp_path, "copy.db")
     count(file_kb, first - 1) if first > 1 else None
     if first > 1:
-        file_kb.push(copy)
+        file_kb.store.push(copy)
     with connect(copy, knowledge_base="tiago") as other:
-        other.promote()
+        other.store.promote()
         count(other, 16)
     count(file_kb, 18)
     with pytest.raises(DivergedError) as caught, recorded() as statements:
-        file_kb.push(copy)
+        file_kb.store.push(copy)
     assert caught.value.revision == first
     assert len(statements) < 30
 
@@ -79,7 +79,7 @@ def test_one_altered_revision_is_named_and_nothing_of_its_batch_is_written(
     count(file_kb, 12)
     damage(file_url, "UPDATE proposition SET text = '(value c n99)' WHERE text = '(value c n8)'")
     with pytest.raises(StoreIntegrityError, match=r"revision 9 .* nothing of revisions 5 to 12"):
-        file_kb.push(target)
+        file_kb.store.push(target)
     with kant_sql.connect(target, knowledge_base="tiago") as replica:
         assert replica.revision == 4
         assert counter.read(replica) == 3
@@ -107,7 +107,7 @@ def test_whatever_was_altered_is_noticed(
     count(file_kb, 6)
     damage(file_url, statement)
     with pytest.raises(StoreIntegrityError, match=r"(revision|number) [34]\b"):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
     with kant_sql.connect(replica_url, knowledge_base="tiago") as replica:
         assert replica.revision == 0
 
@@ -117,10 +117,10 @@ def test_a_head_without_the_hash_of_its_revision_is_no_other_history(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     damage(file_url if is_source else replica_url, f"UPDATE head SET hash = '{64 * '0'}'")
     with pytest.raises(StoreIntegrityError, match=r"heads .* differ at revision 4"):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
 
 
 def alter(url: str, statement: str) -> None:
@@ -150,12 +150,12 @@ def test_rows_that_a_constraint_refuses_are_told_of_both_stores(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool, sql: str, said: str
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     count(file_kb, 6)
     alter(file_url if is_source else replica_url, sql)
     before = rows_of(replica_url)
     with pytest.raises(StoreIntegrityError, match=said) as caught:
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
     assert rows_of(replica_url) == before
     assert isinstance(caught.value.__cause__, StoreIntegrityError)
     for part in (
@@ -171,12 +171,12 @@ def test_a_head_that_cannot_be_read_is_named_with_its_store(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     url = file_url if is_source else replica_url
     for sql in ("committed_at = 'x'", "next_id = 'x'"):
         damage(url, f"UPDATE head SET {sql}")
         with pytest.raises(StoreIntegrityError, match="knowledge base 'tiago'") as caught:
-            kant_sql.connect(file_url, knowledge_base="tiago").push(replica_url)
+            kant_sql.connect(file_url, knowledge_base="tiago").store.push(replica_url)
         assert url in str(caught.value)
 
 
@@ -184,12 +184,12 @@ def test_a_revision_that_is_missing_is_no_other_history(
     file_kb: KnowledgeBase, replica_url: str
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     damage(replica_url, "DELETE FROM revision WHERE number = 4")
     damage(replica_url, f"UPDATE head SET hash = '{64 * '0'}'")
     said = f"{replica_url}: .*'tiago' has revision 4, which is missing"
     with pytest.raises(StoreIntegrityError, match=said):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
 
 
 def test_a_source_that_is_behind_its_archive_lacks_no_revision(
@@ -197,14 +197,14 @@ def test_a_source_that_is_behind_its_archive_lacks_no_revision(
 ) -> None:
     count(file_kb, 4)
     behind, archive = (target_url(tmp_path, f"{name}.db") for name in ("behind", "archive"))
-    file_kb.push(behind)
+    file_kb.store.push(behind)
     count(file_kb, 6)
-    file_kb.push(archive)
+    file_kb.store.push(archive)
     with connect(behind, knowledge_base="tiago") as old:
-        old.promote()
+        old.store.promote()
         count(old, 6)
         with pytest.raises(DivergedError, match="revision that differs is 5"):
-            old.archive(3, to=archive)
+            old.store.archive(3, to=archive)
 
 
 @pytest.mark.parametrize("id_", ["'x'", "9e999", "1.5"])
@@ -212,7 +212,7 @@ def test_an_id_that_is_none_is_an_error_of_the_store(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect, id_: str
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     damage(replica_url, f"UPDATE knowledge_base SET id = {id_}")
     with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* not an integer"):
         kant_sql.connect(file_url, knowledge_base="tiago").push(replica_url)
@@ -231,9 +231,9 @@ def test_a_writer_s_role_is_not_enough(
     with connect(url, knowledge_base="other") as other:
         count(other, 3)
     before = rows_of(url, "other")
-    with members(url, kant_sql.create_roles(url)) as own:
+    with members(url, kant_sql.operations.create_roles(url)) as own:
         with pytest.raises(ReadOnlyStoreError):
-            file_kb.push(own.writer)
+            file_kb.store.push(own.writer)
         assert connect(url, knowledge_base="tiago").revision == 0
         assert rows_of(url, "other") == before
 
@@ -244,24 +244,24 @@ def test_a_revision_that_is_gone_is_named(
     count(file_kb, 6)
     damage(file_url, "DELETE FROM revision WHERE number = 3")
     with pytest.raises(StoreIntegrityError):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
 
 
 def test_a_knowledge_base_that_is_no_replica_is_adopted_on_request_only(
     file_kb: KnowledgeBase, file_url: str, target: str, connect: Connect
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(target)
+    file_kb.store.push(target)
     damage_head = "UPDATE head SET origin = NULL"
     _execute(target, damage_head)
     for upto in (4, 6):
         count(file_kb, upto)
         with pytest.raises(ReplicaError, match="adopt=True"):
-            file_kb.push(target)
-    assert file_kb.push(target, adopt=True).revisions == 2
+            file_kb.store.push(target)
+    assert file_kb.store.push(target, adopt=True).revisions == 2
     equal_histories(file_url, target)
     _execute(target, damage_head)
-    assert file_kb.push(target, adopt=True).revisions == 0
+    assert file_kb.store.push(target, adopt=True).revisions == 0
     with connect(target, knowledge_base="tiago") as replica, pytest.raises(ReplicaError):
         counter.increment(replica, 1)
 
@@ -271,22 +271,22 @@ def test_what_is_ahead_and_no_replica_is_refused_and_a_replica_that_is_ahead_is_
 ) -> None:
     count(file_kb, 4)
     behind = target_url(tmp_path, "behind.db")
-    file_kb.push(behind)
+    file_kb.store.push(behind)
     count(file_kb, 6)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     with connect(behind, knowledge_base="tiago") as old:
-        sent = old.push(replica_url)
+        sent = old.store.push(replica_url)
         assert (sent.before, sent.revision, sent.source_revision) == (6, 6, 4)
         with pytest.raises(ReplicaError, match="ahead of 4"):
-            old.push(file_url, adopt=True)
+            old.store.push(file_url, adopt=True)
 
 
 def test_a_replica_of_a_replica(file_kb: KnowledgeBase, file_url: str, tmp_path: Path) -> None:
     count(file_kb, 4)
     urls = [target_url(tmp_path, f"{number}.db") for number in range(2)]
-    file_kb.push(urls[0])
+    file_kb.store.push(urls[0])
     with kant_sql.connect(urls[0], knowledge_base="tiago", read_only=True) as first:
-        assert first.push(urls[1]).revisions == 4
+        assert first.store.push(urls[1]).revisions == 4
     equal_histories(file_url, urls[1])
 
 
@@ -296,13 +296,13 @@ def test_stores_that_cannot_be_targets(
     count(file_kb, 2)
     for url in (file_url, file_url.replace("sqlite:///", "sqlite:////.")):
         with pytest.raises(ConflictError, match="name another"):
-            file_kb.push(url)
+            file_kb.store.push(url)
     with pytest.raises(ConflictError, match="name a file"):
-        file_kb.push("sqlite://")
+        file_kb.store.push("sqlite://")
     with pytest.raises(SchemaMissingError, match="kant-sql db upgrade"):
-        file_kb.push(server.new_database())
+        file_kb.store.push(server.new_database())
     with pytest.raises(InvalidUrlError):
-        file_kb.push("server")
+        file_kb.store.push("server")
 
 
 def test_another_name_of_the_source_s_file_is_no_target(
@@ -311,23 +311,23 @@ def test_another_name_of_the_source_s_file_is_no_target(
     count(file_kb, 2)
     os.link(*(url.removeprefix("sqlite:///") for url in (file_url, replica_url)))
     with pytest.raises(ConflictError, match="name another"):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
 
 
 def test_nothing_is_left_of_a_file_that_gets_no_revision(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
 ) -> None:
     path = Path(replica_url.removeprefix("sqlite:///"))
-    assert connect(file_url, knowledge_base="nobody").push(replica_url).revision == 0
+    assert connect(file_url, knowledge_base="nobody").store.push(replica_url).revision == 0
     assert not path.exists()
     count(file_kb, 4)
     damage(file_url, "UPDATE revision SET actor = 'somebody' WHERE number = 3")
     with pytest.raises(StoreIntegrityError):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
     assert not path.exists()
     kant_sql.upgrade(replica_url)
     with pytest.raises(StoreIntegrityError):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
     assert path.exists()
 
 
@@ -335,8 +335,8 @@ def test_tables_of_another_version_are_refused(file_kb: KnowledgeBase, replica_u
     count(file_kb, 2)
     kant_sql.upgrade(replica_url)
     damage(replica_url, "UPDATE kant_sql_version SET version_num = '9999'")
-    with pytest.raises(kant_sql.SchemaTooNewError, match="9999"):
-        file_kb.push(replica_url)
+    with pytest.raises(kant_sql.errors.SchemaTooNewError, match="9999"):
+        file_kb.store.push(replica_url)
 
 
 def test_the_past_and_an_open_transaction_are_not_pushed(
@@ -345,11 +345,11 @@ def test_the_past_and_an_open_transaction_are_not_pushed(
     count(file_kb, 3)
     url = target_url(tmp_path)
     with pytest.raises(ReadOnlyError):
-        file_kb.at(2).push(url)
+        file_kb.at(2).store.push(url)
     with pytest.raises(ReadOnlyError):
-        file_kb.at(2).promote()
+        file_kb.at(2).store.promote()
     with file_kb.transaction(), pytest.raises(ReadOnlyError, match="transaction open"):
-        file_kb.push(url)
+        file_kb.store.push(url)
     assert not (tmp_path / "archive.db").exists()
 
 
@@ -357,27 +357,27 @@ def test_two_stores_never_become_replicas_of_each_other(
     file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     replica = connect(replica_url, knowledge_base="tiago")
     with pytest.raises(ReplicaError, match=r"is itself a replica.*push from the one"):
-        replica.push(file_url, adopt=True)
+        replica.store.push(file_url, adopt=True)
     count(file_kb, 5)
-    assert file_kb.push(replica_url).revisions == 1
-    replica.promote()
+    assert file_kb.store.push(replica_url).revisions == 1
+    replica.store.promote()
     counter.increment(replica, 1)
-    assert replica.push(file_url, adopt=True).revisions == 2
+    assert replica.store.push(file_url, adopt=True).revisions == 2
 
 
 def test_nothing_is_added_to_a_target_that_lacks_its_last_revision(
     file_kb: KnowledgeBase, replica_url: str
 ) -> None:
     count(file_kb, 4)
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     damage(replica_url, "UPDATE revision SET number = 999 WHERE number = 4")
     count(file_kb, 6)
     said = f"{replica_url}: .*'tiago' has revision 4, which is missing"
     with pytest.raises(StoreIntegrityError, match=said):
-        file_kb.push(replica_url)
+        file_kb.store.push(replica_url)
 
 
 def test_names_are_pushed_one_by_one(
@@ -386,9 +386,9 @@ def test_names_are_pushed_one_by_one(
     count(file_kb, 3)
     with connect(file_url, knowledge_base="other") as other:
         other.objects.save(PddlObjectDto(RB1.type, "rb7"))
-    file_kb.push(replica_url)
+    file_kb.store.push(replica_url)
     assert connect(replica_url, knowledge_base="other").revision == 0
-    connect(file_url, knowledge_base="other").push(replica_url)
+    connect(file_url, knowledge_base="other").store.push(replica_url)
     for name in ("tiago", "other"):
         equal_histories(file_url, replica_url, name)
 

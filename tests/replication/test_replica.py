@@ -41,7 +41,7 @@ WRITES: dict[str, Write] = {
     "a problem": lambda kb: kb.load_problem("(define (problem p) (:domain d) (:init))"),
     "a restore": lambda kb: kb.restore(1),
     "a plan": lambda kb: kb.plans.record(kant_sql.Plan((), "engine", "solved")),
-    "an archive": lambda kb: kb.archive(4, to=f"{kb.url}.archive"),  # type: ignore[attr-defined]
+    "an archive": lambda kb: kb.store.archive(4, to=f"{kb.url}.archive"),  # type: ignore[attr-defined]
 }
 
 
@@ -53,7 +53,7 @@ def replica(
     with connect(replica_url, knowledge_base="tiago", actor="robot") as origin:
         count(origin, 4)
         origin.propositions.save(robot_at())
-        origin.push(shared_url)
+        origin.store.push(shared_url)
     kb = connect(shared_url, knowledge_base="tiago", actor="server")
     kb.url = target_url(Path(replica_url.removeprefix("sqlite:///")).parent, "x")  # type: ignore[attr-defined]
     return kb
@@ -74,7 +74,7 @@ def test_reads_go_on(replica: KnowledgeBase, shared_url: str, replica_url: str) 
     for read in READS.values():
         read(replica)
     assert counter.read(replica.at(3)) == 2
-    assert replica.verify().is_intact
+    assert replica.store.verify().is_intact
     with kant_sql.connect(shared_url, knowledge_base="tiago", read_only=True) as reader:
         assert reader.problem_pddl() == replica.problem_pddl()
     with kant_sql.connect(replica_url, knowledge_base="tiago") as origin:
@@ -89,7 +89,7 @@ def test_a_reader_sees_what_is_pushed_meanwhile(
     with kant_sql.connect(replica_url, knowledge_base="tiago") as origin:
         origin.objects.save(PddlObjectDto(RB1.type, "rb7"))
         counter.increment(origin, 2)
-        origin.push(shared_url)
+        origin.store.push(shared_url)
     assert counter.read(replica) == 5
     assert replica.objects.get("rb7") is not None
 
@@ -97,14 +97,14 @@ def test_a_reader_sees_what_is_pushed_meanwhile(
 def test_watching_a_replica(replica: KnowledgeBase, shared_url: str, replica_url: str) -> None:
     with kant_sql.connect(replica_url, knowledge_base="tiago") as origin:
         counter.increment(origin, 1)
-        origin.push(shared_url)
+        origin.store.push(shared_url)
     assert replica.watch(5, timeout=10) == 6
 
 
 def test_a_promoted_replica_goes_on_by_itself(
     replica: KnowledgeBase, shared_url: str, replica_url: str
 ) -> None:
-    assert replica.promote(reason="the robot is lost", actor="operator") == 6
+    assert replica.store.promote(reason="the robot is lost", actor="operator") == 6
     entry = next(replica.log())
     (change,) = entry.changes
     assert (entry.revision.actor, entry.revision.reason) == ("operator", "the robot is lost")
@@ -112,31 +112,31 @@ def test_a_promoted_replica_goes_on_by_itself(
     assert f':upto 5 :from "{replica_url}"' in change.text
     counter.increment(replica, 1)
     assert replica.revision == 7
-    assert replica.promote() is None
+    assert replica.store.promote() is None
     intact(shared_url)
     with kant_sql.connect(replica_url, knowledge_base="tiago") as origin:
         with pytest.raises(ReplicaError, match="ahead of 5"):
-            origin.push(shared_url)
+            origin.store.push(shared_url)
         counter.increment(origin, 1)
         with pytest.raises(DivergedError, match="differs is 6"):
-            origin.push(shared_url, adopt=True)
+            origin.store.push(shared_url, adopt=True)
 
 
 def test_a_promoted_one_is_pushed_like_any_other(
     replica: KnowledgeBase, shared_url: str, tmp_path: Path
 ) -> None:
-    replica.promote()
+    replica.store.promote()
     counter.increment(replica, 1)
     other = target_url(tmp_path, "other.db")
-    replica.push(other)
+    replica.store.push(other)
     equal_histories(shared_url, other)
     intact(other)
 
 
 def test_only_a_replica_can_be_promoted(kb: KnowledgeBase) -> None:
-    assert kb.promote() is None
+    assert kb.store.promote() is None
     counter.start(kb)
-    assert kb.promote() is None
+    assert kb.store.promote() is None
     assert kb.revision == 1
 
 
@@ -152,11 +152,11 @@ def test_tasks_push_and_promote(file_url: str, replica_url: str) -> None:
     async def work() -> None:
         async with aio.connect(file_url, knowledge_base="tiago") as kb:
             await kb.propositions.save(robot_at())
-            assert (await kb.push(replica_url)).revisions == 1
+            assert (await kb.store.push(replica_url)).revisions == 1
         async with aio.connect(replica_url, knowledge_base="tiago") as replica:
             with pytest.raises(ReplicaError):
                 await replica.propositions.delete_all()
-            assert await replica.promote() == 2
+            assert await replica.store.promote() == 2
 
     asyncio.run(work())
 
@@ -164,6 +164,6 @@ def test_tasks_push_and_promote(file_url: str, replica_url: str) -> None:
 def test_an_altered_head_is_not_promoted(replica: KnowledgeBase, shared_url: str) -> None:
     change(shared_url, "UPDATE head SET revision = 999")
     with pytest.raises(StoreIntegrityError, match="'tiago' has revision 999, which is missing"):
-        replica.promote()
+        replica.store.promote()
     change(shared_url, "UPDATE head SET revision = 5")
-    assert replica.promote() == 6
+    assert replica.store.promote() == 6

@@ -134,7 +134,7 @@ def states(kb: KnowledgeBase, revisions: Iterable[int]) -> dict[int, State]:
 def intact(url: str, name: str = "tiago") -> None:
     """Check that a store verifies."""
     with kant_sql.connect(url, knowledge_base=name) as kb:
-        verification = kb.verify()
+        verification = kb.store.verify()
     assert verification.is_intact, verification.findings
 
 

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any
 
 from kant_sql import KnowledgeBase, aio
-from kant_sql.factory import Daos
+from kant_sql.binding import factory_of
 from tests.support.reading import beside as same_store
 
 
@@ -73,6 +73,8 @@ class _Face:
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._thing, name)
+        if isinstance(found, aio._Part):
+            return _Face(self._loop, found)
         if not callable(found):
             return found
 
@@ -126,13 +128,12 @@ class Face(KnowledgeBase):
     def __init__(self, loop: Loop, kb: aio.AsyncKnowledgeBase) -> None:
         self._loop = loop
         self._async = kb
-        self.factory = kb._kb.factory
-        for name in Daos.__annotations__:
-            setattr(self, name, _Face(loop, getattr(kb, name)))
+        self._factory = factory_of(kb._kb)
+        self._state = kb._kb._state
 
     def __getattribute__(self, name: str) -> Any:
-        own = ("transaction", "at", "revision", "close", "factory", "_loop", "_async")
-        if name in own or name.startswith("__") or name in Daos.__annotations__:
+        own = ("transaction", "at", "revision", "close", "_loop", "_async", "_factory", "_state")
+        if name in own or name.startswith("__"):
             return super().__getattribute__(name)
         if name.startswith("_"):
             return getattr(self._async._kb, name)
@@ -157,7 +158,7 @@ def beside(loop: Loop, kb: KnowledgeBase, name: str) -> Face:
     """Another knowledge base on the same connections, which stay open when it is closed."""
     own = same_store(kb, name)
     own.close = lambda: None  # type: ignore[method-assign]
-    has_one_connection = kb.factory.has_one_connection
+    has_one_connection = kb.store.factory.has_one_connection
     return Face(loop, aio.AsyncKnowledgeBase(aio._Door(own, has_one_connection), kb=own))
 
 

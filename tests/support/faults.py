@@ -15,7 +15,8 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import ConnectionLostError, KnowledgeBase, PddlObjectDto, PddlTypeDto
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import base as retry
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.base import Session
@@ -255,7 +256,7 @@ def _dao_calls(kb: KnowledgeBase) -> Iterator[Call]:
     for dao in vars(kb).values():
         if hasattr(dao, "get_all"):
             yield dao.get_all
-    yield kb.metric.get
+    yield kb.pddl.metric.get
     yield kb.propositions.get_goals
     yield lambda: kb.propositions.get_by_predicate("at")
     yield lambda: kb.actions.get("drive")
@@ -272,7 +273,7 @@ def _read_calls(kb: KnowledgeBase) -> Iterator[Call]:
     yield from _dao_calls(kb)
     yield lambda: [call() for call in _dao_calls(kb.at(12))]
     yield lambda: kb.revision
-    yield kb.revisions
+    yield kb.store.revisions
     yield lambda: list(kb.log())
     yield lambda: list(kb.log(element=truck))
     yield lambda: list(kb.changes())
@@ -284,22 +285,22 @@ def _read_calls(kb: KnowledgeBase) -> Iterator[Call]:
     yield kb.problem_pddl
     yield lambda: kb.at(11).domain_pddl()
     yield lambda: kb.at(11).problem_pddl()
-    yield kb.requirements
+    yield kb.pddl.requirements
     yield lambda: _plan_texts(kb)
     yield lambda: kb.watch(0, timeout=0)
-    yield kb.anchor
+    yield kb.store.anchor
 
 
 def _heavy_calls(kb: KnowledgeBase, url: str, archive: str) -> Iterator[Call]:
     """What takes long, and what reads before it writes."""
-    yield kb.verify
-    yield lambda: kant_sql.update_views(url)
-    yield lambda: kb.archive(15, to=archive, dry_run=True)
+    yield kb.store.verify
+    yield lambda: kant_sql.operations.update_views(url)
+    yield lambda: kb.store.archive(15, to=archive, dry_run=True)
     yield lambda: kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "new"))
     yield kb.propositions.delete_all
     yield lambda: kb.restore(11)
     yield lambda: kb.load_problem(PROBLEM, mode="merge")
-    yield lambda: kb.archive(15, to=archive)
+    yield lambda: kb.store.archive(15, to=archive)
 
 
 def errors_of_reading(url: str, archive: str | None = None) -> Iterator[Exception]:

@@ -13,11 +13,9 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from kant_sql import (
-    ArityError,
     ConflictError,
     DependantsError,
     InvalidKnowledgeError,
-    InvalidNameError,
     PddlActionDto,
     PddlConditionEffectDto,
     PddlObjectDto,
@@ -26,11 +24,10 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyError,
     StaleRevisionError,
-    TypeCycleError,
-    TypeMismatchError,
     UnknownNameError,
     UnknownRevisionError,
 )
+from kant_sql.errors import ArityError, InvalidNameError, TypeCycleError, TypeMismatchError
 from tests.support.worlds.robots import literals
 
 ROOT = "object"

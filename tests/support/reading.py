@@ -34,19 +34,19 @@ class _SameStore(SqlDaoFactory):
     def __init__(self, of: DaoFactory, name: str, actor: str | None) -> None:
         other: Any = of
         self._at = None
-        self._open_store = Store(other._store.backend, name, actor)
+        self._store = Store(other._store.backend, name, actor)
 
 
 def store_of(kb: KnowledgeBase) -> Store:
     """The store of a knowledge base."""
-    factory = kb.factory
+    factory = kb.store.factory
     assert isinstance(factory, SqlDaoFactory)
     return factory._store
 
 
 def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> KnowledgeBase:
     """Another knowledge base in the same store, even in one in memory, on the same connections."""
-    return KnowledgeBase(_SameStore(kb.factory, name, actor))
+    return KnowledgeBase(_SameStore(kb.store.factory, name, actor))
 
 
 def state(kb: KnowledgeBase) -> State:
@@ -74,7 +74,7 @@ def last_changes(kb: KnowledgeBase) -> list[str]:
 def rows(kb: KnowledgeBase, sql: str) -> list[tuple[Any, ...]]:
     """What a SELECT over the rows of one knowledge base gives; `:kb` is its id."""
     # There is no other way into a store in memory.
-    store: Any = kb.factory._store  # type: ignore[attr-defined]
+    store: Any = kb.store.factory._store  # type: ignore[attr-defined]
     with store.backend.engine.connect() as connection:
         id_ = connection.scalar(
             text("SELECT id FROM knowledge_base WHERE name = :name"), {"name": store.name}
@@ -150,5 +150,5 @@ def findings(url: str) -> list[Finding]:
     found: list[Finding] = []
     for name in every_name(url):
         with kant_sql.connect(url, knowledge_base=name) as kb:
-            found += kb.verify().findings
+            found += kb.store.verify().findings
     return found

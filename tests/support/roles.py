@@ -13,7 +13,8 @@ from psycopg import errors, sql
 from sqlalchemy import BigInteger, Boolean, Column, Integer, String, Table, make_url
 
 import kant_sql
-from kant_sql import KnowledgeBase, Roles
+from kant_sql import KnowledgeBase
+from kant_sql.operations import Roles
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import UtcTime
 

@@ -68,7 +68,7 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
         request.addfinalizer(lambda: cluster.drop_database(distributed))
         return distributed
     extra = extra_urls()[int(backend.removeprefix("extra-"))]
-    kant_sql.downgrade(extra, revision="base")
+    kant_sql.operations.downgrade(extra, revision="base")
     kant_sql.upgrade(extra)
     return extra
 

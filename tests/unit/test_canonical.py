@@ -13,7 +13,7 @@ import rfc8785
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql import InvalidMetadataError
+from kant_sql.errors import InvalidMetadataError
 from kant_sql.knowledge.canonical import (
     FORM,
     Metadata,

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from kant_sql import (
     Dto,
     InvalidKnowledgeError,
-    InvalidNameError,
     KantSqlError,
     PddlActionDto,
     PddlConditionEffectDto,
@@ -22,6 +21,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from kant_sql.errors import InvalidNameError
 from tests.support.generators.junk import JUNK, SLOW, World
 from tests.support.worlds.robots import (
     RB1,

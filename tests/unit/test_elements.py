@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql import StoreIntegrityError
+from kant_sql.errors import StoreIntegrityError
 from kant_sql.knowledge.definitions import Elements, PendingElements
 
 Plain = dict[int, "Thing"]

@@ -13,8 +13,6 @@ import pytest
 import kant_sql
 from kant_sql import (
     DaoFactory,
-    InvalidMetadataError,
-    InvalidUrlError,
     KantSqlError,
     KnowledgeBase,
     PddlTypeDto,
@@ -29,6 +27,7 @@ from kant_sql.dao.interfaces import (
     PddlPropositionDao,
     PddlTypeDao,
 )
+from kant_sql.errors import InvalidMetadataError, InvalidUrlError
 from kant_sql.factory import FAMILIES, PostgresqlDaoFactory, SqliteDaoFactory
 from kant_sql.sql import schema
 from kant_sql.sql.catalog import written_names
@@ -85,7 +84,7 @@ def test_postgres_is_postgresql_wherever_a_url_is_taken(
     assert "BIGINT" in out.getvalue()
     with kant_sql.connect(f"sqlite:///{tmp_path / 'robot.db'}", knowledge_base="rb1") as kb:
         kb.types.save(PddlTypeDto("robot"))
-        assert kb.archive(kb.revision, to=url).target.startswith("postgresql")
+        assert kb.store.archive(kb.revision, to=url).target.startswith("postgresql")
 
 
 def test_a_factory_creates_a_dao_of_each_element() -> None:
@@ -138,8 +137,8 @@ def plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_package_joins_with_a_family_by_an_entry_point(connect: Connect) -> None:
     url = "duckdb+driver:///robot.duck"
     kb = connect(url, knowledge_base="tiago", actor="me")
-    assert type(kb.factory).__name__ == "DuckDaoFactory"
-    assert kb.factory.given == (url, "tiago", "me")  # type: ignore[attr-defined]
+    assert type(kb.store.factory).__name__ == "DuckDaoFactory"
+    assert kb.store.factory.given == (url, "tiago", "me")  # type: ignore[attr-defined]
     assert kb.types.get_all() == []
 
 
@@ -308,7 +307,7 @@ def test_an_actor_that_cannot_be_kept_is_refused_at_once(actor: object) -> None:
 def test_every_error_of_the_library_is_one_tree() -> None:
     errors = [
         value
-        for name, value in vars(kant_sql).items()
+        for name, value in vars(kant_sql.errors).items()
         if isinstance(value, type) and issubclass(value, Exception)
     ]
     assert len(errors) > 20

@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from kant_sql import Finding, Plan, PlanStep, Verification
+from kant_sql import Plan, PlanStep
 from kant_sql.errors import ClosedError
 from kant_sql.html import LENGTH, ROWS, Feed, Listing, cut, fields, guarded, table, visible
 from kant_sql.html import lines as html_lines
+from kant_sql.operations import Finding, Verification
 from kant_sql.sql.changes import Change
 from tests.support.notebooks import check_harmless
 from tests.support.worlds.hostile import BIDI

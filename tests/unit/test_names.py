@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql import InvalidKnowledgeError, InvalidNameError
+from kant_sql import InvalidKnowledgeError
 from kant_sql.dto.lexical import check_name, fold, is_requirement, is_word
+from kant_sql.errors import InvalidNameError
 
 UNSEEN = re.compile("HANGUL .*FILLER|VARIATION SELECTOR|GRAPHEME JOINER|INHERENT|SCRIPT FILLER")
 

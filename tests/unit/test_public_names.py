@@ -12,6 +12,7 @@ import pytest
 import kant_sql
 
 SOURCE = Path(kant_sql.__file__)
+HOMES = {name: module for module, names in kant_sql._HOMES.items() for name in names}
 
 
 def typed_homes() -> dict[str, str]:
@@ -21,34 +22,40 @@ def typed_homes() -> dict[str, str]:
             return {
                 name.name: f".{part.module}"
                 for part in node.body
-                if isinstance(part, ast.ImportFrom)
+                if isinstance(part, ast.ImportFrom) and part.module
                 for name in part.names
             }
     raise AssertionError("no names for type checkers")
 
 
 def test_a_name_comes_from_where_type_checkers_see_it() -> None:
-    assert typed_homes() == kant_sql._HOMES
+    assert typed_homes() == HOMES
 
 
 @pytest.mark.parametrize("name", kant_sql.__all__)
 def test_each_public_name_resolves(name: str) -> None:
     value = getattr(kant_sql, name)
-    home = kant_sql._HOMES.get(name)
+    home = HOMES.get(name)
     if home is not None:
         assert value is getattr(importlib.import_module(home, "kant_sql"), name)
     assert name in dir(kant_sql)
 
 
 def test_what_has_a_home_is_public() -> None:
-    assert set(kant_sql._HOMES) <= set(kant_sql.__all__)
+    assert set(HOMES) <= set(kant_sql.__all__)
 
 
-def test_subpackages_are_attributes() -> None:
-    folders = {path.stem for path in SOURCE.parent.iterdir() if path.name[0] != "_"}
-    assert folders >= kant_sql._SUBPACKAGES
-    for name in kant_sql._SUBPACKAGES:
-        assert isinstance(getattr(kant_sql, name), ModuleType)
+def test_modules_are_attributes_and_are_not_shown() -> None:
+    for path in SOURCE.parent.iterdir():
+        name = path.stem
+        if name[0] != "_" and name not in ("py", "web", "plots", "export", "cli"):
+            assert isinstance(getattr(kant_sql, name), ModuleType)
+            assert name not in dir(kant_sql)
+
+
+def test_the_front_door_can_be_held_in_mind() -> None:
+    assert len(dir(kant_sql)) <= 90
+    assert len([name for name in dir(kant_sql.KnowledgeBase) if name[0] != "_"]) <= 40
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:

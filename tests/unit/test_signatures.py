@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import typing
 from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
@@ -13,13 +12,14 @@ import pytest
 
 import kant_sql
 import kant_sql.aio
+import kant_sql.operations
 import kant_sql.pddl
 import kant_sql.planning
-from kant_sql import KnowledgeBase
 from kant_sql.factory import FAMILIES
+from tests.support.parts import DAOS, FRONTS
 from tests.support.worlds.robots import robot_at
 
-MODULES = (kant_sql, kant_sql.aio, kant_sql.pddl, kant_sql.planning)
+MODULES = (kant_sql, kant_sql.aio, kant_sql.operations, kant_sql.pddl, kant_sql.planning)
 # Two states of one kind, in the order of `git diff A B`; from and to, in that of `cp`.
 TWO_OF_A_KIND = {"diff", "backup"}
 POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
@@ -48,13 +48,13 @@ def reachable_classes() -> dict[type, str]:
         if inspect.isclass(value)
     }
     with kant_sql.connect("sqlite://") as kb:
-        makers = [name for name in dir(kb.factory) if name.startswith("create_")]
+        makers = [name for name in dir(kb.store.factory) if name.startswith("create_")]
         assert len(makers) >= 17
         for name in makers:
-            part = type(getattr(kb.factory, name)())
+            part = type(getattr(kb.store.factory, name)())
             found |= {cls: cls.__name__ for cls in part.__mro__}
     found |= dict.fromkeys(FAMILIES.values(), "family")
-    for hint in typing.get_type_hints(KnowledgeBase).values():
+    for hint in [*FRONTS.values(), *DAOS.values()]:
         found |= {cls: cls.__name__ for cls in hint.__mro__}
     return {cls: name for cls, name in found.items() if cls.__module__.startswith("kant_sql")}
 
@@ -101,7 +101,7 @@ def test_what_a_revision_says_of_itself_is_never_told_by_position() -> None:
         kb.propositions.save(robot_at())
         for call in (
             lambda: anyhow.transaction("moving"),
-            lambda: anyhow.factory.transaction("moving"),
+            lambda: anyhow.store.factory.transaction("moving"),
             lambda: anyhow.restore(0, "it was better"),
             lambda: anyhow.function_values.set("battery", ["rb1"], 3),
             lambda: kant_sql.connect("sqlite://", "tiago"),  # type: ignore[call-arg]

@@ -43,11 +43,11 @@ def full(
     url = write_on(request, folder)
     replica = f"sqlite:///{folder / 'replica.db'}"
     with kant_sql.connect(url, knowledge_base=NAME) as kb:
-        kb.push(replica, archive=f"sqlite:///{folder / 'archive.db'}")
+        kb.store.push(replica, archive=f"sqlite:///{folder / 'archive.db'}")
     with kant_sql.connect(replica, knowledge_base=NAME) as kb:
-        kb.promote()
-        kb.push(url, adopt=True)
+        kb.store.promote()
+        kb.store.push(url, adopt=True)
     with kant_sql.connect(url, knowledge_base=NAME) as kb:
-        kb.promote()
+        kb.store.promote()
     with bare_store(url) as store:
         yield store

@@ -18,7 +18,8 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import ArchivedError, KantSqlError, KnowledgeBase, StoreIntegrityError
+from kant_sql import KantSqlError, KnowledgeBase
+from kant_sql.errors import ArchivedError, StoreIntegrityError
 from tests.support.faults import (
     NO_UTF8,
     Damage,
@@ -118,7 +119,7 @@ KNOWN: list[tuple[str, str, Any, Callable[[KnowledgeBase], object], str]] = [
     ("action_term", "parameter", 99, actions, r"table action_version, action \d+"),
     ("action_parameter", "position", "nan", actions, r"table action_version, action \d+"),
     ("action_variable", "section", "{", actions, r"table action_version, action \d+"),
-    ("formula_node", "operator", "x", lambda kb: kb.metric.get(), "table formula_version"),
+    ("formula_node", "operator", "x", lambda kb: kb.pddl.metric.get(), "table formula_version"),
     ("formula_node", "value", b"\xff", problem, r"table formula_version, formula \d+"),
     ("formula_version", "section", b"", goals, r"table formula_version, formula \d+"),
     ("type_version", "text", None, lambda kb: kb.types.get_all(), r"table type_version, type \d+"),
@@ -144,16 +145,16 @@ KNOWN: list[tuple[str, str, Any, Callable[[KnowledgeBase], object], str]] = [
         lambda kb: kb.propositions.delete_all(),
         "table head, knowledge base 'depot' of ",
     ),
-    ("revision", "committed_at", "noon", lambda kb: kb.anchor(), r"revision \d+ of"),
+    ("revision", "committed_at", "noon", lambda kb: kb.store.anchor(), r"revision \d+ of"),
     ("head", "archived_revision", "1/3", lambda kb: list(kb.changes(9)), "table head"),
     (
         "revision",
         "committed_at",
         "noon",
-        lambda kb: kb.revisions(),
+        lambda kb: kb.store.revisions(),
         r"table revision, revision \d+",
     ),
-    ("revision", "source", "{", lambda kb: kb.revisions(), r"table revision, revi.*\d:"),
+    ("revision", "source", "{", lambda kb: kb.store.revisions(), r"table revision, revi.*\d:"),
     (
         "plan_step",
         "start",
@@ -285,10 +286,10 @@ def test_a_time_that_is_none_stops_only_those_who_read_it(
             StoreIntegrityError, match=r"table revision, revision 2: .*is not a time"
         ):
             list(opened.log())
-        assert {finding.revision for finding in opened.verify().findings} == {1, 2}
+        assert {finding.revision for finding in opened.store.verify().findings} == {1, 2}
     kb.propositions.delete(robot_at(place=waypoint(0)))
-    assert other.verify().is_intact
-    assert len(other.revisions()) == 3
+    assert other.store.verify().is_intact
+    assert len(other.store.revisions()) == 3
 
 
 @pytest.mark.parametrize(
@@ -312,21 +313,24 @@ def test_types_that_are_above_themselves_end_a_reader(
     for call in (kb.types.get_all, lambda: kb.types.get(name), kb.objects.get_all):
         with pytest.raises(StoreIntegrityError, match=r"type_version, type .* above itself"):
             call()
-    assert {finding.table for finding in kb.verify().findings} & {"type_version", "type_parent"}
+    assert {finding.table for finding in kb.store.verify().findings} & {
+        "type_version",
+        "type_parent",
+    }
 
 
 # What reads the head before it does anything else.
 HEAD_READERS: dict[str, Callable[[KnowledgeBase], object]] = {
     "at": lambda kb: kb.at(2).objects.get_all(),
-    "at a time": lambda kb: kb.at(kb.revisions()[1].committed_at).objects.get_all(),
+    "at a time": lambda kb: kb.at(kb.store.revisions()[1].committed_at).objects.get_all(),
     "diff": lambda kb: kb.diff(1, 3),
     "log": lambda kb: list(kb.log()),
-    "log of a time": lambda kb: list(kb.log(until=kb.revisions()[1].committed_at)),
+    "log of a time": lambda kb: list(kb.log(until=kb.store.revisions()[1].committed_at)),
     "changes": lambda kb: list(kb.changes()),
     "watch": lambda kb: kb.watch(0, timeout=0),
     "restore": lambda kb: kb.restore(1),
-    "archive": lambda kb: kb.archive(2, to="sqlite:///nowhere.db", dry_run=True),
-    "anchor": lambda kb: kb.anchor(),
+    "archive": lambda kb: kb.store.archive(2, to="sqlite:///nowhere.db", dry_run=True),
+    "anchor": lambda kb: kb.store.anchor(),
     "save": lambda kb: kb.propositions.save(robot_at(place=waypoint(9))),
 }
 # By whether the head is at no number, at one that no revision has, or is damaged elsewhere.
@@ -343,7 +347,7 @@ def test_a_head_at_no_number_is_an_error_of_each_reader(
     for name, call in HEAD_READERS.items():
         with pytest.raises(StoreIntegrityError, match=r"(?i)head|revision"):
             pytest.fail(f"{name} gave {call(kb)}")
-    assert not kb.verify().is_intact
+    assert not kb.store.verify().is_intact
 
 
 @pytest.mark.parametrize("value", BEYOND)
@@ -374,7 +378,7 @@ def test_a_head_that_is_damaged_elsewhere_is_not_written_on(
     _damage_head(tmp_path, f"{column} = {value}")
     with pytest.raises(StoreIntegrityError, match="head"):
         HEAD_READERS["save"](kb)
-    assert not kb.verify().is_intact
+    assert not kb.store.verify().is_intact
 
 
 def test_an_archive_of_which_there_is_no_record(tmp_path: Path, connect: Connect) -> None:
@@ -383,7 +387,7 @@ def test_an_archive_of_which_there_is_no_record(tmp_path: Path, connect: Connect
     for name in ("at", "diff", "log", "changes", "restore"):
         with pytest.raises(StoreIntegrityError, match="no record of one"):
             pytest.fail(f"{name} gave {HEAD_READERS[name](kb)}")
-    assert not kb.verify().is_intact
+    assert not kb.store.verify().is_intact
 
 
 @functools.cache

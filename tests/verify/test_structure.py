@@ -119,11 +119,11 @@ def test_an_index_that_leaves_a_row_out_is_a_finding(filled: str) -> None:
 
 def test_an_anchor_does_not_make_a_lying_index_true(filled: str) -> None:
     with kant_sql.connect(filled, knowledge_base="tiago") as kb:
-        anchor = kb.anchor()
+        anchor = kb.store.anchor()
     hide_a_fact(filled)
     with kant_sql.connect(filled, knowledge_base="tiago") as kb:
-        assert not kb.verify(anchor).is_intact
-        assert kb.verify(anchor, structure=False).is_intact
+        assert not kb.store.verify(anchor).is_intact
+        assert kb.store.verify(anchor, structure=False).is_intact
 
 
 def test_an_index_for_looking_up_texts_is_compared_too(filled: str) -> None:
@@ -286,7 +286,7 @@ def test_a_generated_view_that_says_something_else_is_a_finding(
     url = f"sqlite:///{tmp_path / 'store.db'}"
     with connect(url, knowledge_base="tiago") as kb:
         kb.propositions.save(FACT)
-    kant_sql.update_views(url)
+    kant_sql.operations.update_views(url)
     assert findings(url) == []
     with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:
         ((sql,),) = file.execute("SELECT sql FROM sqlite_master WHERE name = 'fact_robot_at'")
@@ -296,15 +296,15 @@ def test_a_generated_view_that_says_something_else_is_a_finding(
     (finding,) = findings(url)
     assert finding.table == "fact_robot_at"
     assert "'kant-sql views --drop'" in finding.message
-    kant_sql.drop_views(url)
-    kant_sql.update_views(url)
+    kant_sql.operations.drop_views(url)
+    kant_sql.operations.update_views(url)
     assert findings(url) == []
 
 
 def test_what_had_the_name_of_a_generated_view_before_is_none(filled: str) -> None:
     tamper(filled, "CREATE TABLE fact_robot_at (a INTEGER)")
     assert findings(filled) == []
-    kant_sql.update_views(filled)
+    kant_sql.operations.update_views(filled)
     assert findings(filled) == []
 
 
@@ -319,7 +319,7 @@ REPLACEMENTS = {
 
 @pytest.mark.parametrize("sql", REPLACEMENTS.values(), ids=REPLACEMENTS)
 def test_what_took_the_place_of_a_generated_view_is_a_finding(filled: str, sql: str) -> None:
-    kant_sql.update_views(filled)
+    kant_sql.operations.update_views(filled)
     assert findings(filled) == []
     tamper(filled, "DROP VIEW fact_robot_at", *sql.split(";"))
     (finding,) = findings(filled)
@@ -358,7 +358,7 @@ def test_a_head_with_no_integer_is_a_finding_and_no_revision_is_made(
     with connect(url, knowledge_base="tiago") as kb:
         assert any(
             each.table == "head" and f"column {column} has 1 value that" in each.message
-            for each in kb.verify().findings
+            for each in kb.store.verify().findings
         )
         with pytest.raises(StoreIntegrityError, match=f"column {column} of table head has"):
             kb.propositions.save(OTHER)
@@ -401,13 +401,13 @@ def test_a_story_with_views_an_archive_and_an_earlier_version_is_intact(
 ) -> None:
     archive = f"sqlite:///{tmp_path / 'archive.db'}"
     write_story(shared_url, archive)
-    kant_sql.update_views(shared_url)
+    kant_sql.operations.update_views(shared_url)
     assert findings(shared_url) == findings(archive) == []
     with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
         kb.restore(20)
     assert findings(shared_url) == []
     if not is_distributed(shared_url):
-        kant_sql.downgrade(shared_url, revision=VERSIONS[-2])
+        kant_sql.operations.downgrade(shared_url, revision=VERSIONS[-2])
         kant_sql.upgrade(shared_url)
         assert findings(shared_url) == []
 
@@ -418,8 +418,11 @@ def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: An
         with kant_sql.connect(url, knowledge_base=name) as kb:
             kb.load_domain(DOMAIN)
             kb.load_problem(PROBLEM)
-    kant_sql.update_views(url)
-    roles, own = kant_sql.create_roles(url), kant_sql.create_roles(url, knowledge_base=MINE)
+    kant_sql.operations.update_views(url)
+    roles, own = (
+        kant_sql.operations.create_roles(url),
+        kant_sql.operations.create_roles(url, knowledge_base=MINE),
+    )
     assert findings(url) == []
     with members(url, roles) as users, members(url, own) as limited:
         assert findings(users.reader) == findings(users.writer) == []
@@ -428,7 +431,7 @@ def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: An
         own_first = make_url(limited.reader).update_query_dict(path)
         for reader in (limited.reader, own_first.render_as_string(hide_password=False)):
             with kant_sql.connect(reader, knowledge_base=MINE) as kb:
-                assert kb.verify().findings == ()
+                assert kb.store.verify().findings == ()
     server.drop_database(url)
 
 
@@ -485,7 +488,7 @@ def test_knowledge_bases_have_the_structure_in_common(filled: str) -> None:
 def test_a_store_in_memory_has_its_structure_too(connect: Connect) -> None:
     kb: KnowledgeBase = connect("sqlite://", knowledge_base="tiago")
     kb.propositions.save(FACT)
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
 
 
 def test_the_records_are_of_the_last_version(dialect_name: str) -> None:

@@ -28,19 +28,19 @@ def test_a_form_that_is_unknown_is_a_finding_whatever_the_hash(
     kb.close()
     kb = connect(shared_url, knowledge_base="tiago")
     kb.types.save(PddlTypeDto("wp"))
-    verification = kb.verify()
+    verification = kb.store.verify()
     assert verification.findings == ((1, "revision", "form 2 is unknown: revisions have form 1"),)
     assert (verification.revisions, verification.changes) == (2, 2)
 
 
 def test_verifying_tells_how_far_it_is(kb: KnowledgeBase) -> None:
-    assert kb.verify().is_intact
+    assert kb.store.verify().is_intact
     for _ in range(3):
         kb.propositions.save(robot_at())
         kb.propositions.save(robot_at(place=WP2))
         kb.propositions.delete_all()
     told: list[tuple[int, int]] = []
-    verification = kb.verify(progress=lambda done, whole: told.append((done, whole)))
+    verification = kb.store.verify(progress=lambda done, whole: told.append((done, whole)))
     assert verification.is_intact
     assert told == sorted(told)
     assert told[-1][0] == told[-1][1] > kb.revision
@@ -52,28 +52,28 @@ def test_the_number_of_statements_does_not_grow(kb: KnowledgeBase) -> None:
         kb.propositions.save_all(robot_at(place=waypoint(10 * number + each)) for each in range(10))
         kb.propositions.delete_all()
         with recorded() as statements:
-            assert kb.verify().is_intact
+            assert kb.store.verify().is_intact
         counts.append(len(statements))
     assert counts[0] == counts[1] == counts[2]
 
 
 def test_an_open_transaction_is_refused(kb: KnowledgeBase) -> None:
     with kb.transaction(), pytest.raises(ReadOnlyError, match="end it first"):
-        kb.verify()
+        kb.store.verify()
 
 
 def test_an_anchor_names_all_knowledge_bases(shared_url: str, connect: Connect) -> None:
     first_kb, second = (connect(shared_url, knowledge_base=name) for name in ("tiago", "pepper"))
-    assert first_kb.anchor().heads == ()
+    assert first_kb.store.anchor().heads == ()
     first_kb.propositions.save(robot_at())
     second.propositions.save(robot_at())
-    anchor = first_kb.anchor()
+    anchor = first_kb.store.anchor()
     assert [head.knowledge_base for head in anchor.heads] == ["tiago", "pepper"]
-    assert anchor.heads[0].hash == first_kb.revisions()[-1].hash
+    assert anchor.heads[0].hash == first_kb.store.revisions()[-1].hash
     first_kb.propositions.delete_all()
-    assert first_kb.verify(anchor).is_intact
+    assert first_kb.store.verify(anchor).is_intact
     gone = connect(shared_url, knowledge_base="nao")
-    assert gone.verify(anchor).is_intact
+    assert gone.store.verify(anchor).is_intact
     absent = anchor._replace(heads=(anchor.heads[0]._replace(knowledge_base="nao"),))
-    (finding,) = gone.verify(absent).findings
+    (finding,) = gone.store.verify(absent).findings
     assert finding.message == "knowledge base 'nao' is missing"

@@ -328,7 +328,7 @@ def test_an_archive_is_named(filled: Filled, tmp_path: Path) -> None:
     for _ in range(3):
         kb.propositions.delete("(robot_at rb1 wp1)")
         kb.propositions.save("(robot_at rb1 wp1)")
-    kb.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
     data = get(client, "/fact", text="(robot_at rb1 wp1)")
     assert data["archived"] == 5
     page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb1 wp1)"}).text

@@ -42,7 +42,7 @@ def test_a_goal_that_cannot_be_judged_hides_nothing(
     def refuse(self: KnowledgeBase) -> bool:
         raise UnsupportedConstructError("not this")
 
-    monkeypatch.setattr(KnowledgeBase, "is_goal_reached", refuse)
+    monkeypatch.setattr(KnowledgeBase, "unsatisfied", refuse)
     kb = connect(shared_url, knowledge_base="tiago")
     kb.propositions.save(robot_at())
     kb.goals.save("(not (robot_at rb1 wp1))")

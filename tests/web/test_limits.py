@@ -15,7 +15,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 import kant_sql
-from kant_sql import KnowledgeBase, QuestionCancelledError
+from kant_sql import KnowledgeBase
+from kant_sql.errors import QuestionCancelledError
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.sql.query import raw
 from kant_sql.web import stores
@@ -45,7 +46,7 @@ class SlowPage:
             return self.ask(kb)
 
     def ask(self, kb: KnowledgeBase) -> dict[str, int]:
-        factory = kb.factory
+        factory = kb.store.factory
         assert isinstance(factory, SqlDaoFactory)
         self.began.set()
         try:

@@ -19,8 +19,9 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from kant_sql import InvalidArgumentError, KantSqlError, KnowledgeBase, parse_anchor
+from kant_sql import InvalidArgumentError, KantSqlError, KnowledgeBase
 from kant_sql.errors import PddlError, SourceError, UnknownNameError, UnknownRevisionError
+from kant_sql.operations import parse_anchor
 from kant_sql.web import report_sections
 from kant_sql.web.report import report_html, write_report
 from tests.audit.story import at, record_store
@@ -127,7 +128,7 @@ def test_it_says_what_happened(story: KnowledgeBase) -> None:
         "Intact : 36 revisions and 83 changes",
         'Source: {"camera": 4}',
         "Observed at 2026-03-02 13:59:58",
-        story.revisions()[-1].hash,
+        story.store.revisions()[-1].hash,
     ):
         assert said in page.text, said
     assert "Left out" not in page.text
@@ -192,7 +193,7 @@ def test_a_range_without_a_revision_says_so(story: KnowledgeBase) -> None:
 def test_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> None:
     kb = connect(record_store(new_file_store(tmp_path / "ruled.db")), knowledge_base="courier")
     for rule in RULES:
-        kb.constraints.save(rule)
+        kb.pddl.constraints.save(rule)
     said = Page(report_html(kb)).text
     assert "1 violated" in said
     assert re.search(
@@ -269,7 +270,7 @@ def test_it_takes_few_statements_however_much_happened(kb: KnowledgeBase) -> Non
 def test_a_history_that_was_changed_is_reported(connect: Connect, tmp_path: Path) -> None:
     path = tmp_path / "changed.db"
     kb = connect(record_store(new_file_store(path)), knowledge_base="courier")
-    anchor = kb.anchor()
+    anchor = kb.store.anchor()
     with sqlite3.connect(path) as lite:
         lite.execute("UPDATE revision SET reason = 'not so' WHERE number = 13 AND kb_id = 2")
     lite.close()
@@ -290,13 +291,13 @@ def test_the_anchor_in_it_verifies_the_store(story: KnowledgeBase) -> None:
     assert written is not None
     anchor = parse_anchor(unescape(written[1]))
     assert [head.knowledge_base for head in anchor.heads] == ["courier"]
-    assert story.verify(anchor).is_intact
+    assert story.store.verify(anchor).is_intact
     assert "compared with an anchor of revision 36" in Page(report_html(story, anchor=anchor)).text
 
 
 def test_a_section_that_cannot_be_read_says_why(connect: Connect, tmp_path: Path) -> None:
     kb = connect(record_store(new_file_store(tmp_path / "old.db")), knowledge_base="courier")
-    kb.archive(20, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.store.archive(20, to=f"sqlite:///{tmp_path / 'archive.db'}")
     page = Page(report_html(kb))
     assert "This could not be read" in page.text
     assert "archive" in page.text

@@ -266,7 +266,7 @@ def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> Non
     for _ in range(3):
         kb.propositions.delete("(robot_at rb1 wp1)")
         kb.propositions.save("(robot_at rb1 wp1)")
-    kb.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
     data = client.get("/api/revision?kb=courier&number=4").json()
     assert "old.db" in data["archive"]
     assert client.get("/api/revision?kb=courier&number=7").json()["archive"] is None

@@ -145,7 +145,7 @@ def test_no_page_shows_where_the_store_is(story_url: str, connect: Connect, tmp_
     for _ in range(3):
         kb.propositions.delete("(robot_at rb1 wp1)")
         kb.propositions.save("(robot_at rb1 wp1)")
-    kb.archive(6, to=old)
+    kb.store.archive(6, to=old)
     courier = "?kb=courier&element=(robot_at rb1 wp1)", "?kb=courier&number=3&at=2"
     addresses = ["/", "/log" + courier[0], *(f"/{page}{courier[1]}" for page in PAGES)]
     app = create_app(url)

@@ -14,9 +14,8 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-import kant_sql
-from kant_sql import KnowledgeBase, parse_anchor
 from kant_sql.errors import AnchorError
+from kant_sql.operations import Operations, parse_anchor
 from kant_sql.web import verifying
 from kant_sql.web.application import create_app
 from tests.support.stores import Connect, new_file_store
@@ -125,9 +124,9 @@ def test_a_knowledge_base_that_does_not_exist_is_not_verified(client: TestClient
 def held_back(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Let verifications wait at their first report of progress."""
     go_on = threading.Event()
-    verify = KnowledgeBase.verify
+    verify = Operations.verify
 
-    def slow(self: KnowledgeBase, *given: Any, progress: Any, **more: Any) -> Any:
+    def slow(self: Operations, *given: Any, progress: Any, **more: Any) -> Any:
         def tell(done: int, total: int) -> None:
             progress(done, total)
             assert go_on.wait(SOON)
@@ -135,7 +134,7 @@ def held_back(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
 
         return verify(self, *given, progress=tell, **more)
 
-    monkeypatch.setattr(KnowledgeBase, "verify", slow)
+    monkeypatch.setattr(Operations, "verify", slow)
     yield go_on
     go_on.set()
 
@@ -192,10 +191,10 @@ def test_findings_are_shown(tmp_path: Path, connect: Connect) -> None:
 def test_a_verification_that_fails_says_why(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(self: KnowledgeBase, *given: object, **more: object) -> None:
+    def fail(self: Operations, *given: object, **more: object) -> None:
         raise RuntimeError("secret")
 
-    monkeypatch.setattr(kant_sql.KnowledgeBase, "verify", fail)
+    monkeypatch.setattr(Operations, "verify", fail)
     client.post("/verify?kb=courier")
     last = result_of(client)
     assert "log says more" in last["error"]

@@ -90,7 +90,7 @@ def archive(
 
     Examples:
         >>> _ = kb.propositions.delete_all()
-        >>> kb.archive(2, to="sqlite:///2025.db", dry_run=True).upto
+        >>> kb.store.archive(2, to="sqlite:///2025.db", dry_run=True).upto
         1
     """
     store = state.store

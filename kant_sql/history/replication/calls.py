@@ -145,9 +145,9 @@ def push(
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
 
     Examples:
-        >>> kb.push("sqlite:///server.db").revisions == kb.revision
+        >>> kb.store.push("sqlite:///server.db").revisions == kb.revision
         True
-        >>> kb.push("sqlite:///server.db").revisions
+        >>> kb.store.push("sqlite:///server.db").revisions
         0
     """
     store = state.store

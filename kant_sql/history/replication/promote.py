@@ -42,7 +42,7 @@ def promote(state: State, *, reason: str | None = None, actor: str | None = None
         ReadOnlyError: this is a view of the past.
 
     Examples:
-        >>> kb.promote() is None
+        >>> kb.store.promote() is None
         True
     """
     store = state.store

@@ -153,10 +153,10 @@ def verify(
         ReadOnlyError: the task or thread has a transaction open.
 
     Examples:
-        >>> verification = kb.verify(keep=True)
+        >>> verification = kb.store.verify(keep=True)
         >>> verification.is_intact
         True
-        >>> kb.verify(resume=True).continued_from == kb.revision
+        >>> kb.store.verify(resume=True).continued_from == kb.revision
         True
     """
     store = state.store

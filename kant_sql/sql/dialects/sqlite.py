@@ -765,7 +765,7 @@ class SqliteBackend(Backend):
         """Copy the file by SQLite's online backup; the copy is as secret as the file."""
         if self.in_memory:
             raise InvalidArgumentError(
-                f"{self.label}: a store in memory has no file; kb.push copies a knowledge base"
+                f"{self.label}: a store in memory has no file; kb.store.push copies what it has"
             )
         opened: list[sqlite3.Connection] = []
         try:

@@ -106,7 +106,7 @@ def names(
     """Complete a name: predicates, functions, objects, actions and types of a state."""
     when = moment(at)
     state = kb if when is None else kb.at(when)
-    return Completions(list(state.complete(beginning, limit=limit)))
+    return Completions(list(state.pddl.complete(beginning, limit=limit)))
 
 
 def _answers(
@@ -142,5 +142,5 @@ def _time_of(kb: KnowledgeBase, moment: Moment | None) -> datetime | None:
     """Return the time of a revision, or the time itself."""
     if moment is None or isinstance(moment, datetime):
         return moment
-    revisions = kb.revisions(after=max(0, moment - 1), limit=1)
+    revisions = kb.store.revisions(after=max(0, moment - 1), limit=1)
     return revisions[0].committed_at if revisions else None

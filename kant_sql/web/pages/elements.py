@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
+from ...binding import state_of
 from ...history.element_pages import (
     ElementPage,
     ObjectPage,
@@ -17,7 +18,7 @@ from ...history.element_pages import (
 )
 from ...history.plan_pages import StepLine
 from ...history.versions import Version
-from ...knowledge_base import KnowledgeBase, state_of
+from ...knowledge_base import KnowledgeBase
 from ..parameters import Before
 from ..registry import Pages
 

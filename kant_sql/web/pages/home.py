@@ -61,7 +61,7 @@ def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
     """Ask a knowledge base; None when it takes too long, or cannot tell."""
     try:
         with limited(seconds=GOAL_SECONDS), store.knowledge_base(name) as kb:
-            return kb.is_goal_reached()
+            return not kb.unsatisfied()
     except QuestionCancelledError:
         raise
     except KantSqlError:

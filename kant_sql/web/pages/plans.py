@@ -9,11 +9,12 @@ from typing import Annotated, Literal, NamedTuple
 from fastapi import Query, Request
 from fastapi.responses import PlainTextResponse, Response
 
+from ...binding import state_of
 from ...errors import ArchivedError, PlanError, UnknownNameError
 from ...history.plan_pages import PlansPage, Stretch, read_plans_page, read_stretches
 from ...history.revisions import Revision
 from ...history.versions import Version
-from ...knowledge_base import KnowledgeBase, state_of
+from ...knowledge_base import KnowledgeBase
 from ...plans.interfaces import RecordedPlan, RecordedStep
 from ..parameters import Offset
 from ..registry import KbName, Pages
@@ -86,7 +87,7 @@ def plan(kb: KnowledgeBase, id: PlanId, offset: Offset = 0) -> PlanPage:
     found = _find(kb, id)
     end, total = offset + STEPS, len(found.steps)
     shown = found.steps[offset:end]
-    (recorded,) = kb.revisions(after=found.recorded_in - 1, limit=1)
+    (recorded,) = kb.store.revisions(after=found.recorded_in - 1, limit=1)
     steps = [
         StepOutcomes(
             replace(step, revisions=step.revisions[:REVISIONS]),

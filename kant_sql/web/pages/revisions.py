@@ -7,9 +7,10 @@ from typing import Annotated
 
 from fastapi import Query
 
+from ...binding import state_of
 from ...history.diff import Difference, read_difference
 from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read_revision_page
-from ...knowledge_base import KnowledgeBase, state_of
+from ...knowledge_base import KnowledgeBase
 from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
 from ..registry import Pages
 

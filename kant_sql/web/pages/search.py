@@ -6,9 +6,10 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
+from ...binding import state_of
 from ...errors import InvalidArgumentError
 from ...history.search import SearchMatch, read_matches
-from ...knowledge_base import KnowledgeBase, state_of
+from ...knowledge_base import KnowledgeBase
 from ...moment_text import parse_moment
 from ..registry import Pages
 

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 from fastapi import Query
 
+from ...binding import state_of
 from ...history.state_parts import StateFilter, StatePage, read_state
-from ...knowledge_base import KnowledgeBase, state_of
+from ...knowledge_base import KnowledgeBase
 from ..parameters import At, ElementText, ObjectName, Offset, moment
 from ..registry import Pages
 

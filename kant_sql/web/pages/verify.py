@@ -154,7 +154,7 @@ async def anchor(request: Request, kb_name: KbName = None) -> Response:
     def work() -> Anchor:
         names = [kb_name] if kb_name else store.read_catalog(lambda catalog: catalog.first_names(1))
         with store.knowledge_base(names[0] if names else store.choose(None)) as kb:
-            return kb.anchor()
+            return kb.store.anchor()
 
     made = await answer(request, work)
     day = made.made_at.partition(".")[0].replace(":", "-")

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 import kant_sql
-from kant_sql import ConnectionLostError, KnowledgeBase
+from kant_sql import KnowledgeBase
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects.base import Row, Session
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
 from kant_sql.sql.query import Insert
@@ -42,7 +43,7 @@ def assert_unwritten(kb: KnowledgeBase, url: str) -> None:
     assert kb.propositions.get_all() == [robot_at()]
     assert check_chain(url) == {"tiago": 1}
     kb.propositions.save(robot_at(place=waypoint(7)))
-    assert kb.verify().findings == ()
+    assert kb.store.verify().findings == ()
 
 
 def test_a_key_that_is_missing_at_the_commit(

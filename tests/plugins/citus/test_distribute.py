@@ -77,7 +77,7 @@ def refusal(url: str, **options: bool) -> str:
 def test_all_tables_are_distributed_and_brought_back_as_they_were(
     cluster: Cluster, story_url: str, connect: Connect
 ) -> None:
-    assert len(kant_sql.update_views(story_url)) > 0
+    assert len(kant_sql.operations.update_views(story_url)) > 0
     rows, dump = rows_of(story_url), dump_of(story_url)
     done = distribute(story_url, shards=SHARDS)
     assert {*done.tables} == TABLES
@@ -97,14 +97,14 @@ def test_all_tables_are_distributed_and_brought_back_as_they_were(
     assert rows_of(story_url) == rows
     # The new predicate has no view yet.
     assert dump_of(story_url) != dump
-    kant_sql.drop_views(story_url)
-    kant_sql.update_views(story_url)
+    kant_sql.operations.drop_views(story_url)
+    kant_sql.operations.update_views(story_url)
     assert distribute(story_url, undo=True).statements == ()
     assert findings(story_url) == []
 
 
 def test_the_structure_is_the_same_after_each_step(story_url: str) -> None:
-    kant_sql.update_views(story_url)
+    kant_sql.operations.update_views(story_url)
     dump = dump_of(story_url)
     for undo in (False, True, False):
         distribute(story_url, shards=None if undo else SHARDS, undo=undo)
@@ -119,7 +119,7 @@ def test_no_row_stays_out_of_sight_on_the_coordinator(cluster: Cluster, story_ur
 
 
 def test_the_printed_sql_does_the_same(cluster: Cluster, story_url: str) -> None:
-    kant_sql.update_views(story_url)
+    kant_sql.operations.update_views(story_url)
     rows, dump = rows_of(story_url), dump_of(story_url)
     for words, expected in (
         (["--shards", str(SHARDS)], distributed()),
@@ -234,10 +234,10 @@ def test_another_user_is_refused(cluster: Cluster, local_url: str) -> None:
 
 def test_outdated_tables_are_refused(new_database: NewDatabase) -> None:
     url = new_database()
-    with pytest.raises(kant_sql.SchemaMissingError):
+    with pytest.raises(kant_sql.errors.SchemaMissingError):
         distribute(url)
     kant_sql.upgrade(url, revision="0005")
-    with pytest.raises(kant_sql.SchemaOutdatedError, match="kant-sql db upgrade"):
+    with pytest.raises(kant_sql.errors.SchemaOutdatedError, match="kant-sql db upgrade"):
         distribute(url)
 
 

@@ -99,13 +99,13 @@ def test_a_later_migration_leaves_the_store_distributed(
     ):
         connection.execute("INSERT INTO cell VALUES (1, 77)")
     with pytest.raises(SchemaError, match="distributed table is not dropped") as caught:
-        kant_sql.downgrade(distributed_url, revision=before)
+        kant_sql.operations.downgrade(distributed_url, revision=before)
     assert "kant-sql db distribute '" in str(caught.value)
     assert str(caught.value).endswith("--undo")
     assert rows_of(distributed_url) == rows
     kb = connect(distributed_url, knowledge_base="tiago")
     kb.propositions.delete_all()
-    assert kb.verify(structure=False).is_intact
+    assert kb.store.verify(structure=False).is_intact
 
 
 def test_the_tables_are_dropped_after_they_were_brought_back(
@@ -113,7 +113,7 @@ def test_the_tables_are_dropped_after_they_were_brought_back(
 ) -> None:
     connect(distributed_url).propositions.save(robot_at())
     with pytest.raises(SchemaError, match="--undo"):
-        kant_sql.downgrade(distributed_url, revision="base")
+        kant_sql.operations.downgrade(distributed_url, revision="base")
     distribute(distributed_url, undo=True)
-    kant_sql.downgrade(distributed_url, revision="base")
+    kant_sql.operations.downgrade(distributed_url, revision="base")
     assert schema.current(distributed_url) is None

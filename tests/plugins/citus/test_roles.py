@@ -45,8 +45,8 @@ def searching(url: str, *schemas: str) -> str:
 def roles_url(cluster: Cluster) -> str:
     """The URL of a distributed store with a robot's day in it, and with roles."""
     url = record_store(cluster.new_store())
-    kant_sql.create_roles(url)
-    kant_sql.create_roles(url, knowledge_base=NAME)
+    kant_sql.operations.create_roles(url)
+    kant_sql.operations.create_roles(url, knowledge_base=NAME)
     return url
 
 
@@ -97,7 +97,7 @@ def test_there_is_no_writer_and_the_command_says_why(roles_url: str) -> None:
 def test_a_store_with_writers_is_not_distributed_until_they_are_gone(
     cluster: Cluster, local_url: str
 ) -> None:
-    roles = kant_sql.create_roles(local_url)
+    roles = kant_sql.operations.create_roles(local_url)
     with (
         members(local_url, roles),
         pytest.raises(StoreError, match="DROP OWNED BY kant_sql_writer; DROP ROLE") as caught,

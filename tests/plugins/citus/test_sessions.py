@@ -11,7 +11,8 @@ import psycopg
 import pytest
 from sqlalchemy import make_url
 
-from kant_sql import ConnectionLostError, StoreBusyError
+from kant_sql import StoreBusyError
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Session
 from kant_sql.store.head import lock_head

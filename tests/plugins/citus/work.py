@@ -9,7 +9,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import kant_sql
-from kant_sql import ConnectionLostError, KnowledgeBase, StoreBusyError
+from kant_sql import KnowledgeBase, StoreBusyError
+from kant_sql.errors import ConnectionLostError
 from tests.support.citus import Cluster
 from tests.support.worlds.robots import robot_at, waypoint
 
@@ -104,7 +105,7 @@ def check_work(url: str, work: Work) -> None:
             asked = {str(robot_at(place=waypoint(number))) for number in work.unsure[name]}
             assert wanted <= there <= wanted | asked
             assert kb.revision == len(there)
-            assert kb.verify(structure=False).is_intact
+            assert kb.store.verify(structure=False).is_intact
 
 
 def move_a_shard(cluster: Cluster, url: str) -> int:

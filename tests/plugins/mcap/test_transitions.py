@@ -17,7 +17,6 @@ from mcap.reader import make_reader
 
 import kant_sql
 from kant_sql import (
-    ExtraMissingError,
     InvalidArgumentError,
     KantSqlError,
     PddlFunctionDto,
@@ -28,6 +27,7 @@ from kant_sql import (
     UnknownNameError,
     UnknownRevisionError,
 )
+from kant_sql.errors import ExtraMissingError
 from kant_sql.export import Exported
 from kant_sql_plugins import mcap
 from kant_sql_plugins.mcap import export_transitions
@@ -270,8 +270,8 @@ def test_what_was_archived_is_the_state_that_the_file_begins_with(tmp_path: Path
             with kb.transaction():
                 kb.propositions.delete_all()
                 kb.propositions.save(robot_at(place=(WP1, WP2)[number % 2]))
-        kb.archive(4, to=old)
-        times = {revision.number: revision.committed_at for revision in kb.revisions()}
+        kb.store.archive(4, to=old)
+        times = {revision.number: revision.committed_at for revision in kb.store.revisions()}
     export(url, tmp_path / "out", knowledge_base="tiago")
     assert of(messages(tmp_path / "out", "tiago"), "/tiago/fact/robot_at/rb1") == [
         (times[3], "wp1"),

@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -24,7 +25,6 @@ import kant_sql.dto.formulas
 import kant_sql.pddl
 import kant_sql.planning
 from kant_sql import (
-    Anchor,
     Dto,
     KantSqlError,
     KnowledgeBase,
@@ -56,6 +56,8 @@ from kant_sql.dto.formulas import (
     TypedName,
     Variable,
 )
+from kant_sql.operations import Anchor
+from tests.support.parts import PATHS, part
 from tests.support.worlds import depot
 from tests.support.worlds.robots import assigned
 
@@ -276,11 +278,11 @@ class World:
         if not kb.revision:
             depot.load(kb)
             kb.actions.save(PddlActionDto("rest", [PddlObjectDto(ROBOT, "t")], durative=False))
-            kb.processes.save(PddlProcessDto("age"))
-            kb.events.save(PddlEventDto("fail", [], [], [depot.IDLE]))
-            kb.derived_predicates.save(self.formulas["derived_predicates"])
+            kb.pddl.processes.save(PddlProcessDto("age"))
+            kb.pddl.events.save(PddlEventDto("fail", [], [], [depot.IDLE]))
+            kb.pddl.derived_predicates.save(self.formulas["derived_predicates"])
             kb.goals.save(depot.IDLE)
-            kb.metric.set(self.formulas["metric"])
+            kb.pddl.metric.set(self.formulas["metric"])
             kb.plans.record(self.plan)
         self.base = kb.revision
         self.recorded = kb.plans.get_all()[-1]
@@ -323,10 +325,10 @@ class World:
         """Give how to make what parameters usually take and what takes time to make."""
         kb = self.kb
         return {
-            "domain": kb.domain,
-            "problem": kb.problem,
-            "document": kb.problem,
-            "text": lambda: kb.anchor().text(),
+            "domain": kb.pddl.domain,
+            "problem": kb.pddl.problem,
+            "document": kb.pddl.problem,
+            "text": lambda: kb.store.anchor().text(),
         }
 
     def values(self) -> dict[str, Any]:
@@ -341,22 +343,23 @@ class World:
             "revision": "head", "function": "fuel", "objects": ["t1"], "value": 2, "by": 2,
             "sources": depot.DOMAIN, "source": depot.PROBLEM, "plan": self.plan,
             "step": self.recorded.steps[0], "status": "started", "variables": (), "names": (),
-            "family": 2, "predicate_name": "idle", "parameters": None, "factory": self.kb.factory,
+            "family": 2, "predicate_name": "idle", "parameters": None,
+            "factory": self.kb.store.factory,
         }  # fmt: skip
 
     def subjects(self) -> dict[str, Callable[[], Any]]:
         """Give how to get the objects whose methods are called: some take time to make."""
         kb = self.kb
         compat = self.compat
-        daos = typing.get_type_hints(KnowledgeBase)
         return {
             **{module.__name__: lambda module=module: module for module in MODULES},
-            "kb": lambda: kb,
-            "past": lambda: kb.at(self.base),
-            "factory": lambda: kb.factory,
-            "past.factory": lambda: kb.at(self.base).factory,
-            **{f"kb.{dao}": lambda dao=dao: getattr(kb, dao) for dao in daos},
-            **{f"past.{dao}": lambda dao=dao: getattr(kb.at(self.base), dao) for dao in daos},
+            "factory": lambda: kb.store.factory,
+            "past.factory": lambda: kb.at(self.base).store.factory,
+            **{f"kb.{path}".rstrip("."): partial(part, kb, path) for path in PATHS},
+            **{
+                f"past.{path}".rstrip("."): lambda path=path: part(kb.at(self.base), path)
+                for path in PATHS
+            },
             **{f"dto.{name}": lambda dto=dto: dto for name, dto in self.dtos.items()},
             "dto.literal": lambda: PddlConditionEffectDto(PddlPredicateDto("idle")),
             "dto.either": lambda: PddlEitherTypeDto([ROBOT, WP]),
@@ -371,9 +374,9 @@ class World:
             "plan": lambda: self.plan,
             "recorded": lambda: self.recorded,
             "recorded.step": lambda: self.recorded.steps[0],
-            "anchor": kb.anchor,
+            "anchor": kb.store.anchor,
             "entry": lambda: next(iter(kb.log())),
-            "verification": kb.verify,
+            "verification": kb.store.verify,
         }  # fmt: skip
 
 
@@ -522,11 +525,11 @@ class Calling:
 
     def _check_store(self, case: Case, before: int) -> None:
         world = self._world
-        store: Any = world.kb.factory._store  # type: ignore[attr-defined]
+        store: Any = world.kb.store.factory._store  # type: ignore[attr-defined]
         if store.current() is not None:
             self.faults.append(f"{case}: left a transaction open")
         if world.kb.revision != before:
-            verified = world.kb.verify()
+            verified = world.kb.store.verify()
             if not verified.is_intact:
                 self.faults.append(f"{case}: {verified.findings[:2]}")
             world.kb.restore(world.base)

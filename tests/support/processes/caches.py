@@ -18,8 +18,8 @@ from kant_sql import (
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
-    TypeMismatchError,
 )
+from kant_sql.errors import TypeMismatchError
 from tests.support.worlds.robots import (
     RB1,
     ROBOT,

@@ -12,7 +12,8 @@ from multiprocessing.connection import Connection
 from typing import NamedTuple
 
 import kant_sql
-from kant_sql import ConnectionLostError, KnowledgeBase, PddlObjectDto, StoreError
+from kant_sql import KnowledgeBase, PddlObjectDto, StoreError
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects.base import Session
 from tests.support.chain import check_chain
 from tests.support.worlds import counter
@@ -37,7 +38,7 @@ def write_for_ever(url: str, tell: Connection) -> None:
                 # A transaction that was lost with its connection has done nothing.
                 with suppress(ConnectionLostError):
                     way(kb, last)
-                    (revision,) = kb.revisions(after=last)
+                    (revision,) = kb.store.revisions(after=last)
                     tell.send(Acknowledged(revision.number, revision.hash))
                     last = revision.number
 
@@ -96,7 +97,7 @@ def check_all(kb: KnowledgeBase, url: str, acknowledged: list[Acknowledged]) -> 
     """Check that what was acknowledged is there, that all is whole, and that it goes on."""
     # A server may still be at the last transaction of a client that is gone: a writer waits for it.
     assert kb.objects.insert(PddlObjectDto(ROBOT, f"checked_at_{kb.revision}"))
-    there = {Acknowledged(revision.number, revision.hash) for revision in kb.revisions()}
+    there = {Acknowledged(revision.number, revision.hash) for revision in kb.store.revisions()}
     missing = set(acknowledged) - there
     assert not missing, f"acknowledged and lost: {missing}"
     facts = kb.propositions.get_all()

@@ -14,7 +14,8 @@ from typing import Any
 from alembic import command
 
 import kant_sql
-from kant_sql import ForkedError, KnowledgeBase
+from kant_sql import KnowledgeBase
+from kant_sql.errors import ForkedError
 from kant_sql.history.replication import calls
 from tests.support.processes.watchers import waiting
 from tests.support.processes.workers import Child
@@ -91,7 +92,7 @@ def within_a_transaction(url: str) -> None:
             _save(kb, 4)
         forked.join()
         assert len(kb.propositions.get_all()) == 4
-        assert [revision.reason for revision in kb.revisions()] == [None, None, "child"]
+        assert [revision.reason for revision in kb.store.revisions()] == [None, None, "child"]
 
 
 def out_of_a_transaction(url: str) -> None:
@@ -240,7 +241,7 @@ def within_a_large_transaction(url: str) -> None:
             assert len(kb.propositions.get_all()) == MANY + 1
             kb.propositions.delete(many[0])
         assert len(kb.propositions.get_all()) == MANY
-        assert kb.verify().is_intact
+        assert kb.store.verify().is_intact
         Child(lambda: _save(kb, MANY + 1)).join()
 
 
@@ -303,7 +304,7 @@ def beside_a_thread_that_pushes(url: str, target: str) -> None:
     """Fork while a thread holds what all pushes of the process share: the child can push."""
     with kant_sql.connect(url) as kb:
         _save(kb, 1)
-        kb.push(target)
+        kb.store.push(target)
         _save(kb, 2)
         held = threading.Event()
 
@@ -313,7 +314,7 @@ def beside_a_thread_that_pushes(url: str, target: str) -> None:
                 time.sleep(0.3)
 
         def child() -> None:
-            kb.push(target)
+            kb.store.push(target)
 
         thread = threading.Thread(target=hold)
         thread.start()

@@ -8,7 +8,8 @@ import pytest
 
 import kant_sql
 import kant_sql.sql.dialects.sqlite
-from kant_sql import KantSqlError, KnowledgeBase, ReadOnlyStoreError
+from kant_sql import KantSqlError, KnowledgeBase
+from kant_sql.errors import ReadOnlyStoreError
 from kant_sql.pddl import read_problem
 from tests.support.worlds.depot import DOMAIN, PROBLEM, check_text
 from tests.support.worlds.robots import robot_at, waypoint
@@ -93,8 +94,8 @@ def read_often_with(kb: KnowledgeBase, times: int) -> int:
 
 def check_whole(kb: KnowledgeBase, as_text: bool) -> None:
     """Check that a problem is just what some load has made of it."""
-    domain = kb.at(1).domain()
-    problem = read_problem(kb.problem_pddl(), domain=domain) if as_text else kb.problem()
+    domain = kb.at(1).pddl.domain()
+    problem = read_problem(kb.problem_pddl(), domain=domain) if as_text else kb.pddl.problem()
     assert problem == read_problem(STATES[frozenset(problem.facts)], domain=domain)
 
 

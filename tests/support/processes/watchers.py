@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TextIO
 
 import kant_sql
-from kant_sql import ConnectionLostError, KnowledgeBase, StoreUnreachableError
+from kant_sql import KnowledgeBase, StoreUnreachableError
+from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects.base import Listener
 from tests.support.processes.workers import PATIENCE
 from tests.support.worlds.robots import waypoint
@@ -46,7 +47,7 @@ class Waiting:
         self._pool.shutdown(wait=False)
 
     def _watch(self, kb: KnowledgeBase, after: int | None, timeout: float | None) -> int | None:
-        backend = kb.factory._store.backend  # type: ignore[attr-defined]
+        backend = kb.store.factory._store.backend  # type: ignore[attr-defined]
         _thread.listens = self._listens
         # Of several threads, any may have put it there: each finds its own event.
         backend.listener = lambda: _announced(type(backend).listener(backend))

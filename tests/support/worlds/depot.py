@@ -94,14 +94,14 @@ def over(*formulas: Formula) -> tuple[Formula, ...]:
 
 def again(kb: KnowledgeBase) -> KnowledgeBase:
     """The same knowledge base, as a newcomer reads it from the tables."""
-    return beside(kb, kb.factory._store.name)  # type: ignore[attr-defined]
+    return beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
 
 
 def check_text(kb: KnowledgeBase) -> None:
     """Check that what is written of a knowledge base is what it holds."""
-    domain = kb.domain()
+    domain = kb.pddl.domain()
     assert read_domain(kb.domain_pddl()) == domain
-    assert read_problem(kb.problem_pddl(), domain=domain) == kb.problem()
+    assert read_problem(kb.problem_pddl(), domain=domain) == kb.pddl.problem()
 
 
 # Formulas without free variables, by what they are.

@@ -81,4 +81,4 @@ def arrive(kb: KnowledgeBase, place: str) -> None:
 
 def beside_of(kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base in the same store that was never written to."""
-    return beside(kb, f"beside {kb.factory._store.name}")  # type: ignore[attr-defined]
+    return beside(kb, f"beside {kb.store.factory._store.name}")  # type: ignore[attr-defined]

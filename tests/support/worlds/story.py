@@ -66,7 +66,7 @@ def write_story(url: str, archive_url: str) -> None:
             kb.load_problem(PROBLEM)
         _change(kb)
         _plan(kb)
-        kb.archive(9, to=archive_url)
+        kb.store.archive(9, to=archive_url)
 
 
 def _change(kb: KnowledgeBase) -> None:
@@ -75,7 +75,7 @@ def _change(kb: KnowledgeBase) -> None:
     kb.goals.save(CONDITIONS["fluent as a term"])
     kb.goals.save(Or((CONDITIONS["object fluent"], CONDITIONS["arithmetic"])))
     kb.goals.delete(CONDITIONS["shadowed"])
-    kb.constraints.save(CONSTRAINTS["hold-during"])
+    kb.pddl.constraints.save(CONSTRAINTS["hold-during"])
     facts = {str(fact): fact for fact in kb.propositions.get_all()}
     fact = facts["(at t1 p1)"]
     with kb.transaction():
@@ -131,7 +131,7 @@ def _redefine(kb: KnowledgeBase) -> None:
     ):
         kb.goals.save(formula)
         kb.goals.delete(formula)
-    kb.constraints.save(CONSTRAINTS["hold-during"])
+    kb.pddl.constraints.save(CONSTRAINTS["hold-during"])
     kb.types.save(PddlTypeDto("crate"))
     kb.types.save(PddlTypeDto("crate", parent=PddlTypeDto("machine")))
     kb.actions.save(PddlActionDto("rest", durative=False))
