@@ -68,11 +68,11 @@ def report_html(
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
         objects: the names of objects; the report says what involved each of them.
-        rules: constraints and preferences, as for `KnowledgeBase.check_rules`; None for those of
+        rules: constraints and preferences, as for `kb.pddl.check_rules`; None for those of
             the domain and the problem.
         verify: whether to verify the whole history.
         anchor: an anchor that was kept elsewhere, to verify the history with.
-        progress: called while the history is verified, as by `KnowledgeBase.verify`.
+        progress: called while the history is verified, as by `kb.store.verify`.
 
     Returns:
         A page of HTML that needs nothing else.

@@ -33,6 +33,7 @@ from tests.benchmarks.comparing import compare_histories, compare_results, compa
 from tests.benchmarks.drivers import Driver, PsycopgDriver, SqliteDriver
 from tests.benchmarks.recording import KNOWLEDGE_BASE, Call, Step, record
 from tests.benchmarks.support import print_table
+from tests.support.parts import dao_of
 from tests.support.servers import Server
 
 # The last does not wait for the disk at each commit, which hides all else.
@@ -91,7 +92,7 @@ def library_steps(steps: list[Step], kbs: dict[str, KnowledgeBase]) -> Ready:
     """Bind recorded steps to the library's DAOs."""
 
     def bind(kb: KnowledgeBase, call: Call) -> Callable[[], Any]:
-        return partial(getattr(getattr(kb, call.dao), call.method), *call.arguments)
+        return partial(getattr(dao_of(kb, call.dao), call.method), *call.arguments)
 
     def transaction(kb: KnowledgeBase, step: Step) -> Callable[[], Any]:
         calls = [bind(kb, call) for call in step.calls]

@@ -23,6 +23,7 @@ from kant_sql import (
 from kant_sql.dao import base
 from kant_sql.errors import TypeMismatchError
 from kant_sql.store import transaction as propositions
+from tests.support.parts import dao_of
 from tests.support.reading import (
     Undone,
     facts,
@@ -330,7 +331,7 @@ LISTS: dict[str, tuple[list[Any], Any, Any]] = {
 @pytest.mark.parametrize("name", LISTS)
 def test_a_list_is_saved_and_deleted_in_one_revision(fresh_kb: KnowledgeBase, name: str) -> None:
     fresh_kb.predicates.save(PddlPredicateDto("up", []))
-    dao, (given, called, absent) = getattr(fresh_kb, name), LISTS[name]
+    dao, (given, called, absent) = dao_of(fresh_kb, name), LISTS[name]
     fresh_kb.predicates.delete("up" if name == "predicates" else "never")
     before, count = fresh_kb.revision, len(dao.get_all())
     assert dao.save(given) is True

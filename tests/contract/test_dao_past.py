@@ -17,6 +17,7 @@ from kant_sql import (
     ReadOnlyError,
     UnknownRevisionError,
 )
+from tests.support.parts import dao_of
 from tests.support.reading import State, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
 from tests.support.worlds.robots import (
@@ -138,7 +139,7 @@ def test_nothing_can_be_written_to_the_past(fresh_kb: KnowledgeBase, states: lis
     }
     with nothing_changes(fresh_kb):
         for kind, element in elements.items():
-            dao = getattr(past, kind)
+            dao = dao_of(past, kind)
             for method in (dao.save, dao.insert, dao.update, dao.delete):
                 # Read-only is said first, whatever is given.
                 for given in (element, None):

@@ -7,6 +7,7 @@ from itertools import count
 import pytest
 
 from kant_sql import KnowledgeBase, PddlTypeDto, UnknownNameError
+from tests.support.parts import dao_of
 from tests.support.reading import State, beside, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
 from tests.support.worlds.robots import (
@@ -68,7 +69,7 @@ def test_nothing_can_be_deleted_from_or_updated_in_an_empty_knowledge_base(
 ) -> None:
     with nothing_changes(fresh_kb):
         for kind, element in ELEMENTS.items():
-            dao = getattr(fresh_kb, kind)
+            dao = dao_of(fresh_kb, kind)
             assert dao.delete(element) is False
             assert dao.update(element) is False
             assert dao.delete_all() == 0

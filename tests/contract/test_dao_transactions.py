@@ -15,6 +15,7 @@ from kant_sql import (
     PddlTypeDto,
     StaleRevisionError,
 )
+from tests.support.parts import dao_of
 from tests.support.reading import (
     facts,
     fail_within,
@@ -91,7 +92,7 @@ def test_a_transaction_that_raises_has_not_happened(kb: KnowledgeBase) -> None:
 def test_what_is_asserted_and_retracted_leaves_no_version_and_no_revision(
     kb: KnowledgeBase, kind: str, between: Callable[[KnowledgeBase], object]
 ) -> None:
-    dao, element = getattr(kb, kind), ELEMENTS[kind]
+    dao, element = dao_of(kb, kind), ELEMENTS[kind]
     if kind == "types":
         dao.delete(element)
     table = kind.removesuffix("s")
@@ -116,7 +117,7 @@ def test_what_is_asserted_and_retracted_leaves_no_version_and_no_revision(
 def test_what_is_retracted_and_asserted_again_leaves_no_version_and_no_revision(
     kb: KnowledgeBase, kind: str, between: Callable[[KnowledgeBase], object]
 ) -> None:
-    dao, element = getattr(kb, kind), ELEMENTS[kind]
+    dao, element = dao_of(kb, kind), ELEMENTS[kind]
     dao.save(element)
     table = kind.removesuffix("s")
     before, revision = versions(kb, table), kb.revision

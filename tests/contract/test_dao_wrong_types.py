@@ -27,6 +27,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.errors import InvalidNameError
+from tests.support.parts import dao_of
 from tests.support.reading import Undone, nothing_changes, refuses, undone
 from tests.support.worlds.robots import RB1, ROBOT, assigned, robot_at
 
@@ -112,7 +113,7 @@ def junk_for(path: Path) -> list[Any]:
 
 
 def try_methods(kb: KnowledgeBase, kind: str, dto: Dto) -> None:
-    dao = getattr(kb, kind)
+    dao = dao_of(kb, kind)
     for method in (dao.save, dao.insert, dao.update, lambda dto: dao.save_all([dto])):
         with suppress(Undone, InvalidKnowledgeError), kb.transaction():
             # An element that is there is not inserted, and one that is not is not updated.
@@ -131,7 +132,7 @@ def test_what_does_not_belong_in_a_dto_is_refused_and_nothing_of_it_stored(
     fresh_kb.propositions.save(robot_at())
     if populated:
         for other, dto in GOOD.items():
-            getattr(fresh_kb, other).save(dto)
+            dao_of(fresh_kb, other).save(dto)
     with nothing_changes(fresh_kb):
         for path in paths(GOOD[kind]):
             with fresh_kb.transaction():
@@ -141,7 +142,7 @@ def test_what_does_not_belong_in_a_dto_is_refused_and_nothing_of_it_stored(
 
 @pytest.mark.parametrize("kind", GOOD)
 def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: KnowledgeBase, kind: str) -> None:
-    dao = getattr(fresh_kb, kind)
+    dao = dao_of(fresh_kb, kind)
     others = [dto for other, dto in GOOD.items() if other != kind]
     for wrong in [None, *JUNK[:-2], *others, LITERAL]:
         is_text = kind == "propositions" and isinstance(wrong, str)
@@ -165,7 +166,7 @@ def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: KnowledgeBase, kind: st
 
 @pytest.mark.parametrize("kind", GOOD)
 def test_save_all_takes_an_iterable(fresh_kb: KnowledgeBase, kind: str) -> None:
-    dao = getattr(fresh_kb, kind)
+    dao = dao_of(fresh_kb, kind)
     for wrong in (None, 5, object(), GOOD[kind]):
         caught = refuses(fresh_kb, InvalidKnowledgeError, dao.save_all, wrong)
         assert "is an iterable of DTOs, not" in str(caught.value)

@@ -30,6 +30,7 @@ from kant_sql.sql.changes import Change
 from tests.support.chain import check_chain
 from tests.support.generators.documents import domains_and_problems
 from tests.support.generators.programs import Program, programs, run
+from tests.support.parts import dao_of
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, last_changes, undone
 from tests.support.servers import Server
@@ -81,7 +82,7 @@ def text_of(call: Callable[[], str]) -> str:
 
 def everything(kb: KnowledgeBase) -> dict[str, str]:
     """All that a knowledge base can be asked for."""
-    told = {dao: repr(getattr(kb, dao).get_all()) for dao in DAOS}
+    told = {dao: repr(dao_of(kb, dao).get_all()) for dao in DAOS}
     told["metric"] = repr(kb.pddl.metric.get())
     told["domain"], told["problem"] = text_of(kb.domain_pddl), text_of(kb.problem_pddl)
     return told

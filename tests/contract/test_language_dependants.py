@@ -33,6 +33,7 @@ from kant_sql.dto.formulas import (
     TypedName,
     Variable,
 )
+from tests.support.parts import dao_of
 from tests.support.reading import last_changes, nothing_changes, rows, undone
 from tests.support.worlds.depot import (
     HUB,
@@ -108,7 +109,7 @@ def save(kb: KnowledgeBase, dao: str, dto: Any) -> None:
     if dao == "metric":
         kb.pddl.metric.set(dto)
     else:
-        getattr(kb, dao).save(dto)
+        dao_of(kb, dao).save(dto)
 
 
 def held(kb: KnowledgeBase, dao: str) -> list[str]:
@@ -116,7 +117,7 @@ def held(kb: KnowledgeBase, dao: str) -> list[str]:
     if dao == "metric":
         metric = kb.pddl.metric.get()
         return [] if metric is None else [str(metric)]
-    return [str(each) for each in getattr(kb, dao).get_all()]
+    return [str(each) for each in dao_of(kb, dao).get_all()]
 
 
 @pytest.mark.parametrize("kind", MENTIONS)
@@ -127,7 +128,7 @@ def test_what_mentions_it_is_deleted_with_it(fresh_kb: KnowledgeBase, kind: str)
         save(fresh_kb, dao, dto)
     made = fresh_kb.revision
     deleting, what = DELETES[kind]
-    assert getattr(fresh_kb, deleting).delete(what) is True
+    assert dao_of(fresh_kb, deleting).delete(what) is True
     assert fresh_kb.revision == made + 1
     lines = last_changes(fresh_kb)
     for dao, dto in mentions.items():
@@ -156,11 +157,11 @@ def test_what_mentions_it_refuses_its_redefinition(fresh_kb: KnowledgeBase, kind
         "action act" if dao == "actions" else f"formula {dto}" for dao, dto in mentions.items()
     }
     with nothing_changes(fresh_kb), pytest.raises(DependantsError) as caught:
-        getattr(fresh_kb, redefining).save(other)
+        dao_of(fresh_kb, redefining).save(other)
     assert {*caught.value.dependants} == wanted
     assert all(each in str(caught.value) for each in wanted)
     made = fresh_kb.revision
-    getattr(fresh_kb, redefining).save(other, cascade=True)
+    dao_of(fresh_kb, redefining).save(other, cascade=True)
     assert fresh_kb.revision == made + 1
     assert {dao: held(fresh_kb, dao) for dao in mentions} == {dao: [] for dao in mentions}
     check_text(fresh_kb)
@@ -181,9 +182,9 @@ def test_each_that_mentions_it_refuses_its_redefinition(fresh_kb: KnowledgeBase,
         with undone(fresh_kb):
             save(fresh_kb, dao, dto)
             with pytest.raises(DependantsError) as caught:
-                getattr(fresh_kb, redefining).save(other)
+                dao_of(fresh_kb, redefining).save(other)
             assert len(caught.value.dependants) == 1, dao
-    getattr(fresh_kb, redefining).save(other)
+    dao_of(fresh_kb, redefining).save(other)
 
 
 def test_what_mentions_something_else_stays(fresh_kb: KnowledgeBase) -> None:

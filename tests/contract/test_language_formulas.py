@@ -27,6 +27,7 @@ from kant_sql.dto.formulas import (
     Variable,
 )
 from kant_sql.errors import InvalidKnowledgeError
+from tests.support.parts import dao_of
 from tests.support.reading import last_changes, nothing_changes, rows
 from tests.support.worlds.depot import (
     C1,
@@ -124,7 +125,7 @@ METRICS = {
 @pytest.mark.parametrize("sort", SORTS, ids=[sort.dao for sort in SORTS])
 def test_each_formula_of_a_sort_is_kept(fresh_kb: KnowledgeBase, sort: Sort) -> None:
     world, examples = load(fresh_kb), [*sort.examples.values()]
-    dao = getattr(fresh_kb, sort.dao)
+    dao = dao_of(fresh_kb, sort.dao)
     for formula in examples:
         assert dao.save(formula) is True
         assert last_changes(fresh_kb) == [f"+ {sort.kind} {formula}"]
@@ -132,7 +133,7 @@ def test_each_formula_of_a_sort_is_kept(fresh_kb: KnowledgeBase, sort: Sort) -> 
         assert dao.save_all(examples) == 0
         assert dao.insert(examples[0]) is False
     for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(fresh_kb.revision)):
-        assert getattr(reader, sort.dao).get_all() == examples
+        assert dao_of(reader, sort.dao).get_all() == examples
         assert sort.said(reader) == tuple(examples)
         check_text(reader)
     for count in range(len(examples) + 1):
@@ -142,7 +143,7 @@ def test_each_formula_of_a_sort_is_kept(fresh_kb: KnowledgeBase, sort: Sort) -> 
 @pytest.mark.parametrize("sort", SORTS, ids=[sort.dao for sort in SORTS])
 def test_formulas_of_a_sort_are_deleted(fresh_kb: KnowledgeBase, sort: Sort) -> None:
     load(fresh_kb)
-    examples, dao = [*sort.examples.values()], getattr(fresh_kb, sort.dao)
+    examples, dao = [*sort.examples.values()], dao_of(fresh_kb, sort.dao)
     assert dao.save_all(examples) == len(examples)
     first = fresh_kb.revision
     assert dao.delete(examples[1]) is True
@@ -165,7 +166,7 @@ def test_formulas_of_a_sort_are_deleted(fresh_kb: KnowledgeBase, sort: Sort) -> 
     number_of = len(examples)
     assert rows(fresh_kb, counted) == [(number_of, number_of + 1, number_of + 1, sort.kind)]
     with pytest.raises(ReadOnlyError):
-        getattr(fresh_kb.at(first), sort.dao).delete_all()
+        dao_of(fresh_kb.at(first), sort.dao).delete_all()
 
 
 @pytest.mark.parametrize("dao", ["goals", "constraints", "domain_constraints"])
@@ -175,10 +176,10 @@ def test_a_conjunction_is_its_conjuncts(fresh_kb: KnowledgeBase, dao: str) -> No
     if dao == "goals":
         parts = [Not(IDLE), Preference("p", at())]  # type: ignore[list-item]
     nested = And((parts[0], And((parts[1], And(())))))
-    getattr(fresh_kb, dao).save(nested)
-    assert getattr(fresh_kb, dao).get_all() == parts
-    assert getattr(fresh_kb, dao).delete(nested) is True
-    assert getattr(fresh_kb, dao).get_all() == []
+    dao_of(fresh_kb, dao).save(nested)
+    assert dao_of(fresh_kb, dao).get_all() == parts
+    assert dao_of(fresh_kb, dao).delete(nested) is True
+    assert dao_of(fresh_kb, dao).get_all() == []
 
 
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)

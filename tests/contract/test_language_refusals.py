@@ -42,6 +42,7 @@ from kant_sql.errors import (
     InvalidNameError,
     TypeMismatchError,
 )
+from tests.support.parts import dao_of
 from tests.support.reading import nothing_changes, rows
 from tests.support.worlds.depot import (
     C1,
@@ -352,9 +353,9 @@ def test_a_formula_of_another_sort_is_refused(fresh_kb: KnowledgeBase) -> None:
     load(fresh_kb)
     with nothing_changes(fresh_kb):
         for name, (dao, wrong, message) in MISPLACED.items():
-            caught = refused(fresh_kb, name, getattr(fresh_kb, dao).save, wrong)
+            caught = refused(fresh_kb, name, dao_of(fresh_kb, dao).save, wrong)
             assert message in str(caught), name
-            assert getattr(fresh_kb, dao).get_all() == [], name
+            assert dao_of(fresh_kb, dao).get_all() == [], name
 
 
 NO_METRICS: list[tuple[Any, str]] = [

@@ -9,6 +9,7 @@ import pytest
 
 from kant_sql import KnowledgeBase
 from tests.support.chain import check_chain
+from tests.support.parts import dao_of
 from tests.support.processes import caches, forks
 from tests.support.processes.workers import change, count, in_processes, watch
 from tests.support.stores import Connect
@@ -56,7 +57,7 @@ def test_a_process_acts_on_what_another_has_changed(
     then(kb)
     newcomer = connect(shared_url, knowledge_base="tiago")
     for dao in ("types", "objects", "predicates", "actions", "propositions"):
-        assert repr(getattr(kb, dao).get_all()) == repr(getattr(newcomer, dao).get_all())
+        assert repr(dao_of(kb, dao).get_all()) == repr(dao_of(newcomer, dao).get_all())
     check_chain(shared_url)
 
 

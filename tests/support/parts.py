@@ -31,3 +31,8 @@ PATHS = [*FRONTS, *DAOS]
 def part(of: Any, path: str) -> Any:
     """The part of a knowledge base, or of one for asyncio, at a path."""
     return attrgetter(path)(of) if path else of
+
+
+def dao_of(kb: Any, name: str) -> Any:
+    """The DAO of a name, which may be one of the rarer parts of PDDL."""
+    return getattr(kb if hasattr(kb, name) else kb.pddl, name)

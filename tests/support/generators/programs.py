@@ -16,6 +16,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from tests.support.parts import dao_of
 
 DAOS = ("types", "objects", "predicates", "actions", "propositions")
 
@@ -81,7 +82,7 @@ def run(kb: Any, step: Step) -> list[object]:
             return run(kb.at(step.revision), step.call)
         if isinstance(step, Block):
             return _run_block(kb, step)
-        method = getattr(getattr(kb, step.dao), step.method)
+        method = getattr(dao_of(kb, step.dao), step.method)
         options = {"cascade": True} if step.cascade else {}
         return [repr(method(*step.arguments, **options)), kb.revision]
     except (KantSqlError, Boom) as error:
@@ -107,7 +108,7 @@ def _run_block(kb: Any, block: Block) -> list[object]:
 
 def state_of(kb: Any) -> dict[str, str]:
     """All that the DAOs read."""
-    return {dao: repr(getattr(kb, dao).get_all()) for dao in DAOS}
+    return {dao: repr(dao_of(kb, dao).get_all()) for dao in DAOS}
 
 
 # What programs are made of: it fits together, but for as many odd things as a maker is allowed.
