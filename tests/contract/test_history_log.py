@@ -419,7 +419,7 @@ def test_its_pages_are_of_one_history_although_others_write_and_archive(
     found = lines(islice(entries, 2))
     move(2)
     found += lines(islice(entries, 2))
-    other.archive(8, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    other.store.archive(8, to=f"sqlite:///{tmp_path / 'archive.db'}")
     move(1)
     is_refused = True
     with suppress(ArchivedError):

@@ -217,9 +217,9 @@ def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
     with pytest.raises(InvalidKnowledgeError, match="has 2 arguments, expected 3"):
         kb.why_not("(fly p1 c0)")
     with pytest.raises(InvalidKnowledgeError, match="'flyy' is not known"):
-        kb.is_applicable(PlanStep(None, "flyy"))
+        kb.why_not(PlanStep(None, "flyy"))
     with pytest.raises(PlanError, match="is not a step; give text"):
-        kb.is_applicable(3)  # type: ignore[arg-type]
+        kb.why_not(3)  # type: ignore[arg-type]
 
 
 # Act.
@@ -613,7 +613,7 @@ def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None
     read = rooms.plans.get(step.plan_id)
     assert read is not None
     assert read.steps[0].status == "aborted"
-    assert rooms.verify().is_intact
+    assert rooms.store.verify().is_intact
     # What held before the start is not an effect of it.
     rooms.function_values.set("rate", objects=[], value=2)
     assert shown(rooms.abort(rooms.start("(drive) [4]"), undo=True).undone) == ["+(lit)"]

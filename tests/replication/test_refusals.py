@@ -215,7 +215,7 @@ def test_an_id_that_is_none_is_an_error_of_the_store(
     file_kb.store.push(replica_url)
     damage(replica_url, f"UPDATE knowledge_base SET id = {id_}")
     with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* not an integer"):
-        kant_sql.connect(file_url, knowledge_base="tiago").push(replica_url)
+        kant_sql.connect(file_url, knowledge_base="tiago").store.push(replica_url)
     with (
         connect(replica_url, knowledge_base="newer") as other,
         pytest.raises(StoreIntegrityError, match=r"the largest id .* not an integer"),

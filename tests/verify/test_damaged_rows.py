@@ -281,7 +281,7 @@ def test_a_time_that_is_none_stops_only_those_who_read_it(
         with pytest.raises(
             StoreIntegrityError, match=r"table revision, revision 1: .*is not a time"
         ):
-            opened.revisions()
+            opened.store.revisions()
         with pytest.raises(
             StoreIntegrityError, match=r"table revision, revision 2: .*is not a time"
         ):
