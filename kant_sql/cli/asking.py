@@ -51,7 +51,7 @@ _Words = Annotated[
 _Parameters = Annotated[
     str | None,
     option(
-        "The variables with their types, as '(?r - robot ?w - wp)'; default: what the atoms allow.",
+        "Types of the variables, such as '(?r - robot ?w - wp)'; default: what the atoms allow.",
         metavar="PDDL",
     ),
 ]
@@ -64,9 +64,11 @@ def query(
     parameters: _Parameters = None,
     fix: Fixed = None,
     limit: Annotated[
-        int | None, option("Only the first N.", "--limit", "-n", metavar="N", min=0)
+        int | None, option("Show only the first N.", "--limit", "-n", metavar="N", min=0)
     ] = None,
-    sql: Annotated[bool, option("Only write the SQL statement, with its values.", "--sql")] = False,
+    sql: Annotated[
+        bool, option("Write the SQL statement with its values instead.", "--sql")
+    ] = False,
     as_json: Annotated[bool, json_lines("answer")] = False,
 ) -> None:
     """Find the objects for which a condition holds.
@@ -293,13 +295,13 @@ def rules(
     clock: Annotated[
         str,
         option(
-            "Take the times of 'committed' (default), or 'observed' where they are given.",
+            "Judge by the time 'committed' (default), or by 'observed' where it is known.",
             metavar="CLOCK",
         ),
     ] = "committed",
     as_json: AsJson = False,
 ) -> int:
-    """Hold rules against the past; exit with 1 if one is violated.
+    """Judge the past by rules; exit with 1 if one is violated.
 
     Exits with 3 if none is, but one was not judged, as no state of the range has all its names.
     Rules are trajectory constraints of PDDL 3.0. Preferences do not count.

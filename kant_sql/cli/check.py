@@ -49,7 +49,7 @@ def check(
         ),
     ],
     strict: Annotated[
-        bool, option("Report deviations from the standard as errors.", "--strict")
+        bool, option("Treat deviations from the standard as errors.", "--strict")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

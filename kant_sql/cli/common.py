@@ -102,7 +102,7 @@ AnchorFile = Annotated[
 Fixed = Annotated[
     list[str] | None,
     option(
-        "The object of a variable, as r=rb1; may be given several times.",
+        "Bind a variable to an object, as r=rb1; you can repeat this.",
         "--fix",
         metavar="VARIABLE=OBJECT",
     ),

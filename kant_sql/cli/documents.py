@@ -239,8 +239,8 @@ def dump(
     url: Url,
     kb: Name = None,
     at: At = None,
-    domain: Annotated[bool, option("Only the domain.", "--domain")] = False,
-    problem: Annotated[bool, option("Only the problem.", "--problem")] = False,
+    domain: Annotated[bool, option("Write only the domain.", "--domain")] = False,
+    problem: Annotated[bool, option("Write only the problem.", "--problem")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the domain and the problem as PDDL.

@@ -19,7 +19,7 @@ _FORMATS = ("parquet", "csv", "jsonl")
 
 def export(
     url: Url,
-    to: Annotated[Path, option("The folder; it is created if it is missing.", metavar="DIR")],
+    to: Annotated[Path, option("The folder to write; created if it is missing.", metavar="DIR")],
     format: Annotated[
         str,
         option(
@@ -33,12 +33,12 @@ def export(
     ] = None,
     view: Annotated[
         list[str] | None,
-        option("Only this view, as fact; may be given several times.", metavar="NAME"),
+        option("Write only this view, such as fact; you can repeat this.", metavar="NAME"),
     ] = None,
     predicate: Annotated[
         list[str] | None,
         option(
-            "Of a plugin's format: only this predicate or function; may be given several times.",
+            "Of a plugin's format: only this predicate or function; you can repeat this.",
             metavar="NAME",
         ),
     ] = None,
@@ -52,7 +52,9 @@ def export(
     ] = None,
     since: Since = None,
     until: Until = None,
-    replace: Annotated[bool, option("Replace the export in the folder.", "--replace")] = False,
+    replace: Annotated[
+        bool, option("Replace an earlier export in the folder.", "--replace")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the audit views, or facts and values over time, to files.

@@ -91,7 +91,9 @@ def metadata(revision: Revision) -> Iterable[str]:
         yield "plan {} step {}".format(*revision.plan_step)
 
 
-_OfActor = Annotated[str | None, option("Only revisions of this actor.", "--actor", metavar="NAME")]
+_OfActor = Annotated[
+    str | None, option("Show only revisions of this actor.", "--actor", metavar="NAME")
+]
 _OfElement = Annotated[
     str | None,
     option(
@@ -107,7 +109,7 @@ def log(
     url: Url,
     kb: Name = None,
     limit: Annotated[
-        int | None, option("Only the N newest.", "--limit", "-n", metavar="N", min=1)
+        int | None, option("Show only the N newest.", "--limit", "-n", metavar="N", min=1)
     ] = None,
     since: Since = None,
     until: Until = None,
@@ -329,7 +331,7 @@ def watch(
         ),
     ] = None,
     timeout: Annotated[
-        float | None, option("How long; default: until Ctrl-C.", metavar="SECONDS", min=0)
+        float | None, option("Stop after so long; default: at Ctrl-C.", metavar="SECONDS", min=0)
     ] = None,
     as_json: Annotated[bool, json_lines("revision")] = False,
 ) -> None:

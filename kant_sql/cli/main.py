@@ -225,7 +225,7 @@ def _kant_sql(
         bool, typer.Option("--no-pager", help="Write long output without a pager.")
     ] = False,
 ) -> None:
-    """Fill, query and plan from a knowledge base with history."""
+    """Store what a robot knows, ask it, plan and act on it, and see its history."""
     want_pager(not no_pager)
 
 

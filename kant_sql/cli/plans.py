@@ -40,9 +40,9 @@ _Engine = Annotated[
         metavar="NAME",
     ),
 ]
-_Timeout = Annotated[float | None, option("How long to plan.", metavar="SECONDS", min=0)]
+_Timeout = Annotated[float | None, option("Stop planning after so long.", metavar="SECONDS", min=0)]
 _Strict = Annotated[
-    bool, option("Refuse to ignore a part of the metric or a preference.", "--strict")
+    bool, option("Fail rather than ignore a part of the metric or a preference.", "--strict")
 ]
 _Read = Annotated[
     Path | None,

@@ -100,28 +100,32 @@ def push(
         ),
     ],
     kb: Annotated[
-        str | None, option("Only this knowledge base; default: all.", "--kb", metavar="NAME")
+        str | None, option("Push only this knowledge base; default: all.", "--kb", metavar="NAME")
     ] = None,
     follow: Annotated[
-        bool, option("Stay, and push each new revision until SIGTERM or Ctrl-C.", "--follow")
+        bool,
+        option("Keep running, and push each new revision until SIGTERM or Ctrl-C.", "--follow"),
     ] = False,
     interval: Annotated[
         float,
         option(
-            f"With --follow: at least this long between two pushes; default: {_INTERVAL:g}.",
+            f"With --follow: wait at least this long between two pushes; default: {_INTERVAL:g}.",
             metavar="SECONDS",
         ),
     ] = _INTERVAL,
     archive: Annotated[
         str | None,
         option(
-            "The archive of what SOURCE no longer has; default: the one that it names.",
+            "The archive with the rest of SOURCE's history; default: the one that SOURCE names.",
             metavar="URL",
         ),
     ] = None,
     adopt: Annotated[
         bool,
-        option("Make a replica of a knowledge base in TARGET that is none, if it fits.", "--adopt"),
+        option(
+            "Turn a knowledge base in TARGET that is not a replica into one, if its history fits.",
+            "--adopt",
+        ),
     ] = False,
     as_json: Annotated[bool, json_lines("push")] = False,
 ) -> int:
@@ -283,7 +287,7 @@ def promote(
     reason: Reason = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make a knowledge base of its own of a replica.
+    """Turn a replica into a knowledge base that you can write to.
 
     It can be written to from then on, and its origin's later revisions are refused.
     """

@@ -28,13 +28,13 @@ def report(
     object: Annotated[
         list[str] | None,
         option(
-            "Say what involved this object; may be given several times.", "--object", metavar="NAME"
+            "Report what involved this object; you can repeat this.", "--object", metavar="NAME"
         ),
     ] = None,
     rules: Annotated[
         str | None,
         option(
-            "Hold these rules against the range: a file of constraints (- is standard input), or "
+            "Judge the range by these rules: a file of constraints (- is standard input), or "
             "PDDL; default: those of the domain and the problem.",
             "--rules",
             metavar="FILE|PDDL",
@@ -42,7 +42,7 @@ def report(
     ] = None,
     anchor: AnchorFile = None,
     no_verify: Annotated[
-        bool, option("Do not verify the history, which reads all of it.", "--no-verify")
+        bool, option("Skip the verification, which reads the whole history.", "--no-verify")
     ] = False,
 ) -> None:
     """Write what happened as one file: the report of an incident.

@@ -27,7 +27,7 @@ def serve(
     allow_host: Annotated[
         list[str] | None,
         option(
-            "Another name under which the server may be asked; may be given several times.",
+            "Another host name that the server answers to; you can repeat this.",
             metavar="NAME",
         ),
     ] = None,

@@ -36,17 +36,19 @@ if TYPE_CHECKING:
 # The elements of a state by the name of their section.
 Elements = Mapping[str, Sequence[Any]]
 
-_OnlyFacts = Annotated[bool, option("Only facts.", "--facts")]
+_OnlyFacts = Annotated[bool, option("Show only facts.", "--facts")]
 _OfPredicate = Annotated[
-    str | None, option("Only facts and goals of this predicate.", metavar="NAME")
+    str | None, option("Show only facts and goals of this predicate.", metavar="NAME")
 ]
 _OfObject = Annotated[
-    str | None, option("Only elements that name this object.", "--object", metavar="NAME")
+    str | None, option("Show only elements that name this object.", "--object", metavar="NAME")
 ]
 _OfType = Annotated[
     str | None,
     option(
-        "Only elements that name an object of this type or a subtype.", "--type", metavar="NAME"
+        "Show only elements that name an object of this type or a subtype.",
+        "--type",
+        metavar="NAME",
     ),
 ]
 

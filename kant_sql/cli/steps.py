@@ -68,11 +68,11 @@ def applicable(
     at: At = None,
     fix: Fixed = None,
     limit: Annotated[
-        int | None, option("Only the first N.", "--limit", "-n", metavar="N", min=0)
+        int | None, option("Show only the first N.", "--limit", "-n", metavar="N", min=0)
     ] = None,
     as_json: Annotated[bool, json_lines("step")] = False,
 ) -> None:
-    """List the steps that can be executed in a state.
+    """List the steps that you can execute in a state.
 
     With --fix, actions that lack such a parameter are left out.
     """
@@ -134,7 +134,7 @@ def validate(
     kb: Name = None,
     at: At = None,
     id_: Annotated[
-        int | None, option("This recorded plan, instead of a file.", "--plan", metavar="ID")
+        int | None, option("Validate this recorded plan instead of a file.", "--plan", metavar="ID")
     ] = None,
     as_json: AsJson = False,
 ) -> int:

@@ -52,7 +52,7 @@ db = typer.Typer(
 def upgrade(url: Url, as_json: AsJson = False) -> None:
     """Create the tables, or migrate them to the newest version.
 
-    Stored data is kept.
+    Your data stays.
     """
     from ..sql import schema
 
@@ -79,7 +79,7 @@ def downgrade(
 ) -> None:
     """Migrate the tables back to an earlier version.
 
-    Asks first if revisions would be lost; only base drops any.
+    Asks first if you would lose revisions; only base drops any.
     """
     from ..sql import schema
     from ..sql.catalog import revision_counts
@@ -138,7 +138,7 @@ def check(url: Url, as_json: AsJson = False) -> None:
 def sql(url: Url, as_json: AsJson = False) -> None:
     """Write the SQL that creates the tables.
 
-    Of the URL, only the dialect is used.
+    Only the URL's dialect matters; nothing is connected.
     """
     from ..sql import schema
 
@@ -253,7 +253,8 @@ def _goals(one: Inventory) -> str:
 
 
 def anchor(
-    url: Url, as_json: Annotated[bool, option("The same: one JSON document.", JSON_OPTION)] = False
+    url: Url,
+    as_json: Annotated[bool, option("Same output: one JSON document.", JSON_OPTION)] = False,
 ) -> None:
     """Write the head of every knowledge base, to keep elsewhere.
 
@@ -273,7 +274,8 @@ _BACKUP_USAGE = "[URL] FILE"
 
 def backup(
     words: Annotated[
-        list[str], words_argument(_BACKUP_USAGE, "the new file; none is overwritten.")
+        list[str],
+        words_argument(_BACKUP_USAGE, "the new file; an existing one is never overwritten."),
     ],
     as_json: AsJson = False,
 ) -> None:
@@ -311,7 +313,7 @@ def archive(
     before: _Before,
     to: _Target,
     kb: Name = None,
-    dry_run: Annotated[bool, option("Only count.", "--dry-run")] = False,
+    dry_run: Annotated[bool, option("Count only; change nothing.", "--dry-run")] = False,
     actor: Actor = None,
     reason: Reason = None,
     as_json: AsJson = False,

@@ -47,10 +47,10 @@ def verify(
     url: Url,
     kb: Name = None,
     verify_all: Annotated[
-        bool, option("All knowledge bases, each from where it was last verified.", "--all")
+        bool, option("Verify all knowledge bases, each from where it was last verified.", "--all")
     ] = False,
     jobs: Annotated[
-        int, option("With --all: in so many processes.", "--jobs", metavar="N", min=1)
+        int, option("With --all: use so many processes.", "--jobs", metavar="N", min=1)
     ] = 1,
     is_continued: Annotated[
         bool | None,
@@ -63,7 +63,7 @@ def verify(
     complete_since: Annotated[
         str | None,
         option(
-            "Begin at revision 1 where no verification has done so since this time, such as "
+            "Begin at revision 1 unless a verification did so since this time, such as "
             "'7 days ago'.",
             metavar="TIME",
         ),

@@ -108,7 +108,7 @@ def read_element_page(
     else:
         refuse_unknown(state.store, element, kind)
     raise UnknownNameError(
-        f"{shown(element)} never was in knowledge base {state.store.name!r}"
+        f"{shown(element)} has never been in knowledge base {state.store.name!r}"
         + (", or what was of it is in an archive" if page is not None and page.archived else "")
     )
 

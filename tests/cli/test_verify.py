@@ -193,8 +193,8 @@ def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "no anchor, because it is not JSON"),
-        (b"\xff\xfe\xfd", "no anchor, because it is not JSON"),
+        (b"", "not an anchor, because it is not JSON"),
+        (b"\xff\xfe\xfd", "not an anchor, because it is not JSON"),
         (b"[]", "this JSON document is not an anchor"),
         (b'{"format": 1}', "this JSON document is not an anchor"),
         (b'{"format": 7, "heads": []}', "is of format 7, and this version of kant_sql reads 1"),

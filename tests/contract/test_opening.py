@@ -222,7 +222,7 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
         lambda: kant_sql.connect(url),
         lambda: kant_sql.operations.knowledge_bases(url),
     ):
-        with pytest.raises(StoreUnreachableError, match="no regular file"):
+        with pytest.raises(StoreUnreachableError, match="not a regular file"):
             refused()
 
 

@@ -78,9 +78,9 @@ def test_what_never_was_is_said_with_a_hint(client: TestClient) -> None:
     for path, query, status, said in (
         ("fact", {"text": "(robot_at rb1 t4)"}, 404, "has never been"),
         ("fact", {"text": "(robot_at rb7 t4)"}, 404, "did you mean rb"),
-        ("fact", {"text": "(("}, 400, "no element"),
+        ("fact", {"text": "(("}, 400, "not an element"),
         ("fact", {"text": ""}, 422, "text"),
-        ("fact", {"text": "\x00"}, 400, "no element"),
+        ("fact", {"text": "\x00"}, 400, "not an element"),
         ("object", {"name": "rb7"}, 404, "did you mean rb"),
         ("object", {"name": "("}, 404, "never had an object"),
         ("action", {"name": "mov"}, 404, "did you mean move"),
@@ -332,7 +332,7 @@ def test_an_archive_is_named(filled: Filled, tmp_path: Path) -> None:
     data = get(client, "/fact", text="(robot_at rb1 wp1)")
     assert data["archived"] == 5
     page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb1 wp1)"}).text
-    assert "up to revision 5 was moved to an archive" in page
+    assert "up to revision 5 are in an archive" in page
 
 
 @pytest.mark.parametrize("text", ["a&b=c", "50%", "a+b", "é ü", "“quoted”", "x" * 10_000, "#?/"])

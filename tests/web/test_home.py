@@ -66,7 +66,7 @@ def test_many_knowledge_bases_are_paged_and_searched(
         assert 'name="part"' in page
         assert [one["name"] for one in listed(client, "?after=robot+%26+3")] == ["robot & 4"]
         assert [one["name"] for one in listed(client, "?part=%26+3")] == ["robot & 3"]
-        assert "has that in its name" in client.get("/?part=nobody").text
+        assert "has this text in its name" in client.get("/?part=nobody").text
 
 
 def test_replicas_and_kept_verifications_are_shown(shared_url: str, connect: Connect) -> None:

@@ -186,7 +186,7 @@ def test_a_range_is_all_that_it_is_about(story: KnowledgeBase) -> None:
 
 def test_a_range_without_a_revision_says_so(story: KnowledgeBase) -> None:
     page = Page(report_html(story, since=at("10:10"), until=at("10:20")))
-    assert "There is no revision in this range." in page.text
+    assert "This range has no revision." in page.text
     assert "Intact" in page.text
 
 
@@ -299,7 +299,7 @@ def test_a_section_that_cannot_be_read_says_why(connect: Connect, tmp_path: Path
     kb = connect(record_store(new_file_store(tmp_path / "old.db")), knowledge_base="courier")
     kb.store.archive(20, to=f"sqlite:///{tmp_path / 'archive.db'}")
     page = Page(report_html(kb))
-    assert "This could not be read" in page.text
+    assert "This section could not be read" in page.text
     assert "archive" in page.text
     assert "moved to an archive" in page.text
     assert "Intact" in page.text

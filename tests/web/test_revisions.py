@@ -270,7 +270,7 @@ def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> Non
     data = client.get("/api/revision?kb=courier&number=4").json()
     assert "old.db" in data["archive"]
     assert client.get("/api/revision?kb=courier&number=7").json()["archive"] is None
-    assert "was moved to an archive" in client.get("/revision?kb=courier&number=4").text
+    assert "changes are in an archive" in client.get("/revision?kb=courier&number=4").text
     lines = log(client)["revisions"]
     assert {line["number"]: line["is_archived"] for line in lines}[4] is True
     assert "old.db" in log(client, element="(robot_at rb1 wp1)")["archive"]
