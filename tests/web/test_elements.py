@@ -80,7 +80,7 @@ def test_what_never_was_is_said_with_a_hint(client: TestClient) -> None:
         ("fact", {"text": "(robot_at rb7 t4)"}, 404, "did you mean rb"),
         ("fact", {"text": "(("}, 400, "not an element"),
         ("fact", {"text": ""}, 422, "text"),
-        ("fact", {"text": "\x00"}, 400, "not an element"),
+        ("fact", {"text": "\x00"}, 400, "NUL character"),
         ("object", {"name": "rb7"}, 404, "did you mean rb"),
         ("object", {"name": "("}, 404, "never had an object"),
         ("action", {"name": "mov"}, 404, "did you mean move"),
