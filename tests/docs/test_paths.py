@@ -52,3 +52,9 @@ def test_one_list_of_pages_begins_with_the_tutorial() -> None:
     assert site[0] == index[0] == "tutorial.md"
     inner = {page for page in pages if page.startswith("api/")} - {"api/index.md"}
     assert index == [page for page in site if page not in {"index.md", *inner}]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_no_line_is_longer_than_110_columns(path: Path) -> None:
+    lines = enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+    assert [number for number, line in lines if len(line) > 110] == []
