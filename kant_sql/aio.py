@@ -24,16 +24,17 @@ from . import knowledge_store as sync_store
 from .binding import factory_of, state_of
 from .dao.interfaces import (
     Dao,
+    FactLike,
     FormulaDao,
-    GoalDao,
     MetricDao,
     NamedDao,
     PddlFunctionValueDao,
     PddlObjectDao,
     PddlPropositionDao,
     RedefinableDao,
+    ValueLike,
 )
-from .dto import Dto, PddlObjectDto
+from .dto import Dto, PddlFunctionValueDto, PddlObjectDto, PddlPropositionDto
 from .dto.formulas import Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
 from .factory import DaoFactory
@@ -55,7 +56,6 @@ __all__ = [
     "AsyncDao",
     "AsyncFormulaDao",
     "AsyncFunctionValueDao",
-    "AsyncGoalDao",
     "AsyncKnowledgeBase",
     "AsyncKnowledgeStore",
     "AsyncMetricDao",
@@ -77,6 +77,7 @@ R = TypeVar("R")
 S = TypeVar("S")
 T = TypeVar("T")
 D = TypeVar("D", bound=Dto)
+Given = TypeVar("Given")
 N = TypeVar("N", bound=Node)
 C = TypeVar("C", KnowledgeBase, KnowledgeStore)
 
@@ -575,25 +576,25 @@ def _iterate(method: Callable[Concatenate[S, P], Iterable[R]]) -> _Call[P, Async
     return _Call(method, _Entries)
 
 
-class _AsyncElements(_Part, Generic[D]):
-    def __init__(self, door: _Door, *, of: Dao[D]) -> None:
+class _AsyncElements(_Part, Generic[D, Given]):
+    def __init__(self, door: _Door, *, of: Dao[D, Given]) -> None:
         super().__init__(door, of=of)
 
-    get_all = _read(Dao[D].get_all)
-    insert = _write(Dao[D].insert)
-    save_all = _write(Dao[D].save_all)
-    delete = _write(Dao[D].delete)
-    delete_all = _write(Dao[D].delete_all)
+    get_all = _read(Dao[D, Given].get_all)
+    insert = _write(Dao[D, Given].insert)
+    save_all = _write(Dao[D, Given].save_all)
+    delete = _write(Dao[D, Given].delete)
+    delete_all = _write(Dao[D, Given].delete_all)
 
 
-class AsyncDao(_AsyncElements[D]):
+class AsyncDao(_AsyncElements[D, Given]):
     """`Dao` for asyncio."""
 
-    save = _write(Dao[D].save)
-    update = _write(Dao[D].update)
+    save = _write(Dao[D, Given].save)
+    update = _write(Dao[D, Given].update)
 
 
-class AsyncNamedDao(AsyncDao[D]):
+class AsyncNamedDao(AsyncDao[D, D]):
     """`NamedDao` for asyncio: the DAOs of actions, processes and events."""
 
     get = _read(NamedDao[D].get)
@@ -601,7 +602,7 @@ class AsyncNamedDao(AsyncDao[D]):
     delete_all = _write(NamedDao[D].delete_all)
 
 
-class AsyncRedefinableDao(_AsyncElements[D]):
+class AsyncRedefinableDao(_AsyncElements[D, D]):
     """`RedefinableDao` for asyncio: the DAOs of types, objects, predicates and functions."""
 
     get = _read(RedefinableDao[D].get)
@@ -617,16 +618,9 @@ class AsyncObjectDao(AsyncRedefinableDao[PddlObjectDto]):
     get_by_type = _read(PddlObjectDao.get_by_type)
 
 
-class AsyncPropositionDao(_Part):
+class AsyncPropositionDao(AsyncDao[PddlPropositionDto, FactLike]):
     """`PddlPropositionDao` for asyncio."""
 
-    get_all = _read(PddlPropositionDao.get_all)
-    save = _write(PddlPropositionDao.save)
-    insert = _write(PddlPropositionDao.insert)
-    update = _write(PddlPropositionDao.update)
-    save_all = _write(PddlPropositionDao.save_all)
-    delete = _write(PddlPropositionDao.delete)
-    delete_all = _write(PddlPropositionDao.delete_all)
     get_by_predicate = _read(PddlPropositionDao.get_by_predicate)
     get_by_object = _read(PddlPropositionDao.get_by_object)
     get_facts = _read(PddlPropositionDao.get_facts)
@@ -634,16 +628,9 @@ class AsyncPropositionDao(_Part):
     get_no_goals = _read(PddlPropositionDao.get_no_goals)
 
 
-class AsyncFunctionValueDao(_Part):
+class AsyncFunctionValueDao(AsyncDao[PddlFunctionValueDto, ValueLike]):
     """`PddlFunctionValueDao` for asyncio."""
 
-    get_all = _read(PddlFunctionValueDao.get_all)
-    save = _write(PddlFunctionValueDao.save)
-    insert = _write(PddlFunctionValueDao.insert)
-    update = _write(PddlFunctionValueDao.update)
-    save_all = _write(PddlFunctionValueDao.save_all)
-    delete = _write(PddlFunctionValueDao.delete)
-    delete_all = _write(PddlFunctionValueDao.delete_all)
     get = _read(PddlFunctionValueDao.get)
     get_by_function = _read(PddlFunctionValueDao.get_by_function)
     set = _write(PddlFunctionValueDao.set)
@@ -654,29 +641,18 @@ class AsyncFunctionValueDao(_Part):
     scale_down = _write(PddlFunctionValueDao.scale_down)
 
 
-class AsyncFormulaDao(_Part, Generic[N]):
+class AsyncFormulaDao(_Part, Generic[N, Given]):
     """`FormulaDao` for asyncio: the DAOs of goals, constraints, derived predicates and so on."""
 
-    def __init__(self, door: _Door, *, of: FormulaDao[N]) -> None:
+    def __init__(self, door: _Door, *, of: FormulaDao[N, Given]) -> None:
         super().__init__(door, of=of)
 
-    get_all = _read(FormulaDao[N].get_all)
-    save = _write(FormulaDao[N].save)
-    insert = _write(FormulaDao[N].insert)
-    save_all = _write(FormulaDao[N].save_all)
-    delete = _write(FormulaDao[N].delete)
-    delete_all = _write(FormulaDao[N].delete_all)
-
-
-class AsyncGoalDao(_Part):
-    """`GoalDao` for asyncio."""
-
-    get_all = _read(GoalDao.get_all)
-    save = _write(GoalDao.save)
-    insert = _write(GoalDao.insert)
-    save_all = _write(GoalDao.save_all)
-    delete = _write(GoalDao.delete)
-    delete_all = _write(GoalDao.delete_all)
+    get_all = _read(FormulaDao[N, Given].get_all)
+    save = _write(FormulaDao[N, Given].save)
+    insert = _write(FormulaDao[N, Given].insert)
+    save_all = _write(FormulaDao[N, Given].save_all)
+    delete = _write(FormulaDao[N, Given].delete)
+    delete_all = _write(FormulaDao[N, Given].delete_all)
 
 
 class AsyncMetricDao(_Part):
@@ -788,7 +764,7 @@ class AsyncKnowledgeBase(_Part):
         self.function_values = AsyncFunctionValueDao(door, of=kb.function_values)
         self.propositions = AsyncPropositionDao(door, of=kb.propositions)
         self.actions = AsyncNamedDao(door, of=kb.actions)
-        self.goals = AsyncGoalDao(door, of=kb.goals)
+        self.goals = AsyncFormulaDao(door, of=kb.goals)
         self.plans = AsyncPlanDao(door, of=kb.plans)
         self.pddl = AsyncPddlParts(door, of=kb.pddl)
         self.store = AsyncOperations(door, of=kb.store)

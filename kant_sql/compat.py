@@ -26,7 +26,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from graphlib import TopologicalSorter
 from types import ModuleType
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from typing_extensions import override
 
@@ -96,7 +96,7 @@ class DaoFamilies(IntEnum):
 class CompatDao(Generic[D]):
     """A DAO that returns False for ill-typed knowledge."""
 
-    def __init__(self, dao: Dao[D], factory: _SqlDaoFactory) -> None:
+    def __init__(self, dao: Dao[D, Any], factory: _SqlDaoFactory) -> None:
         self._dao = dao
         self._factory = factory
 

@@ -21,7 +21,6 @@ from ..dto import (
     PddlEitherTypeDto,
     PddlEventDto,
     PddlFunctionDto,
-    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlProcessDto,
@@ -68,7 +67,7 @@ from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .dependants import Scope, clear_for_redefinition, delete_scope
-from .interfaces import Dao, NamedDao
+from .interfaces import Dao, FactLike, NamedDao, ValueLike
 
 T = TypeVar("T")
 
@@ -140,30 +139,14 @@ def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:
         yield batch
 
 
-G = TypeVar("G", PddlPropositionDto, PddlFunctionValueDto)
+Given = TypeVar("Given", FactLike, ValueLike)
 
 
-class SqlGroundDao(SqlDao, Dao[G]):
+class SqlGroundDao(SqlDao, Dao[Any, Given]):
     """Writes what applies to objects: propositions, and values of functions."""
 
-    # Without these, `help` shows the docstrings of `Dao` instead of those of the interfaces below.
     @override
-    @abstractmethod
-    def save(self, dto: G | str | Node | Sequence[G | str | Node]) -> bool: ...
-
-    @override
-    @abstractmethod
-    def update(self, dto: G | str | Node) -> bool: ...
-
-    @override
-    @abstractmethod
-    def delete(self, dto: G | str | Node) -> bool: ...
-
-    @override
-    @abstractmethod
-    def delete_all(self, dtos: Iterable[G | str | Node] | None = None) -> int: ...
-
-    def _save_given(self, dto: G | str | Node | Sequence[G | str | Node]) -> bool:
+    def save(self, dto: Given | Sequence[Given]) -> bool:
         if is_many(dto):
             self.save_all(dto)
             return True
@@ -174,7 +157,7 @@ class SqlGroundDao(SqlDao, Dao[G]):
         return True
 
     @override
-    def insert(self, dto: G | str | Node) -> bool:
+    def insert(self, dto: Given) -> bool:
         self._check(dto)
 
         def work(transaction: Transaction) -> bool:
@@ -183,7 +166,7 @@ class SqlGroundDao(SqlDao, Dao[G]):
         return self._open_store.write(work)
 
     @override
-    def save_all(self, dtos: Iterable[G | str | Node]) -> int:
+    def save_all(self, dtos: Iterable[Given]) -> int:
         self._check_writable()
         changed = 0
         with self._open_store.transaction() as transaction:
@@ -199,11 +182,13 @@ class SqlGroundDao(SqlDao, Dao[G]):
                 transaction.spill()
         return changed
 
-    def _delete_one(self, dto: G | str | Node) -> bool:
+    @override
+    def delete(self, dto: Given) -> bool:
         self._check(dto)
         return self._open_store.write(lambda transaction: self._remove(transaction, dto))
 
-    def _delete_given(self, dtos: Iterable[G | str | Node] | None) -> int:
+    @override
+    def delete_all(self, dtos: Iterable[Given] | None = None) -> int:
         self._check_writable()
         if dtos is None:
             return self._open_store.write(self._remove_all)
@@ -219,15 +204,15 @@ class SqlGroundDao(SqlDao, Dao[G]):
         """Refuse a DTO of another class."""
 
     @abstractmethod
-    def _holds(self, transaction: Transaction, dto: G | str | Node) -> bool:
+    def _holds(self, transaction: Transaction, dto: Given) -> bool:
         """Return whether it is stored."""
 
     @abstractmethod
-    def _save_batch(self, transaction: Transaction, dtos: Iterable[G | str | Node]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
         """Save DTOs, texts and nodes; return the number of changes."""
 
     @abstractmethod
-    def _remove(self, transaction: Transaction, dto: G | str | Node) -> bool:
+    def _remove(self, transaction: Transaction, dto: Given) -> bool:
         """Delete what a DTO, a text or a node means; return whether it was stored."""
 
     @abstractmethod

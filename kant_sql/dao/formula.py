@@ -575,6 +575,7 @@ _HANDLERS: dict[
 
 
 N = TypeVar("N", bound=f.Node)
+Given = TypeVar("Given")
 
 _SYMBOLS = {
     DERIVED_PREDICATE: Symbol.DERIVED,
@@ -656,7 +657,7 @@ def remove_formulas(transaction: Transaction, section: str) -> int:
     return len(stored)
 
 
-class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
+class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
     """One section of formulas in an SQL store."""
 
     section: ClassVar[str]
@@ -670,17 +671,17 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return self._open_store.read_definitions(self._stored, self._at)
 
     @override
-    def save(self, formula: N | str | Sequence[N | str]) -> bool:
+    def save(self, formula: Given | Sequence[Given]) -> bool:
         given: Any = formula
         self.save_all(given if is_many(given) else [given])
         return True
 
     @override
-    def insert(self, formula: N | str) -> bool:
+    def insert(self, formula: Given) -> bool:
         return self.save_all([formula]) > 0
 
     @override
-    def save_all(self, formulas: Iterable[N | str]) -> int:
+    def save_all(self, formulas: Iterable[Given]) -> int:
         self._check_writable()
         changed = 0
         with self._open_store.transaction() as transaction:
@@ -691,7 +692,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return changed
 
     @override
-    def delete(self, formula: N | str) -> bool:
+    def delete(self, formula: Given) -> bool:
         self._check_writable()
         self._check(formula)
         return self._open_store.write(lambda transaction: self._remove_given(transaction, formula))
@@ -737,7 +738,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return self._reads
 
     @override
-    def delete_all(self, formulas: Iterable[N | str] | None = None) -> int:
+    def delete_all(self, formulas: Iterable[Given] | None = None) -> int:
         self._check_writable()
         if formulas is None:
             return self._open_store.write(self._remove_all)
@@ -766,7 +767,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N], Generic[N]):
         return remove_formulas(transaction, self.section)
 
 
-class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived], DerivedPredicateDao):
+class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedPredicateDao):
     """Rules for derived predicates in an SQL store."""
 
     section = DERIVED_PREDICATE
@@ -781,28 +782,32 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived], DerivedPredicateDao):
         return changed
 
 
-class SqlTimedInitialLiteralDao(SqlFormulaDao[f.TimedLiteral], TimedInitialLiteralDao):
+class SqlTimedInitialLiteralDao(
+    SqlFormulaDao[f.TimedLiteral, f.TimedLiteral | str], TimedInitialLiteralDao
+):
     """Timed initial literals in an SQL store."""
 
     section = TIMED
     node_classes = (f.TimedLiteral,)
 
 
-class SqlInitialLiteralDao(SqlFormulaDao[f.Not | f.Equal], InitialLiteralDao):
+class SqlInitialLiteralDao(
+    SqlFormulaDao[f.Not | f.Equal, f.Not | f.Equal | str], InitialLiteralDao
+):
     """Negative literals and equalities of the initial state in an SQL store."""
 
     section = INITIAL
     node_classes = (f.Not, f.Equal)
 
 
-class _SqlConjunctionDao(SqlFormulaDao[f.Formula]):
+class _SqlConjunctionDao(SqlFormulaDao[f.Formula, Given]):
     """A section in which a conjunction is stored as its conjuncts."""
 
     def _parts(self, formula: f.Formula) -> Sequence[f.Formula]:
         return flatten(*super()._parts(formula))
 
 
-class SqlConstraintDao(_SqlConjunctionDao, ConstraintDao):
+class SqlConstraintDao(_SqlConjunctionDao[f.Formula | str], ConstraintDao):
     """The problem's constraints in an SQL store."""
 
     section = CONSTRAINT
@@ -826,7 +831,7 @@ def read_goals(view: View) -> list[f.Formula]:
     return found + [read_formula(view.definitions, each) for each in stored]
 
 
-class SqlGoalDao(_SqlConjunctionDao, GoalDao):
+class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
     """Goals of any form in an SQL store; ground atoms among them are propositions."""
 
     section = GOAL
@@ -836,26 +841,6 @@ class SqlGoalDao(_SqlConjunctionDao, GoalDao):
     @override
     def get_all(self) -> list[f.Formula]:
         return self._open_store.read(read_goals, self._at)
-
-    @override
-    def save(self, formula: GoalLike | Sequence[GoalLike]) -> bool:
-        return super().save(formula)  # type: ignore[arg-type]
-
-    @override
-    def insert(self, formula: GoalLike) -> bool:
-        return super().insert(formula)  # type: ignore[arg-type]
-
-    @override
-    def save_all(self, formulas: Iterable[GoalLike]) -> int:
-        return super().save_all(formulas)  # type: ignore[arg-type]
-
-    @override
-    def delete(self, formula: GoalLike) -> bool:
-        return super().delete(formula)  # type: ignore[arg-type]
-
-    @override
-    def delete_all(self, formulas: Iterable[GoalLike] | None = None) -> int:
-        return super().delete_all(formulas)  # type: ignore[arg-type]
 
     def _check(self, formula: object) -> None:
         if isinstance(formula, PddlPropositionDto):

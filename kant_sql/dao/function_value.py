@@ -225,7 +225,7 @@ def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
     return each_readable("function_value", [*rows], make)
 
 
-class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueDao):
+class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
     """The values of functions in an SQL store."""
 
     @override
@@ -343,18 +343,6 @@ class SqlFunctionValueDao(SqlGroundDao[PddlFunctionValueDto], PddlFunctionValueD
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
-
-    @override
-    def save(self, dto: ValueLike | Sequence[ValueLike]) -> bool:
-        return self._save_given(dto)
-
-    @override
-    def delete(self, dto: ValueLike) -> bool:
-        return self._delete_one(dto)
-
-    @override
-    def delete_all(self, dtos: Iterable[ValueLike] | None = None) -> int:
-        return self._delete_given(dtos)
 
     @override
     def update(self, dto: ValueLike) -> bool:

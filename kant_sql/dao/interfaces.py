@@ -38,9 +38,11 @@ GoalLike = Formula | PddlPropositionDto | str
 Progress = Callable[[int, int], None]
 
 D = TypeVar("D", bound=Dto)
+# What is given to be saved or deleted.
+Given = TypeVar("Given")
 
 
-class Dao(ABC, Generic[D]):
+class Dao(ABC, Generic[D, Given]):
     """Reads, saves and deletes one kind of PDDL element."""
 
     @abstractmethod
@@ -56,7 +58,7 @@ class Dao(ABC, Generic[D]):
         """
 
     @abstractmethod
-    def save(self, dto: D | Sequence[D]) -> bool:
+    def save(self, dto: Given | Sequence[Given]) -> bool:
         """Insert or update an element, and insert the elements it refers to if they are missing.
 
         Args:
@@ -68,6 +70,8 @@ class Dao(ABC, Generic[D]):
         Raises:
             InvalidKnowledgeError: it is not well-formed; the message names the element, what was
                 found and what was expected.
+            PddlError: a text cannot be read, or names what is not known; with the position, and a
+                similar name.
             ConflictError: it refers to an element that is stored with another definition.
             DependantsError: it redefines an element that live facts or actions depend on.
 
@@ -79,29 +83,29 @@ class Dao(ABC, Generic[D]):
         """
 
     @abstractmethod
-    def insert(self, dto: D) -> bool:
+    def insert(self, dto: Given) -> bool:
         """Save an element that is not stored.
 
         Returns:
             False when it is stored, with any definition; then nothing changes.
 
         Raises:
-            InvalidKnowledgeError, ConflictError: as `save`.
+            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
         """
 
     @abstractmethod
-    def update(self, dto: D) -> bool:
+    def update(self, dto: Given) -> bool:
         """Save an element that is stored.
 
         Returns:
             False when it is not stored; then nothing changes.
 
         Raises:
-            InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
+            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
         """
 
     @abstractmethod
-    def save_all(self, dtos: Iterable[D]) -> int:
+    def save_all(self, dtos: Iterable[Given]) -> int:
         """Save many elements in one revision, faster than one by one.
 
         Args:
@@ -112,7 +116,8 @@ class Dao(ABC, Generic[D]):
             The number of elements that changed something.
 
         Raises:
-            InvalidKnowledgeError, ConflictError, DependantsError: as `save`; none is saved.
+            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`; none is
+                saved.
 
         Examples:
             >>> places = [PddlObjectDto(wp, f"wp{number}") for number in range(1, 1001)]
@@ -123,7 +128,7 @@ class Dao(ABC, Generic[D]):
         """
 
     @abstractmethod
-    def delete(self, dto: D) -> bool:
+    def delete(self, dto: Given) -> bool:
         """Delete an element and everything that depends on it, in one revision.
 
         Args:
@@ -131,6 +136,9 @@ class Dao(ABC, Generic[D]):
 
         Returns:
             False when it is not stored.
+
+        Raises:
+            PddlError: a text cannot be read, or names what never was.
 
         Examples:
             >>> kb.objects.delete(rb1)
@@ -140,7 +148,7 @@ class Dao(ABC, Generic[D]):
         """
 
     @abstractmethod
-    def delete_all(self, dtos: Iterable[D] | None = None) -> int:
+    def delete_all(self, dtos: Iterable[Given] | None = None) -> int:
         """Delete elements of the kind and everything that depends on them, in one revision.
 
         Args:
@@ -155,7 +163,7 @@ class Dao(ABC, Generic[D]):
         """
 
 
-class NamedDao(Dao[D]):
+class NamedDao(Dao[D, D]):
     """Reads, saves and deletes one kind of named element."""
 
     @abstractmethod
@@ -310,12 +318,24 @@ class PddlEventDao(NamedDao[PddlEventDto]):
     """Reads, saves and deletes events (PDDL+), named apart from actions and processes."""
 
 
-class PddlPropositionDao(Dao[PddlPropositionDto]):
+class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
     """Reads, saves and deletes propositions: facts and goals.
 
     A fact is given as PDDL text such as `(robot_at rb1 wp1)`, as a ground `Atom`, or as a DTO. Text
     and atoms name what is known; a DTO also says the types, and what it refers to is saved when it
-    is missing. A goal is given as a DTO with `is_goal`, or saved by `kb.goals`.
+    is missing. A goal is given as a DTO with `is_goal`, or saved by `kb.goals`. There is nothing to
+    update: `update` returns whether the proposition holds.
+
+    Examples:
+        >>> kb.objects.save(wp2)
+        True
+        >>> kb.propositions.save("(robot_at rb1 wp2)")
+        True
+        >>> kb.propositions.save("(robot_at rb1 wp3)")
+        Traceback (most recent call last):
+        kant_sql.errors.PddlError: ...
+        >>> kb.propositions.delete_all(["(robot_at rb1 wp1)", "(robot_at rb1 wp2)"])
+        2
     """
 
     @abstractmethod
@@ -333,87 +353,6 @@ class PddlPropositionDao(Dao[PddlPropositionDto]):
             PddlError: the text is not a fact, or names an unknown element; with the position, and a
                 similar name.
             InvalidKnowledgeError, ConflictError: as `Dao.save`.
-
-        Examples:
-            >>> kb.objects.save(wp2)
-            True
-            >>> kb.propositions.save("(robot_at rb1 wp2)")
-            True
-            >>> kb.propositions.save("(robot_at rb1 wp3)")
-            Traceback (most recent call last):
-            kant_sql.errors.PddlError: ...
-        """
-
-    @abstractmethod
-    def insert(self, dto: FactLike) -> bool:
-        """Save a fact or a goal, given as for `save`, that does not hold.
-
-        Returns:
-            False when it holds; then nothing changes.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
-        """
-
-    @abstractmethod
-    def update(self, dto: FactLike) -> bool:
-        """Check a fact or a goal, given as for `save`, that holds: there is nothing to update.
-
-        Returns:
-            False when it does not hold.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
-        """
-
-    @abstractmethod
-    def save_all(self, dtos: Iterable[FactLike]) -> int:
-        """Save many facts and goals in one revision, faster than one by one.
-
-        Args:
-            dtos: texts, atoms and DTOs, in any mixture. An iterator is consumed in batches, in
-                constant memory.
-
-        Returns:
-            The number of those that did not hold.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`; none is saved.
-
-        Examples:
-            >>> kb.objects.save(wp2)
-            True
-            >>> kb.propositions.save_all(["(robot_at rb1 wp1)", "(robot_at rb1 wp2)"])
-            1
-        """
-
-    @abstractmethod
-    def delete(self, dto: FactLike) -> bool:
-        """Retract a fact or a goal, given as for `save`.
-
-        Returns:
-            False when it does not hold, also since an object or its predicate was deleted.
-
-        Raises:
-            PddlError: the text is not a fact, or it names what never was.
-
-        Examples:
-            >>> kb.propositions.delete("(robot_at rb1 wp1)")
-            True
-        """
-
-    @abstractmethod
-    def delete_all(self, dtos: Iterable[FactLike] | None = None) -> int:
-        """Retract facts and goals in one revision.
-
-        Args:
-            dtos: those to retract, given as for `save`; None for all.
-
-        Returns:
-            The number of facts and goals that were retracted.
-
-        Raises:
-            PddlError: as `delete`; none is retracted.
         """
 
     @abstractmethod
@@ -495,7 +434,7 @@ class PddlFunctionDao(RedefinableDao[PddlFunctionDto]):
     """
 
 
-class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
+class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
     """Reads, sets and unsets the values of functions: numeric fluents and object fluents.
 
     A fluent is a function applied to objects. Functions and objects are given as DTOs, which writes
@@ -507,93 +446,17 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
     `save`, `insert`, `update` and `save_all` take DTOs, PDDL text such as `(= (battery rb1) 80)`,
     and nodes. `insert` sets a fluent that has no value, `update` one that has a value; `delete`
     unsets a fluent, whatever the value, which text may leave out: `(battery rb1)`.
+
+    Examples:
+        >>> kb.functions.save(PddlFunctionDto("battery", [robot]))
+        True
+        >>> kb.function_values.save("(= (battery rb1) 80)")
+        True
+        >>> kb.function_values.get("battery", objects=["rb1"])
+        Decimal('80')
+        >>> kb.function_values.delete("(battery rb1)")
+        True
     """
-
-    @abstractmethod
-    def save(self, dto: ValueLike | Sequence[ValueLike]) -> bool:
-        """Set a value.
-
-        Args:
-            dto: PDDL text, an equality of a fluent and a number or an object, or a DTO; or a list
-                of these, which are set in one revision.
-
-        Returns:
-            True; what cannot be saved raises.
-
-        Raises:
-            PddlError: the text is not a value, or names an unknown element; with its position and a
-                similar name.
-            InvalidKnowledgeError, ConflictError: as `Dao.save`.
-
-        Examples:
-            >>> kb.functions.save(PddlFunctionDto("battery", [robot]))
-            True
-            >>> kb.function_values.save("(= (battery rb1) 80)")
-            True
-            >>> kb.function_values.get("battery", objects=["rb1"])
-            Decimal('80')
-        """
-
-    @abstractmethod
-    def insert(self, dto: ValueLike) -> bool:
-        """Set the value, given as for `save`, of a fluent that has none.
-
-        Returns:
-            False when it has one; then nothing changes.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
-        """
-
-    @abstractmethod
-    def update(self, dto: ValueLike) -> bool:
-        """Set the value, given as for `save`, of a fluent that has one.
-
-        Returns:
-            False when it has none; then nothing changes.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
-        """
-
-    @abstractmethod
-    def save_all(self, dtos: Iterable[ValueLike]) -> int:
-        """Set many values in one revision, faster than one by one.
-
-        Args:
-            dtos: texts, nodes and DTOs, in any mixture.
-
-        Returns:
-            The number of values that changed.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`; none is saved.
-        """
-
-    @abstractmethod
-    def delete(self, dto: ValueLike) -> bool:
-        """Unset a fluent, given as for `save` or without a value: `(battery rb1)`.
-
-        Returns:
-            False when it has no value, also since an object or its function was deleted.
-
-        Raises:
-            PddlError: the text is none, or it names what never was.
-        """
-
-    @abstractmethod
-    def delete_all(self, dtos: Iterable[ValueLike] | None = None) -> int:
-        """Unset fluents in one revision.
-
-        Args:
-            dtos: those to unset, given as for `delete`; None for all.
-
-        Returns:
-            The number of fluents that were unset.
-
-        Raises:
-            PddlError: as `delete`; none is unset.
-        """
 
     @abstractmethod
     def get(
@@ -722,7 +585,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto]):
 N = TypeVar("N", bound=Node)
 
 
-class FormulaDao(ABC, Generic[N]):
+class FormulaDao(ABC, Generic[N, Given]):
     """Reads, saves and deletes formulas of one section: nodes of `kant_sql.pddl`.
 
     The predicates, functions, types and objects that a formula names must be known. Deleting one of
@@ -738,7 +601,7 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def save(self, formula: N | str | Sequence[N | str]) -> bool:
+    def save(self, formula: Given | Sequence[Given]) -> bool:
         """Save a formula; a conjunction of goals or constraints is saved as its conjuncts.
 
         Args:
@@ -760,7 +623,7 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def insert(self, formula: N | str) -> bool:
+    def insert(self, formula: Given) -> bool:
         """Save a formula that is not stored.
 
         Returns:
@@ -771,7 +634,7 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def save_all(self, formulas: Iterable[N | str]) -> int:
+    def save_all(self, formulas: Iterable[Given]) -> int:
         """Save many formulas in one revision.
 
         Returns:
@@ -782,7 +645,7 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def delete(self, formula: N | str) -> bool:
+    def delete(self, formula: Given) -> bool:
         """Delete a formula.
 
         Args:
@@ -796,7 +659,7 @@ class FormulaDao(ABC, Generic[N]):
         """
 
     @abstractmethod
-    def delete_all(self, formulas: Iterable[N | str] | None = None) -> int:
+    def delete_all(self, formulas: Iterable[Given] | None = None) -> int:
         """Delete formulas of the section in one revision.
 
         Args:
@@ -807,90 +670,32 @@ class FormulaDao(ABC, Generic[N]):
         """
 
 
-class DerivedPredicateDao(FormulaDao[Derived]):
+class DerivedPredicateDao(FormulaDao[Derived, Derived | str]):
     """Reads, saves and deletes the rules of derived predicates (PDDL 2.2, section 3.1)."""
 
 
-class TimedInitialLiteralDao(FormulaDao[TimedLiteral]):
+class TimedInitialLiteralDao(FormulaDao[TimedLiteral, TimedLiteral | str]):
     """Reads, saves and deletes timed initial literals and values (PDDL 2.2, section 3.2)."""
 
 
-class InitialLiteralDao(FormulaDao[Not | Equal]):
+class InitialLiteralDao(FormulaDao[Not | Equal, Not | Equal | str]):
     """Reads, saves and deletes negative literals and equalities of the initial state."""
 
 
-class GoalDao(FormulaDao[Formula]):
+class GoalDao(FormulaDao[Formula, GoalLike]):
     """Reads, saves and deletes goals of any form, ground atoms among them.
 
     A conjunction is stored as its conjuncts, and a ground atom as a proposition with `is_goal`:
     `PddlPropositionDao.get_goals` returns it, too. A `PddlPropositionDto` stands for a goal here,
     whatever its `is_goal`; what it refers to is saved when it is missing.
+
+    Examples:
+        >>> kb.goals.save(["(not (robot_at rb1 wp1))", PddlPropositionDto(robot_at, [rb1, wp2])])
+        True
     """
 
-    @abstractmethod
-    def save(self, formula: GoalLike | Sequence[GoalLike]) -> bool:
-        """Save a goal, as PDDL text, a node or a DTO, or a list of goals; see `FormulaDao.save`.
 
-        Returns:
-            True; a goal that cannot be saved raises.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `PddlPropositionDao.save`.
-
-        Examples:
-            >>> kb.goals.save("(not (robot_at rb1 wp1))")
-            True
-        """
-
-    @abstractmethod
-    def insert(self, formula: GoalLike) -> bool:
-        """Save a goal, given as for `save`, that is not stored.
-
-        Returns:
-            False when it is stored; then nothing changes.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`.
-        """
-
-    @abstractmethod
-    def save_all(self, formulas: Iterable[GoalLike]) -> int:
-        """Save many goals, given as for `save`, in one revision.
-
-        Returns:
-            The number of goals that changed something.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError: as `save`; none is saved.
-        """
-
-    @abstractmethod
-    def delete(self, formula: GoalLike) -> bool:
-        """Delete a goal, given as for `save`.
-
-        Returns:
-            False when it is not stored.
-
-        Raises:
-            PddlError: a text cannot be read, or it names what never was.
-        """
-
-    @abstractmethod
-    def delete_all(self, formulas: Iterable[GoalLike] | None = None) -> int:
-        """Delete goals in one revision.
-
-        Args:
-            formulas: those to delete, given as for `save`; None for all.
-
-        Returns:
-            The number of goals that were deleted.
-
-        Raises:
-            PddlError: as `delete`; none is deleted.
-        """
-
-
-class ConstraintDao(FormulaDao[Formula]):
+class ConstraintDao(FormulaDao[Formula, Formula | str]):
     """Reads, saves and deletes trajectory constraints (PDDL 3.0, section 2).
 
     A conjunction is stored as its conjuncts.

@@ -204,7 +204,7 @@ def key_of_atom(transaction: Transaction, atom: Atom, is_goal: bool) -> AtomKey 
     return None if predicate is None or ids is None else AtomKey(is_goal, predicate.id, ids)
 
 
-class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
+class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     """Propositions in an SQL store."""
 
     @override
@@ -247,17 +247,10 @@ class SqlPropositionDao(SqlGroundDao[PddlPropositionDto], PddlPropositionDao):
     def get_no_goals(self) -> list[PddlPropositionDto]:
         return self.get_facts()
 
+    # Here, so that `help` shows what is given.
     @override
     def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
-        return self._save_given(dto)
-
-    @override
-    def delete(self, dto: FactLike) -> bool:
-        return self._delete_one(dto)
-
-    @override
-    def delete_all(self, dtos: Iterable[FactLike] | None = None) -> int:
-        return self._delete_given(dtos)
+        return super().save(dto)
 
     @override
     def update(self, dto: FactLike) -> bool:

@@ -276,10 +276,12 @@ class Ear:
             error = failure
             self._line.listening_failed(failure)
         finally:
-            self._end(error)
-            if pooled is not None:
-                is_of_use = error is None and not self._line.is_closed
-                (pooled.close if is_of_use else pooled.invalidate)()
+            try:
+                if pooled is not None:
+                    is_of_use = error is None and not self._line.is_closed
+                    (pooled.close if is_of_use else pooled.invalidate)()
+            finally:
+                self._end(error)
 
     def _end(self, error: Exception | None) -> None:
         with self._lock:
