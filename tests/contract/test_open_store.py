@@ -38,7 +38,7 @@ from kant_sql.history import follow
 from kant_sql.sql.dialects import base as dialect_base
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.postgresql import PostgresqlListener
-from kant_sql.sql.dialects.postgresql_sharing import Ears
+from kant_sql.sql.dialects.postgresql_sharing import SharedListening
 from tests.support.faults import on_server, terminate
 from tests.support.processes.workers import PATIENCE
 from tests.support.statements import count
@@ -471,7 +471,7 @@ def test_a_lost_listener_does_not_replace_the_connections_again_and_again(
 def test_closing_leaves_no_listener_that_begins_meanwhile(
     shared_url: str, shares: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    owner: Any = Ears if shares else PostgresqlListener
+    owner: Any = SharedListening if shares else PostgresqlListener
     method = "join" if shares else "_listen"
     original = getattr(owner, method)
 
@@ -507,7 +507,7 @@ def test_closing_goes_on_when_something_cannot_be_closed(
     engines = [backend.engine]
     if isinstance(backend, postgresql.PostgresqlBackend):
         engines.append(backend.listening)
-        monkeypatch.setattr(backend._ears, "close", fail)
+        monkeypatch.setattr(backend._shared_listening, "close", fail)
     for engine in engines:
         event.listen(engine, "engine_disposed", lambda _: closed.append("engine"))
     with pytest.raises(ZeroDivisionError):

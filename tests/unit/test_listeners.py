@@ -16,10 +16,10 @@ from kant_sql.sql.dialects import postgresql_sharing as sharing
 from kant_sql.sql.dialects.postgresql_sharing import (
     POLL_PAUSE,
     CannotListenError,
-    Deafness,
-    Ear,
-    Ears,
+    ListenerThread,
+    ListenPause,
     SharedListener,
+    SharedListening,
     channel,
 )
 from tests.support.processes.workers import PATIENCE
@@ -117,14 +117,14 @@ def pooled() -> CannotListenError:
     return CannotListenError("on the moon")
 
 
-def listeners_on(line: Line, number: int = 1) -> tuple[Ears, list[SharedListener]]:
-    ears, deafness = Ears(line), Deafness(line)
-    return ears, [SharedListener(ears, line, deafness) for _ in range(number)]
+def listeners_on(line: Line, number: int = 1) -> tuple[SharedListening, list[SharedListener]]:
+    shared, pause = SharedListening(line), ListenPause(line)
+    return shared, [SharedListener(shared, line, pause) for _ in range(number)]
 
 
-def ear_of(ears: Ears) -> Ear:
-    assert ears._ear is not None
-    return ears._ear
+def thread_of(shared: SharedListening) -> ListenerThread:
+    assert shared._current is not None
+    return shared._current
 
 
 def wait_for(is_so: Callable[[], bool]) -> None:
@@ -141,7 +141,7 @@ def test_a_listener_that_ends_at_once_keeps_nobody_waiting(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     # The thread often ends before the one that has started it goes on.
-    ears, listeners = listeners_on(Line(*[pooled() for _ in range(50)]), 50)
+    shared, listeners = listeners_on(Line(*[pooled() for _ in range(50)]), 50)
     with ThreadPoolExecutor(len(listeners)) as pool:
         for call in [pool.submit(each.wait, 1, PATIENCE) for each in listeners]:
             assert call.result(PATIENCE / 4) is None
@@ -152,7 +152,7 @@ def test_a_listener_that_ends_at_once_keeps_nobody_waiting(
         listeners[0].wait(1, PATIENCE)
     assert time.monotonic() - before >= POLL_PAUSE
     assert caplog.text == ""
-    ears.close()
+    shared.close()
 
 
 @pytest.mark.parametrize(("error", "attempts"), [(Standby(), 3), (pooled(), 1)])
@@ -164,7 +164,7 @@ def test_a_standby_is_tried_again_and_a_pooler_is_not(
 ) -> None:
     monkeypatch.setattr(sharing, "STANDBY_FOR", MOMENT)
     line = Line(error, error)
-    ears, [listener] = listeners_on(line)
+    shared, [listener] = listeners_on(line)
     for _ in range(3):
         listener.wait(1, MOMENT)
         listener.wait(1, MOMENT)
@@ -172,23 +172,23 @@ def test_a_standby_is_tried_again_and_a_pooler_is_not(
     assert line.taken == attempts
     assert (f"LISTEN {channel(1)}" in line.connection.statements) == (attempts == 3)
     assert caplog.text.count("LISTEN is not possible") == 1
-    ears.close()
+    shared.close()
 
 
 def test_the_error_of_a_listener_is_raised_by_each_call() -> None:
     line = Line(*[ConnectionError("gone") for _ in range(200)])
-    ears, [listener] = listeners_on(line)
+    shared, [listener] = listeners_on(line)
     started = time.monotonic()
     for _ in range(200):
         with pytest.raises(LookupError, match="translated: gone"):
             listener.wait(1, PATIENCE)
     assert time.monotonic() - started < PATIENCE
-    ears.close()
+    shared.close()
 
 
 def test_a_lost_connection_is_distrusted_once_for_all_who_wait() -> None:
     line = Line()
-    ears, listeners = listeners_on(line, 20)
+    shared, listeners = listeners_on(line, 20)
     for listener in listeners:
         listener.wait(1, PATIENCE)
     with ThreadPoolExecutor(len(listeners)) as pool:
@@ -200,7 +200,7 @@ def test_a_lost_connection_is_distrusted_once_for_all_who_wait() -> None:
                 call.result(PATIENCE)
     assert len(line.failures) == 1
     assert line.connection.returned == ["invalidate"]
-    ears.close()
+    shared.close()
 
 
 # When nobody watches.
@@ -211,44 +211,44 @@ def test_what_nobody_watches_is_forgotten_while_others_are_busy(
 ) -> None:
     monkeypatch.setattr(sharing, "LINGER", MOMENT)
     line = Line()
-    ears, [busy, left] = listeners_on(line, 2)
+    shared, [busy, left] = listeners_on(line, 2)
     for kb_id, listener in enumerate((busy, left), 1):
         listener.wait(kb_id, PATIENCE)
-    ear = ear_of(ears)
+    thread = thread_of(shared)
     over = threading.Event()
 
     def keep_busy() -> None:
         while not over.wait(MOMENT / 10):
             line.connection.notify(1)
 
-    thread = threading.Thread(target=keep_busy)
-    thread.start()
+    busyness = threading.Thread(target=keep_busy)
+    busyness.start()
     try:
         left.close()
         wait_for(lambda: f"UNLISTEN {channel(2)}" in line.connection.statements)
         assert f"UNLISTEN {channel(1)}" not in line.connection.statements
         busy.close()
-        wait_for(lambda: not ear._thread.is_alive())
+        wait_for(lambda: not thread._thread.is_alive())
     finally:
         over.set()
-        thread.join()
+        busyness.join()
     assert line.connection.returned == ["close"]
     # Who comes back is heard.
     busy.wait(1, PATIENCE)
-    assert ear_of(ears) is not ear
-    ears.close()
+    assert thread_of(shared) is not thread
+    shared.close()
 
 
 def test_what_somebody_watches_again_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "LINGER", MOMENT)
     line = Line()
-    ears, [listener] = listeners_on(line)
+    shared, [listener] = listeners_on(line)
     for _ in range(30):
         listener.wait(1, PATIENCE)
         listener.close()
         time.sleep(MOMENT / 10)
     assert line.connection.statements == [f"LISTEN {channel(1)}"]
-    ears.close()
+    shared.close()
 
 
 # Beginning and end.
@@ -258,11 +258,11 @@ def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     line = Line()
-    ears, [first, second] = listeners_on(line, 2)
-    made: list[Ear] = []
+    shared, [first, second] = listeners_on(line, 2)
+    made: list[ListenerThread] = []
 
-    class Noted(Ear):
-        def __init__(self, line: sharing.Line) -> None:
+    class Noted(ListenerThread):
+        def __init__(self, line: sharing.ListeningBackend) -> None:
             super().__init__(line)
             made.append(self)
 
@@ -270,15 +270,15 @@ def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
         raise RuntimeError("can't start new thread")
 
     with monkeypatch.context() as patch:
-        patch.setattr(sharing, "Ear", Noted)
+        patch.setattr(sharing, "ListenerThread", Noted)
         patch.setattr(threading.Thread, "start", refuse)
         with pytest.raises(LookupError, match="translated: can't start new thread"):
             first.wait(1, PATIENCE)
     assert [end.fileno() for end in (made[0]._waking, made[0]._woken)] == [-1, -1]
-    ears.close()
+    shared.close()
     second.wait(1, PATIENCE)
     assert line.connection.statements == [f"LISTEN {channel(1)}"]
-    ears.close()
+    shared.close()
 
 
 def test_closing_just_when_it_looks_whom_to_forget_ends_it(
@@ -286,32 +286,32 @@ def test_closing_just_when_it_looks_whom_to_forget_ends_it(
 ) -> None:
     monkeypatch.setattr(sharing, "LINGER", MOMENT)
     line = Line()
-    ears, [listener] = listeners_on(line)
-    looking, forget = threading.Event(), Ear._forget_unwatched
+    shared, [listener] = listeners_on(line)
+    looking, forget = threading.Event(), ListenerThread._forget_unwatched
 
-    def closed_meanwhile(ear: Ear, connection: object) -> None:
+    def closed_meanwhile(thread: ListenerThread, connection: object) -> None:
         looking.set()
-        wait_for(lambda: ear._is_over)
-        forget(ear, connection)
+        wait_for(lambda: thread._is_over)
+        forget(thread, connection)
 
-    monkeypatch.setattr(Ear, "_forget_unwatched", closed_meanwhile)
+    monkeypatch.setattr(ListenerThread, "_forget_unwatched", closed_meanwhile)
     listener.wait(1, PATIENCE)
-    ear = ear_of(ears)
+    thread = thread_of(shared)
     assert looking.wait(PATIENCE)
     line.is_closed = True
-    ears.close()
-    assert not ear._thread.is_alive()
+    shared.close()
+    assert not thread._thread.is_alive()
     # The pool is closed, and would keep it.
     assert line.connection.returned == ["invalidate"]
 
 
 def test_nobody_begins_to_listen_after_the_end() -> None:
     line = Line()
-    ears, [first, second] = listeners_on(line, 2)
+    shared, [first, second] = listeners_on(line, 2)
     first.wait(1, PATIENCE)
     line.is_closed = True
     for _ in range(2):
         with pytest.raises(ValueError, match="it was closed"):
             second.wait(1, PATIENCE)
-        ears.close()
+        shared.close()
     assert line.taken == 1

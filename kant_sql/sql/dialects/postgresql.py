@@ -87,10 +87,10 @@ from .postgresql_roles import (
 from .postgresql_sharing import (
     POLL_PAUSE,
     CannotListenError,
-    Deafness,
-    Ears,
+    ListenPause,
     Selector,
     SharedListener,
+    SharedListening,
     WriterTurns,
     channel,
 )
@@ -108,11 +108,11 @@ class PostgresqlListener(Listener):
         self._backend = backend
         self._pooled: Any = None
         self._pool: Any = None
-        self._deafness = backend.deafness
+        self._pause = backend.listen_pause
 
     def wait(self, kb_id: int | None, seconds: float) -> None:
         """Wait for a notification; the first call begins to listen."""
-        if kb_id is None or not self._deafness.is_over:
+        if kb_id is None or not self._pause.is_over:
             # There is no channel yet, or LISTEN is not possible.
             time.sleep(min(POLL_PAUSE, seconds))
             return
@@ -128,7 +128,7 @@ class PostgresqlListener(Listener):
 
     def _fail(self, error: Exception) -> None:
         self._drop()
-        if not self._deafness.explains(error):
+        if not self._pause.explains(error):
             self._backend.listening_failed(error)
             raise self._backend.translate(error) from error
 
@@ -658,13 +658,13 @@ class PostgresqlBackend(Backend):
 
     Attributes:
         listening: the engine of listeners' connections.
-        deafness: whether LISTEN is not possible.
+        listen_pause: for how long LISTEN is not tried.
         cluster: the plugin of an extension that puts tables on several servers, if there is one.
     """
 
     listening: Engine
     cluster: ClusterExtension | None = None
-    deafness: Deafness
+    listen_pause: ListenPause
     begin_read = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
     begin_write = "BEGIN ISOLATION LEVEL READ COMMITTED"
     durable = _DURABLE.format("false")
@@ -676,19 +676,19 @@ class PostgresqlBackend(Backend):
     _lost_at = 0.0
     # Of a backend that has few connections for many knowledge bases.
     _turns: WriterTurns | None = None
-    _ears: Ears | None = None
+    _shared_listening: SharedListening | None = None
 
     def create_engine(self) -> Engine:
         """Create the engines; sessions control transactions."""
         # Listeners must not exhaust the pool of sessions.
         self.listening = self._create_pool(1, -1)
-        self.deafness = Deafness(self)
+        self.listen_pause = ListenPause(self)
         most = self.most_connections
         if most is None:
             return self._create_pool(POOL_SIZE, MAX_CONNECTIONS - POOL_SIZE)
         made = self._create_pool(most, 0)
         self._turns = WriterTurns(most)
-        self._ears = Ears(self)
+        self._shared_listening = SharedListening(self)
         return made
 
     def _create_pool(self, size: int, overflow: int) -> Engine:
@@ -728,19 +728,19 @@ class PostgresqlBackend(Backend):
         with ExitStack() as steps:
             # The last one comes first.
             steps.callback(self.listening.dispose)
-            if self._ears is not None:
-                steps.callback(self._ears.close)
+            if self._shared_listening is not None:
+                steps.callback(self._shared_listening.close)
             steps.callback(super().close)
 
     def leave_connections(self) -> None:
         """Leave the connections to the parent process, in its child."""
         super().leave_connections()
         self.listening.dispose(close=False)
-        self.deafness = Deafness(self)
+        self.listen_pause = ListenPause(self)
         if self.most_connections is not None:
             self._turns = WriterTurns(self.most_connections)
-        if self._ears is not None:
-            self._ears.forked()
+        if self._shared_listening is not None:
+            self._shared_listening.forked()
 
     def take_listening(self) -> PoolProxiedConnection:
         """Take a connection that listens, unless a pooler answers."""
@@ -756,9 +756,9 @@ class PostgresqlBackend(Backend):
 
     def listener(self) -> Listener:
         """Create a listener."""
-        if self._ears is None:
+        if self._shared_listening is None:
             return PostgresqlListener(self)
-        return SharedListener(self._ears, self, self.deafness)
+        return SharedListener(self._shared_listening, self, self.listen_pause)
 
     def listening_failed(self, error: Exception) -> None:
         """Distrust the other connections, if the one that listened was lost."""

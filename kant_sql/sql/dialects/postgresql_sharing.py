@@ -41,7 +41,7 @@ class CannotListenError(Exception):
     """LISTEN is not possible, where or why the text says."""
 
 
-class Line(Protocol):
+class ListeningBackend(Protocol):
     """Where listeners get their connections.
 
     Attributes:
@@ -67,11 +67,11 @@ class Line(Protocol):
         """Translate the error of a listener, for one of those who wait."""
 
 
-class Deafness:
-    """Whether LISTEN is not possible: for how long it is not tried."""
+class ListenPause:
+    """For how long LISTEN is not tried where it is not possible."""
 
-    def __init__(self, line: Line) -> None:
-        self._line = line
+    def __init__(self, backend: ListeningBackend) -> None:
+        self._backend = backend
         self._until = -math.inf
         self._is_known = False
         self._lock = threading.Lock()
@@ -93,7 +93,7 @@ class Deafness:
             is_new, self._is_known = not self._is_known, True
             self._until = time.monotonic() + seconds
         if is_new:
-            label = self._line.label
+            label = self._backend.label
             logger.warning(
                 "%s: LISTEN is not possible %s; polling every %g s", label, reason, POLL_PAUSE
             )
@@ -198,14 +198,14 @@ class _Channel:
             return self._number if self.is_heard else None
 
 
-class Ear:
+class ListenerThread:
     """A thread with one connection, which listens for all watchers of a process.
 
     It ends when nobody has watched for a while, or when the connection is lost.
     """
 
-    def __init__(self, line: Line) -> None:
-        self._line = line
+    def __init__(self, backend: ListeningBackend) -> None:
+        self._backend = backend
         self._channels: dict[int, _Channel] = {}
         self._lock = threading.Lock()
         self._is_over = False
@@ -267,18 +267,18 @@ class Ear:
         error: Exception | None = None
         pooled: Any = None
         try:
-            pooled = self._line.take_listening()
+            pooled = self._backend.take_listening()
             self._serve(pooled.driver_connection)
             # Otherwise the server queues notifications for it.
             pooled.driver_connection.execute("UNLISTEN *")
         except Exception as failure:
             # Those who wait raise it.
             error = failure
-            self._line.listening_failed(failure)
+            self._backend.listening_failed(failure)
         finally:
             try:
                 if pooled is not None:
-                    is_of_use = error is None and not self._line.is_closed
+                    is_of_use = error is None and not self._backend.is_closed
                     (pooled.close if is_of_use else pooled.invalidate)()
             finally:
                 self._end(error)
@@ -340,57 +340,59 @@ class Ear:
             found.tell()
 
 
-class Ears:
-    """The ear of a process: it is made when somebody watches, and again after it has ended."""
+class SharedListening:
+    """The listener thread of a process: made when somebody watches, and again after it ended."""
 
-    def __init__(self, line: Line) -> None:
-        self._line = line
-        self._ear: Ear | None = None
+    def __init__(self, backend: ListeningBackend) -> None:
+        self._backend = backend
+        self._current: ListenerThread | None = None
         self._lock = threading.Lock()
 
-    def join(self, kb_id: int) -> tuple[Ear, _Channel]:
+    def join(self, kb_id: int) -> tuple[ListenerThread, _Channel]:
         """Begin to watch a knowledge base."""
         with self._lock:
-            # A closed line ends the ear afterwards, under this lock: it leaves no later one behind.
-            self._line.refuse_closed()
-            if self._ear is not None:
-                found = self._ear.join(kb_id)
+            # A closed backend ends the thread afterwards, under this lock: no later one stays.
+            self._backend.refuse_closed()
+            if self._current is not None:
+                found = self._current.join(kb_id)
                 if found is not None:
-                    return self._ear, found
-            ear = Ear(self._line)
-            first = ear.start(kb_id)
+                    return self._current, found
+            thread = ListenerThread(self._backend)
+            first = thread.start(kb_id)
             # Only now: nobody may join one whose thread could not be started.
-            self._ear = ear
-            return ear, first
+            self._current = thread
+            return thread, first
 
     def close(self) -> None:
         """End the thread, after the line was closed."""
         with self._lock:
-            ear, self._ear = self._ear, None
-        if ear is not None:
-            ear.close()
+            thread, self._current = self._current, None
+        if thread is not None:
+            thread.close()
 
     def forked(self) -> None:
         """Leave the thread and its connection to the parent process, in its child."""
         self._lock = threading.Lock()
-        ear, self._ear = self._ear, None
-        if ear is not None:
-            ear.close_sockets()
+        thread, self._current = self._current, None
+        if thread is not None:
+            thread.close_sockets()
 
 
 class SharedListener(Listener):
-    """Waits for what the ear of the process hears of one knowledge base."""
+    """Waits for what the thread of the process hears of one knowledge base."""
 
-    def __init__(self, ears: Ears, line: Line, deafness: Deafness) -> None:
-        self._ears = ears
-        self._line = line
-        self._deafness = deafness
-        self._joined: tuple[Ear, _Channel] | None = None
+    def __init__(
+        self, shared: SharedListening, backend: ListeningBackend, pause: ListenPause
+    ) -> None:
+        self._shared_listening = shared
+        self._backend = backend
+        self._pause = pause
+        self._joined: tuple[ListenerThread, _Channel] | None = None
         self._seen: int | None = None
 
     def wait(self, kb_id: int | None, seconds: float) -> None:
         """Wait for a notification; the first call begins to listen."""
-        if kb_id is None or not self._deafness.is_over:
+        if kb_id is None or not self._pause.is_over:
             # There is no channel yet, or LISTEN is not possible.
             time.sleep(min(POLL_PAUSE, seconds))
             return
@@ -401,21 +403,21 @@ class SharedListener(Listener):
         if self._seen is None and watched.error is not None:
             self._fail(watched.error)
 
-    def _join(self, kb_id: int) -> tuple[Ear, _Channel]:
+    def _join(self, kb_id: int) -> tuple[ListenerThread, _Channel]:
         try:
-            return self._ears.join(kb_id)
+            return self._shared_listening.join(kb_id)
         except RuntimeError as error:
             # No further thread can be started.
-            raise self._line.heard(error) from error
+            raise self._backend.heard(error) from error
 
     def _fail(self, error: Exception) -> None:
         self.close()
-        if not self._deafness.explains(error):
-            raise self._line.heard(error) from error
+        if not self._pause.explains(error):
+            raise self._backend.heard(error) from error
 
     def close(self) -> None:
-        """Stop watching; the ear listens on for a while."""
+        """Stop watching; the thread listens on for a while."""
         joined, self._joined, self._seen = self._joined, None, None
         if joined is not None:
-            ear, watched = joined
-            ear.leave(watched)
+            thread, watched = joined
+            thread.leave(watched)
