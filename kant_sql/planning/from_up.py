@@ -285,9 +285,6 @@ def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
     functions and types get their category appended where only letter case distinguishes them from
     an element of another category.
 
-    Args:
-        problem: the problem.
-
     Returns:
         The domain, named after the problem with `-domain`, and the problem.
 

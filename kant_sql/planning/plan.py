@@ -210,8 +210,6 @@ def solve(
     warning. Nothing else is ever left out.
 
     Args:
-        domain: the domain.
-        problem: the problem.
         engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
         timeout: the longest time to wait, in seconds; None is infinite.
         strict: refuse to ignore a part of the metric or a preference.
@@ -253,10 +251,6 @@ def solve(
 
 def check_documents(domain: Domain, problem: Problem) -> None:
     """Check that the arguments are documents.
-
-    Args:
-        domain: the domain.
-        problem: the problem.
 
     Raises:
         InvalidArgumentError: one of them is not.

@@ -288,8 +288,6 @@ def to_unified_planning(
     their quality.
 
     Args:
-        domain: the domain.
-        problem: the problem.
         environment: unified-planning's environment; by default its global one.
 
     Returns:

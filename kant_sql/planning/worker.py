@@ -114,7 +114,6 @@ class EngineProblem:
     """A problem as an engine receives it.
 
     Attributes:
-        problem: the problem.
         back: maps its actions back to the original ones, last compilation first.
     """
 

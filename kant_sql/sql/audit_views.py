@@ -36,7 +36,6 @@ class AuditView(NamedTuple):
     """A view for auditors.
 
     Attributes:
-        name: its name.
         columns: its columns in their order, with their types.
         order: the columns that sort its rows; no two rows have the same values in all of them.
         window: the condition that a row is of the revisions from `:low` to `:high`; None where

@@ -133,8 +133,6 @@ class FoundLane(NamedTuple):
 
     Attributes:
         id: the id of what it is of.
-        place: its place.
-        text: the text.
         began: how many versions began within the window, up to a limit.
     """
 
@@ -241,9 +239,7 @@ def find_lanes(
     """Find the lanes of a kind that have a version in a window, in three statements at most.
 
     Args:
-        session: the session.
         kb_id: the knowledge base.
-        kind: the kind.
         wanted: which lanes.
         after: those that come after this place.
         bounds: the state that the window begins with, and its last revision.
@@ -381,7 +377,6 @@ def count_cells(
     """Count what began of some lanes in each of some slices, in one statement.
 
     Args:
-        session: the session.
         kb_id: the knowledge base.
         kind: the kind of the lanes.
         lanes: the ids of what they are of.

@@ -69,7 +69,6 @@ class FoundFact(NamedTuple):
     """A proposition, or a fluent, that was known at some time.
 
     Attributes:
-        id: its id.
         objects: the ids of its objects.
         versions: how often it was asserted in the range, where the pattern is ground; else 0.
     """
@@ -187,7 +186,6 @@ def find_overlaps(
     """Find the intervals in which facts held together, within a range, in one statement.
 
     Args:
-        session: the session.
         kb_id: the knowledge base.
         facts: combinations of as many propositions, by their ids.
         low: the first revision of the range.

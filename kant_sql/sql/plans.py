@@ -73,7 +73,6 @@ class PlanDefinition(NamedTuple):
     """A plan as it is recorded.
 
     Attributes:
-        id: its id.
         revision: the state that it was planned from.
         problem_hash: the SHA-256 of what the planner was given.
         planner: who found it.

@@ -235,7 +235,6 @@ class PredicateView(NamedTuple):
     """A generated view and its change.
 
     Attributes:
-        name: its name.
         kind: `fact` or `goal`.
         knowledge_base: the name of the knowledge base that it is of.
         predicate: the name of the predicate that it is of.

@@ -143,7 +143,6 @@ class FoundRows(FunctionElement[Any]):
     Attributes:
         listed: the rows for which a column is among the values.
         each: the rows for the value `wanted.wanted`.
-        values: the values.
     """
 
     inherit_cache = False
@@ -175,7 +174,6 @@ class RowsOfIds(ColumnElement[bool]):
 
     Attributes:
         each: the places of the rows of the id `wanted.wanted`.
-        ids: the ids.
     """
 
     inherit_cache = False
@@ -219,7 +217,6 @@ def in_list(
     """Write the condition that a column is among the values of a list.
 
     Args:
-        column: the column.
         parameter: the name of the list.
         bounded: the column of revisions that follows in an index, if it has an upper bound.
     """

@@ -88,7 +88,6 @@ class VersionTable:
     All of them take the parameters `kb` and `id`; `at` is the number of the uncommitted revision.
 
     Attributes:
-        table: the table.
         owner: the column that names the element, or is the last part of its key.
         children: the tables of the lists of each version.
         close: ends open versions.
@@ -109,7 +108,6 @@ class VersionTable:
 
         Args:
             owner: the name of the column.
-            table: the table.
             children: the tables of the lists of each version, parents first.
             closed: the further values of a version that ends.
             opened: the further values of an open version.
@@ -177,7 +175,6 @@ class ListTable:
         """Describe it.
 
         Args:
-            table: the table.
             record: the class of entries; None when they are lone values.
             first: the position of the first entry.
             lists: the field of an entry -> the table of the list that it holds.

@@ -32,7 +32,6 @@ class Touch(NamedTuple):
     """A fact or a value that began or ended to hold.
 
     Attributes:
-        revision: the revision.
         is_end: whether it ended there.
         is_fact: whether it is a fact.
         owner: the id of its predicate or function.

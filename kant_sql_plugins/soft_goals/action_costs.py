@@ -50,8 +50,6 @@ def write_costs(
     """Write the costs of actions into documents, as whole numbers.
 
     Args:
-        domain: the domain.
-        problem: the problem.
         actions: the actions, in place of the domain's.
         free: the folded names of functions that are left out.
         unused: returns a name that no element has.

@@ -14,7 +14,6 @@ class StatementGuard:
     """The statements of one session while it obeys a limit: a `with` block around each.
 
     Attributes:
-        limit: the limit.
         cursor: the session's own cursor.
         is_running: whether a statement runs.
         was_stopped: whether the database was asked to end one.
