@@ -68,6 +68,7 @@ from ..store.store import Store
 from ..store.transaction import Transaction
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import Dao, FactLike, NamedDao, ValueLike
+from .known import refuse_unknown
 
 T = TypeVar("T")
 
@@ -158,12 +159,36 @@ class SqlGroundDao(SqlDao, Dao[Any, Given]):
 
     @override
     def insert(self, dto: Given) -> bool:
+        return self._save_where(dto, False)
+
+    @override
+    def update(self, dto: Given) -> bool:
+        return self._save_where(dto, True)
+
+    def _save_where(self, dto: Given, is_stored: bool) -> bool:
+        """Save what is stored already, or what is not; return whether it was so."""
         self._check(dto)
 
-        def work(transaction: Transaction) -> bool:
-            return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) == 1
+        def save(transaction: Transaction) -> bool:
+            if self._holds(transaction, dto) != is_stored:
+                return False
+            self._save_batch(transaction, [dto])
+            return True
 
-        return self._open_store.write(work)
+        return self._open_store.write(save)
+
+    def _of_named(self, kind: str, name: str, answer: Callable[[View, int], list[T]]) -> list[T]:
+        """Ask about a named element; refuse a name that never was."""
+
+        def read(view: View) -> list[T]:
+            element = view.definitions.elements(kind).named(name)
+            # Asked even without one: the head may show that there is one now.
+            found = answer(view, NO_ID if element is None else element.id)
+            if element is None:
+                refuse_unknown(self._store, name, kind)
+            return found
+
+        return self._open_store.read(read, self._at)
 
     @override
     def save_all(self, dtos: Iterable[Given]) -> int:
@@ -612,19 +637,19 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
 
     @override
     def get(self, name: str) -> D | None:
-        def work(definitions: Definitions) -> D | None:
+        def find(definitions: Definitions) -> D | None:
             definition = self._named(definitions, name)
             return None if definition is None else self._build(DtoBuilder(definitions), definition)
 
-        return self._open_store.read_definitions(work, self._at)
+        return self._open_store.read_definitions(find, self._at)
 
     @override
     def get_all(self) -> list[D]:
-        def work(definitions: Definitions) -> list[D]:
+        def build(definitions: Definitions) -> list[D]:
             builder = DtoBuilder(definitions)
             return [self._build(builder, definition) for definition in self._all(definitions)]
 
-        return self._open_store.read_definitions(work, self._at)
+        return self._open_store.read_definitions(build, self._at)
 
     @override
     def save(self, dto: D | Sequence[D], *, cascade: bool = False) -> bool:
@@ -639,28 +664,25 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
 
     @override
     def insert(self, dto: D) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            if self._named(transaction.definitions, dto.name) is not None:
-                return False
-            self._put(transaction, dto, False)
-            return True
-
-        return self._open_store.write(work)
+        return self._save_where(dto, False, False)
 
     @override
     def update(self, dto: D, *, cascade: bool = False) -> bool:
+        return self._save_where(dto, True, cascade)
+
+    def _save_where(self, dto: D, is_stored: bool, cascade: bool) -> bool:
+        """Save what is stored already, or what is not; return whether it was so."""
         self._check(dto)
         flag(cascade, "cascade", InvalidArgumentError)
 
-        def work(transaction: Transaction) -> bool:
-            if self._named(transaction.definitions, dto.name) is None:
+        def save(transaction: Transaction) -> bool:
+            stored = self._named(transaction.definitions, dto.name)
+            if (stored is not None) != is_stored:
                 return False
             self._put(transaction, dto, cascade)
             return True
 
-        return self._open_store.write(work)
+        return self._open_store.write(save)
 
     @override
     def save_all(self, dtos: Iterable[D]) -> int:

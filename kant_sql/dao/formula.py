@@ -890,11 +890,11 @@ class SqlMetricDao(SqlDao, MetricDao):
 
     @override
     def get(self) -> f.Metric | None:
-        def work(definitions: Definitions) -> f.Metric | None:
+        def read(definitions: Definitions) -> f.Metric | None:
             stored = read_formulas(definitions, METRIC)
             return read_formula(definitions, stored[0]) if stored else None  # type: ignore[return-value]
 
-        return self._open_store.read_definitions(work, self._at)
+        return self._open_store.read_definitions(read, self._at)
 
     @override
     def set(self, metric: f.Metric | None) -> bool:

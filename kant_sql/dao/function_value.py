@@ -244,7 +244,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
                 return Decimal(value.text)
             return DtoBuilder(transaction.definitions).object(value.object_id)
 
-        def work(view: View) -> Decimal | PddlObjectDto | None:
+        def read(view: View) -> Decimal | PddlObjectDto | None:
             key = existing_key(view.definitions, function, objects)
             # Asked even without a fluent: the head may show that there is one now.
             asked = (NO_ID, "") if key is None else key
@@ -257,7 +257,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
                 self._refuse_unknown(function, objects)
             return None
 
-        return self._open_store.read(work, self._at)
+        return self._open_store.read(read, self._at)
 
     def _refuse_unknown(
         self, function: FunctionReference, objects: Sequence[ObjectReference]
@@ -275,15 +275,9 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
     @override
     def get_by_function(self, name: str) -> list[PddlFunctionValueDto]:
-        def work(view: View) -> list[PddlFunctionValueDto]:
-            function = view.definitions.functions.named(name)
-            id_ = NO_ID if function is None else function.id
-            found = _dtos(view, OF_FUNCTION.rows(view, function=id_))
-            if function is None:
-                refuse_unknown(self._store, name, "function")
-            return found
-
-        return self._open_store.read(work, self._at)
+        return self._of_named(
+            "function", name, lambda view, id_: _dtos(view, OF_FUNCTION.rows(view, function=id_))
+        )
 
     @override
     def set(
@@ -296,13 +290,13 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         self._check_writable()
         function, objects = fluent_of(function, objects)
 
-        def work(transaction: Transaction) -> bool:
+        def set_value(transaction: Transaction) -> bool:
             references = FluentReferences(transaction)
             declared, key, text = references.resolve(function, objects)
             entry = key, text, references.value(declared, value, text)
             return transaction.values.set_many([entry]) == 1
 
-        return self._open_store.write(work)
+        return self._open_store.write(set_value)
 
     @override
     def unset(
@@ -311,14 +305,14 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         self._check_writable()
         function, objects = fluent_of(function, objects)
 
-        def work(transaction: Transaction) -> bool:
+        def unset(transaction: Transaction) -> bool:
             fluent = self._find(transaction, function, objects)
             if fluent is None:
                 self._refuse_unknown(function, objects)
                 return False
             return transaction.values.set(fluent, None)
 
-        return self._open_store.write(work)
+        return self._open_store.write(unset)
 
     @override
     def increase(
@@ -343,18 +337,6 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
-
-    @override
-    def update(self, dto: ValueLike) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            if not self._holds(transaction, dto):
-                return False
-            self._save_batch(transaction, [dto])
-            return True
-
-        return self._open_store.write(work)
 
     def _remove(self, transaction: Transaction, dto: ValueLike) -> bool:
         if isinstance(dto, str | Node):
@@ -402,7 +384,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         self._check_writable()
         function, objects = fluent_of(function, objects)
 
-        def work(transaction: Transaction) -> Decimal:
+        def change(transaction: Transaction) -> Decimal:
             references, values = FluentReferences(transaction), transaction.values
             declared, key, text = references.resolve(function, objects)
             number = references.number(declared, by, text)
@@ -421,7 +403,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
             values.set(fluent, FluentValue(result))
             return Decimal(result)
 
-        return self._open_store.write(work)
+        return self._open_store.write(change)
 
     @classmethod
     def _value(

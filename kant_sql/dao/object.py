@@ -67,7 +67,7 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
 
     @override
     def get_by_type(self, name: str) -> list[PddlObjectDto]:
-        def work(definitions: Definitions) -> list[PddlObjectDto] | None:
+        def find(definitions: Definitions) -> list[PddlObjectDto] | None:
             builder = DtoBuilder(definitions)
             wanted = definitions.types.named(name)
             if fold(name) == ROOT_TYPE:
@@ -81,7 +81,7 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
                 if not types.isdisjoint(each.type_ids)
             ]
 
-        found = self._open_store.read_definitions(work, self._at)
+        found = self._open_store.read_definitions(find, self._at)
         if found is None:
             refuse_unknown(self._open_store, name, "type")
         return found or []

@@ -23,10 +23,9 @@ from ..sql.tables import PropositionArgumentRow, PropositionRow, PropositionVers
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
+from .base import DtoBuilder, Reading, SqlGroundDao
 from .dependants import propositions_on, retract
 from .interfaces import FactLike, PddlPropositionDao
-from .known import refuse_unknown
 from .object import OBJECTS
 from .predicate import PREDICATES
 from .text import TextReader, expect_text
@@ -213,27 +212,13 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
 
     @override
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
-        def work(view: View) -> list[PddlPropositionDto]:
-            predicate = view.definitions.predicates.named(name)
-            # Asked even without a predicate: the head may show that there is one now.
-            id_ = NO_ID if predicate is None else predicate.id
-            found = _OF_PREDICATE.answer(view, predicate=id_)
-            if predicate is None:
-                refuse_unknown(self._store, name, "predicate")
-            return found
-
-        return self._open_store.read(work, self._at)
+        return self._of_named(
+            "predicate", name, lambda view, id_: _OF_PREDICATE.answer(view, predicate=id_)
+        )
 
     @override
     def get_by_object(self, name: str) -> list[PddlPropositionDto]:
-        def work(view: View) -> list[PddlPropositionDto]:
-            object_ = view.definitions.objects.named(name)
-            found = _OF_OBJECT.answer(view, object=NO_ID if object_ is None else object_.id)
-            if object_ is None:
-                refuse_unknown(self._store, name, "object")
-            return found
-
-        return self._open_store.read(work, self._at)
+        return self._of_named("object", name, lambda view, id_: _OF_OBJECT.answer(view, object=id_))
 
     @override
     def get_goals(self) -> list[PddlPropositionDto]:
@@ -251,18 +236,6 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     @override
     def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
         return super().save(dto)
-
-    @override
-    def update(self, dto: FactLike) -> bool:
-        self._check(dto)
-
-        def work(transaction: Transaction) -> bool:
-            if not self._holds(transaction, dto):
-                return False
-            References(transaction).resolve(dto)
-            return True
-
-        return self._open_store.write(work)
 
     def _remove(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)

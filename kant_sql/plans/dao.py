@@ -500,12 +500,12 @@ class SqlPlanDao(SqlDao, PlanDao):
         return html.Listing(self._read(None), "plan")
 
     def _read(self, id_: int | None) -> list[RecordedPlan]:
-        def work(view: View) -> list[RecordedPlan]:
+        def read(view: View) -> list[RecordedPlan]:
             if view.kb_id is None:
                 return []
             return _PlanReader(self._open_store, view, view.kb_id).read(id_)
 
-        return self._open_store.read_in_snapshot(work, self._at)
+        return self._open_store.read_in_snapshot(read, self._at)
 
     @override
     def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
@@ -535,7 +535,7 @@ _RUNNING = Query(
 def running_steps(store: Store) -> list[RecordedStep]:
     """Read the steps that are started and have not ended."""
 
-    def work(view: View) -> list[RecordedStep]:
+    def read(view: View) -> list[RecordedStep]:
         if view.kb_id is None:
             return []
         running = view.session.rows(_RUNNING, kb=view.kb_id)
@@ -543,7 +543,7 @@ def running_steps(store: Store) -> list[RecordedStep]:
         plans = {plan.id: plan for id_ in {row[0] for row in running} for plan in reader.read(id_)}
         return [plans[plan_id].steps[position] for plan_id, position in running]
 
-    return store.read_in_snapshot(work)
+    return store.read_in_snapshot(read)
 
 
 def record_step(store: Store, transaction: Transaction, step: PlanStep) -> RecordedStep:
