@@ -14,7 +14,6 @@ from kant_sql.errors import SourceError, TypeCycleError
 from kant_sql.pddl import read_domain
 from tests.support.profile import PROFILE
 
-pytestmark = pytest.mark.more
 # More than a recursion has room for.
 LEVELS = 3_000 if PROFILE.is_whole else 1_200
 
@@ -31,6 +30,7 @@ def domain(levels: int) -> str:
     return f"(define (domain d) (:requirements :typing) (:types {types}) (:predicates (p ?x - t0)))"
 
 
+@pytest.mark.more
 def test_a_deep_hierarchy_is_loaded_listed_and_saved(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_domain(domain(LEVELS))
     types = fresh_kb.types.get_all()

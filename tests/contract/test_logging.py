@@ -23,8 +23,6 @@ from tests.support.servers import Server
 from tests.support.statements import fact, fill
 from tests.support.stores import Connect
 
-pytestmark = pytest.mark.more
-
 DOMAIN = """(define (domain shop) (:requirements :strips :typing)
   (:types robot) (:predicates (free ?r - robot)))"""
 # The object is declared twice.
@@ -54,6 +52,7 @@ def test_opening_is_told(url: str, connect: Connect, log: pytest.LogCaptureFixtu
     assert line == f"{label}: connected, knowledge base 'tiago', actor 'boss'"
 
 
+@pytest.mark.more
 @pytest.mark.usefixtures("real_migrations")
 def test_migrations_are_told(tmp_path: Path, log: pytest.LogCaptureFixture) -> None:
     url = f"sqlite:///{tmp_path / 'new.db'}"
@@ -276,6 +275,7 @@ except kant_sql.errors.ConnectionLostError:
 
 
 # The first sends many statements in a pipeline, the second by COPY.
+@pytest.mark.more
 @pytest.mark.parametrize("many", [20, 200])
 def test_psycopg_says_nothing_on_standard_error(server: Server, many: int) -> None:
     """Without a handler, Python writes warnings of whatever logger to standard error."""
@@ -330,6 +330,7 @@ def with_password(url: str, where: str) -> str:
     return parsed.render_as_string(hide_password=False)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("where", ["user", "percent", "password", "sslpassword"])
 def test_no_password_is_told(
     server: Server,
@@ -371,6 +372,7 @@ def test_no_password_is_told(
     assert not [text for text in everything if "s3cret" in text]
 
 
+@pytest.mark.more
 def test_nothing_is_written_without_a_word() -> None:
     program = (
         "import logging, kant_sql\n"

@@ -19,8 +19,6 @@ from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
 from tests.support.statements import is_bracket, seen, work
 
-pytestmark = pytest.mark.more
-
 BOXES, REVISIONS = 1_200, 600
 LAST = REVISIONS + 3
 
@@ -70,6 +68,7 @@ def answers(text: str, at: int | None, kb: kant_sql.KnowledgeBase) -> list[Any]:
     return list((kb if at is None else kb.at(at)).query(text))
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("at", [4, LAST // 2, LAST - 1])
 @pytest.mark.parametrize("name", CONDITIONS)
 def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(

@@ -15,8 +15,6 @@ from tests.support.processes.workers import change, count, in_processes, watch
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 
-pytestmark = pytest.mark.more
-
 PROCESSES = 4
 TIMES = 12
 
@@ -78,6 +76,7 @@ def test_an_open_knowledge_base_survives_a_fork(
     check_chain(shared_url)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("other", ["sqlite:///{}/other.db", "sqlite://"])
 @pytest.mark.parametrize(
     "scenario", [forks.beside_a_thread_in_another_store, forks.beside_reading_threads]
@@ -88,10 +87,12 @@ def test_no_child_waits_for_a_mutex_of_sqlite(
     in_processes((scenario, f"sqlite:///{tmp_path}/robot.db", other.format(tmp_path)))
 
 
+@pytest.mark.more
 def test_a_child_is_not_forked_while_a_connection_is_opened(tmp_path: Path) -> None:
     in_processes((forks.beside_a_thread_that_connects, f"sqlite:///{tmp_path}/robot.db"))
 
 
+@pytest.mark.more
 def test_a_child_does_not_undo_what_its_parent_has_written(tmp_path: Path) -> None:
     in_processes((forks.within_a_large_transaction, f"sqlite:///{tmp_path}/robot.db"))
 

@@ -17,8 +17,6 @@ from kant_sql import (
 from kant_sql.errors import TypeMismatchError
 from kant_sql.pddl import read_domain
 
-pytestmark = pytest.mark.more
-
 
 def ratio(small: Callable[[], object], large: Callable[[], object]) -> float:
     """How many times the processor time of one call another takes."""

@@ -35,6 +35,7 @@ def test_each_table_holds_something_to_lose(role_store: str) -> None:
     assert [name for name, rows in contents(role_store).items() if len(rows) < 2] == []
 
 
+@pytest.mark.more
 @EVERY_ROLE
 def test_nobody_changes_or_removes_what_is_written(
     role: int, role_store: str, role_users: Members, limited_users: Members

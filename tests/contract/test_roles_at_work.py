@@ -53,8 +53,6 @@ from tests.support.worlds.robots import (
     waypoint,
 )
 
-pytestmark = pytest.mark.more
-
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 
 
@@ -194,6 +192,7 @@ def test_readers_read_all_that_the_library_reads_and_write_nothing(
                 assert refused(connection, statement), table.name
 
 
+@pytest.mark.more
 def test_readers_of_all_have_tables_of_views(
     role_store: str, role_users: Members, limited_users: Members, connect: Connect
 ) -> None:
@@ -240,6 +239,7 @@ def test_auditors_read_views_and_no_table(role_store: str, role_users: Members) 
             rows_of(role_users.auditor, table)
 
 
+@pytest.mark.more
 def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users: Members) -> None:
     schema = kant_sql.operations.create_roles(role_store, knowledge_base=MINE).schema
     assert schema is not None

@@ -62,6 +62,7 @@ def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
     ]
 
 
+@pytest.mark.more
 def test_a_read_cuts_the_log_when_the_reader_has_gone(
     kb: KnowledgeBase, path: Path, reader: sqlite3.Connection
 ) -> None:
@@ -94,12 +95,14 @@ def test_another_process_s_write_cuts_it_too(
     assert log_size(path) <= LIMIT
 
 
+@pytest.mark.more
 def test_a_large_transaction_does_not_leave_a_long_log(kb: KnowledgeBase, path: Path) -> None:
     write_much(kb, path, LIMIT // 2)
     kb.propositions.save_all(fact(number) for number in range(50_000, 60_000))
     assert log_size(path) <= LIMIT
 
 
+@pytest.mark.more
 def test_the_reader_is_warned_of_once_for_each_doubling(
     kb: KnowledgeBase,
     path: Path,

@@ -34,8 +34,6 @@ from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import robot_at, waypoint
 from tests.support.worlds.story import DOMAIN, NAME, PROBLEM, write_story
 
-pytestmark = pytest.mark.more
-
 SEEDS = range(10)
 DAMAGES_OF_A_SEED = PROFILE.damages // len(SEEDS)
 FLIPS = 40
@@ -65,6 +63,7 @@ def raw(errors: list[Exception]) -> list[Exception]:
     return [error for error in errors if not isinstance(error, KantSqlError)]
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("seed", SEEDS)
 def test_single_cells(rich: Path, copy: Callable[[], Path], seed: int) -> None:
     for damage in itertools.islice(damages(rich, seed), DAMAGES_OF_A_SEED):
@@ -74,6 +73,7 @@ def test_single_cells(rich: Path, copy: Callable[[], Path], seed: int) -> None:
         path.unlink()
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("seed", range(100, 104))
 def test_single_cells_before_a_write(rich: Path, copy: Callable[[], Path], seed: int) -> None:
     for damage in itertools.islice(damages(rich, seed), 4):
@@ -83,6 +83,7 @@ def test_single_cells_before_a_write(rich: Path, copy: Callable[[], Path], seed:
         assert not raw([*errors_of_reading(f"sqlite:///{path}", archive)]), damage
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("seed", range(4))
 def test_flipped_bits(copy: Callable[[], Path], seed: int) -> None:
     chance = random.Random(seed)
@@ -210,6 +211,7 @@ def rich_server(server: Server, tmp_path_factory: pytest.TempPathFactory) -> str
     return url
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(
     "statement",
     [

@@ -267,6 +267,7 @@ def test_what_the_migrations_have_not_made_is_a_finding_on_sqlite(
     assert message in messages(url)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize(("sql", "message"), [*COMMON.items(), *POSTGRESQL.items()])
 def test_what_the_migrations_have_not_made_is_a_finding_on_postgresql(
     server: Any, connect: Connect, sql: str, message: str

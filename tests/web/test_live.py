@@ -219,6 +219,7 @@ def test_readers_go_on_after_a_restart_of_the_server(shared_url: str, kb: Knowle
         assert stream.next().id == "2"
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("shared_url", ["sqlite-file"], indirect=True)
 def test_a_file_that_takes_the_place_of_the_store_is_opened(
     shared_url: str, kb: KnowledgeBase, connect: Connect, tmp_path: Path

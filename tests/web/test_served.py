@@ -72,6 +72,7 @@ def served(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Itera
 pytestmark = pytest.mark.more
 
 
+@pytest.mark.smoke
 def test_it_listens_where_only_this_machine_reaches_it(served: Serving) -> None:
     address = urlsplit(served.address)
     assert address.hostname == "127.0.0.1"
@@ -98,6 +99,7 @@ def test_it_answers_under_its_own_names_only(served: Serving) -> None:
     assert ask(served, "/token", "POST", Origin="http://evil.example")[0] == 403
 
 
+@pytest.mark.smoke
 def test_another_address_needs_a_token(sqlite_story: str, tmp_path: Path) -> None:
     with serving(sqlite_story, tmp_path, "--host", "0.0.0.0") as running:
         assert running.token is not None
@@ -176,6 +178,7 @@ def test_a_stopped_database_is_told_without_password_and_traceback(
         assert PASSWORD not in running.log()
 
 
+@pytest.mark.smoke
 def test_a_broken_file_is_told_without_traceback(sqlite_story: str, tmp_path: Path) -> None:
     path = tmp_path / "store.db"
     shutil.copy(str(make_url(sqlite_story).database), path)
