@@ -311,7 +311,6 @@ def test_a_metric_with_which_there_is_no_plan_is_named(
         solve(PAID[0], problem=PAID[1], engine="fast-downward", timeout=60, strict=True)
 
 
-@pytest.mark.more
 def test_who_was_asked_in_place_of_another_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
