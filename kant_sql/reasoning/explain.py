@@ -45,14 +45,13 @@ from .ask import (
     EXAMPLE,
     Binding,
     asked,
-    find_object,
     first_two,
     given_numbers,
     given_variable,
     question,
 )
 from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition
-from .grounding import substitute
+from .past_question import names_of, with_objects
 from .steps import EffectItem, of_time, preferred, quantities_of
 
 # Numbers of variables that no condition has.
@@ -323,20 +322,11 @@ def unsatisfied(
 
 def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) -> f.Formula:
     """Read a condition, with objects for its variables; others are quantified existentially."""
-    definitions = view.definitions
-    read = read_condition(text_of(condition, EXAMPLE), symbols=symbols_of(definitions))
-    variables = [variable.name for variable in read.free]
-    names = {
-        given_variable(name, variables): find_object(definitions, value).name
-        for name, value in bindings.items()
-    }
-    formula: f.Formula = substitute(read.formula, names)
-    free = tuple(each for each in read.free if fold(each.name) not in names)
-    if free:
-        formula = f.Exists(free, formula)
-    # Once more, for what the given objects do not fit.
-    read_condition(str(formula), symbols=symbols_of(definitions))
-    return formula
+    symbols = symbols_of(view.definitions)
+    read = read_condition(text_of(condition, EXAMPLE), symbols=symbols)
+    if bindings:
+        read = with_objects(read, names_of(bindings), symbols)
+    return f.Exists(read.free, read.formula) if read.free else read.formula
 
 
 def _hard_goals(view: View) -> list[f.Formula]:

@@ -21,7 +21,7 @@ from ..pddl.symbols import SymbolTable
 from ..sql.dialects.base import Session
 from ..sql.periods import read_last_revisions
 from ..store.store import Store
-from .ask import variable_of
+from .ask import given_variable
 from .grounding import substitute
 
 _WORD = re.compile(r"[^\s()?]+")
@@ -68,13 +68,13 @@ def ask(
 ) -> PastQuestion:
     """Read a condition with the names of the latest state in which it has a meaning."""
     text = text_of(condition, EXAMPLE)
-    objects = {name: _name(name, value) for name, value in bindings.items()}
+    objects = names_of(bindings)
 
     def whole(symbols: SymbolTable) -> ReadCondition:
         return read_condition(text, symbols=symbols, parameters=parameters)
 
     def read(symbols: SymbolTable) -> ReadCondition:
-        return _bound(whole(symbols), objects, symbols) if objects else whole(symbols)
+        return with_objects(whole(symbols), objects, symbols) if objects else whole(symbols)
 
     words = " ".join([text, *objects.values()])
     found, definitions = read_at_last(store, words, read, upto)
@@ -83,28 +83,27 @@ def ask(
     return PastQuestion(found.formula, found.free, unbound, bound, definitions, read)
 
 
-def _name(variable: str, value: object) -> str:
-    """Return the name of the object that a variable is bound to."""
-    name = value.name if isinstance(value, PddlObjectDto) else value
-    if not isinstance(name, str):
-        raise InvalidArgumentError(
-            f"{variable}={shown(value)} is not an object; give its name or a PddlObjectDto"
-        )
-    return name
+def names_of(bindings: Mapping[str, Any]) -> dict[str, str]:
+    """Return the names of the objects that variables are bound to."""
+    names = {}
+    for variable, value in bindings.items():
+        name = value.name if isinstance(value, PddlObjectDto) else value
+        if not isinstance(name, str):
+            raise InvalidArgumentError(
+                f"{variable}={shown(value)} is not an object; give its name or a PddlObjectDto"
+            )
+        names[variable] = name
+    return names
 
 
-def _bound(found: ReadCondition, objects: Mapping[str, str], symbols: SymbolTable) -> ReadCondition:
+def with_objects(
+    found: ReadCondition, objects: Mapping[str, str], symbols: SymbolTable
+) -> ReadCondition:
     """Put objects in the place of some free variables."""
     free = {fold(variable.name): variable for variable in found.free}
     binding: dict[str, str] = {}
     for name, given in objects.items():
-        key = variable_of(name, free)
-        if key is None:
-            columns = [variable.name for variable in found.free]
-            known = ", ".join(f"?{column}" for column in columns) or "none"
-            raise InvalidArgumentError(
-                f"the condition has no free variable ?{name}{hint(name, columns)}; it has {known}"
-            )
+        key = given_variable(name, [variable.name for variable in free.values()])
         binding[key] = _fitting(given, free.pop(key), symbols)
     bound = substitute(found.formula, binding)
     rest = tuple(free.values())
