@@ -57,7 +57,7 @@ def creates(create: Callable[[DaoFactory], R]) -> cached_property[R]:
 
 
 class _Question:
-    """A method that is made when it is first asked for, and then takes the place of this."""
+    """Make the method on first use, and put it in the place of this descriptor."""
 
     def __init__(self, make: Callable[[], Callable[..., Any]]) -> None:
         self._make = make

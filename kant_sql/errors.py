@@ -209,11 +209,11 @@ class DependantsError(KantSqlError):
 
 
 class ReadOnlyError(KantSqlError):
-    """A write to something read-only, such as a past state."""
+    """You cannot write here: a past state, for example, is read-only."""
 
 
 class ReplicaError(KantSqlError):
-    """A local write to a replica, or a push into a knowledge base that is none."""
+    """A local write to a replica, or a push into a knowledge base that is not a replica."""
 
 
 class NotApplicableError(KantSqlError):
@@ -254,7 +254,7 @@ class UnknownNameError(KantSqlError, LookupError):
 
 
 class ArchivedError(UnknownRevisionError):
-    """A past state is partly in an archive; the message names it."""
+    """A part of the past state is in an archive, which the message names."""
 
 
 class PlanError(KantSqlError):
@@ -270,7 +270,7 @@ class InvalidUrlError(InvalidArgumentError):
 
 
 class SchemaError(KantSqlError):
-    """The tables are not of the version that this library needs."""
+    """The tables have another version than this library needs."""
 
 
 class SchemaMissingError(SchemaError):
@@ -318,7 +318,7 @@ class ConnectionLostError(StoreError):
 
 
 class StatementTimeoutError(StoreError):
-    """The database took longer for a statement than it was allowed to, and ended it."""
+    """A statement took longer than its limit, and the database ended it."""
 
 
 class QuestionCancelledError(StoreError):
@@ -357,7 +357,7 @@ class StoreReplacedError(StoreError):
 
 
 class ForkedError(StoreError):
-    """The process was forked while its store could not be shared with a child."""
+    """The process was forked at a moment when SQLite cannot be shared with a child."""
 
 
 class StoreIntegrityError(StoreError):
@@ -385,7 +385,7 @@ class PlannerMissingError(KantSqlError, ImportError):
 
 
 class ExtraMissingError(KantSqlError, ImportError):
-    """A package that this needs is not installed; the message names the extra that has it."""
+    """A required package is not installed; the message names its extra."""
 
 
 class NoPlanError(KantSqlError):

@@ -65,14 +65,14 @@ class KnowledgeBase(Front):
 
     @cached_property
     def pddl(self) -> PddlParts:
-        """The rarer parts of PDDL, and whole documents as trees."""
+        """Rarer parts of PDDL, and whole documents as trees."""
         from .pddl_parts import PddlParts
 
         return PddlParts(self._factory)
 
     @cached_property
     def store(self) -> Operations:
-        """What operates the store: verification, anchors, archives, replication."""
+        """Operations on the store: verification, anchors, archives, replication."""
         from .operations import Operations
 
         return Operations(self._factory)
@@ -144,7 +144,7 @@ class KnowledgeBase(Front):
         at: When | None = None,
         url: str | None = None,
     ) -> Self:
-        """Begin a knowledge base with a state of this one, to try out what would follow.
+        """Begin a knowledge base with a state of this one, to try something out.
 
         All that belongs to the state goes over: definitions, facts, goals and values, in the same
         order, so that both write the same documents. (A domain or problem that was never loaded is

@@ -1,4 +1,4 @@
-"""The rarer parts of PDDL, and whole documents as trees."""
+"""Rarer parts of PDDL, and whole documents as trees."""
 
 from __future__ import annotations
 

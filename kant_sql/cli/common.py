@@ -324,7 +324,7 @@ class PluggedCommands(TyperGroup):
         return [*super().list_commands(ctx), *self.plugins.names()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Find a command; None if there is none."""
+        """Find a command; None if it does not exist."""
         command = super().get_command(ctx, cmd_name)
         plugged = None if command else self.plugins.get(cmd_name)
         if plugged is None:

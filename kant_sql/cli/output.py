@@ -122,7 +122,7 @@ def paged() -> Iterator[None]:
 
 
 def _pager() -> str | None:
-    """Return the pager's command; None if there is none or it is disabled."""
+    """Return the pager's command; None if it is missing or disabled."""
     for variable in PAGER_VARIABLES:
         if variable in os.environ:
             command = os.environ[variable].strip()

@@ -729,7 +729,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return len(ids)
 
     def _name(self, dto: D | str) -> str:
-        """Return the name of an element that is to be deleted."""
+        """Return the name of the element to delete."""
         if isinstance(dto, str):
             return dto
         self._check(dto)

@@ -655,7 +655,7 @@ class FormulaDao(ABC, Generic[N, Given]):
             False when it is not stored.
 
         Raises:
-            PddlError: a text cannot be read, or it names what never was.
+            PddlError: a text cannot be read, or it names an element that never existed.
         """
 
     @abstractmethod

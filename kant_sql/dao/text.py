@@ -48,7 +48,7 @@ class TextReader:
         """Read what may be stored; None if it names something that holds no more.
 
         Raises:
-            PddlError: the text is wrong, or it names what never was.
+            PddlError: the text is wrong, or it names an element that never existed.
         """
         try:
             return self.read(read, given)

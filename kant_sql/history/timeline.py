@@ -129,7 +129,7 @@ class Timeline:
         last: its last revision.
         slices: how many slices of equal length densities are counted in.
         lanes: the lanes, in a fixed order: facts, goals and values, by predicate or function.
-        next: what `after` takes for the lanes that come next; None if there are none.
+        next: the value of `after` for the following lanes; None after the last.
         plans: the recorded plans that were made or carried out in it, oldest first.
         has_more_plans: whether there were more plans or steps, earlier ones, that are left out.
         archived_until: what ended up to this time is in an archive, and missing here; None if that

@@ -155,7 +155,7 @@ def read_condition(
         The condition and its free variables.
 
     Raises:
-        PddlError: the text is not a condition, or it uses what is not declared.
+        PddlError: the text is not a condition, or it uses undeclared names.
         InvalidArgumentError: an argument is not text.
     """
     expect(text, str, "the condition", InvalidArgumentError)
@@ -171,7 +171,7 @@ def read_constraints(text: str, *, symbols: SymbolTable) -> f.Formula:
     """Read constraints on trajectories, with preferences, as in `(:constraints ...)`.
 
     Raises:
-        PddlError: the text is none, or it uses what is not declared.
+        PddlError: the text is not a condition, or it uses undeclared names.
     """
     reader = ConditionReader(symbols, text, "the constraints", "()")
     return reader.whole(CONSTRAINTS | PREFERENCES)
@@ -184,7 +184,7 @@ def read_rules(text: str | Text, *, symbols: SymbolTable) -> tuple[f.Formula, ..
     in a domain, may be repeated.
 
     Raises:
-        PddlError: the text has something else, or it uses what is not declared.
+        PddlError: the text has something else, or it uses undeclared names.
     """
     reader = ConditionReader(symbols, text, "the rules", "()")
     context = CONSTRAINTS | PREFERENCES
@@ -204,7 +204,7 @@ def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
     """Read a ground atom whose terms are objects.
 
     Raises:
-        PddlError: the text is none, or it uses what is not declared.
+        PddlError: the text is not a condition, or it uses undeclared names.
     """
     reader = ConditionReader(symbols, text, "the fact", "()")
     if reader.tokens[0] != "(":
@@ -221,7 +221,7 @@ def read_goal(text: str, *, symbols: SymbolTable) -> f.Formula:
     """Read a goal without free variables, with preferences, as in `(:goal ...)`.
 
     Raises:
-        PddlError: the text is none, or it uses what is not declared.
+        PddlError: the text is not a condition, or it uses undeclared names.
     """
     return ConditionReader(symbols, text, "the goal", "()").whole(PREFERENCES)
 
@@ -230,7 +230,7 @@ def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
     """Read the value of a fluent, such as `(= (battery rb1) 80)`, or a fluent alone.
 
     Raises:
-        PddlError: the text is none, or it uses what is not declared.
+        PddlError: the text is not a condition, or it uses undeclared names.
     """
     reader = ConditionReader(symbols, text, "the function value", "()")
     match reader.fluent_or_formula():
@@ -256,7 +256,7 @@ def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable
         actions: returns the names of the actions.
 
     Raises:
-        PddlError: the text is none, or it names what is not declared.
+        PddlError: the text is not a condition, or it uses undeclared names.
     """
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")

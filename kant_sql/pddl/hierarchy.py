@@ -109,7 +109,7 @@ class Ancestry(Generic[K]):
 
 
 def find_cycle(parents: Mapping[str, Types]) -> str | None:
-    """Return a type that is its own ancestor, if there is one."""
+    """Return a type that is its own ancestor, or None."""
     children: dict[str, list[str]] = {}
     waiting = {type_: sum(1 for one in above if one in parents) for type_, above in parents.items()}
     for type_, above in parents.items():

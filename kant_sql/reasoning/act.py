@@ -269,7 +269,7 @@ def why_not(state: State, step: Step) -> list[FailedCondition]:
         these effects. Empty for a step that `apply` can begin and `start` starts.
 
     Raises:
-        PddlError, InvalidKnowledgeError: it names what is not known.
+        PddlError, InvalidKnowledgeError: it names an unknown element.
         UnsupportedConstructError: the action has continuous change that is not linear.
 
     Examples:

@@ -253,7 +253,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
         Whether it holds.
 
     Raises:
-        PddlError: the text is not a condition, or it names what is not known; with the position,
+        PddlError: the text is not a condition, or it names an unknown element; with the position,
             and a similar name.
         TypeMismatchError: a given object does not fit its variable.
         UnsupportedConstructError: the condition is nested too deeply for a database.

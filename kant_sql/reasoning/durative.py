@@ -83,7 +83,7 @@ def apply(
         NotApplicableError: a condition does not hold, a duration is not allowed, or a
             right-hand side has no value; nothing is written.
         PlanError: the text gives a duration to an action without one.
-        PddlError, InvalidKnowledgeError: the step names what is not known.
+        PddlError, InvalidKnowledgeError: the step names an unknown element.
         UnsupportedConstructError: it is a process or an event, or its continuous change is not
             linear.
         ReadOnlyError: this is a view of the past.

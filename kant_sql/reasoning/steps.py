@@ -350,7 +350,7 @@ class _Around:
 
 
 def _rate(quantity: Quantity) -> Quantity | None:
-    """Return what is multiplied with `#t`; None for what is not a multiple of it."""
+    """Return the factor of `#t`, or None if the expression is not a multiple of it."""
     if quantity == _TIME:
         return Decimal(1)
     if not isinstance(quantity, Operation):

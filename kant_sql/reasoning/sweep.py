@@ -155,7 +155,7 @@ class Sweep:
         return found[0], found[1]
 
     def begin(self) -> Visit | None:
-        """Read the state before the range; None if there is none.
+        """Read the state before the range, or None at the beginning.
 
         Where earlier revisions are archived, it is that of the range's first revision.
         """

@@ -131,7 +131,7 @@ class ComparisonWriter:
         return self._writer.value_of(fluent, self._places, "value")
 
     def _stored(self, operator: str, left: Quantity, right: Quantity) -> str:
-        """Compare what is not calculated: decimals whose doubles differ compare as these."""
+        """Compare stored numbers: decimals whose doubles differ compare as doubles."""
         first, second = self._double(left), self._double(right)
         exactly = self._arithmetic.by_texts(operator, self._text(left), self._text(right))
         return f"CASE WHEN {first} <> {second} THEN {first} {operator} {second} ELSE {exactly} END"

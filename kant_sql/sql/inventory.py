@@ -305,7 +305,7 @@ class Catalog:
         return self._read(lambda session: _counted(session, _read_rows(session, _EVERY)))
 
     def find(self, name: str) -> Inventory | None:
-        """Read one knowledge base; None if there is none of this name that has a revision."""
+        """Read one knowledge base; None if it does not exist or has no revision."""
         found = self._read(
             lambda session: _counted(session, _read_rows(session, _NAMED, name=name, number=1))
         )

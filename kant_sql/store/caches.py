@@ -78,7 +78,7 @@ class InternCache(Generic[K, A, H]):
             return self.held
 
     def know(self, identities: Mapping[K, A]) -> None:
-        """Remember identities for good."""
+        """Remember identities; they never change."""
         self.identities.update(identities)
         if len(self.identities) > self._most:
             self.identities.clear()
@@ -282,7 +282,7 @@ class DefinitionCache:
         return None
 
     def known(self, revision: int | None) -> Definitions | None:
-        """Return definitions that are in memory: those of a past revision are right for good."""
+        """Return definitions that are in memory: those of a past revision never change."""
         if revision in self._past:
             return self._past[revision]
         guess = self.guess(revision)

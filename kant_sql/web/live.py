@@ -71,7 +71,7 @@ class LiveFeed:
         self._changed = asyncio.Event()
 
     def tell(self, event: LiveEvent) -> None:
-        """Tell all readers; the watching thread calls this."""
+        """Notify all readers; the watching thread calls this."""
         # After the end of the loop nobody reads.
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._tell, event)
@@ -145,7 +145,7 @@ class LiveHub:
 
 
 def watch_knowledge_base(store: OpenStore, feed: LiveFeed, name: str) -> None:
-    """Tell of each new revision, until nobody reads; losses of the store are survived."""
+    """Send each new revision until nobody reads; outages of the store are survived."""
     seen: int | None = None
     while not feed.is_over.is_set():
         try:
@@ -184,7 +184,7 @@ def _event(kb: KnowledgeBase, name: str, head: int) -> LiveEvent:
 
 
 def watch_store(store: OpenStore, feed: LiveFeed, _: None) -> None:
-    """Tell when any knowledge base has a new revision, until nobody reads."""
+    """Send an event for each new revision of any knowledge base, until nobody reads."""
     seen = None
     while not feed.is_over.is_set():
         with suppress(KantSqlError):

@@ -121,7 +121,7 @@ class OpenStore:
             self._limits.discard(limit)
 
     def cancel(self) -> None:
-        """Cancel all questions that run, for good."""
+        """Cancel all running questions."""
         self.verifier.close()
         for limit in list(self._limits):
             limit.cancel()

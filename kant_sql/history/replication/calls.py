@@ -140,7 +140,7 @@ def push(
     Raises:
         DivergedError: the target's history differs; the error has the first such revision.
         ReplicaError: the target is not a replica.
-        ArchivedError: only an archive has a part of what is to be sent.
+        ArchivedError: an archive has some of the revisions to send.
         StoreIntegrityError: a revision does not fit its hash; nothing of its batch was written.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
 

@@ -440,7 +440,7 @@ class Backend(ABC):
     Attributes:
         sessions: the open sessions, each with the thread that uses it.
         has_answered: whether a server has answered before, so that it may come back.
-        is_closed: whether it was closed for good.
+        is_closed: whether it was closed.
         is_read_only: whether the database refuses all writes of these connections.
         most_connections: how many connections to a server there may be, besides that of listeners;
             None where the backend decides.
@@ -570,7 +570,7 @@ class Backend(ABC):
             session.close()
 
     def close(self) -> None:
-        """Close all connections, for good, whatever one of them raises."""
+        """Close all connections, even if one of them raises."""
         self.is_closed = True
         closers, self.when_closed = self.when_closed, []
         with ExitStack() as steps:

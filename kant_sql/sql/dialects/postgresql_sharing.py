@@ -45,7 +45,7 @@ class ListeningBackend(Protocol):
     """Where listeners get their connections.
 
     Attributes:
-        is_closed: whether it was closed for good.
+        is_closed: whether it was closed.
     """
 
     is_closed: bool
