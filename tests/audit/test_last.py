@@ -17,6 +17,8 @@ from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTy
 from tests.support.pages import rows_of
 from tests.support.servers import Server
 
+pytestmark = pytest.mark.every_backend
+
 LENGTHS = {"short": 50, "long": 400}
 ROBOT, WAYPOINT = PddlTypeDto("robot"), PddlTypeDto("wp")
 ROBOT_AT = PddlPredicateDto("robot_at", [ROBOT, WAYPOINT])

@@ -8,6 +8,8 @@ from tests.support.citus import view_of
 from tests.support.pages import ask
 from tests.support.stores import Connect
 
+pytestmark = pytest.mark.every_backend
+
 DOMAIN = """
 (define (domain trees)
   (:requirements :adl :typing :durative-actions :preferences :object-fluents)

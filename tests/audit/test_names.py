@@ -8,6 +8,8 @@ from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTy
 from tests.support.pages import ask
 from tests.support.stores import Connect
 
+pytestmark = pytest.mark.every_backend
+
 DOMAIN = """
 (define (domain names)
   (:requirements :typing :object-fluents :numeric-fluents)

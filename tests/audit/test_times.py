@@ -13,6 +13,8 @@ from tests.audit.story import Clock
 from tests.support.pages import ask, rows_of
 from tests.support.stores import Connect
 
+pytestmark = pytest.mark.every_backend
+
 LIT = PddlPropositionDto(PddlPredicateDto("lit", []), [])
 # Rounded to milliseconds, as SQLite would, it is a second later.
 ALMOST = datetime(2026, 3, 29, 0, 59, 59, 999999, UTC)

@@ -13,6 +13,8 @@ from kant_sql.sql.audit_views import AUDIT_VIEWS, ColumnType
 from tests.support.citus import view_of
 from tests.support.pages import Page, ask, rows_of
 
+pytestmark = pytest.mark.every_backend
+
 PAGE = Page("audit.md")
 
 

@@ -30,6 +30,8 @@ from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP2, navigation, robot_at
 
+pytestmark = pytest.mark.every_backend
+
 BATTERY = PddlFunctionDto("battery", [ROBOT])
 OBSERVED = datetime(2026, 3, 2, 14, 3, 0, 1, UTC)
 

@@ -13,6 +13,8 @@ from kant_sql.sql.predicate_views import update_views
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at
 
+pytestmark = pytest.mark.every_backend
+
 PACKAGE = Path(kant_sql.__file__).parent
 # Where a dialect may be named: families with a class of their own, and types of columns.
 NAMED = {"factory.py", "sql/tables/base.py"}

@@ -20,6 +20,8 @@ from kant_sql.dto.formulas import Atom, Comparison, Constant, Fluent, Not, Numbe
 from kant_sql.errors import TypeMismatchError
 from tests.support.reading import last_changes, nothing_changes
 
+pytestmark = pytest.mark.every_backend
+
 DOMAIN = """(define (domain d) (:requirements :typing :numeric-fluents :object-fluents :constraints)
  (:types dock - wp robot wp - object)
  (:predicates (idle) (robot_at ?r - robot ?w - wp) (between ?w ?a ?b - wp))
