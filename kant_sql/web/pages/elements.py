@@ -75,34 +75,24 @@ def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectPage:
     return read_object_page(state_of(kb), name, before, CHANGES)
 
 
-@PAGES.page("/action", "definition.html", rows=["versions"])
-def action(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPage:
-    """Show the definitions of an action, a process or an event over time, and its steps."""
-    return _definition(kb, "action", name, before)
+def _add_definition_page(kind: str, name: str) -> None:
+    def definition(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPage:
+        found = read_element_page(state_of(kb), name, kind, before, VERSIONS)
+        versions = _compared(found)
+        return DefinitionPage(kind, name, versions, found.before, found.steps, found.archived)
+
+    definition.__name__ = kind
+    definition.__doc__ = f"Show the definitions of {name} over time."
+    PAGES.page(f"/{kind}", "definition.html", rows=["versions"])(definition)
 
 
-@PAGES.page("/predicate", "definition.html", rows=["versions"])
-def predicate(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPage:
-    """Show the definitions of a predicate over time."""
-    return _definition(kb, "predicate", name, before)
-
-
-@PAGES.page("/function", "definition.html", rows=["versions"])
-def function(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPage:
-    """Show the definitions of a function over time."""
-    return _definition(kb, "function", name, before)
-
-
-@PAGES.page("/type", "definition.html", rows=["versions"])
-def type_(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPage:
-    """Show the definitions of a type over time."""
-    return _definition(kb, "type", name, before)
-
-
-def _definition(kb: KnowledgeBase, kind: str, name: str, before: int | None) -> DefinitionPage:
-    found = read_element_page(state_of(kb), name, kind, before, VERSIONS)
-    versions = _compared(found)
-    return DefinitionPage(kind, name, versions, found.before, found.steps, found.archived)
+for _kind, _name in (
+    ("action", "an action, a process or an event"),
+    ("predicate", "a predicate"),
+    ("function", "a function"),
+    ("type", "a type"),
+):
+    _add_definition_page(_kind, _name)
 
 
 def _compared(found: ElementPage) -> list[DefinitionVersion]:
