@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from decimal import Decimal
+from operator import attrgetter
 from typing import Any
 
 import pytest
@@ -222,9 +223,9 @@ def test_constraints_are_given_as_text(world: KnowledgeBase) -> None:
         ("goals", "(robot_at rb1 ?w)", r"'\?w'"),
         ("goals", "(robot_at rb1 wp11)", "did you mean wp1"),
         ("goals", 5, r"takes a goal, for example '\(robot_at rb1 wp1\)', not int"),
-        ("constraints", "(idle)", "in the constraints"),
-        ("constraints", None, "takes a constraint, for example"),
-        ("derived_predicates", "(idle)", "is a node Derived of kant_sql.pddl, not str"),
+        ("pddl.constraints", "(idle)", "in the constraints"),
+        ("pddl.constraints", None, "takes a constraint, for example"),
+        ("pddl.derived_predicates", "(idle)", "is a node Derived of kant_sql.pddl, not str"),
     ],
 )
 def test_what_is_no_formula_of_the_section_is_refused(
@@ -232,7 +233,7 @@ def test_what_is_no_formula_of_the_section_is_refused(
 ) -> None:
     for method in ("save", "insert", "delete"):
         with nothing_changes(world), pytest.raises(InvalidKnowledgeError, match=message):
-            getattr(getattr(world, dao), method)(given)
+            getattr(attrgetter(dao)(world), method)(given)
 
 
 def test_objects_are_found_by_type_with_those_of_its_subtypes(world: KnowledgeBase) -> None:
