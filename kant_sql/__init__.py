@@ -39,14 +39,15 @@ if TYPE_CHECKING:
     from . import operations as operations
     from .documents.exchange import Loaded as Loaded
     from .factory import DaoFactory as DaoFactory, create_dao_factory as create_dao_factory
-    from .history.gantt import PlanBar as PlanBar, StepBar as StepBar
-    from .history.revisions import LogEntry as LogEntry, Revision as Revision
-    from .history.timeline import (
+    from .history.bars import (
         Bar as Bar,
         Density as Density,
         Lane as Lane,
-        Timeline as Timeline,
+        PlanBar as PlanBar,
+        StepBar as StepBar,
     )
+    from .history.revisions import LogEntry as LogEntry, Revision as Revision
+    from .history.timeline import Timeline as Timeline
     from .history.versions import Version as Version
     from .knowledge_base import KnowledgeBase as KnowledgeBase, connect as connect
     from .knowledge_store import KnowledgeStore as KnowledgeStore, open_store as open_store
@@ -75,9 +76,9 @@ __version__ = "0.2.0"
 _HOMES = {
     ".documents.exchange": ["Loaded"],
     ".factory": ["DaoFactory", "create_dao_factory"],
-    ".history.gantt": ["PlanBar", "StepBar"],
+    ".history.bars": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
     ".history.revisions": ["LogEntry", "Revision"],
-    ".history.timeline": ["Bar", "Density", "Lane", "Timeline"],
+    ".history.timeline": ["Timeline"],
     ".history.versions": ["Version"],
     ".knowledge_base": ["KnowledgeBase", "connect"],
     ".knowledge_store": ["KnowledgeStore", "open_store"],

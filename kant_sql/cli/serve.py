@@ -9,7 +9,7 @@ from typing import Annotated
 from ..errors import ExtraMissingError, printable
 from .common import Url, option
 
-WEB_MISSING = "this needs FastAPI, uvicorn, Jinja2 and Plotly; run: pip install 'kant-sql[web]'"
+WEB_MISSING = "this needs FastAPI, uvicorn and Jinja2; run: pip install 'kant-sql[web]'"
 
 
 def serve(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
 from typing import Any, NamedTuple
 
 from sqlalchemy import Select, literal_column, select, union
@@ -17,73 +15,12 @@ from ..sql.dialects.containing import is_in
 from ..sql.plans import STEP_VERSIONS, Step
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB
+from .bars import PlanBar, StepBar
 from .window import PLAN, TimelineQuestion, Told, Window
 
 # The plans of one timeline, and their steps. Plans are found by this many changes of steps.
 MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000
 STARTED = "started"
-
-
-@dataclass(frozen=True, slots=True)
-class StepBar:
-    """A step of a plan on a timeline.
-
-    Attributes:
-        position: its index in the plan, from 0.
-        text: the action with its arguments.
-        status: `started`, `succeeded`, `failed` or `aborted`; None before it is started.
-        since: the revision that started it; None if it was not started.
-        until: the revision that ended it; None if it did not end.
-        since_at: when it was started, in UTC.
-        until_at: when it ended, in UTC.
-        actor: who started it, or aborted it before.
-        reason: why.
-        ended_by: who ended it.
-        ended_reason: why.
-        source: what else was given by who started it.
-        ended_source: what else was given by who ended it.
-    """
-
-    position: int
-    text: str
-    status: str | None
-    since: int | None = None
-    until: int | None = None
-    since_at: datetime | None = None
-    until_at: datetime | None = None
-    actor: str | None = None
-    reason: str | None = None
-    ended_by: str | None = None
-    ended_reason: str | None = None
-    source: object = None
-    ended_source: object = None
-
-
-@dataclass(frozen=True, slots=True)
-class PlanBar:
-    """A recorded plan on a timeline.
-
-    Attributes:
-        id: its number in the knowledge base.
-        recorded_in: the revision that recorded it.
-        recorded_at: when, in UTC.
-        actor: who recorded it.
-        reason: why.
-        planner: the planner's name.
-        steps: its steps, in order.
-        source: what else was given by who recorded it.
-    """
-
-    _json_ = "id", "recorded_in", "recorded_at", "actor", "reason", "source", "planner", "steps"
-
-    id: int
-    recorded_in: int
-    recorded_at: datetime
-    actor: str | None
-    reason: str | None
-    planner: str | None
-    steps: tuple[StepBar, ...]
-    source: object = None
 
 
 LOW, HIGH = integer("low"), integer("high")

@@ -25,101 +25,37 @@ from ..sql.lanes import (
     LanePlace,
     LaneSpan,
     count_cells,
+    count_unchanged,
     find_lanes,
     read_spans,
     revisions_at,
 )
 from ..store.state import State
-from .gantt import PlanBar, PlanBars
-from .window import LaneKind, TimelineQuestion, Told, Window, check_question, read_told, read_window
+from .bars import Bar, Density, Lane, LaneKind, PlanBar
+from .drawing import Drawn
+from .gantt import PlanBars
+from .window import (
+    TIMELINE_KINDS,
+    TimelineQuestion,
+    Told,
+    Window,
+    check_question,
+    read_told,
+    read_window,
+)
 
 # What one answer has at most, whatever the number of lanes: bars of lanes that have few versions,
 # slices of the others, and the versions that are counted in those.
 BARS, CELLS, COUNTED = 4_000, 15_000, 150_000
 _MICROSECOND = timedelta(microseconds=1)
+# What held since this part of the window seems to have held since its beginning. Of what never
+# changed, so many lanes are looked for.
+FIRST, MOST_FOLDED = 600, 5_000
 
 
 @dataclass(frozen=True, slots=True)
-class Bar:
-    """A version on a timeline.
-
-    Attributes:
-        since: the revision that asserted it.
-        until: the revision that retracted it; None while it holds.
-        since_at: when it was asserted, in UTC.
-        until_at: when it was retracted, in UTC; None while it holds.
-        actor: who asserted it.
-        reason: why.
-        ended_by: who retracted it.
-        ended_reason: why.
-        source: what else was given by who asserted it, such as a confidence.
-        ended_source: what else was given by who retracted it.
-        value: of a fluent, its value: a number as exact text, or the name of an object.
-        number: the value as a number, if it is one.
-    """
-
-    _json_ = (
-        *("since", "until", "since_at", "until_at", "actor", "reason", "ended_by", "ended_reason"),
-        *("source", "ended_source", "value"),
-    )
-
-    since: int
-    until: int | None
-    since_at: datetime
-    until_at: datetime | None
-    actor: str | None
-    reason: str | None
-    ended_by: str | None = None
-    ended_reason: str | None = None
-    source: object = None
-    ended_source: object = None
-    value: str | None = None
-    number: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Density:
-    """Versions on a timeline that are too short to be drawn, in one or more of its slices.
-
-    Attributes:
-        begin: the beginning of the first slice, in UTC.
-        end: the end of the last one.
-        count: how many versions began there, or more if `is_capped`.
-        is_capped: whether they were not counted to the end.
-        least: of a numeric fluent, the least of the counted numbers.
-        largest: the largest one.
-        last: the number at the end.
-    """
-
-    begin: datetime
-    end: datetime
-    count: int
-    is_capped: bool
-    least: float | None = None
-    largest: float | None = None
-    last: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Lane:
-    """A fact, a goal or a fluent on a timeline.
-
-    Attributes:
-        kind: `fact`, `goal` or `value`.
-        text: its canonical PDDL text; that of a fluent has no value.
-        bars: when it held, oldest first.
-        densities: where it held too shortly to be drawn, oldest first.
-    """
-
-    kind: LaneKind
-    text: str
-    bars: tuple[Bar, ...]
-    densities: tuple[Density, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Timeline:
-    """What happened in a window of time.
+class Timeline(Drawn):
+    """What happened in a window of time; a notebook shows it as a drawing.
 
     Attributes:
         knowledge_base: the name of the knowledge base.
@@ -134,6 +70,9 @@ class Timeline:
         has_more_plans: whether there were more plans or steps, earlier ones, that are left out.
         archived_until: what ended up to this time is in an archive, and missing here; None if that
             is nothing of this window.
+        folded: how many lanes never changed in the window and are left out, counted with the first
+            lanes only; None if unchanged lanes were asked for.
+        has_more_folded: whether there are more of these, which were not counted.
     """
 
     knowledge_base: str
@@ -147,6 +86,8 @@ class Timeline:
     plans: tuple[PlanBar, ...] = ()
     has_more_plans: bool = False
     archived_until: datetime | None = None
+    folded: int | None = None
+    has_more_folded: bool = False
 
 
 def timeline(
@@ -157,16 +98,21 @@ def timeline(
     predicate: str | None = None,
     object: str | None = None,
     text: str | None = None,
-    kinds: Iterable[str] = ("fact", "goal", "value", "plan"),
+    kinds: Iterable[str] = TIMELINE_KINDS,
     lanes: int = 50,
     after: str | None = None,
+    unchanged: bool = False,
     slices: int = 600,
 ) -> Timeline:
     """Read what held when in a window of time: a picture of it, however much happened.
 
     A lane is a fact, a goal or a fluent that held at some time of the window. If it changed
     seldom, it has a bar for each version. If it changed often, versions that last for a slice
-    of the window, as wide as a pixel, are bars, and the others are counted by slice.
+    of the window, as wide as a pixel, are bars, and the others are counted by slice. What held
+    from the beginning of the window (its first six-hundredth) to its end is folded away, unless
+    nothing else is there.
+
+    A notebook draws the result; `svg` is the drawing as text.
 
     Args:
         since: the beginning, given as for `kb.at`; None for the first revision.
@@ -178,6 +124,7 @@ def timeline(
         lanes: the maximum number of lanes.
         after: `next` of the timeline before, to go on with the lanes that follow. Plans come
             with the first lanes.
+        unchanged: whether to show lanes that never changed, too.
         slices: the number of slices of the window. There are fewer where many lanes have so
             many versions that these are counted.
 
@@ -197,7 +144,7 @@ def timeline(
         fact (robot_at rb1 wp1) 1 2 perception
     """
     store, upto = state
-    question = check_question(kinds, predicate, object, text, lanes, slices, after)
+    question = check_question(kinds, predicate, object, text, lanes, slices, after, unchanged)
     transaction = store.current()
     if upto is None and transaction is not None:
         upto = transaction.head.revision
@@ -249,7 +196,7 @@ class _Reader:
 
     def read(self, name: str) -> Timeline:
         """Read it."""
-        rows, following = self._find()
+        rows, following, folded = self._unfolded()
         sparse, dense = self._divide(rows)
         if dense:
             self._slices = min(self._slices, max(1, CELLS // _weight(dense)))
@@ -278,9 +225,30 @@ class _Reader:
             plans.bars(told),
             plans.has_more,
             window.archived_until,
+            *folded,
         )
 
-    def _find(self) -> tuple[list[_Row], str | None]:
+    def _unfolded(self) -> tuple[list[_Row], str | None, tuple[int | None, bool]]:
+        """Find the lanes, the place of the next ones, and how many never changed."""
+        question, window = self._question, self._window
+        if question.unchanged:
+            return *self._find(None), (None, False)
+        first = window.since + (window.until - window.since) / FIRST
+        (number,) = revisions_at(self._session, self._kb_id, [first])
+        settled = min(max(number, window.low), window.high)
+        rows, following = self._find(settled)
+        if not rows:
+            return *self._find(None), (0, False)
+        if question.after is not None:
+            return rows, following, (0, False)
+        kinds = [kind for kind in LANE_SOURCES if _shown_kind(kind) in question.kinds]
+        bounds = (window.low, window.high)
+        folded = count_unchanged(
+            self._session, self._kb_id, kinds, question.filter, bounds, settled, MOST_FOLDED
+        )
+        return rows, following, folded
+
+    def _find(self, settled: int | None) -> tuple[list[_Row], str | None]:
         """Find the lanes, and the place after which the next ones come."""
         question, window = self._question, self._window
         rows: list[_Row] = []
@@ -297,6 +265,7 @@ class _Reader:
                     (window.low, window.high),
                     question.lanes + 1 - len(rows),
                     question.slices + 1,
+                    settled,
                 )
                 rows += [_Row(kind, one) for one in found]
         following = None

@@ -6,11 +6,11 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from datetime import UTC, datetime
 from itertools import islice
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 from sqlalchemy import func, literal_column, select
 
-from ..arguments import iterate, one_of, optional_text, refusal, shown, whole_number
+from ..arguments import flag, iterate, one_of, optional_text, refusal, shown, whole_number
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
 from ..knowledge.canonical import read_source
@@ -21,13 +21,12 @@ from ..sql.query import Query, StoreClock, integer
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
+from .bars import LaneKind
 from .moments import check_number, check_zone, last_until
 from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision
 
 PLAN = "plan"
-LaneKind = Literal["fact", "goal", "value"]
-LANE_KINDS: tuple[LaneKind, ...] = ("fact", "goal", "value")
-TIMELINE_KINDS = (*LANE_KINDS, PLAN)
+TIMELINE_KINDS = (*get_args(LaneKind), PLAN)
 MOST_LANES, MOST_SLICES = 1_000, 10_000
 
 
@@ -42,6 +41,7 @@ class TimelineQuestion(NamedTuple):
         lanes: how many lanes at most.
         slices: how many slices at most.
         after: the source and the place of the lane before the first.
+        unchanged: whether lanes that never changed are shown, too.
     """
 
     kinds: tuple[str, ...]
@@ -51,6 +51,7 @@ class TimelineQuestion(NamedTuple):
     lanes: int
     slices: int
     after: tuple[str, LanePlace] | None
+    unchanged: bool
 
     @property
     def filter(self) -> LaneFilter:
@@ -74,8 +75,10 @@ def check_question(
     lanes: int,
     slices: int,
     after: str | None,
+    unchanged: bool,
 ) -> TimelineQuestion:
     """Check what a timeline shows."""
+    flag(unchanged, "unchanged", InvalidArgumentError)
     if isinstance(kinds, str) or not isinstance(kinds, Iterable):
         raise refusal("kinds", "a list of kinds", kinds, InvalidArgumentError)
     given = islice(iterate(kinds, "kinds"), len(TIMELINE_KINDS))
@@ -98,7 +101,7 @@ def check_question(
             )
         place = match[1], LanePlace(int(match[2]), match[3])
     chosen = tuple(kind for kind in TIMELINE_KINDS if kind in wanted)
-    return TimelineQuestion(chosen, predicate, object, text, lanes, slices, place)
+    return TimelineQuestion(chosen, predicate, object, text, lanes, slices, place, unchanged)
 
 
 class Window(NamedTuple):

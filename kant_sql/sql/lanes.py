@@ -148,21 +148,39 @@ def _began(loops: NestedLoops, source: LaneSource, owner: str, after: str, upto:
     return f"(SELECT count(*) FROM ({loops.part(*one)}) AS few)"
 
 
-def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_listed: bool) -> str:
-    place = f"p.{source.group}, p.arguments"
+def _until(loops: NestedLoops, source: LaneSource, identity: str, is_changed: bool) -> str:
+    """Write until when the last version of a window holds; 0 if it holds through the window."""
     until = f"coalesce(l.until, {_ENDLESS})"
-    last = loops.last("l", source.version, source.owner, "p.id", ":high", until)
-    conditions = f"p.kb_id = :kb{source.only} AND ({place}) > (:group, :arguments)"
+    if is_changed:
+        earlier = "e", source.version, source.owner, identity, "0", "l.since - 1", "1", "1"
+        is_first = f"l.since <= :settled AND NOT EXISTS ({loops.part(*earlier)})"
+        is_same = f"{until} > :high AND (l.since <= :low OR {is_first})"
+        until = f"CASE WHEN {is_same} THEN 0 ELSE {until} END"
+    return loops.last("l", source.version, source.owner, identity, ":high", until)
+
+
+def _places_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter) -> str:
+    """Write the conditions of which lanes are wanted."""
+    conditions = f"p.kb_id = :kb{source.only}"
     if wanted.predicate is not None:
         conditions += f" AND {source.is_of()}"
     if wanted.text is not None:
         conditions += f" AND p.text {loops.contains} :text"
+    if wanted.object is not None:
+        conditions += f" AND {source.has_object()}"
+    return conditions
+
+
+def _lanes_text(
+    loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_listed: bool, is_changed: bool
+) -> str:
+    place = f"p.{source.group}, p.arguments"
+    last = _until(loops, source, "p.id", is_changed)
+    conditions = f"{_places_text(loops, source, wanted)} AND ({place}) > (:group, :arguments)"
     tables = f"{source.relation} AS p"
     if is_listed:
         tables = f"{loops.rows('ids', 1)} AS listed"
         tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.id0")
-    if wanted.object is not None:
-        conditions += f" AND {source.has_object()}"
     found = (
         f"SELECT p.id, {place}, p.text FROM {tables}"
         f" WHERE {conditions} AND {last} > :low ORDER BY {place} LIMIT :most"
@@ -172,8 +190,26 @@ def _lanes_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_l
 
 
 @cache
-def _lanes(dialect: str, kind: str, has: LaneFilter, is_listed: bool) -> Query:
-    return Query(text(_lanes_text(NESTED_LOOPS[dialect], LANE_SOURCES[kind], has, is_listed)))
+def _lanes(dialect: str, kind: str, has: LaneFilter, is_listed: bool, is_changed: bool) -> Query:
+    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
+    return Query(text(_lanes_text(loops, source, has, is_listed, is_changed)))
+
+
+@cache
+def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter) -> Query:
+    """Build the query of how many lanes never changed, among so many of each kind."""
+    loops, counts = NESTED_LOOPS[dialect], []
+    for kind in kinds:
+        source = LANE_SOURCES[kind]
+        wanted = _places_text(loops, source, has)
+        place = f"p.{source.group}, p.arguments"
+        few = f"SELECT p.id FROM {source.relation} AS p WHERE {wanted} ORDER BY {place} LIMIT :most"
+        last = _until(loops, source, "few.id", True)
+        counts.append(
+            f"SELECT count(*) AS looked, sum(CASE WHEN {last} = 0 THEN 1 ELSE 0 END) AS same"
+            f" FROM ({few}) AS few"
+        )
+    return Query(text(f"SELECT sum(same), max(looked) FROM ({' UNION ALL '.join(counts)}) AS each"))
 
 
 @cache
@@ -189,31 +225,35 @@ def _with_object(kind: str) -> Query:
 
 
 @cache
-def _in_window(kind: str) -> Query:
-    """Build the query of what held at the beginning of a window, and of what began in it."""
+def _in_window(kind: str, is_changed: bool) -> Query:
+    """Build the query of what held when a window began, or ended in it, and of what began in it."""
     version: Any = FunctionValueVersionRow if kind == VALUE else PropositionVersionRow
     owner = version.function_value_id if kind == VALUE else version.proposition_id
     own = [version.kb_id == KB]
     if kind != VALUE:
         own.append(version.is_goal == literal_column("TRUE" if kind == GOAL else "FALSE"))
     held = [*own, ANY_FUNCTION if kind == VALUE else ANY_PREDICATE, held_then(version)]
+    ended = [*own, version.until > integer("at"), version.until <= integer("high")]
     began = [*own, version.since > integer("at"), version.since <= integer("high")]
     limit: Any = literal_column(str(MOST_LISTED + 1))
     parts = (
         first_rows(
             select(literal_column(str(n)).label("part"), owner).where(*conditions), limit
         ).subquery()
-        for n, conditions in enumerate((held, began))
+        for n, conditions in enumerate((ended if is_changed else held, began))
     )
     return Query(union_all(*(select(part) for part in parts)))
 
 
-def _list_window(session: Session, kb_id: int, kind: str, bounds: tuple[int, int]) -> Ids:
+def _list_window(
+    session: Session, kb_id: int, kind: str, bounds: tuple[int, int], is_changed: bool
+) -> Ids:
     """List what has a version in a window of few revisions; None if it is too much."""
     low, high = bounds
     if kind == FORMULA or high - low > FEW_REVISIONS:
         return None
-    rows = session.rows(_in_window(kind), kb=kb_id, high=high, **then(session, low))
+    given = {"at": low} if is_changed else then(session, low)
+    rows = session.rows(_in_window(kind, is_changed), kb=kb_id, high=high, **given)
     is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1))
     return None if is_much else sorted({id_ for _, id_ in rows})
 
@@ -226,6 +266,48 @@ def _list_with_object(session: Session, kb_id: int, kind: str, object_: str) -> 
     return None if len(rows) > MOST_LISTED else [id_ for (id_,) in rows]
 
 
+def _given(session: Session, wanted: LaneFilter) -> dict[str, Any]:
+    given = {name: value for name, value in wanted._asdict().items() if value is not None}
+    if wanted.text is not None:
+        given["text"] = pattern_of(session, wanted.text)
+    return given
+
+
+def _has(wanted: LaneFilter) -> LaneFilter:
+    return LaneFilter(*("" if value is not None else None for value in wanted))
+
+
+def count_unchanged(
+    session: Session,
+    kb_id: int,
+    kinds: Sequence[str],
+    wanted: LaneFilter,
+    bounds: tuple[int, int],
+    settled: int,
+    most: int,
+) -> tuple[int, bool]:
+    """Count the lanes that `settled` of `find_lanes` leaves out, in one statement.
+
+    Args:
+        session: the session.
+        kb_id: the knowledge base.
+        kinds: their kinds.
+        wanted: which lanes.
+        bounds: the state that the window begins with, and its last revision.
+        settled: the revision.
+        most: how many lanes of each kind are looked at.
+
+    Returns:
+        How many there are, and whether there were more to look at.
+    """
+    query = _unchanged(session.backend.dialect.name, tuple(kinds), _has(wanted))
+    given = _given(session, wanted)
+    row = session.first(
+        query, kb=kb_id, low=bounds[0], high=bounds[1], settled=settled, most=most + 1, **given
+    )
+    return (0, False) if row is None else (int(row[0] or 0), (row[1] or 0) > most)
+
+
 def find_lanes(
     session: Session,
     kb_id: int,
@@ -235,6 +317,7 @@ def find_lanes(
     bounds: tuple[int, int],
     most: int,
     enough: int,
+    settled: int | None = None,
 ) -> list[FoundLane]:
     """Find the lanes of a kind that have a version in a window, in three statements at most.
 
@@ -245,11 +328,13 @@ def find_lanes(
         bounds: the state that the window begins with, and its last revision.
         most: how many lanes.
         enough: how many versions of a lane are counted.
+        settled: leave out what held through the window, or was there by this revision for the
+            first time and held to the end; None for nothing.
     """
-    given = {name: value for name, value in wanted._asdict().items() if value is not None}
-    if wanted.text is not None:
-        given["text"] = pattern_of(session, wanted.text)
-    ids = _list_window(session, kb_id, kind, bounds)
+    given = _given(session, wanted)
+    if settled is not None:
+        given["settled"] = settled
+    ids = _list_window(session, kb_id, kind, bounds, settled is not None)
     if ids is None and wanted.object is not None:
         ids = _list_with_object(session, kb_id, kind, wanted.object)
         if ids is not None:
@@ -259,8 +344,8 @@ def find_lanes(
         if not ids:
             return []
         given["ids"] = json.dumps([[id_] for id_ in ids])
-    has = LaneFilter(*("" if value is not None else None for value in wanted))
-    query = _lanes(session.backend.dialect.name, kind, has, ids is not None)
+    has, is_listed = _has(wanted), ids is not None
+    query = _lanes(session.backend.dialect.name, kind, has, is_listed, settled is not None)
     low, high = bounds
     rows = session.rows(
         query, kb=kb_id, **after._asdict(), low=low, high=high, most=most, enough=enough, **given

@@ -10,7 +10,7 @@ from http import HTTPStatus
 import anyio
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
@@ -19,7 +19,6 @@ from ..errors import KantSqlError
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
-from .plotly_script import SCRIPT
 from .registry import VisibleJson, status_of
 from .rendering import STATIC, render
 from .security import Guard, allowed_hosts
@@ -80,20 +79,10 @@ def create_app(
         app.include_router(pages.html)
     app.include_router(live)
     describe(app)
-    _serve_files(app)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
     _answer_errors(app)
     app.add_middleware(Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token)
     return app
-
-
-def _serve_files(app: FastAPI) -> None:
-    """Serve the static files, and Plotly's script from its own package."""
-
-    @app.get("/static/plotly.min.js", include_in_schema=False)
-    async def plotly_script() -> FileResponse:
-        return FileResponse(SCRIPT, media_type="text/javascript")
-
-    app.mount("/static", StaticFiles(directory=STATIC), name="static")
 
 
 def _answer_errors(app: FastAPI) -> None:

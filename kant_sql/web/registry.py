@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
@@ -32,6 +32,8 @@ from .stores import OpenStore, answer
 from .tabular import csv_text
 
 F = TypeVar("F", bound=Callable[..., Any])
+# Draws a result; it is given the parameters of its page, too.
+Draw: TypeAlias = Callable[[Any, Mapping[str, Any]], JsonValue]
 
 KB_DESCRIPTION = "The knowledge base's name; not needed in a store of one."
 # Of a form: what it is asked with is wrong, or never was.
@@ -72,7 +74,13 @@ class Pages:
         self.api = APIRouter(prefix="/api", tags=[topic])
 
     def page(
-        self, path: str, template: str, *, is_form: bool = False, rows: Sequence[str] = ()
+        self,
+        path: str,
+        template: str,
+        *,
+        is_form: bool = False,
+        rows: Sequence[str] = (),
+        draw: Draw | None = None,
     ) -> Callable[[F], F]:
         """Register a function that gives a page's data.
 
@@ -80,7 +88,8 @@ class Pages:
         query, by keyword, as FastAPI declares them. It returns a dataclass or a NamedTuple, whose
         JSON the template shows. Its docstring describes the page. A form shows what is wrong with
         its input itself: its template gets `error`, and None as its `page`. `rows` are the places
-        of the data whose rows `/csv` followed by the path gives, the first that has any.
+        of the data whose rows `/csv` followed by the path gives, the first that has any. `draw`
+        makes what the template shows beside the data, as `drawn`: markup, of what was read.
         """
 
         def register(function: F) -> F:
@@ -90,7 +99,9 @@ class Pages:
                 listed = partial(_csv, rows=rows)
                 self.html.get(f"/csv{path}", response_class=Response)(_endpoint(function, listed))
             refuse = partial(_form, template=template) if is_form else None
-            self.html.get(path, response_class=HTMLResponse)(_endpoint(function, respond, refuse))
+            self.html.get(path, response_class=HTMLResponse)(
+                _endpoint(function, respond, refuse, draw)
+            )
             return function
 
         return register
@@ -123,6 +134,7 @@ class _Answer(NamedTuple):
     data: JsonValue
     kb: str | None
     head: int
+    drawn: JsonValue = None
 
 
 async def _json(request: Request, found: _Answer) -> Response:
@@ -131,7 +143,15 @@ async def _json(request: Request, found: _Answer) -> Response:
 
 async def _page(request: Request, found: _Answer, template: str, has_rows: bool) -> HTMLResponse:
     assert isinstance(found.data, dict)
-    return render(request, template, found.data, found.kb, head=found.head, has_rows=has_rows)
+    return render(
+        request,
+        template,
+        found.data,
+        found.kb,
+        head=found.head,
+        has_rows=has_rows,
+        drawn=found.drawn,
+    )
 
 
 async def _csv(request: Request, found: _Answer, rows: Sequence[str]) -> Response:
@@ -156,6 +176,7 @@ def _endpoint(
     function: Callable[..., Any],
     respond: Callable[[Request, _Answer], Awaitable[Any]],
     refuse: Callable[[Request, KantSqlError], Awaitable[Any]] | None = None,
+    draw: Draw | None = None,
 ) -> Callable[..., Awaitable[Any]]:
     """Make an endpoint of a data function: its parameters, the request and the name of a store."""
     signature = inspect.signature(function, eval_str=True)
@@ -168,18 +189,21 @@ def _endpoint(
 
         is_asked = False
 
-        def document(of: OpenStore | KnowledgeBase, **query: Any) -> JsonValue:
-            return store.folders.hide_in(json_value(function(of, **query)))
+        def read(of: OpenStore | KnowledgeBase, kb: str | None, head: int) -> _Answer:
+            found = function(of, **query)
+            drawn = None if draw is None else draw(found, {**request.query_params, "kb": kb})
+            hide = store.folders.hide_in
+            return _Answer(hide(json_value(found)), kb, head, hide(drawn))
 
         def work() -> _Answer:
             nonlocal is_asked
             if of_store:
                 head = store.read_catalog(lambda catalog: catalog.total())[1]
-                return _Answer(document(store, **query), None, head)
+                return read(store, None, head)
             chosen = store.choose(name)
             with store.knowledge_base(chosen) as kb:
                 head, is_asked = kb.revision, True
-                return _Answer(document(kb, **query), chosen, head)
+                return read(kb, chosen, head)
 
         try:
             _check_texts(query)

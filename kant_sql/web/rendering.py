@@ -18,8 +18,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup, escape
 
 from .. import __version__
+from ..history.window import TIMELINE_KINDS
 from ..html import visible
-from .plotly_script import style_ids
 
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
@@ -151,7 +151,7 @@ def environment() -> Environment:
         address_of=address_of,
         static=static_address,
         version=__version__,
-        plotly_style_ids=style_ids,
+        timeline_kinds=TIMELINE_KINDS,
     )
     made.filters.update(
         exact=escape,
@@ -184,12 +184,14 @@ def render(
     error: str | None = None,
     head: int | None = None,
     has_rows: bool = False,
+    drawn: object = None,
 ) -> HTMLResponse:
     """Return a page; without data, it says what is wrong. Behind `head`, it follows changes."""
     path, query = request.url.path, request.url.query
     asked = f"?{query}" if query else ""
     context = {
         "page": data,
+        "drawn": drawn,
         "error": error,
         "kb": kb,
         "head": head,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import errno
-import json
 import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -29,14 +28,11 @@ from ..errors import (
     UnknownRevisionError,
 )
 from ..history.anchors import Anchor
-from ..history.timeline import Timeline
+from ..history.drawing import draw
 from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
-from ..plots import timeline_spec
-from ..plots.marks import DARK, LIGHT
 from ..reasoning.rules import Rules
-from .plotly_script import SCRIPT
 from .rendering import STATIC, render_text
 from .report_sections import ReportLog, ReportPlans, ReportRange, ReportReader, ReportStays
 
@@ -46,8 +42,6 @@ T = TypeVar("T")
 
 # What the caller has got wrong is refused; what is wrong in the store is told of.
 _WRONG = (AnchorError, InvalidArgumentError, UnknownNameError, UnknownRevisionError)
-# What HTML could read as the end of a script, or as a comment in it.
-_MARKUP = {ord(character): f"\\u{ord(character):04x}" for character in "<>&"}
 
 
 def report_html(
@@ -106,10 +100,10 @@ def report_html(
     }
     if not report.is_empty:
         timeline = read("timeline", report.timeline)
-        page |= dict.fromkeys(("timeline", "figure", "plans"))
+        page |= dict.fromkeys(("timeline", "drawing", "plans"))
         if timeline is not None:
             page["timeline"] = report.stays(timeline)
-            page["figure"] = _embedded(timeline.timeline)
+            page["drawing"] = draw(timeline.timeline)
             page["plans"] = read("plans", partial(report.plans, timeline))
         page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)
@@ -145,17 +139,6 @@ class _Sections:
             return None
 
 
-def _embedded(timeline: Timeline) -> Markup:
-    """Write the figure of a timeline as JSON that cannot end the script it is in."""
-    figure = timeline_spec(timeline)
-    for trace in figure["data"]:
-        # The addresses of pages that a report does not have.
-        trace.pop("customdata", None)
-    theme = list(zip(LIGHT, DARK, strict=True))
-    text = json.dumps({"figure": figure, "theme": theme}, separators=(",", ":"))
-    return Markup(text.translate(_MARKUP))
-
-
 def _render(page: Mapping[str, Any], name: str) -> str:
     """Write the page, with all that it needs in it."""
     log: ReportLog | None = page.get("log")
@@ -170,15 +153,10 @@ def _render(page: Mapping[str, Any], name: str) -> str:
         place = query.get("number", query.get("id"))
         return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
 
-    styles, scripts = {"": _static("style.css") + _static("report.css")}, []
-    if page.get("figure") is not None:
-        styles["plotly.js-style-global"] = _static("plotly.css")
-        scripts = [_read(SCRIPT), _static("report.js")]
+    style = _static("style.css") + _static("report.css")
     policy = {
         "default-src": "'none'",
-        "script-src": " ".join(map(_digest, scripts)) or "'none'",
-        "style-src": " ".join(map(_digest, styles.values())),
-        "img-src": "data: blob:",
+        "style-src": _digest(style),
         "base-uri": "'none'",
         "form-action": "'none'",
     }
@@ -189,23 +167,18 @@ def _render(page: Mapping[str, Any], name: str) -> str:
             "kb": name,
             "link": link,
             "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),
-            "styles": {id_: Markup(style) for id_, style in styles.items()},
-            "scripts": [Markup(script) for script in scripts],
+            "style": Markup(style),
         },
     )
 
 
-def _static(name: str) -> str:
-    return _read(STATIC / name)
-
-
 @cache
-def _read(path: Path) -> str:
-    return path.read_text(encoding="utf-8")
+def _static(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
 
 
 def _digest(text: str) -> str:
-    """Return what a policy calls a script or a style sheet."""
+    """Return what a policy calls a style sheet."""
     return f"'sha256-{base64.b64encode(sha256(text.encode()).digest()).decode()}'"
 
 

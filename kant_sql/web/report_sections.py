@@ -13,9 +13,10 @@ from ..binding import state_of
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
+from ..history.bars import Bar, Lane
 from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision
-from ..history.timeline import Bar, Lane, Timeline
+from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
 from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
@@ -24,8 +25,8 @@ from ..reasoning.failures import FailedCondition
 from ..reasoning.rules import Rules
 from ..reasoning.verdicts import Verdict
 
-# Lanes that are looked at, and what each section shows at most.
-SEEN = 200
+# Lanes that are looked at, slices of their window, and what each section shows at most.
+SEEN, SLICES = 200, 200
 ACTORS, LANES, BARS, PLANS, STEPS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
     20, 40, 400, 25, 100, 200, 200, 400, 30, 200,
 )  # fmt: skip
@@ -249,7 +250,9 @@ class ReportReader(NamedTuple):
     def timeline(self, name: str | None = None) -> ReportTimeline:
         """Read the timeline of the range, of all or of an object: the lanes that changed most."""
         since, until = self.range
-        found = self.kb.timeline(since, until=until, object=name, lanes=SEEN)
+        found = self.kb.timeline(
+            since, until=until, object=name, lanes=SEEN, unchanged=name is not None, slices=SLICES
+        )
         ranked = sorted(found.lanes, key=partial(_activity, first=self.tally.first), reverse=True)
         busiest = {id(lane) for lane in ranked[:LANES]}
         lanes = tuple(lane for lane in found.lanes if id(lane) in busiest)
@@ -270,6 +273,9 @@ class ReportReader(NamedTuple):
         if shown.left:
             more = "more than " * shown.has_more
             said.append(f"{more}{shown.left:,} facts, goals and values that changed less")
+        if timeline.folded:
+            more = "at least " * timeline.has_more_folded
+            said.append(f"{more}{timeline.folded:,} that never changed")
         words = ("--element", name) if name else ()
         left_out = " and ".join(said) or None
         stays = [_stay(lane, bar) for _, lane, bar in found[-BARS:]]

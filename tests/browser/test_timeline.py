@@ -1,4 +1,4 @@
-"""The timeline in a browser: the window is the address, and what is visible is asked for."""
+"""The timeline in a browser: the window is the address, with and without a script."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ DAY = address("/timeline")
 NOON = address("/timeline", since="2026-03-02 14:00", until="2026-03-02 14:30")
 
 
-def window(visitor: Visitor) -> list[str]:
-    """What the figure shows, in the words of its axis."""
-    found: list[str] = visitor.page.evaluate("document.getElementById('chart').layout.xaxis.range")
-    return [each.replace("T", " ")[:19] for each in found]
+def window(visitor: Visitor) -> str:
+    """What the axis says is shown."""
+    return visitor.page.locator(".pinned svg text").first.text_content() or ""
 
 
 def asked(visitor: Visitor) -> dict[str, Any]:
@@ -30,121 +29,51 @@ def asked(visitor: Visitor) -> dict[str, Any]:
     return {name: value for name, (value,) in parse_qs(urlsplit(visitor.page.url).query).items()}
 
 
-def moved(visitor: Visitor, before: str) -> None:
-    """Wait until the address is another one, and drawn."""
-    visitor.page.wait_for_function("before => location.href !== before", arg=before)
-    visitor.settle()
-
-
-@pytest.mark.smoke
-def test_keys_and_buttons_change_the_window_and_the_address(
-    sqlite_served: Serving, visit: Visit
+@pytest.mark.parametrize("has_script", [True, False])
+def test_links_and_keys_change_the_window_and_the_address(
+    sqlite_served: Serving, visit: Visit, has_script: bool
 ) -> None:
-    visitor = visit(sqlite_served.address)
-    visitor.open(NOON)
-    assert window(visitor) == ["2026-03-02 14:00:00", "2026-03-02 14:30:00"]
-    chart = visitor.page.locator("#chart")
-    chart.focus()
-    before = visitor.page.url
-    visitor.page.keyboard.press("+")
-    moved(visitor, before)
-    assert asked(visitor)["since"] == "2026-03-02T14:07:30.000Z"
-    assert window(visitor) == ["2026-03-02 14:07:30", "2026-03-02 14:22:30"]
-    assert "14:07:30" in visitor.page.locator("#shown p").first.inner_text()
-    before = visitor.page.url
-    visitor.page.get_by_role("button", name="Later").click()
-    moved(visitor, before)
-    assert window(visitor) == ["2026-03-02 14:11:15", "2026-03-02 14:26:15"]
-    # Back leads through the windows, and loading again stays.
+    visitor = visit(sqlite_served.address, java_script_enabled=has_script)
+    visitor.page.goto(sqlite_served.address + NOON)
+    assert window(visitor) == "2026-03-02 14:00:00 to 14:30:00 UTC"
+    with visitor.page.expect_navigation():
+        if has_script:
+            visitor.page.keyboard.press("+")
+        else:
+            visitor.page.get_by_role("link", name="Zoom in").click()
+    assert asked(visitor)["since"] == "2026-03-02T14:07:30.000000Z"
+    assert window(visitor) == "2026-03-02 14:07:30 to 14:22:30 UTC"
+    with visitor.page.expect_navigation():
+        visitor.page.get_by_role("link", name="Later").click()
+    assert window(visitor) == "2026-03-02 14:15:00 to 14:30:00 UTC"
     visitor.page.go_back()
-    moved(visitor, "")
-    visitor.page.wait_for_function(
-        "() => document.getElementById('chart').layout.xaxis.range[0].includes('14:07:30')"
-    )
-    visitor.page.reload()
-    visitor.settle()
-    assert window(visitor) == ["2026-03-02 14:07:30", "2026-03-02 14:22:30"]
-    before = visitor.page.url
-    visitor.page.get_by_role("button", name="Everything").click()
-    moved(visitor, before)
+    assert window(visitor) == "2026-03-02 14:07:30 to 14:22:30 UTC"
+    with visitor.page.expect_navigation():
+        visitor.page.get_by_role("link", name="Everything").click()
     assert asked(visitor) == {"kb": "courier"}
-
-
-def test_a_window_may_be_of_revisions(sqlite_served: Serving, visit: Visit) -> None:
-    visitor = visit(sqlite_served.address)
-    visitor.open(address("/timeline", since=8, until=13))
-    since, until = window(visitor)
-    assert "2026-03-02 09:05:10" < since < "2026-03-02 09:05:20"
-    assert "2026-03-02 09:09:00" < until < "2026-03-02 09:09:10"
-
-
-def test_keys_pressed_in_a_row_ask_once(sqlite_served: Serving, visit: Visit) -> None:
-    visitor = visit(sqlite_served.address)
-    visitor.open(NOON)
-    before, answers = visitor.page.url, len(visitor.answers)
-    visitor.page.locator("#chart").focus()
-    for _ in range(10):
-        visitor.page.keyboard.press("+")
-    moved(visitor, before)
-    figures = [url for _, url in visitor.answers[answers:] if "/api/timeline/figure" in url]
-    assert len(figures) <= 2
-    since, until = window(visitor)
-    assert since == "2026-03-02 14:14:59"
-    assert until == "2026-03-02 14:15:00"
-
-
-def test_a_window_is_drawn_with_the_mouse(sqlite_served: Serving, visit: Visit) -> None:
-    visitor = visit(sqlite_served.address)
-    visitor.open(NOON)
-    box = visitor.page.locator("#chart .draglayer .nsewdrag").first.bounding_box()
-    assert box is not None
-    before = visitor.page.url
-    middle = box["y"] + box["height"] / 2
-    visitor.page.mouse.move(box["x"] + box["width"] * 0.25, middle)
-    visitor.page.mouse.down()
-    visitor.page.mouse.move(box["x"] + box["width"] * 0.75, middle, steps=5)
-    visitor.page.mouse.up()
-    moved(visitor, before)
-    since, until = window(visitor)
-    assert since.startswith("2026-03-02 14:07")
-    assert until.startswith("2026-03-02 14:22")
-
-
-def bar_of(visitor: Visitor, text: str) -> tuple[float, float]:
-    """Where the first bar of a fact is."""
-    place: list[float] = visitor.page.evaluate(
-        """text => {
-            const chart = document.getElementById("chart"), {xaxis, yaxis} = chart._fullLayout;
-            const row = yaxis.ticktext.indexOf(text), box = chart.getBoundingClientRect();
-            const trace = chart.data.find(each => each.y.includes(row));
-            const n = trace.y.indexOf(row), begin = xaxis.d2p(trace.base[n]);
-            const end = xaxis.d2p(xaxis.d2c(trace.base[n]) + trace.x[n]);
-            const low = Math.max(begin, 0), high = Math.min(end, xaxis._length);
-            return [box.left + xaxis._offset + (low + high) / 2,
-                    box.top + yaxis._offset + yaxis.d2p(row)];
-        }""",
-        text,
-    )
-    return place[0], place[1]
+    with visitor.page.expect_navigation():
+        visitor.page.locator('a[aria-label^="Zoom to 2026-03-02 12:00:00"]').click()
+    assert window(visitor) == "2026-03-02 12:00:00 to 18:00:00 UTC"
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
-def test_a_bar_tells_who_and_why_and_leads_to_its_fact(
+def test_the_axis_stays_in_view_and_a_lane_leads_to_its_fact(
     served: Serving, visit: Visit, width: int
 ) -> None:
-    visitor = visit(served.address, width=width)
+    visitor = visit(served.address, width=width, height=500)
     visitor.open(NOON)
-    x, y = bar_of(visitor, "(robot_at rb1 t3)")
-    visitor.page.mouse.move(x - 3, y)
-    visitor.page.mouse.move(x, y)
-    said = visitor.page.locator("#chart .hoverlayer").text_content() or ""
-    assert "executive" in said
-    assert "arrived" in said
-    assert "2026-03-02 14:01:00" in said
+    visitor.page.evaluate("window.scrollTo(0, 400)")
+    visitor.page.wait_for_function("() => scrollY > 300")
+    box = visitor.page.locator(".pinned svg").bounding_box()
+    assert box is not None
+    assert 0 <= box["y"] < 200
+    bar = visitor.page.locator('svg a[href*="rb1+t3"]').first
+    said = bar.locator("title").first.text_content() or ""
+    assert said.startswith("(robot_at rb1 t3)\nfrom 2026-03-02 14:01:00")
+    assert "by executive: arrived" in said
     with visitor.page.expect_navigation():
-        visitor.page.mouse.click(x, y)
+        bar.click()
     assert unquote_plus(visitor.page.url).endswith("/fact?kb=courier&text=(robot_at rb1 t3)")
-    visitor.faults = [fault for fault in visitor.faults if "the server responded" not in fault]
 
 
 def test_names_are_completed_and_lanes_are_chosen(sqlite_served: Serving, visit: Visit) -> None:
@@ -158,42 +87,21 @@ def test_names_are_completed_and_lanes_are_chosen(sqlite_served: Serving, visit:
     field.fill("robot_at")
     with visitor.page.expect_navigation():
         visitor.page.get_by_role("button", name="Show").click()
-    visitor.settle()
     assert asked(visitor) == {"kb": "courier", "predicate": "robot_at"}
-    labels = visitor.page.locator("#chart .ytick").all_text_contents()
-    assert "(robot_at rb1 t3)" in labels
+    labels = visitor.page.locator(".pinned + svg text").all_text_contents()
+    assert "robot_at rb1: dock, t1, t3, kitchen" in labels
     assert not any("waiting" in label for label in labels)
 
 
-def test_the_figure_follows_the_scheme_of_colours(sqlite_served: Serving, visit: Visit) -> None:
+def test_the_drawing_has_the_colours_of_its_page(sqlite_served: Serving, visit: Visit) -> None:
     visitor = visit(sqlite_served.address)
     visitor.open(DAY)
-    colour = "document.getElementById('chart').layout.font.color"
-    light = visitor.page.evaluate(colour)
-    visitor.page.emulate_media(color_scheme="dark")
-    visitor.page.wait_for_function(f"light => {colour} !== light", arg=light)
-    visitor.settle()
-    # On paper it is black, whatever the scheme.
-    visitor.page.emulate_media(media="print", color_scheme="dark")
-    visitor.page.wait_for_function(f"() => {colour} === '#000'")
-    visitor.page.emulate_media(media="screen", color_scheme="dark")
-    visitor.page.wait_for_function(f"() => {colour} !== '#000'")
-    visitor.settle()
-
-
-def test_a_server_that_does_not_answer_is_said(sqlite_served: Serving, visit: Visit) -> None:
-    visitor = visit(sqlite_served.address)
-    visitor.open(NOON)
-    visitor.page.route("**/api/timeline/figure*", lambda route: route.abort())
-    visitor.page.locator("#chart").focus()
-    visitor.page.keyboard.press("-")
-    visitor.page.wait_for_function("() => !document.getElementById('trouble').hidden")
-    visitor.settle()
-    visitor.page.unroute("**/api/timeline/figure*")
-    visitor.page.keyboard.press("0")
-    visitor.page.wait_for_function("() => document.getElementById('trouble').hidden")
-    visitor.settle()
-    visitor.faults = [fault for fault in visitor.faults if "net::ERR_FAILED" not in fault]
+    colour = "getComputedStyle(document.querySelector('.pinned svg text')).fill"
+    found = []
+    for media, scheme in (("screen", "light"), ("screen", "dark"), ("print", "dark")):
+        visitor.page.emulate_media(media=media, color_scheme=scheme)  # type: ignore[arg-type]
+        found.append(visitor.page.evaluate(colour))
+    assert found == ["rgb(27, 33, 38)", "rgb(230, 234, 237)", "rgb(0, 0, 0)"]
 
 
 def test_a_window_without_an_end_follows_what_happens(
@@ -207,12 +115,9 @@ def test_a_window_without_an_end_follows_what_happens(
         other.open(NOON)
         with kant_sql.connect(f"sqlite:///{own}", knowledge_base="courier", actor="night") as kb:
             kb.propositions.save("(waiting t3)")
-        visitor.page.wait_for_function(
-            "() => JSON.stringify(document.getElementById('chart').layout).includes('(waiting t3)')"
-        )
-        visitor.page.wait_for_selector("#shown :text('(waiting t3)')")
-        visitor.settle()
+        visitor.page.wait_for_selector(".pinned + svg a[href*='waiting+t3']")
+        visitor.page.wait_for_selector("#shown table :text('(waiting t3)')")
         assert asked(visitor) == {"kb": "courier"}
-        assert window(other) == ["2026-03-02 14:00:00", "2026-03-02 14:30:00"]
+        assert window(other) == "2026-03-02 14:00:00 to 14:30:00 UTC"
     finally:
         serving.stop()

@@ -30,7 +30,6 @@ from kant_sql import (
     UnknownNameError,
     UnknownRevisionError,
     Version,
-    plots,
 )
 from kant_sql.history import gantt, timeline
 from kant_sql.sql import lanes
@@ -199,7 +198,7 @@ def test_each_version_is_a_bar_or_is_counted(fresh_kb: KnowledgeBase, seed: int)
             (low.committed_at, None),
         ):
             for slices in (1, chance.randrange(2, 9), 600):
-                made = kb.timeline(since, until=until, slices=slices)
+                made = kb.timeline(since, until=until, slices=slices, unchanged=True)
                 assert made.slices <= slices
                 check(kb, made, known)
 
@@ -263,7 +262,7 @@ def test_lanes_are_chosen_by_predicate_object_and_text(fresh_kb: KnowledgeBase) 
     kb.propositions.save(PddlPropositionDto(named, [PddlObjectDto(named.types[0], "Straße_1")]))
 
     def shown(**wanted: Any) -> list[str]:
-        return [lane.text for lane in kb.timeline(**wanted).lanes]
+        return [lane.text for lane in kb.timeline(unchanged=True, **wanted).lanes]
 
     assert shown(predicate="ROBOT_AT") == [
         "(robot_at rb1 wp1)",
@@ -329,6 +328,81 @@ def test_lanes_are_the_same_however_they_are_found(
         made.cache_clear()
 
 
+@pytest.mark.parametrize("is_listed", [True, False])
+def test_what_never_changed_is_folded_away(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, is_listed: bool
+) -> None:
+    kb = fresh_kb
+    if not is_listed:
+        monkeypatch.setattr(lanes, "FEW_REVISIONS", 0)
+    kb.propositions.save_all(robot_at(OTHER, waypoint(n)) for n in range(20, 26))
+    kb.function_values.set(LOCATION, objects=[OTHER], value=WP1)
+    live(kb, 30, 7)
+    revisions, last = kb.store.revisions(), kb.revision
+    began = {
+        (one.kind, one.text): min(version.since.number for version in one.versions)
+        for one in histories(kb)
+    }
+    for low, high in ((0, last), (2, last - 1), (9, 12), (20, 20)):
+        whole = kb.timeline(low, until=high, unchanged=True)
+        made = kb.timeline(low, until=high)
+        assert (whole.folded, made.has_more_folded) == (None, False)
+        begin = whole.since + (whole.until - whole.since) / timeline.FIRST
+        settled = max(low, sum(revision.committed_at <= begin for revision in revisions))
+
+        def is_changed(lane: Lane, low: int = low, high: int = high, to: int = settled) -> bool:
+            last = lane.bars[-1]
+            is_new = last.since == began[lane.kind, lane.text]
+            return last.since > (to if is_new else low) or (last.until or high + 1) <= high
+
+        expected = tuple(lane for lane in whole.lanes if is_changed(lane))
+        assert made.lanes == (expected or whole.lanes)
+        assert made.folded == (len(whole.lanes) - len(expected) if expected else 0)
+        pages = [kb.timeline(low, until=high, lanes=1)]
+        while pages[-1].next is not None:
+            pages.append(kb.timeline(low, until=high, lanes=1, after=pages[-1].next))
+        assert tuple(lane for page in pages for lane in page.lanes) == made.lanes
+
+
+def test_folded_lanes_are_counted_as_they_are_chosen(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = fresh_kb
+    kb.propositions.save_all(robot_at(OTHER, waypoint(n)) for n in range(20, 26))
+    kb.function_values.set(LOCATION, objects=[OTHER], value=WP1)
+    kb.propositions.save(robot_at(OTHER, waypoint(1)))
+    kb.function_values.set(BATTERY, objects=[OTHER], value=1)
+
+    def folded(**wanted: Any) -> tuple[int | None, bool]:
+        made = kb.timeline(2, **wanted)
+        return made.folded, made.has_more_folded
+
+    assert folded() == (7, False)
+    assert folded(kinds=["value"]) == (1, False)
+    assert folded(predicate="ROBOT_AT") == folded(object="rb2", text="AT r") == (6, False)
+    assert folded(object="wp1") == (0, False)
+    monkeypatch.setattr(timeline, "MOST_FOLDED", 3)
+    count_, has_more = folded()
+    assert has_more
+    assert 3 <= count_ < 7  # type: ignore[operator]
+    # Where nothing changed, what held is shown.
+    assert len(kb.timeline(2, until=2).lanes) == 7
+    assert len(kb.timeline(2, until=2, lanes=2).lanes) == 2
+
+
+def test_it_is_drawn_as_it_was_asked_for(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    for number in range(3):
+        kb.propositions.save(robot_at(RB1, waypoint(number)))
+        kb.propositions.delete(robot_at(RB1, waypoint(number)))
+        kb.propositions.save(robot_at(OTHER, waypoint(number)))
+    made = kb.timeline().svg()
+    assert "robot_at rb1: wp0, wp1, wp2" in made
+    assert "robot_at Rb2:" not in made
+    assert "(robot_at Rb2 wp1)" in made
+    assert "(robot_at Rb2 wp1)" not in kb.timeline(object="rb1").svg()
+
+
 def test_what_never_was_is_refused(fresh_kb: KnowledgeBase) -> None:
     kb = fresh_kb
     kb.propositions.save(robot_at())
@@ -355,6 +429,7 @@ def test_what_never_was_is_refused(fresh_kb: KnowledgeBase) -> None:
         {"kinds": "fact"},
         {"lanes": 0},
         {"lanes": 1_001},
+        {"unchanged": 1},
         {"slices": 0},
         {"slices": 10_001},
         {"after": "fact:1"},
@@ -615,19 +690,3 @@ def without_scans(url: str, statement: Statement) -> list[str]:
         return explain(url, statement)
     option = "options=-c%20enable_seqscan%3Doff"
     return explain(f"{url}{'&' if '?' in url else '?'}{option}", statement)
-
-
-# Figures.
-
-
-def test_figures_are_of_what_is_asked_for(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
-    live(kb, 20, 2)
-    figure = plots.timeline(kb, since=3, until=12, object="rb1", kinds=["fact"], dark=True)
-    shown = kb.timeline(3, until=12, object="rb1", kinds=["fact"])
-    assert figure == plots.timeline_figure(shown, dark=True)
-    assert sum(len(trace.y) for trace in figure.data) == sum(len(one.bars) for one in shown.lanes)
-    battery = plots.values(kb, function="battery")
-    assert [trace.type for trace in battery.data] == ["scatter"]
-    with pytest.raises(UnknownNameError):
-        plots.values(kb, function="batery")

@@ -156,9 +156,10 @@ class Markup(HTMLParser):
 
 @cache
 def _written() -> tuple[set[str], set[str]]:
-    """Return the elements and attributes of all templates."""
+    """Return the elements and attributes of all templates, and of the drawing."""
     texts = [path.read_text(encoding="utf-8") for path in (WEB / "templates").iterdir()]
     texts += [path.read_text(encoding="utf-8") for path in (WEB / "pages").glob("*.py")]
+    texts.append((WEB.parent / "history" / "drawing.py").read_text(encoding="utf-8"))
     text = "\n".join(texts)
     elements = set(re.findall(r"<([a-z][a-z0-9]*)\b", text))
     named = {

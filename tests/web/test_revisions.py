@@ -87,8 +87,7 @@ def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Fille
         page = client.get(f"/{path}", params={"kb": "courier", **query}).text
         assert "Camera 7" in page, path
     assert "/door" in client.get("/state", params={"kb": "courier"}).text
-    figure = client.get("/api/timeline/figure", params={"kb": "courier"}).text
-    assert "Camera 7" in figure
+    assert "Camera 7" in kb.timeline().svg()
     assert "Camera 7" in report_html(kb, verify=False).split("<h2>Log</h2>")[0]
     assert "Camera 7" in kb.history("(robot_at rb1 wp1)")._repr_html_()  # type: ignore[attr-defined]
     (period, *_) = kb.when("(robot_at rb1 wp1)")
