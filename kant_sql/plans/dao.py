@@ -546,6 +546,17 @@ def running_steps(store: Store) -> list[RecordedStep]:
     return store.read_in_snapshot(read)
 
 
+def read_step(store: Store, step: RecordedStep) -> RecordedStep:
+    """Read a step as it is now."""
+
+    def work(view: View) -> RecordedStep:
+        assert view.kb_id is not None
+        [plan] = _PlanReader(store, view, view.kb_id).read(step.plan_id)
+        return plan.steps[step.position]
+
+    return store.read_in_snapshot(work)
+
+
 def record_step(store: Store, transaction: Transaction, step: PlanStep) -> RecordedStep:
     """Record a step that is of no plan, as a plan of its own; no planner was given a problem."""
     definition = PlanDefinition(

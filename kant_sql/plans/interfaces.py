@@ -61,6 +61,12 @@ class RecordedStep:
     revisions: tuple[int, ...]
     knowledge_base: str
 
+    @property
+    def revision(self) -> int | None:
+        """The revision that gave it its status; None before any, and until that is committed."""
+        last = self.outcomes[-1] if self.outcomes else None
+        return last.since.number if last is not None and last.until is None else None
+
     def __str__(self) -> str:
         return f"({' '.join((self.action, *self.arguments))})"
 

@@ -21,7 +21,7 @@ from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.resolved import AllOf
 from ..planning import PlanStep
-from ..plans.dao import place_of, record_step, running_steps, set_status
+from ..plans.dao import place_of, read_step, record_step, running_steps, set_status
 from ..plans.interfaces import RecordedStep
 from ..sql.changes import Change
 from ..store.snapshot import View
@@ -166,8 +166,9 @@ def start(
         >>> step = kb.start("(unlock)")
         >>> step.status, step.duration, kb.holds("(busy)"), kb.holds("(open)")
         ('started', Decimal('3'), True, False)
-        >>> kb.end(step)
-        4
+        >>> step = kb.end(step)
+        >>> step.status, step.revision
+        ('succeeded', 4)
         >>> kb.holds("(open)")
         True
     """
@@ -192,8 +193,7 @@ def start(
         started.append(recorded)
 
     in_revision(store, step, reason, plan_step, "started", work)
-    place = place_of(started[0])
-    return next((each for each in running_steps(store) if place_of(each) == place), started[0])
+    return read_step(store, started[0])
 
 
 def _link(transaction: Transaction, step: RecordedStep) -> None:
@@ -206,7 +206,7 @@ def _link(transaction: Transaction, step: RecordedStep) -> None:
 
 def end(
     state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
-) -> int | None:
+) -> RecordedStep:
     """End a running step: its conditions and effects `at end`, in one revision.
 
     Continuous effects take place first: their rates in this state, times the duration that was
@@ -215,12 +215,12 @@ def end(
     the end; conditions and effects `at end` see the changed numbers.
 
     Args:
-        step: as for `apply`, or what `start` returned; its duration is that of the start.
+        step: what `start` returned, or as for `apply`; its duration is that of the start.
         reason: as for `apply`.
         plan_step: as for `apply`.
 
     Returns:
-        The revision, as `apply`.
+        The step, with the status `succeeded`.
 
     Raises:
         NotApplicableError: a condition `over all` or `at end` does not hold.
@@ -235,7 +235,8 @@ def end(
         _finish(transaction, found, given, earlier)
         set_status(transaction, running, "succeeded")
 
-    return in_revision(store, running, reason, plan_step, "ended", work)
+    in_revision(store, running, reason, plan_step, "ended", work)
+    return read_step(store, running)
 
 
 def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = False) -> Aborted:
@@ -250,7 +251,7 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
         undo: whether to take back what the start changed.
 
     Returns:
-        The revision, as `apply`; what the start left, and what was taken back.
+        The step, with the status `aborted`, what its start left, and what was taken back.
 
     Raises:
         PlanError: the step is not running; or with `undo`, something else changed what its
@@ -284,9 +285,10 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
         set_status(transaction, running, "aborted")
 
     done = "aborted and undid" if undo else "aborted"
-    made = in_revision(store, running, reason, None, done, work)
+    in_revision(store, running, reason, None, done, work)
     undone = tuple(each for effect in effects or [] for each in effect.changes) if undo else ()
-    return Aborted(running, made, None if effects is None else tuple(left), undone)
+    now = vars(read_step(store, running))
+    return Aborted(**now, left=None if effects is None else tuple(left), undone=undone)
 
 
 def _check_durative(step: GroundStep) -> None:

@@ -30,28 +30,25 @@ from .steps import ground
 
 
 @dataclass(frozen=True)
-class Aborted:
-    """What aborting a step did.
+class Aborted(RecordedStep):
+    """An aborted step, and what that leaves.
 
     Attributes:
-        step: the step.
-        revision: the revision that aborted it; None within an open transaction.
         left: the changes of its start that still stand, as a log has them; None if they are not
             known, because the state before the start was archived, or was not committed.
         undone: the changes of its start that were taken back.
     """
 
-    step: RecordedStep
-    revision: int | None
     left: tuple[Change, ...] | None
     undone: tuple[Change, ...] = ()
 
     def __str__(self) -> str:
+        step = super().__str__()
         if self.undone:
-            return f"{self.step} was aborted, and {_listed(self.undone)} taken back"
+            return f"{step} was aborted, and {_listed(self.undone)} taken back"
         if self.left is None:
-            return f"{self.step} was aborted; what it leaves is not known"
-        return f"{self.step} was aborted; it leaves {_listed(self.left) or 'nothing'}"
+            return f"{step} was aborted; what it leaves is not known"
+        return f"{step} was aborted; it leaves {_listed(self.left) or 'nothing'}"
 
 
 def _listed(changes: tuple[Change, ...]) -> str:

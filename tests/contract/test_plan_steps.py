@@ -133,7 +133,7 @@ def test_a_step_of_another_knowledge_base_is_refused(fresh_kb: KnowledgeBase) ->
     twin = recorded(other).steps[0]
     with nothing_changes(fresh_kb):
         message = refuses(open_within, fresh_kb, twin)
-        assert f"is of knowledge base '{other.factory._store.name}', not of" in message  # type: ignore[attr-defined]
+        assert f"is of knowledge base '{other.store.factory._store.name}', not of" in message  # type: ignore[attr-defined]
         refuses(fresh_kb.plans.set_status, twin, status="started")
     assert other.plans.set_status(twin, status="started")
 

@@ -374,7 +374,7 @@ def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
     with pytest.raises(NotApplicableError, match="it is running"):
         kb.start("(long p1 c0 c1)")
     assert kb.pddl.broken_invariants() == []
-    ended = kb.end("(LONG p1 c0 c1)")
+    ended = kb.end("(LONG p1 c0 c1)").revision
     assert ended == started + 1
     assert kb.holds("(and (not (busy p1)) (at p1 c1))")
     assert total(kb) == Decimal("1.85")
@@ -538,7 +538,7 @@ def test_a_step_that_rules_allow_is_found(rooms: KnowledgeBase) -> None:
     assert not rooms.holds("(ready)")
     rooms.start("(wait)")
     assert rooms.holds("(ready)")
-    assert rooms.end("(wait)") is not None
+    assert rooms.end("(wait)").revision is not None
 
 
 # Continuous effects.
@@ -674,7 +674,7 @@ def test_a_running_step_is_known_to_other_connections(shared_url: str, connect: 
     one.load_domain(DOMAIN)
     one.load_problem(PROBLEM)
     one.start("(long p1 c0 c1)")
-    assert other.end("(long p1 c0 c1)") is not None
+    assert other.end("(long p1 c0 c1)").revision is not None
     with pytest.raises(PlanError, match="not running"):
         one.end("(long p1 c0 c1)")
 

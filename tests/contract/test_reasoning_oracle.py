@@ -152,7 +152,7 @@ class Judge:
 
     def same_statement(self, answers: Answers, wanted: list[tuple[str, ...]], about: str) -> None:
         """The statement that can be pasted elsewhere finds the same."""
-        store: Any = self.view.factory._store  # type: ignore[attr-defined]
+        store: Any = self.view.store.factory._store  # type: ignore[attr-defined]
         with store.backend.engine.connect() as connection:
             driver = connection.connection.driver_connection
             found = driver.execute(answers.sql).fetchall()

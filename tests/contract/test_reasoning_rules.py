@@ -238,9 +238,9 @@ def test_what_is_no_rule_is_refused(day: KnowledgeBase) -> None:
         day.pddl.check_rules("(always (sometime (child_in kitchen)))")
     anything: Any = day
     with pytest.raises(InvalidArgumentError, match="the clock"):
-        anything.check_rules(SAFETY, clock="wall")
+        anything.pddl.check_rules(SAFETY, clock="wall")
     with pytest.raises(InvalidArgumentError, match="a source"):
-        anything.check_rules(3)
+        anything.pddl.check_rules(3)
     with pytest.raises(UnknownRevisionError):
         day.pddl.check_rules(SAFETY, until=99)
 

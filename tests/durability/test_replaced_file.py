@@ -344,7 +344,7 @@ def test_a_store_put_back_to_another_state_is_not_written_to(
     kb, other = connect(shared_url), connect(shared_url)
     fill(kb, 3)
     kb.propositions.delete(fact(1))
-    with other.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
+    with other.store.factory._store.backend.open_session() as session:  # type: ignore[attr-defined]
         session._execute(f"UPDATE head SET {change}")
     with pytest.raises(StoreReplacedError, match="the store was restored to another state"):
         kb.propositions.save(fact(1))

@@ -49,7 +49,7 @@ def _url(backend: Backend) -> str:
 
 
 def _check(kb: KnowledgeBase, replica: KnowledgeBase, name: str, is_whole: bool) -> None:
-    here, there = (_url(each.factory._store.backend) for each in (kb, replica))  # type: ignore[attr-defined]
+    here, there = (_url(each.store.factory._store.backend) for each in (kb, replica))  # type: ignore[attr-defined]
     if is_whole:
         equal_histories(here, there, name)
     else:

@@ -417,7 +417,7 @@ def test_two_at_once_keep_the_later_end(written: Written, connect: Connect) -> N
     assert before.continued_from == 2
     others = [connect(url, knowledge_base="tiago") for _ in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        done = list(pool.map(lambda one: one.verify(resume=True, keep=True), others))
+        done = list(pool.map(lambda one: one.store.verify(resume=True, keep=True), others))
     assert all(each.is_intact and each.is_kept for each in done)
     assert knowledge_bases(url)[0].verified_revision == 3
     change(url, "UPDATE verification SET revision = 3")
