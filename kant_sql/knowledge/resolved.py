@@ -227,6 +227,15 @@ def any_of(parts: Iterable[Part]) -> Part:
     return found[0] if len(found) == 1 else OneOf(tuple(found))
 
 
+def same(left: Place, right: Place) -> Part:
+    """Return that two terms are one object."""
+    if left == right:
+        return TRUE
+    if isinstance(left, Known) and isinstance(right, Known):
+        return FALSE
+    return SameObject(left, right)
+
+
 def closure(definitions: Definitions, type_ids: Iterable[int]) -> TypeSet:
     """Return the types whose objects fit a parameter of some types; None for all."""
     key = ("closure", frozenset(type_ids))
@@ -389,7 +398,7 @@ class Resolver:
                 found = HoldsFact(predicate.id, places)
             case f.Equal(left, right):
                 sides = [self._term(term, needed, bound) for term in (left, right)]
-                found = self._same(*sides)
+                found = same(*sides)
             case f.Comparison(operator, first, second):
                 least = self._expression(first, needed, bound)
                 most = self._expression(second, needed, bound)
@@ -412,12 +421,6 @@ class Resolver:
                 f"{atom} is of predicate {atom.predicate!r}, which is not known; save it first"
             )
         return predicate
-
-    @staticmethod
-    def _same(left: Place, right: Place) -> Part:
-        if isinstance(left, Known) and isinstance(right, Known):
-            return TRUE if left == right else FALSE
-        return TRUE if left == right else SameObject(left, right)
 
     def _terms(
         self,
@@ -530,7 +533,7 @@ def inner_parts(part: Any) -> Sequence[Any]:
     return ()
 
 
-def parts_of(part: Part) -> Iterator[Any]:
+def parts_of(part: Part | Quantity) -> Iterator[Any]:
     """Yield a part with all parts and numbers within it."""
     stack: list[Any] = [part]
     while stack:

@@ -33,7 +33,6 @@ from ..knowledge.resolved import (
     Part,
     Place,
     Quantity,
-    SameObject,
     Slot,
     Witness,
     all_of,
@@ -41,12 +40,12 @@ from ..knowledge.resolved import (
     negate,
     parts_of,
     replaced,
+    same,
 )
 from ..knowledge.rules import DerivationRules, rules_of
 from .steps import EffectItem
+from .world import Head
 
-# A predicate (True) or a function, by id.
-Head = tuple[bool, int]
 # How many cases of one comparison are told apart.
 MOST_CASES = 16
 _OPERATORS = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
@@ -103,15 +102,6 @@ def head_of(part: Part | Quantity) -> Head | None:
         case FluentIs(function, _, _) | NumberOf(function, _):
             return False, function
     return None
-
-
-def same(left: Place, right: Place) -> Part:
-    """Return that two terms are one object."""
-    if left == right:
-        return TRUE
-    if isinstance(left, Known) and isinstance(right, Known):
-        return FALSE
-    return SameObject(left, right)
 
 
 class After:

@@ -32,6 +32,7 @@ from ..knowledge.resolved import (
     all_of,
     check_levels,
     negate,
+    parts_of,
 )
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
@@ -39,7 +40,7 @@ from ..pddl.given import read_condition, text_of
 from ..sql.answers import GUARDS, run
 from ..store.snapshot import View
 from ..store.state import State
-from .after import After, Head, weakened
+from .after import After, weakened
 from .arithmetic import EXACT, Exact, decimal_of
 from .ask import (
     EXAMPLE,
@@ -52,7 +53,8 @@ from .ask import (
 )
 from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition
 from .past_question import names_of, with_objects
-from .steps import EffectItem, of_time, preferred, quantities_of
+from .steps import EffectItem, of_time, preferred
+from .world import Head
 
 # Numbers of variables that no condition has.
 _FAR = 2_000_000
@@ -229,7 +231,7 @@ def exact_number(
     """
     resolver = Resolver(view.definitions)
     quantity, needed = resolver.number(node)
-    leaves = [each for each in quantities_of(quantity) if isinstance(each, NumberOf)]
+    leaves = [each for each in parts_of(quantity) if isinstance(each, NumberOf)]
     values = read_numbers(view, list(dict.fromkeys(leaves)), needed)
     return None if values is None else exact(quantity, {**values, **(changed or {})}, numbers)
 

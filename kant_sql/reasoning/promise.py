@@ -38,21 +38,24 @@ from ..knowledge.resolved import (
     closure,
     fits,
     negate,
+    parts_of,
     replaced,
+    same,
 )
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
 from ..sql.relations import ConditionStatement
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
-from .after import After, Head, OpaqueError, heads_of, is_linear, mapped, same, with_quantities
+from .after import After, OpaqueError, heads_of, is_linear, mapped, with_quantities
 from .arithmetic import EXACT, Exact
 from .ask import asked, first_two, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
 from .grounding import bound, substitute
-from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits, quantities_of
+from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits
+from .world import Head
 
 AFTER_START = "right after the start"
 _ADDITIVE, _SCALING = ("increase", "decrease"), ("scale-up", "scale-down")
@@ -153,7 +156,7 @@ def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[Part]:
     value = item.value
     if value is None or isinstance(value, Slot | Known):
         return
-    if any(not isinstance(each, Decimal) for each in quantities_of(value)):
+    if any(not isinstance(each, Decimal) for each in parts_of(value)):
         yield Compares("=", value, value)
     function = action.definitions.functions.live(item.head)
     if item.operator != "assign" and fold(function.name) != TOTAL_COST:

@@ -35,6 +35,7 @@ from ..knowledge.resolved import (
     check_levels,
     fits,
     negate,
+    parts_of,
 )
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
@@ -145,7 +146,7 @@ class EffectItem:
         """The fluents that its number is calculated from."""
         if self.value is None or isinstance(self.value, Slot | Known):
             return []
-        found = (each for each in quantities_of(self.value) if isinstance(each, NumberOf))
+        found = (each for each in parts_of(self.value) if isinstance(each, NumberOf))
         return list(dict.fromkeys(found))
 
 
@@ -364,17 +365,8 @@ def _rate(quantity: Quantity) -> Quantity | None:
         is_whole = len(found) == 1 and (quantity.operator == "*" or rates[0] is not None)
         others = zip(quantity.operands, rates, strict=True)
         found = tuple(each if rate is None else rate for each, rate in others)
-        is_whole &= not any(_TIME in quantities_of(each) for each in found)
+        is_whole &= not any(_TIME in parts_of(each) for each in found)
     return Operation(quantity.operator, found) if is_whole else None
-
-
-def quantities_of(quantity: Quantity) -> Iterator[Quantity]:
-    """Yield a number and the numbers that it is calculated from."""
-    pending = [quantity]
-    while pending:
-        each = pending.pop()
-        yield each
-        pending += each.operands if isinstance(each, Operation) else ()
 
 
 def _has_effect(effect: f.Formula, time: str | None) -> bool:

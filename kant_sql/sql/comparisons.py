@@ -14,7 +14,16 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ..dto.lexical import decimal_text
 from ..errors import UnsupportedConstructError
-from ..knowledge.resolved import COMPARE, NumberOf, Operation, Parameter, Place, Quantity, Slot
+from ..knowledge.resolved import (
+    COMPARE,
+    NumberOf,
+    Operation,
+    Parameter,
+    Place,
+    Quantity,
+    Slot,
+    parts_of,
+)
 from .dialects.words import Words
 
 T = TypeVar("T")
@@ -140,7 +149,7 @@ class ComparisonWriter:
 
     def _by_doubles(self, operator: str, left: Quantity, right: Quantity) -> str:
         first, second = self._double(left), self._double(right)
-        count = sum(1 for side in (left, right) for _ in _nodes(side))
+        count = sum(1 for side in (left, right) for _ in parts_of(side))
         size = f"({self._size(left)} + {self._size(right)})"
         bound = f"{self._writer.parameter(_ERROR * count)} * {size}"
         return (
@@ -253,18 +262,9 @@ def levels_of(*quantities: Quantity) -> int:
     return levels
 
 
-def _nodes(quantity: Quantity) -> Iterable[Quantity]:
-    pending = [quantity]
-    while pending:
-        each = pending.pop()
-        yield each
-        if isinstance(each, Operation):
-            pending += each.operands
-
-
 def _leaves(quantity: Quantity) -> Iterable[Quantity]:
-    return (each for each in _nodes(quantity) if not isinstance(each, Operation))
+    return (each for each in parts_of(quantity) if not isinstance(each, Operation))
 
 
 def _divides(quantity: Quantity) -> bool:
-    return any(isinstance(each, Operation) and each.operator == "/" for each in _nodes(quantity))
+    return any(isinstance(each, Operation) and each.operator == "/" for each in parts_of(quantity))
