@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeVar
 
 import typer
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
+# What finds what a command is made of, by its name; and what plugins have for it.
+Functions = Mapping[str, Callable[[], "Callable[..., object] | typer.Typer"]]
+Plug = Plugins[Callable[..., object]]
 URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
 JSON_OPTION = "--json"
@@ -306,40 +310,84 @@ class Argument(TyperArgument):
         return record and (self.metavar or str(self.name), record[1])
 
 
-class PluggedCommands(TyperGroup):
+class LaterCommands(MutableMapping[str, Any]):
+    """The commands of a group by their names; each is made when it is asked for."""
+
+    def __init__(self, made: MutableMapping[str, Any], functions: Functions, plugins: Plug) -> None:
+        self._made = made
+        self._functions = functions
+        self._plugins = plugins
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made:
+            find = self._functions.get(name)
+            function = self._plugins.get(name) if find is None else find()
+            if function is None:
+                raise KeyError(name)
+            self._made[name] = _make(name, function)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from dict.fromkeys((*self._functions, *self._made, *self._plugins.names()))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self._made[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._made[name]
+
+
+class CommandGroup(TyperGroup):
     """Commands of the library, and of plugins: functions with annotations for Typer.
 
     Attributes:
-        plugins: the group of entry points with the names of these.
+        functions: what finds the functions of commands, by their names, or an app of several.
+        plugins: the group of entry points with the names of others.
     """
 
-    plugins: ClassVar[Plugins[Callable[..., object]]]
+    functions: ClassVar[Functions] = MappingProxyType({})
+    plugins: ClassVar[Plug]
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        _name_arguments(self)
+        for command in (self, *self.commands.values()):
+            _name_arguments(command)
+        self.commands = LaterCommands(self.commands, self.functions, self.plugins)
 
-    def list_commands(self, ctx: Any) -> list[str]:
-        """Name the commands for the help."""
-        return [*super().list_commands(ctx), *self.plugins.names()]
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Find a command; None if it does not exist."""
-        command = super().get_command(ctx, cmd_name)
-        plugged = None if command else self.plugins.get(cmd_name)
-        if plugged is None:
-            return command
+def _make(name: str, function: Callable[..., object] | typer.Typer) -> Any:
+    """Make the command of a function."""
+    app = function
+    if not isinstance(app, typer.Typer):
         app = typer.Typer(rich_markup_mode=None, add_completion=False)
-        app.command(cmd_name)(plugged)
-        made = typer.main.get_command(app)
-        _name_arguments(made)
-        return made
+        app.command(name)(function)
+    made = typer.main.get_command(app)
+    made.name = name
+    _name_arguments(made)
+    return made
 
 
 def _name_arguments(command: Any) -> None:
-    """Make the arguments of a command and its subcommands ours; Typer has no setting for it."""
+    """Make the arguments of a command ours; Typer has no setting for it."""
     for parameter in command.params:
         if type(parameter) is TyperArgument:
             parameter.__class__ = Argument
-    for one in getattr(command, "commands", {}).values():
-        _name_arguments(one)
+
+
+class ServiceError(Exception):
+    """An error with the exit code that a service manager decides by.
+
+    Attributes:
+        error: what happened.
+        code: the exit code.
+        is_said: whether standard error has it already.
+    """
+
+    def __init__(self, error: KantSqlError, code: int, is_said: bool = False) -> None:
+        super().__init__(str(error))
+        self.error = error
+        self.code = code
+        self.is_said = is_said

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import os
 import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import partial, wraps
+from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -18,12 +19,7 @@ import typer
 from .. import __version__
 from ..errors import KantSqlError
 from ..plugins import Plugins
-from .asking import goals, holds, query, rules, when
-from .check import check
-from .common import JSON_OPTION, PluggedCommands
-from .documents import dump, load
-from .export import export
-from .history import blame, branch, diff, history, log, restore, watch
+from .common import JSON_OPTION, CommandGroup, ServiceError
 from .output import (
     FAILED,
     complain,
@@ -34,14 +30,6 @@ from .output import (
     want_pager,
     write_error,
 )
-from .plans import plan, plans
-from .replication import ServiceError, promote, push
-from .report import report
-from .serve import serve
-from .state import show
-from .steps import applicable, apply, validate, why_not
-from .store import anchor, archive, backup, db, kbs, views
-from .verifying import verify
 
 WRONG_USAGE, INTERRUPTED = 2, 130
 _WRONG_USAGE = "UsageError"
@@ -121,9 +109,70 @@ def _wants_json(words: Sequence[str]) -> bool:
     return JSON_OPTION in options
 
 
-class Commands(PluggedCommands):
+def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
+    """Send a command's output through a pager, unless it is JSON."""
+
+    @wraps(command)
+    def run_in_pager(*words: Any, **options: Any) -> object:
+        with nullcontext() if options.get("as_json") else paged():
+            return command(*words, **options)
+
+    return run_in_pager
+
+
+def _with_all_work(command: Callable[..., object]) -> Callable[..., object]:
+    """Finish a command whose output nobody reads any more, and keep its exit code."""
+
+    @wraps(command)
+    def run_to_the_end(*words: Any, **options: Any) -> object:
+        with to_the_end():
+            return command(*words, **options)
+
+    return run_to_the_end
+
+
+# The module of each command; what it is called is the function's name, with `-` for `_`.
+_HOMES = {
+    **dict.fromkeys(("load", "dump"), "documents"),
+    "check": "check",
+    **dict.fromkeys(("plan", "plans"), "plans"),
+    "validate": "steps",
+    "kbs": "store",
+    "show": "state",
+    **dict.fromkeys(("query", "holds", "goals"), "asking"),
+    **dict.fromkeys(("why-not", "applicable", "apply"), "steps"),
+    **dict.fromkeys(("log", "diff", "history", "blame"), "history"),
+    **dict.fromkeys(("when", "rules"), "asking"),
+    **dict.fromkeys(("restore", "branch"), "history"),
+    "views": "store",
+    "export": "export",
+    "watch": "history",
+    "serve": "serve",
+    "report": "report",
+    "verify": "verifying",
+    **dict.fromkeys(("anchor", "backup", "archive"), "store"),
+    **dict.fromkeys(("push", "promote"), "replication"),
+    "db": "store",
+}
+_PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
+_PAGED |= {"log", "diff", "history", "blame", "when", "rules"}
+# Their exit code says what became of the store.
+_FINISHED = {"verify", "push", "promote"}
+
+
+def _find(name: str) -> Any:
+    """Import the function of a command."""
+    module = import_module(f".{_HOMES[name]}", __package__)
+    found = getattr(module, name.replace("-", "_"))
+    if name in _PAGED:
+        return _in_pager(found)
+    return _with_all_work(found) if name in _FINISHED else found
+
+
+class Commands(CommandGroup):
     """The commands; an error is one line, never a traceback."""
 
+    functions = {name: partial(_find, name) for name in _HOMES}  # noqa: RUF012
     plugins = Plugins("kant_sql.commands")
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
@@ -143,28 +192,6 @@ class Commands(PluggedCommands):
             raise EndedEarlyError(INTERRUPTED) from error
 
 
-def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
-    """Send a command's output through a pager, unless it is JSON."""
-
-    @functools.wraps(command)
-    def run_in_pager(*words: Any, **options: Any) -> object:
-        with nullcontext() if options.get("as_json") else paged():
-            return command(*words, **options)
-
-    return run_in_pager
-
-
-def _with_all_work(command: Callable[..., object]) -> Callable[..., object]:
-    """Finish a command whose output nobody reads any more, and keep its exit code."""
-
-    @functools.wraps(command)
-    def run_to_the_end(*words: Any, **options: Any) -> object:
-        with to_the_end():
-            return command(*words, **options)
-
-    return run_to_the_end
-
-
 # Help is plain text: URLs in it would be read as markup.
 app = typer.Typer(
     cls=Commands,
@@ -172,42 +199,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.add_typer(db, name="db")
-_PAGED = (dump, plans, kbs, show, log, diff, history, blame, query, goals, applicable, when, rules)
-_COMMANDS = (
-    load,
-    dump,
-    check,
-    plan,
-    plans,
-    validate,
-    kbs,
-    show,
-    query,
-    holds,
-    goals,
-    why_not,
-    applicable,
-    apply,
-    log,
-    diff,
-    history,
-    blame,
-    when,
-    rules,
-    restore,
-    branch,
-    views,
-    export,
-    watch,
-    serve,
-    report,
-)
-# Their exit code says what became of the store.
-_FINISHED = verify, push, promote
-for _command in (*_COMMANDS, verify, anchor, backup, archive, push, promote):
-    _run = _in_pager(_command) if _command in _PAGED else _command
-    app.command()(_with_all_work(_run) if _command in _FINISHED else _run)
 
 
 def _version(wanted: bool) -> None:

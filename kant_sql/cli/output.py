@@ -13,16 +13,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO, cast
-
-from rich.cells import cell_len
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
-from rich.text import Text
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from ..errors import printable
 from ..json_values import json_value
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 FAILED = 1
 # No rule is violated, but one could not be judged.
@@ -209,10 +206,15 @@ def to_the_end() -> Iterator[None]:
         sys.stdout = stream
 
 
-class _Console(Console):
-    def on_broken_pipe(self) -> None:
-        """Report a closed pipe; rich would exit with a failure."""
-        raise BrokenPipeError
+def _terminal(is_forced: bool | None) -> Console:
+    from rich.console import Console
+
+    class Terminal(Console):
+        def on_broken_pipe(self) -> None:
+            """Report a closed pipe; rich would exit with a failure."""
+            raise BrokenPipeError
+
+    return Terminal(highlight=False, force_terminal=is_forced)
 
 
 class Printer:
@@ -224,9 +226,7 @@ class Printer:
 
     def __init__(self) -> None:
         is_forced = True if _Paging.is_on else None
-        self._console = (
-            _Console(highlight=False, force_terminal=is_forced) if is_terminal() else None
-        )
+        self._console = _terminal(is_forced) if is_terminal() else None
         if self._console is not None:
             self._console.width = max(self._console.width, _LEAST_WIDTH)
 
@@ -236,6 +236,8 @@ class Printer:
         if self._console is None:
             sys.stdout.write(f"{text}\n")
         else:
+            from rich.text import Text
+
             self._console.print(Text(text.replace("\t", _TAB), style), soft_wrap=True)
 
     def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -248,6 +250,9 @@ class Printer:
         if self._console is None or len(rows) > _BOXED_ROWS:
             _write_columns(columns, rows)
             return
+        from rich.table import Table
+        from rich.text import Text
+
         table = Table()
         for column in columns:
             table.add_column(Text(column), overflow="fold")
@@ -258,6 +263,8 @@ class Printer:
 
 def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Write aligned columns; a single column needs no head beside the title."""
+    from rich.cells import cell_len
+
     lines = [columns, *rows] if len(columns) > 1 else rows
     widths = [max(map(cell_len, cells)) for cells in zip(*lines, strict=True)][:-1]
     for *cells, last in lines:
@@ -269,6 +276,8 @@ def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Non
 
 def progress_console() -> Console | None:
     """Return the terminal for progress bars; None if standard error is none."""
+    from rich.console import Console
+
     console = Console(stderr=True)
     return console if sys.stderr.isatty() and console.is_interactive else None
 
@@ -280,6 +289,14 @@ def bar(name: str) -> Iterator[Callable[[int, int], None] | None]:
     if console is None:
         yield None
         return
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
         # Square brackets in a name are not markup.

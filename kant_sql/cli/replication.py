@@ -28,6 +28,7 @@ from .common import (
     AsJson,
     Name,
     Reason,
+    ServiceError,
     Url,
     choose,
     json_lines,
@@ -49,22 +50,6 @@ _INTERVAL, _LONGEST_INTERVAL = 1.0, 86_400.0
 # Other users of the machine can read arguments, in which a password would stand.
 _TARGET_VARIABLE = "KANT_SQL_TARGET"
 _PLAIN = re.compile(r"[^\s\"=]+")
-
-
-class ServiceError(Exception):
-    """An error with the exit code that a service manager decides by.
-
-    Attributes:
-        error: what happened.
-        code: the exit code.
-        is_said: whether standard error has it already.
-    """
-
-    def __init__(self, error: KantSqlError, is_said: bool = False) -> None:
-        super().__init__(str(error))
-        self.error = error
-        self.code = _code(error)
-        self.is_said = is_said
 
 
 def _code(error: KantSqlError) -> int:
@@ -159,7 +144,7 @@ def push(
             raise
         return error.code
     except KantSqlError as error:
-        raise ServiceError(error) from error
+        raise ServiceError(error, _code(error)) from error
     return _INTERRUPTED if stop.number == signal.SIGINT else 0
 
 
@@ -175,14 +160,15 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
         if errors:
             # Another attempt is worth it as long as one of them may pass.
             passing = (error for error in errors if isinstance(error, PASSING))
-            raise ServiceError(next(passing, errors[0]), is_said)
+            error = next(passing, errors[0])
+            raise ServiceError(error, _code(error), is_said)
 
 
 def _follow(service: PushService, interval: float, stop: _Stop) -> None:
     with stop.on_signals():
         errors = service.follow(interval)
     if errors:
-        raise ServiceError(errors[0])
+        raise ServiceError(errors[0], _code(errors[0]))
 
 
 class _Stop:

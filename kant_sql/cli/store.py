@@ -17,8 +17,8 @@ from .common import (
     JSON_OPTION,
     Actor,
     AsJson,
+    CommandGroup,
     Name,
-    PluggedCommands,
     Reason,
     Url,
     leaving_nothing,
@@ -39,12 +39,15 @@ if TYPE_CHECKING:
 _NAMES_SHOWN = 10
 
 
-class _DbCommands(PluggedCommands):
+class _DbCommands(CommandGroup):
     plugins = Plugins("kant_sql.commands.db")
 
 
 db = typer.Typer(
-    cls=_DbCommands, help="Create, migrate and check the tables.", rich_markup_mode=None
+    cls=_DbCommands,
+    help="Create, migrate and check the tables.",
+    rich_markup_mode=None,
+    add_completion=False,
 )
 
 

@@ -966,9 +966,11 @@ class SqliteBackend(Backend):
             except self.driver_errors as error:
                 raise self.translate(error) from error
             finally:
-                if driver.in_transaction:
-                    driver.execute("ROLLBACK")
-                driver.execute("PRAGMA foreign_keys=ON")
+                # After Ctrl-C in a statement SQLAlchemy has closed it.
+                with suppress(sqlite3.ProgrammingError):
+                    if driver.in_transaction:
+                        driver.execute("ROLLBACK")
+                    driver.execute("PRAGMA foreign_keys=ON")
 
     def translate(self, error: Exception) -> StoreError:
         """Translate an error of sqlite3."""

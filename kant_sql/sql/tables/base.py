@@ -1,4 +1,4 @@
-"""The declarative base, column types, and what tables of one sort have in common.
+"""The base of the tables' classes, column types, and what tables of one sort have in common.
 
 Every table starts with `kb_id`, the first column of each primary key, foreign key and index, except
 for the index of open propositions and those of names and texts: a knowledge base is the unit of
