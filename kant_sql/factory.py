@@ -14,21 +14,13 @@ from typing import Self, TypeVar
 
 from typing_extensions import override
 
+from . import dao
 from .arguments import flag, whole_number
-from .dao import formula as formulas
 from .dao import interfaces as daos
-from .dao.action import SqlActionDao, SqlEventDao, SqlProcessDao
 from .dao.base import refuse_past
-from .dao.function import SqlFunctionDao
-from .dao.function_value import SqlFunctionValueDao
-from .dao.object import SqlObjectDao
-from .dao.predicate import SqlPredicateDao
-from .dao.proposition import SqlPropositionDao
-from .dao.type import SqlTypeDao
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.moments import head_revision, state_at
 from .moment_text import When
-from .plans.dao import SqlPlanDao, check_step, place_of
 from .plans.interfaces import PlanDao, RecordedStep
 from .plugins import Plugins
 from .sql.dialects import BACKENDS, create_backend, dialect_name
@@ -220,8 +212,9 @@ class DaoFactory(ABC):
 T = TypeVar("T")
 
 
-def _creates(part: Callable[[Store, int | None], T]) -> Callable[[SqlDaoFactory], T]:
-    return lambda factory: part(factory._open_store, factory._at)
+def _creates(find: Callable[[], Callable[[Store, int | None], T]]) -> Callable[[SqlDaoFactory], T]:
+    """Create what `find` names, whose module is imported then."""
+    return lambda factory: find()(factory._open_store, factory._at)
 
 
 class SqlDaoFactory(DaoFactory):
@@ -284,23 +277,28 @@ class SqlDaoFactory(DaoFactory):
         """What questions are asked of."""
         return State(self._open_store, self._at)
 
-    create_pddl_type_dao = _creates(SqlTypeDao)
-    create_pddl_object_dao = _creates(SqlObjectDao)
-    create_pddl_predicate_dao = _creates(SqlPredicateDao)
-    create_pddl_function_dao = _creates(SqlFunctionDao)
-    create_pddl_function_value_dao = _creates(SqlFunctionValueDao)
-    create_pddl_proposition_dao = _creates(SqlPropositionDao)
-    create_pddl_action_dao = _creates(SqlActionDao)
-    create_pddl_process_dao = _creates(SqlProcessDao)
-    create_pddl_event_dao = _creates(SqlEventDao)
-    create_derived_predicate_dao = _creates(formulas.SqlDerivedPredicateDao)
-    create_timed_initial_literal_dao = _creates(formulas.SqlTimedInitialLiteralDao)
-    create_initial_literal_dao = _creates(formulas.SqlInitialLiteralDao)
-    create_goal_dao = _creates(formulas.SqlGoalDao)
-    create_constraint_dao = _creates(formulas.SqlConstraintDao)
-    create_domain_constraint_dao = _creates(formulas.SqlDomainConstraintDao)
-    create_metric_dao = _creates(formulas.SqlMetricDao)
-    create_plan_dao = _creates(SqlPlanDao)
+    create_pddl_type_dao = _creates(lambda: dao.type.SqlTypeDao)
+    create_pddl_object_dao = _creates(lambda: dao.object.SqlObjectDao)
+    create_pddl_predicate_dao = _creates(lambda: dao.predicate.SqlPredicateDao)
+    create_pddl_function_dao = _creates(lambda: dao.function.SqlFunctionDao)
+    create_pddl_function_value_dao = _creates(lambda: dao.function_value.SqlFunctionValueDao)
+    create_pddl_proposition_dao = _creates(lambda: dao.proposition.SqlPropositionDao)
+    create_pddl_action_dao = _creates(lambda: dao.action.SqlActionDao)
+    create_pddl_process_dao = _creates(lambda: dao.action.SqlProcessDao)
+    create_pddl_event_dao = _creates(lambda: dao.action.SqlEventDao)
+    create_derived_predicate_dao = _creates(lambda: dao.formula.SqlDerivedPredicateDao)
+    create_timed_initial_literal_dao = _creates(lambda: dao.formula.SqlTimedInitialLiteralDao)
+    create_initial_literal_dao = _creates(lambda: dao.formula.SqlInitialLiteralDao)
+    create_goal_dao = _creates(lambda: dao.formula.SqlGoalDao)
+    create_constraint_dao = _creates(lambda: dao.formula.SqlConstraintDao)
+    create_domain_constraint_dao = _creates(lambda: dao.formula.SqlDomainConstraintDao)
+    create_metric_dao = _creates(lambda: dao.formula.SqlMetricDao)
+
+    @override
+    def create_plan_dao(self) -> PlanDao:
+        from .plans.dao import SqlPlanDao
+
+        return SqlPlanDao(self._open_store, self._at)
 
     @override
     @contextmanager
@@ -317,7 +315,11 @@ class SqlDaoFactory(DaoFactory):
         refuse_past(self._open_store, self._at)
         if expected_revision is not None:
             whole_number(expected_revision, "expected_revision")
-        step = None if plan_step is None else place_of(plan_step)
+        step = None
+        if plan_step is not None:
+            from .plans.dao import check_step, place_of
+
+            step = place_of(plan_step)
         own = (actor, reason, source, expected_revision, observed_at, step)
         with self._open_store.transaction(*own) as transaction:
             if plan_step is not None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from ..later import asked_for
 from .interfaces import (
     ConstraintDao,
     Dao,
@@ -24,6 +27,18 @@ from .interfaces import (
     RedefinableDao,
     TimedInitialLiteralDao,
 )
+
+if TYPE_CHECKING:
+    from . import action as action
+    from . import formula as formula
+    from . import function as function
+    from . import function_value as function_value
+    from . import object as object  # noqa: A004
+    from . import predicate as predicate
+    from . import proposition as proposition
+    from . import type as type  # noqa: A004
+else:
+    __getattr__ = asked_for(__name__)
 
 __all__ = [
     "ConstraintDao",
