@@ -1,44 +1,20 @@
-"""Plans, and `solve`, which runs a planner in a separate process."""
+"""Plans: their steps, how they are read and written, and the hash of what they solve."""
 
 from __future__ import annotations
 
-import contextlib
-import logging
 import os
-import pickle
-import signal
-import subprocess
-import sys
-import tempfile
-import threading
 from dataclasses import dataclass, field
 from decimal import Decimal
 from hashlib import sha256
-from pathlib import Path
-from typing import NamedTuple
 
 from .. import html
-from ..arguments import expect, expect_tuple, flag, optional_text, seconds, whole_number
+from ..arguments import expect, expect_tuple, optional_text, whole_number
 from ..dto.lexical import check_number
 from ..errors import (
     InvalidArgumentError,
     InvalidKnowledgeError,
-    KantSqlError,
-    NoPlanError,
-    PlannerMissingError,
-    UnsupportedConstructError,
-    printable,
 )
-from ..pddl.document import Domain, Problem
-from .advice import WAYS_OUT
-from .names import require_unified_planning
 from .plan_text import read_plan
-
-logger = logging.getLogger("kant_sql.planning")
-
-_ERRORS: dict[str, type[KantSqlError]] = {
-    error.__name__: error for error in (PlannerMissingError, UnsupportedConstructError)
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,120 +153,3 @@ def problem_hash(domain: str, *, problem: str) -> str:
         expect(text, str, role, InvalidArgumentError)
     # A lone surrogate has no UTF-8; such a text is not PDDL.
     return sha256((domain + problem).encode(errors="surrogatepass")).hexdigest()
-
-
-class Task(NamedTuple):
-    """What a planner's process is asked for; `solve` explains the fields."""
-
-    domain: Domain
-    problem: Problem
-    engine: str | None
-    timeout: float | None
-    strict: bool
-
-
-def solve(
-    domain: Domain,
-    *,
-    problem: Problem,
-    engine: str | None = None,
-    timeout: float | None = None,
-    strict: bool = False,
-) -> Plan:
-    """Find a plan.
-
-    Without an engine's name, the installed engines that support the problem are tried in turn:
-    aries first for durations, ENHSP for numbers, otherwise Fast Downward and pyperplan.
-    unified-planning may compile away constructs that an engine does not support: quantifiers,
-    conditional effects, trajectory constraints, object fluents.
-
-    Plugins compile preferences and metrics that unified-planning does not know; a planner improves
-    what they cost for at most 10 seconds, or half of the timeout. What of them an engine still
-    cannot be given is named in the plan's `ignored`, and logged as a
-    warning. Nothing else is ever left out.
-
-    Args:
-        engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
-        timeout: the longest time to wait, in seconds; None is infinite.
-        strict: refuse to ignore a part of the metric or a preference.
-
-    Returns:
-        The plan, in the names of the documents.
-
-    Raises:
-        PlannerMissingError: unified-planning or the engine is not installed.
-        UnsupportedConstructError: a construct has no exact counterpart in unified-planning; or,
-            with `strict`, a soft goal cannot be given to a planner.
-        NoPlanError: there is no plan, or none was found in time; `status` is the reason.
-    """
-    check_documents(domain, problem)
-    optional_text(engine, "engine")
-    longest = seconds(timeout)
-    flag(strict, "strict", InvalidArgumentError)
-    require_unified_planning()
-    with tempfile.TemporaryDirectory(prefix="kant-sql-plan-") as directory:
-        task, result = Path(directory, "task"), Path(directory, "result")
-        task.write_bytes(pickle.dumps(Task(domain, problem, engine, timeout, strict)))
-        log = _run(directory, longest)
-        if not result.exists():
-            reason = log.strip().splitlines()[-1:] or ["no reason was given"]
-            raise NoPlanError(f"the planner's process ended early: {reason[0]}", "internal_error")
-        outcome, fallbacks = pickle.loads(result.read_bytes())
-    for fallback in fallbacks:
-        logger.warning("%s", printable(fallback))
-    if isinstance(outcome, Plan):
-        if outcome.ignored:
-            ignored = printable("; ".join(outcome.ignored))
-            logger.warning("%s was not given a part of the problem: %s", outcome.engine, ignored)
-        return outcome
-    kind, message, status = outcome
-    if kind in _ERRORS:
-        raise _ERRORS[kind](message)
-    raise NoPlanError(message, status)
-
-
-def check_documents(domain: Domain, problem: Problem) -> None:
-    """Check that the arguments are documents.
-
-    Raises:
-        InvalidArgumentError: one of them is not.
-    """
-    expect(domain, Domain, "the domain", InvalidArgumentError)
-    expect(problem, Problem, "the problem", InvalidArgumentError)
-
-
-def _run(directory: str, timeout: float) -> str:
-    # The worker ends with its standard input, so it does not outlive a killed parent.
-    with Path(directory, "log").open("w+", errors="replace") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", f"{__package__}.worker", directory],
-            cwd=directory,
-            env={**os.environ, "PYTHONPATH": _import_path(), "TMPDIR": directory},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=log,
-            start_new_session=True,
-        )
-        try:
-            # Longer waits overflow the system's clock; they mean no timeout.
-            process.wait(timeout if timeout <= threading.TIMEOUT_MAX else None)
-        except subprocess.TimeoutExpired:
-            message = f"no plan was found within {timeout:g} seconds; {WAYS_OUT}"
-            raise NoPlanError(message, "timeout") from None
-        finally:
-            _end(process)
-        log.seek(0)
-        return log.read()
-
-
-def _import_path() -> str:
-    return os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if hasattr(os, "killpg"):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-    else:
-        process.kill()
-    process.communicate()

@@ -20,7 +20,7 @@ from .names import (
     require_unified_planning,
     too_deep,
 )
-from .plan import check_documents
+from .solving import check_documents
 from .up_actions import SingleEffect, UpActions, UpEffects
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
 from .variants import hinted, refusal, variants

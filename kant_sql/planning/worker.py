@@ -28,8 +28,8 @@ from ..dto.lexical import fold
 from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
-from .advice import WAYS_OUT, absent, unsupported
-from .plan import Plan, PlanStep, Task
+from .plan import Plan, PlanStep
+from .solving import WAYS_OUT, Task, absent, unsupported
 from .to_up import convert, convert_whole
 from .variants import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 

@@ -26,7 +26,7 @@ from kant_sql import (
     aio,
 )
 from kant_sql.errors import InvalidKnowledgeError, InvalidTimeoutError, PlanError, UnknownNameError
-from kant_sql.planning import plan
+from kant_sql.planning import solving
 from tests.support.generators.junk import JUNK, SLOW, Calling, Case, World, cases, sample
 from tests.support.parts import PATHS, part
 from tests.support.profile import PROFILE
@@ -48,7 +48,7 @@ def test_only_errors_of_the_library_come_of_nonsense(
     assert len(found) > 10_000
     # No planner is started: what is wrong is refused before.
     refused = NoPlanError("no planner here", "internal_error")
-    with mock.patch.object(plan, "_run", side_effect=refused):
+    with mock.patch.object(solving, "_run", side_effect=refused):
         for case in sample(found, PROFILE.junk, seed=8):
             calling.call(case)
     assert calling.faults == [], "\n".join(calling.faults)
@@ -132,7 +132,7 @@ def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
                         calling._judge_other(case, error)
                 assert (await asynchronous.store.verify()).is_intact
 
-        with mock.patch.object(plan, "_run", side_effect=NoPlanError("none", "internal_error")):
+        with mock.patch.object(solving, "_run", side_effect=NoPlanError("none", "internal_error")):
             asyncio.run(main())
     assert calling.faults == [], "\n".join(calling.faults)
 
@@ -147,7 +147,7 @@ def test_a_planner_is_given_a_sensible_time(timeout: float, connect: Connect) ->
     kb.load_domain("(define (domain d) (:predicates (p)))")
     kb.load_problem("(define (problem e) (:domain d) (:goal (p)))")
     with (
-        mock.patch.object(plan, "_run", side_effect=AssertionError("a planner was started")),
+        mock.patch.object(solving, "_run", side_effect=AssertionError("a planner was started")),
         pytest.raises(InvalidTimeoutError),
     ):
         kb.plan(timeout=timeout)
