@@ -48,9 +48,9 @@ def test_case_does_not_matter_for_any_letter(kb: KnowledgeBase) -> None:
 
 def test_what_no_text_can_contain_is_refused(kb: KnowledgeBase) -> None:
     for text in ("\0", "a\ud800"):
-        with pytest.raises(InvalidArgumentError, match="NUL or "):
+        with pytest.raises(InvalidArgumentError, match="NUL"):
             read_matches(state_of(kb), text)
-        with pytest.raises(InvalidArgumentError, match="NUL or "):
+        with pytest.raises(InvalidArgumentError, match="NUL"):
             kb.timeline(text=text)
 
 

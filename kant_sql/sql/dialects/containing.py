@@ -57,7 +57,7 @@ def pattern_of(session: Session, text: str, *, begins: bool = False, ends: bool 
     dialect = session.backend.dialect.name
     if _IMPOSSIBLE.search(text):
         raise InvalidArgumentError(
-            "no text of a store contains a NUL or an unpaired surrogate; leave it out"
+            "no text of a store contains a NUL character or an unpaired surrogate; leave it out"
         )
     special, escaped = _SPECIAL[dialect]
     written = "".join(
