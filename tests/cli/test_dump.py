@@ -142,7 +142,7 @@ def test_what_is_not_there_is_one_line(url: str, words: list[str], code: int, me
 
 def test_nothing_is_created(tmp_path: Path) -> None:
     result = run("dump", f"sqlite:///{tmp_path / 'missing.db'}")
-    assert "there is no such file" in one_line(result.stderr)
+    assert "no such file" in one_line(result.stderr)
     assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
 
 

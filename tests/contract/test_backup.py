@@ -75,7 +75,7 @@ def test_a_backup_that_fails_leaves_nothing(
     for source, file, error, said in (
         (url, existing, InvalidArgumentError, "never overwrites a file"),
         (url, tmp_path / "nowhere" / "copy.db", StoreError, "No such file or directory"),
-        (missing, tmp_path / "copy.db", SchemaError, "there is no such file"),
+        (missing, tmp_path / "copy.db", SchemaError, "no such file"),
         ("sqlite://", tmp_path / "copy.db", InvalidArgumentError, "in memory"),
         (
             "postgresql+psycopg://robot:secret@nowhere:99/fleet",

@@ -359,7 +359,7 @@ def test_two_stores_never_become_replicas_of_each_other(
     count(file_kb, 4)
     file_kb.store.push(replica_url)
     replica = connect(replica_url, knowledge_base="tiago")
-    with pytest.raises(ReplicaError, match=r"is itself a replica.*push from the one"):
+    with pytest.raises(ReplicaError, match=r"is itself a replica.*push from the original"):
         replica.store.push(file_url, adopt=True)
     count(file_kb, 5)
     assert file_kb.store.push(replica_url).revisions == 1
