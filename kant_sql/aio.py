@@ -23,6 +23,7 @@ from . import knowledge_base as sync
 from . import knowledge_store as sync_store
 from .binding import factory_of, state_of
 from .dao.interfaces import (
+    AnyDao,
     Dao,
     FactLike,
     FormulaDao,
@@ -76,6 +77,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 S = TypeVar("S")
 T = TypeVar("T")
+E = TypeVar("E", bound=Dto | Node)
 D = TypeVar("D", bound=Dto)
 Given = TypeVar("Given")
 N = TypeVar("N", bound=Node)
@@ -576,15 +578,15 @@ def _iterate(method: Callable[Concatenate[S, P], Iterable[R]]) -> _Call[P, Async
     return _Call(method, _Entries)
 
 
-class _AsyncElements(_Part, Generic[D, Given]):
-    def __init__(self, door: _Door, *, of: Dao[D, Given]) -> None:
+class _AsyncElements(_Part, Generic[E, Given]):
+    def __init__(self, door: _Door, *, of: AnyDao[E, Given]) -> None:
         super().__init__(door, of=of)
 
-    get_all = _read(Dao[D, Given].get_all)
-    insert = _write(Dao[D, Given].insert)
-    save_all = _write(Dao[D, Given].save_all)
-    delete = _write(Dao[D, Given].delete)
-    delete_all = _write(Dao[D, Given].delete_all)
+    get_all = _read(AnyDao[E, Given].get_all)
+    insert = _write(AnyDao[E, Given].insert)
+    save_all = _write(AnyDao[E, Given].save_all)
+    delete = _write(AnyDao[E, Given].delete)
+    delete_all = _write(AnyDao[E, Given].delete_all)
 
 
 class AsyncDao(_AsyncElements[D, Given]):
@@ -641,18 +643,10 @@ class AsyncFunctionValueDao(AsyncDao[PddlFunctionValueDto, ValueLike]):
     scale_down = _write(PddlFunctionValueDao.scale_down)
 
 
-class AsyncFormulaDao(_Part, Generic[N, Given]):
+class AsyncFormulaDao(_AsyncElements[N, Given]):
     """`FormulaDao` for asyncio: the DAOs of goals, constraints, derived predicates and so on."""
 
-    def __init__(self, door: _Door, *, of: FormulaDao[N, Given]) -> None:
-        super().__init__(door, of=of)
-
-    get_all = _read(FormulaDao[N, Given].get_all)
     save = _write(FormulaDao[N, Given].save)
-    insert = _write(FormulaDao[N, Given].insert)
-    save_all = _write(FormulaDao[N, Given].save_all)
-    delete = _write(FormulaDao[N, Given].delete)
-    delete_all = _write(FormulaDao[N, Given].delete_all)
 
 
 class AsyncMetricDao(_Part):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..later import asked_for
 from .interfaces import (
+    AnyDao,
     ConstraintDao,
     Dao,
     DerivedPredicateDao,
@@ -41,6 +42,7 @@ else:
     __getattr__ = asked_for(__name__)
 
 __all__ = [
+    "AnyDao",
     "ConstraintDao",
     "Dao",
     "DerivedPredicateDao",

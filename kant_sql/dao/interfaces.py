@@ -37,16 +37,17 @@ GoalLike = Formula | PddlPropositionDto | str
 # Called with the number of items done, and the number in total.
 Progress = Callable[[int, int], None]
 
+E = TypeVar("E", bound=Dto | Node)
 D = TypeVar("D", bound=Dto)
 # What is given to be saved or deleted.
 Given = TypeVar("Given")
 
 
-class Dao(ABC, Generic[D, Given]):
-    """Reads, saves and deletes one kind of PDDL element."""
+class AnyDao(ABC, Generic[E, Given]):
+    """Reads, saves and deletes one kind of PDDL element, or the formulas of one section."""
 
     @abstractmethod
-    def get_all(self) -> list[D]:
+    def get_all(self) -> list[E]:
         """Read all elements of the kind.
 
         Returns:
@@ -91,17 +92,6 @@ class Dao(ABC, Generic[D, Given]):
 
         Raises:
             PddlError, InvalidKnowledgeError, ConflictError: as `save`.
-        """
-
-    @abstractmethod
-    def update(self, dto: Given) -> bool:
-        """Save an element that is stored.
-
-        Returns:
-            False when it is not stored; then nothing changes.
-
-        Raises:
-            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
         """
 
     @abstractmethod
@@ -160,6 +150,21 @@ class Dao(ABC, Generic[D, Given]):
         Examples:
             >>> kb.objects.delete_all([wp1, wp2])
             1
+        """
+
+
+class Dao(AnyDao[D, Given]):
+    """Reads, saves and deletes one kind of PDDL element."""
+
+    @abstractmethod
+    def update(self, dto: Given) -> bool:
+        """Save an element that is stored.
+
+        Returns:
+            False when it is not stored; then nothing changes.
+
+        Raises:
+            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
         """
 
 
@@ -585,20 +590,12 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
 N = TypeVar("N", bound=Node)
 
 
-class FormulaDao(ABC, Generic[N, Given]):
+class FormulaDao(AnyDao[N, Given]):
     """Reads, saves and deletes formulas of one section: nodes of `kant_sql.pddl`.
 
     The predicates, functions, types and objects that a formula names must be known. Deleting one of
-    them deletes the formula.
+    them deletes the formula. A goal or a constraint is also given as PDDL text.
     """
-
-    @abstractmethod
-    def get_all(self) -> list[N]:
-        """Read all formulas of the section.
-
-        Returns:
-            The formulas, in the order of their first assertion.
-        """
 
     @abstractmethod
     def save(self, formula: Given | Sequence[Given]) -> bool:
@@ -620,53 +617,6 @@ class FormulaDao(ABC, Generic[N, Given]):
             True
             >>> print(*kb.goals.get_all())
             (or (robot_at rb1 wp1) (robot_at rb1 wp1))
-        """
-
-    @abstractmethod
-    def insert(self, formula: Given) -> bool:
-        """Save a formula that is not stored.
-
-        Returns:
-            False when it is stored; then nothing changes.
-
-        Raises:
-            InvalidKnowledgeError: as `save`.
-        """
-
-    @abstractmethod
-    def save_all(self, formulas: Iterable[Given]) -> int:
-        """Save many formulas in one revision.
-
-        Returns:
-            The number of formulas that changed something.
-
-        Raises:
-            InvalidKnowledgeError: as `save`; none is saved.
-        """
-
-    @abstractmethod
-    def delete(self, formula: Given) -> bool:
-        """Delete a formula.
-
-        Args:
-            formula: the formula, as returned by `get_all`; a goal or a constraint also as text.
-
-        Returns:
-            False when it is not stored.
-
-        Raises:
-            PddlError: a text cannot be read, or it names an element that never existed.
-        """
-
-    @abstractmethod
-    def delete_all(self, formulas: Iterable[Given] | None = None) -> int:
-        """Delete formulas of the section in one revision.
-
-        Args:
-            formulas: those to delete, given as for `delete`; None for all.
-
-        Returns:
-            The number of formulas that were deleted.
         """
 
 

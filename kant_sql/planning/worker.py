@@ -96,7 +96,7 @@ IMPROVING_SECONDS = 10.0
 # heuristic LM-cut does not know.
 OVERSTATED = {"fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"}}
 # The compilations that remove features, in the order of trial.
-COMPILATIONS = (
+REMOVALS = (
     ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
     ("USERTYPE_FLUENTS_REMOVING", {"OBJECT_FLUENTS"}),
     (
@@ -142,7 +142,7 @@ def form_for(
     from unified_planning.engines import CompilationKind
     from unified_planning.exceptions import UPException
 
-    for name, features in COMPILATIONS:
+    for name, features in REMOVALS:
         missing = missing_features(form.problem, engine, environment)
         if not missing:
             return form

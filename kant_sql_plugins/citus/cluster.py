@@ -13,7 +13,7 @@ them.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -164,10 +164,9 @@ def use_one_connection(connection: Connection) -> None:
     connection.exec_driver_sql(SEQUENTIAL)
 
 
-def read_layout(connection: Connection, schema: str, names: Sequence[str] | None = None) -> Layout:
+def read_layout(connection: Connection, schema: str) -> Layout:
     """Read where the tables are."""
-    wanted = own_tables() if names is None else [*names]
-    rows = connection.execute(_TABLES, {"schema": schema, "names": wanted}).all()
+    rows = connection.execute(_TABLES, {"schema": schema, "names": own_tables()}).all()
     places = {name: (method, colocation) for name, method, colocation, _ in rows}
     first = places.get(FIRST, (None, None))
     shards = next((count for name, method, _, count in rows if name == FIRST and method), 0)

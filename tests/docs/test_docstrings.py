@@ -88,7 +88,7 @@ def test_what_users_call_first_has_an_example() -> None:
         "kant_sql.documents.planners.plan",
         "kant_sql.knowledge_base.KnowledgeBase.diff",
         *(f"kant_sql.history.{name}.{name}" for name in ("log", "restore")),
-        *(f"kant_sql.dao.interfaces.Dao.{name}" for name in ("save", "get_all", "delete")),
+        *(f"kant_sql.dao.interfaces.AnyDao.{name}" for name in ("save", "get_all", "delete")),
     }
     assert wanted - EXAMPLES.keys() == set()
 
