@@ -831,7 +831,7 @@ class AsyncKnowledgeBase(_Part):
 
         return await self._door.read(ask)
 
-    async def watch(self, after: int | None = None, *, timeout: float | None = None) -> int | None:
+    async def watch(self, after: When | None = None, *, timeout: float | None = None) -> int | None:
         """Wait for a new revision, as `KnowledgeBase.watch`.
 
         Each waiting call has a thread of its own, which ends within half a second after the call
@@ -865,7 +865,7 @@ class AsyncKnowledgeBase(_Part):
 
 
 def _watch(
-    kb: KnowledgeBase, after: int | None, timeout: float | None, is_ended: Callable[[], bool]
+    kb: KnowledgeBase, after: When | None, timeout: float | None, is_ended: Callable[[], bool]
 ) -> int | None:
     return watch_until(state_of(kb), after, timeout, is_ended)
 

@@ -24,6 +24,8 @@ T = TypeVar("T")
 MAX_ITEMS = 1_000_000
 # Longer integers are not shown in full: Python refuses to from 4,300 digits on.
 _PRINTABLE_BITS = 400
+# The environment variable that names the store where no URL is given.
+URL_VARIABLE = "KANT_SQL_URL"
 _TEXTS = (str, bytes, bytearray, memoryview)
 
 

@@ -30,7 +30,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from typing_extensions import override
 
-from .arguments import shown
+from .arguments import URL_VARIABLE, shown
 from .dao.base import redefining_references
 from .dao.interfaces import Dao, NamedDao, PddlPropositionDao
 from .dto import (
@@ -81,8 +81,6 @@ logger = logging.getLogger(__name__)
 
 D = TypeVar("D", bound=Dto)
 N = TypeVar("N", bound=NamedDto)
-
-URL_VARIABLE = "KANT_SQL_URL"
 
 
 class DaoFamilies(IntEnum):

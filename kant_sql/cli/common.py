@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeVar
 import typer
 from typer.core import TyperArgument, TyperGroup
 
+from ..arguments import URL_VARIABLE
 from ..errors import InvalidArgumentError, KantSqlError, printable
 from ..moment_text import is_now, parse_moment
 from ..pddl.cursor import hint
@@ -29,7 +30,6 @@ T = TypeVar("T")
 # What finds what a command is made of, by its name; and what plugins have for it.
 Functions = Mapping[str, Callable[[], "Callable[..., object] | typer.Typer"]]
 Plug = Plugins[Callable[..., object]]
-URL_VARIABLE = "KANT_SQL_URL"
 DEFAULT_NAME = "default"
 JSON_OPTION = "--json"
 # What an SQLite file begins with.

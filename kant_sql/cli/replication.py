@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..arguments import URL_VARIABLE
 from ..errors import (
     AuthenticationError,
     InvalidUrlError,
@@ -23,7 +24,6 @@ from ..errors import (
 )
 from ..knowledge.canonical import time_text
 from .common import (
-    URL_VARIABLE,
     Actor,
     AsJson,
     Name,

@@ -16,17 +16,18 @@ from ..errors import (
     StoreError,
     StoreUnreachableError,
 )
+from ..moment_text import When
 from ..sql.dialects import base as retry
 from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, PASSING, Listener, Session
 from ..store.snapshot import archive_of
 from ..store.state import State
 from ..store.store import Store
+from .moments import last_before
 from .revisions import (
     PAGE,
     FeedPosition,
     LogEntry,
     at_most,
-    check_after,
     feed,
     read_page,
     read_position,
@@ -34,14 +35,14 @@ from .revisions import (
 )
 
 
-def changes(state: State, after: int = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
+def changes(state: State, after: When = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
     """Read revisions and their changes, oldest first: a feed that can be resumed.
 
     Revisions come in order and without gaps. A consumer that stores the number of the last
     revision it processed, and resumes from there, receives each revision at least once.
 
     Args:
-        after: return revisions with a larger number.
+        after: begin after this revision, given as for `kb.at`.
         limit: the maximum number of revisions; None for all.
 
     Returns:
@@ -62,12 +63,12 @@ def changes(state: State, after: int = 0, *, limit: int | None = None) -> Iterat
     return feed(state.store, partial(_read_changes, state, after), limit)
 
 
-def _read_changes(state: State, after: int, limit: int | None) -> Iterator[LogEntry]:
+def _read_changes(state: State, after: When, limit: int | None) -> Iterator[LogEntry]:
     """Read changes, oldest first, in pages."""
     store, upto = state
-    check_after(after)
+    begin = last_before(store, after, upto)
     left = at_most(limit)
-    return _following(store, after, left, upto, _read_page(store, after, min(left, PAGE), upto))
+    return _following(store, begin, left, upto, _read_page(store, begin, min(left, PAGE), upto))
 
 
 def _following(
@@ -111,13 +112,14 @@ LOOK_EVERY = 1.0
 SLICE = 0.5
 
 
-def watch(state: State, after: int | None = None, *, timeout: float | None = None) -> int | None:
+def watch(state: State, after: When | None = None, *, timeout: float | None = None) -> int | None:
     """Wait for a new revision.
 
     Revisions of other processes count. The wait survives a restart of the server.
 
     Args:
-        after: the last revision that the caller knows; None for the present head.
+        after: the last revision that the caller knows, given as for `kb.at`; None for the present
+            head.
         timeout: seconds to wait; None to wait without limit.
 
     Returns:
@@ -141,18 +143,17 @@ def watch(state: State, after: int | None = None, *, timeout: float | None = Non
 
 def watch_until(
     state: State,
-    after: int | None,
+    after: When | None,
     timeout: float | None,
     is_ended: Callable[[], bool] | None = None,
 ) -> int | None:
     """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
     store, upto = state
     _refuse_unwatchable(store, upto)
-    if after is not None:
-        check_after(after)
+    begin = None if after is None else last_before(store, after)
     deadline = time.monotonic() + seconds(timeout)
     with closing(store.backend.listener()) as listener:
-        return _Watch(store, listener, after, deadline, is_ended).wait()
+        return _Watch(store, listener, begin, deadline, is_ended).wait()
 
 
 def _refuse_unwatchable(store: Store, upto: int | None) -> None:

@@ -49,14 +49,13 @@ from ..store.state import State
 from ..store.store import Store
 from .elements import Element, Sought, refuse_unknown_element, sought, take_objects
 from .involvement import read_involvement
-from .moments import Bounds, find_bounds, head_revision
+from .moments import Bounds, find_bounds, head_revision, last_before
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
     LogEntry,
     Revision,
     at_most,
-    check_after,
     collect,
     feed,
     make_revision,
@@ -211,11 +210,11 @@ def _find(
     return rows, rows[-1][0] if len(rows) == limit else first
 
 
-def revisions(state: State, after: int = 0, *, limit: int | None = None) -> list[Revision]:
+def revisions(state: State, after: When = 0, *, limit: int | None = None) -> list[Revision]:
     """Read revisions, oldest first.
 
     Args:
-        after: return revisions with a larger number.
+        after: begin after this revision, given as for `kb.at`.
         limit: the maximum number of revisions; None for all.
 
     Returns:
@@ -226,13 +225,13 @@ def revisions(state: State, after: int = 0, *, limit: int | None = None) -> list
         [(1, 'perception')]
     """
     store, upto = state
-    after = min(check_after(after), LARGEST - 1)
-    high = min(LARGEST if upto is None else upto, after + at_most(limit))
+    begin = min(last_before(store, after, upto), LARGEST - 1)
+    high = min(LARGEST if upto is None else upto, begin + at_most(limit))
 
     def work(session: Session, kb_id: int | None) -> list[Revision]:
         if kb_id is None:
             return []
-        rows = session.rows(OLDEST_FIRST, kb=kb_id, low=after + 1, high=high)
+        rows = session.rows(OLDEST_FIRST, kb=kb_id, low=begin + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
     return html.Listing(store.query(work), "revision")

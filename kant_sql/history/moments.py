@@ -124,6 +124,14 @@ def state_at(store: Store, when: When, upto: int | None = None) -> int:
     return revision
 
 
+def last_before(store: Store, after: When, upto: int | None = None) -> int:
+    """Return the revision that a feed begins after: a number, or the last one up to a time."""
+    if isinstance(after, str | datetime):
+        return state_at(store, after, upto)
+    expected = "a revision's number, or 0 to begin with the first"
+    return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
+
+
 def states_at(
     store: Store, whens: Sequence[When], upto: int | None = None
 ) -> tuple[list[int], HeadTimes]:

@@ -152,12 +152,6 @@ def _while_open(store: Store, entries: Iterator[LogEntry]) -> Iterator[LogEntry]
         yield entry
 
 
-def check_after(after: int) -> int:
-    """Check the revision that a feed begins after."""
-    expected = "a revision's number, or 0 to begin with the first"
-    return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
-
-
 def refuse_unknown(name: str, number: int, head: int) -> None:
     """Refuse a revision beyond the head."""
     if not 0 <= number <= head:

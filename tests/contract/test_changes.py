@@ -82,7 +82,7 @@ def test_what_never_was_written_to_has_no_changes(kb: KnowledgeBase) -> None:
 
 def test_what_is_no_revision_is_refused_at_once(kb: KnowledgeBase) -> None:
     write(kb, 2)
-    wrong: list[Any] = [3, 2**63, 2**70, -1, True, "1", 1.0, None]
+    wrong: list[Any] = [3, 2**63, 2**70, -1, True, "3", 1.0, None]
     for after in wrong:
         with pytest.raises(UnknownRevisionError, match=r"revision"):
             kb.changes(after)
@@ -105,6 +105,17 @@ def test_within_a_transaction_it_tells_what_is_committed(kb: KnowledgeBase) -> N
         assert len(kb.propositions.get_all()) == 1
         assert numbers(kb.changes(1)) == [2]
     assert numbers(kb.changes(1)) == [2, 3]
+
+
+def test_a_feed_may_begin_after_a_time(kb: KnowledgeBase) -> None:
+    write(kb, 3)
+    then = kb.store.revisions(limit=2)[1].committed_at
+    assert numbers(kb.changes("yesterday")) == [1, 2, 3]
+    assert numbers(kb.changes("now")) == [] == kb.store.revisions("now")
+    assert numbers(kb.changes(then)) == [one.number for one in kb.store.revisions(then)]
+    assert numbers(kb.changes(kb.at(then).revision)) == numbers(kb.changes(then))
+    assert kb.watch("yesterday", timeout=0) == 3
+    assert kb.watch("now", timeout=0) is None
 
 
 def test_other_knowledge_bases_have_feeds_of_their_own(url: str, connect: Connect) -> None:

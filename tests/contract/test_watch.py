@@ -68,7 +68,7 @@ def test_to_look_once_costs_one_statement(kb: KnowledgeBase) -> None:
 
 def test_a_revision_that_is_not_there_yet_is_refused(kb: KnowledgeBase) -> None:
     save(kb, 1)
-    wrong: list[Any] = [2, 2**70, -1, True, "1", 1.0]
+    wrong: list[Any] = [2, 2**70, -1, True, "2", 1.0]
     for after in wrong:
         with pytest.raises(UnknownRevisionError, match="revision"):
             kb.watch(after, timeout=0)
