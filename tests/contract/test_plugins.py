@@ -19,13 +19,14 @@ from kant_sql.sql import schema
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.cluster import ClusterExtension
 from kant_sql_plugins.citus import cluster
+from tests.support.processes.commands import run
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at
 
 Join = Callable[[str, str], None]
 # An extension that the wheel's server has, in the place of one that puts tables on several nodes.
 EXTENSION = "vector"
-CLUSTER = """
+CLUSTER = '''
     from contextlib import contextmanager
 
     asked = []
@@ -69,7 +70,11 @@ CLUSTER = """
 
     def has_lost_a_node(state, message):
         return "zero" in message
-"""
+
+    def greet(name: str):
+        """Greet somebody."""
+        print("hello", name)
+'''
 
 
 @pytest.fixture
@@ -106,6 +111,14 @@ def test_a_plugin_that_cannot_be_imported_is_named(join: Join, place: str) -> No
     message = rf"^the plugin 'nodes' of the group joined.parts cannot be imported from {place}: "
     with pytest.raises(ExtraMissingError, match=message):
         Plugins[Any]("joined.parts").get("nodes")
+
+
+@pytest.mark.parametrize("group", [[], ["db"]])
+def test_a_command_joins_those_of_its_group(join: Join, group: list[str]) -> None:
+    join(".".join(["kant_sql.commands", *group]), "greet = joined:greet")
+    assert run(*group, "greet", "tiago").stdout == "hello tiago\n"
+    assert "Greet somebody." in run(*group, "--help").stdout
+    assert run(*group, "greet").exit_code == 2
 
 
 def test_an_extension_of_postgresql_joins_where_a_database_has_it(
