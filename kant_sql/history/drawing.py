@@ -24,6 +24,8 @@ from .bars import Bar, Density, Lane, PlanBar, StepBar
 LABEL, BAR, PLOT, LINE, AXIS = 15, 16, 36, 18, 40
 # How long a text is, a bar that has all of its title, and how many actors the legend names.
 LENGTH, TITLED, NAMED, VALUES = 120, 600, 8, 6
+# Bars that are thinner than this, in percent, are drawn as one where they are side by side.
+THIN = 0.35
 # Facts of a predicate that begin and end so near to each other, in percent, share a lane: so many.
 ALIKE, MANY = 2.0, 4
 _COLOURS = ("#0072b2", "#b84f00", "#007f5f", "#7a5fd0", "#b5447f", "#86690f")
@@ -291,13 +293,13 @@ class _Pen:
         """Yield the rows of the lanes of a kind: those that exclude each other share one."""
         groups: defaultdict[tuple[str, ...], list[Lane]] = defaultdict(list)
         for lane in lanes:
-            groups[_key(lane)].append(lane)
+            groups[lane_key(lane)].append(lane)
         single: list[_Row] = []
         for key, members in groups.items():
             if len(members) > 1 and _are_exclusive(members):
                 yield from self._alike(single)
                 single = []
-                yield self._shared(key, members)
+                yield self._shared(key[1:], members)
             else:
                 single += [self._own(lane) for lane in members]
         yield from self._alike(single)
@@ -309,11 +311,12 @@ class _Pen:
     def _shared(self, key: tuple[str, ...], lanes: Sequence[Lane]) -> _Row:
         spans = [self._span(lane, bar, _words(lane)[-1]) for lane in lanes for bar in lane.bars]
         spans.sort(key=lambda span: span.bar.since)
+        densities = [density for lane in lanes for density in lane.densities]
         address = self._link("/timeline", predicate=key[0], object=key[1])
         values = [*dict.fromkeys(span.text for span in spans)]
         more = ", ..." * (len(values) > VALUES)
         text = f"{' '.join(key)}: {', '.join(values[:VALUES])}{more}"
-        return _Row(text, address, spans, lanes=len(lanes))
+        return _Row(text, address, spans, densities, len(lanes))
 
     def _alike(self, rows: Sequence[_Row]) -> Iterator[_Row]:
         """Yield rows; those of a predicate that come and go together as one."""
@@ -351,9 +354,21 @@ class _Pen:
         self._say(_said(row.text), row.address, room=LABEL + 2)
         for density in row.densities:
             self._density(density)
-        for span in row.spans:
-            self._bar(span, row)
+        for run in _runs(row.spans):
+            if len(run) > 1:
+                self._crowd(run)
+            else:
+                self._bar(run[0], row)
         self._y += BAR + 5
+
+    def _crowd(self, run: Sequence[_Span]) -> None:
+        """Draw bars that are too thin as one."""
+        actors = {self._marks[span.bar.actor] for span in run}
+        colour = actors.pop() if len(actors) == 1 else _NOBODY
+        times = f"from {_time(run[0].bar.since_at)} to {_time(run[-1].bar.until_at)}"
+        about = f"{len(run):,} periods {times}; zoom in to see each"
+        box = _Box(run[0].begin, run[-1].end, self._y, colour)
+        self._parts.append(box.write("", "", self._title(about)))
 
     def _bar(self, span: _Span, row: _Row) -> None:
         bar, is_ended = span.bar, span.bar.until_at is not None
@@ -516,6 +531,22 @@ class _Scale(NamedTuple):
         return " to ".join(dict.fromkeys(f"{number:g}" for number in both))
 
 
+def _runs(spans: Iterable[_Span]) -> Iterator[list[_Span]]:
+    """Yield bars; together those that are too thin, and beside each other."""
+    run: list[_Span] = []
+    for span in spans:
+        is_thin = span.bar.until_at is not None and span.end - span.begin < THIN
+        if run and not (is_thin and span.begin - run[-1].end < THIN):
+            yield run
+            run = []
+        run.append(span)
+        if not is_thin:
+            yield run
+            run = []
+    if run:
+        yield run
+
+
 def _is_number(row: _Row) -> bool:
     if row.spans:
         return all(span.bar.number is not None for span in row.spans)
@@ -526,18 +557,17 @@ def _words(lane: Lane) -> list[str]:
     return lane.text.strip("()").split()
 
 
-def _key(lane: Lane) -> tuple[str, ...]:
-    """Return what facts that exclude each other have in common: all words but the last."""
+def lane_key(lane: Lane) -> tuple[str, ...]:
+    """Return what facts that may exclude each other have in common: all words but the last."""
     words = _words(lane)
     is_atom = lane.kind != "value" and len(words) > 2 and lane.text.count("(") == 1
-    return tuple(words[:-1]) if is_atom else (lane.text,)
+    return (lane.kind, *words[:-1]) if is_atom else (lane.kind, lane.text)
 
 
-def _are_exclusive(lanes: Iterable[Lane]) -> bool:
+def _are_exclusive(lanes: Sequence[Lane]) -> bool:
     """Return whether no two of these facts are seen to hold at once."""
-    lanes = list(lanes)
     bars = sorted((bar for lane in lanes for bar in lane.bars), key=lambda bar: bar.since)
-    return not any(lane.densities for lane in lanes) and all(
+    return sum(bool(lane.bars) for lane in lanes) > 1 and all(
         one.until is not None and one.until <= other.since for one, other in pairwise(bars)
     )
 
@@ -628,7 +658,9 @@ def _actor(name: str | None) -> str:
     return "nobody named" if name is None else name
 
 
-def _time(moment: datetime) -> str:
+def _time(moment: datetime | None) -> str:
+    if moment is None:
+        return "now"
     text = moment.replace(tzinfo=None).isoformat(" ")
     return text.rstrip("0") if "." in text else text
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import shlex
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from typing import NamedTuple
 
 from ..binding import state_of
@@ -14,6 +13,7 @@ from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
 from ..history.bars import Bar, Lane
+from ..history.drawing import lane_key
 from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision
 from ..history.timeline import Timeline
@@ -28,8 +28,10 @@ from ..reasoning.verdicts import Verdict
 # Lanes that are looked at, slices of their window, and what each section shows at most.
 SEEN, SLICES = 200, 200
 ACTORS, LANES, BARS, PLANS, STEPS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
-    20, 40, 400, 25, 100, 200, 200, 400, 30, 200,
+    20, 40, 300, 25, 100, 200, 200, 300, 30, 200,
 )  # fmt: skip
+# Changes of all revisions together, of each an equal share.
+SHOWN = 900
 
 
 class ReportRange(NamedTuple):
@@ -253,9 +255,13 @@ class ReportReader(NamedTuple):
         found = self.kb.timeline(
             since, until=until, object=name, lanes=SEEN, unchanged=name is not None, slices=SLICES
         )
-        ranked = sorted(found.lanes, key=partial(_activity, first=self.tally.first), reverse=True)
-        busiest = {id(lane) for lane in ranked[:LANES]}
-        lanes = tuple(lane for lane in found.lanes if id(lane) in busiest)
+        # Facts that may share a lane of the drawing stay together.
+        activity: defaultdict[tuple[str, ...], tuple[int, int]] = defaultdict(lambda: (0, 0))
+        for lane in found.lanes:
+            before, own = activity[lane_key(lane)], _activity(lane, self.tally.first)
+            activity[lane_key(lane)] = before[0] + own[0], max(before[1], own[1])
+        busiest = sorted(activity, key=lambda key: activity[key], reverse=True)[:LANES]
+        lanes = tuple(lane for lane in found.lanes if lane_key(lane) in busiest)
         left = len(found.lanes) - len(lanes)
         return ReportTimeline(replace(found, lanes=lanes), left, found.next is not None)
 
@@ -331,16 +337,17 @@ class ReportReader(NamedTuple):
         found = list(self.kb.log(first, until=last, limit=ENTRIES))[::-1]
         left = last - first + 1 - len(found)
         left_out = f"the first {left:,} revisions" if left > 0 else None
-        entries = [self._entry(one) for one in found]
+        share = max(1, min(CHANGES, SHOWN // max(1, len(found))))
+        entries = [self._entry(one, share) for one in found]
         return ReportLog(left_out, self.ranged("log"), entries)
 
-    def _entry(self, entry: LogEntry) -> ReportEntry:
+    def _entry(self, entry: LogEntry, share: int) -> ReportEntry:
         number = str(entry.revision.number)
         # Without the layout of an action's text.
-        few = [one._replace(text=" ".join(one.text.split())) for one in entry.changes[:CHANGES]]
+        few = [one._replace(text=" ".join(one.text.split())) for one in entry.changes[:share]]
         return ReportEntry(
             replace(entry, changes=tuple(few)),
-            max(0, len(entry.changes) - CHANGES),
+            max(0, len(entry.changes) - share),
             self.command("log", "--since", number, "--until", number),
         )
 

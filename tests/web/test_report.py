@@ -261,6 +261,18 @@ def test_names_and_reasons_are_data(connect: Connect, shared_url: str) -> None:
     assert len(text) < 2_000_000
 
 
+def test_a_report_of_a_day_is_small(kb: KnowledgeBase) -> None:
+    fill(kb, 2_000)
+    for number in range(400):
+        with kb.transaction(actor=f"actor{number % 9}", reason="navigation finished"):
+            for each in range(10):
+                kb.propositions.delete(fact((number * 10 + each) % 2_000))
+                kb.propositions.save(fact((number * 10 + each + 10) % 2_000))
+    text = report_html(kb, objects=["rb1"], verify=False)
+    assert "Left out" in Page(text).text
+    assert len(text.encode()) < 1_000_000
+
+
 def test_it_takes_few_statements_however_much_happened(kb: KnowledgeBase) -> None:
     for size in (10, 2_000):
         fill(kb, size)
