@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import Query
 
 from ...binding import state_of
-from ...history.state_parts import StateFilter, StatePage, read_state
+from ...history.state_parts import PARTS, StateFilter, StatePage, read_state
 from ...knowledge_base import KnowledgeBase
 from ..parameters import At, ElementText, ObjectName, Offset, moment
 from ..registry import Pages
@@ -16,23 +16,10 @@ PAGES = Pages("state")
 
 # How many elements a part has on the page of all parts, and on its own.
 FEW, MANY = 50, 200
-Kind = Literal[
-    "",
-    "fact",
-    "goal",
-    "value",
-    "object",
-    "type",
-    "predicate",
-    "function",
-    "action",
-    "derived",
-    "domain constraint",
-    "initial",
-    "timed",
-    "constraint",
-    "metric",
-]
+if TYPE_CHECKING:
+    Kind = str
+else:
+    Kind = Literal[("", *PARTS)]
 PredicateName = Annotated[
     str | None,
     Query(description="Only facts, goals and values of this predicate or function."),
