@@ -336,11 +336,10 @@ def test_indexes_are_compared_with_the_first_that_is_complete(fleet: str) -> Non
     assert done.stdout.startswith("tiago: intact")
 
 
-@pytest.mark.more
 def test_processes_find_what_one_finds_in_the_same_order(fleet: str) -> None:
     tamper(fleet, "UPDATE revision SET reason = 'x' WHERE kb_id = 4")
     alone = run("verify", fleet, "--all", "--json")
-    together = run("verify", fleet, "--all", "--jobs", "3", "--complete", "--json")
+    together = run("verify", fleet, "--all", "--jobs", "2", "--complete", "--json")
     assert alone.exit_code == together.exit_code == 1
     assert together.stderr == ""
 
