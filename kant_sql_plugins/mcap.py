@@ -3,7 +3,8 @@
 A channel is a lane of a timeline: its messages say in `value` what a state is from then on. A fact
 of no or one argument, and one that is named with all of them, is true or false. Else a lane is of
 all arguments but the last, and its value is that: `/tiago/fact/robot_at/rb1` is `wp1`, then `wp2`.
-The value of a fluent is its number, or its object.
+The value of a fluent is its number, or its object. `/tiago/plan/steps` has the steps that run, and
+between them the outcome of the last one: `(move rb1 wp1 wp2)`, then `failed: (move rb1 wp1 wp2)`.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from kant_sql.pddl.cursor import hint
 from kant_sql.sql.audit_views import (
     AuditedChange,
     names_ever,
+    step_texts,
     stream_changes,
     stream_state,
     time_of_revision,
@@ -54,6 +56,7 @@ CONTENT = "transitions"
 # MCAP numbers channels in 16 bits; a viewer that lists so many is of no use.
 MOST_CHANNELS = 10_000
 
+STEP = "plan step"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _VALUE = re.compile(r"\(= (\(.*\)) (\S+)\)")
@@ -68,7 +71,7 @@ _COMMON = {
 }
 _VALUES = {
     "boolean": "whether it holds",
-    "string": "the last argument, or the fluent's object; of several, all; empty: none",
+    "string": "the last argument, or the fluent's object, or a step; of several, all; empty: none",
     "number": "the fluent's number; missing: it has none",
 }
 
@@ -153,14 +156,18 @@ def _import_mcap() -> Any:
 
 
 class _Chosen:
-    """Which facts and fluents are wanted."""
+    """Which facts and fluents are wanted.
+
+    Attributes:
+        is_all: whether all are, and steps of plans.
+    """
 
     def __init__(self, names: object, elements: object) -> None:
         self._names = [] if names is None else expect_list(names, str, "the names")
         texts = [] if elements is None else expect_list(elements, str, "the elements")
         self._folded = {fold(name) for name in self._names}
         self._elements = {_folded_words(text): text for text in texts}
-        self._is_all = names is None and elements is None
+        self.is_all = names is None and elements is None
 
     def check(self, known: Sequence[list[str]]) -> None:
         """Refuse names that never were."""
@@ -175,7 +182,7 @@ class _Chosen:
     def lanes(self, kind: str, words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
         """Yield the type and the words of each lane that shows an atom."""
         is_element = bool(self._elements) and tuple(map(fold, words)) in self._elements
-        is_named = self._is_all or fold(words[0]) in self._folded
+        is_named = self.is_all or fold(words[0]) in self._folded
         if kind == "value":
             if is_element or is_named:
                 yield "", tuple(words)
@@ -260,6 +267,7 @@ class _Recording:
         self._writer: Writer = _import_mcap().Writer(file)
         self._schemas: dict[str, int] = {}
         self._lanes: dict[tuple[str, ...], _Lane] = {}
+        self._steps: dict[tuple[int, int], str] = {}
 
     def run(self, snapshot: StoreSnapshot, window: Window) -> Iterator[int]:
         """Write all; yield each revision that is done."""
@@ -268,6 +276,8 @@ class _Recording:
         self._writer.start(library="kant_sql")
         facts = {key: str(value) for key, value in state._asdict().items()}
         self._writer.add_metadata("kant_sql", facts)
+        if self._chosen.is_all:
+            self._steps = step_texts(session, kb_id)
         # Of what was before, a part may be in the archive.
         low = max(window[0], state.archived + 1 if state.archived else 1)
         before = time_of_revision(session, kb_id, low - 1)
@@ -286,17 +296,36 @@ class _Recording:
 
     def _take(self, change: AuditedChange) -> list[_Lane]:
         """Apply a change to its lanes."""
+        if change.kind == STEP:
+            return self._take_step(change)
         value, words = _read(change)
         found = []
         for wanted, key in self._chosen.lanes(change.kind, words):
             type_ = wanted or ("number" if NUMBER.fullmatch(value) else "string")
-            lane = self._lanes.get((change.kind, type_, *key))
-            if lane is None:
-                lane = self._new_lane(change.kind, type_, key)
-                self._lanes[change.kind, type_, *key] = lane
+            lane = self._lane(change.kind, type_, key)
             lane.take(change, value)
             found.append(lane)
         return found
+
+    def _take_step(self, change: AuditedChange) -> list[_Lane]:
+        """Apply what becomes of a step: of ended ones, the last is kept until another starts."""
+        if change.sign == "-" or not self._chosen.is_all:
+            return []
+        _, plan, _, position, status = change.text[1:-1].split()
+        action = self._steps.get((int(plan), int(position)), change.text)
+        lane = self._lane("plan", "string", ("steps",))
+        running = {said: text for said, text in lane.holds.items() if said.startswith("(")}
+        running.pop(action, None)
+        if status == "started":
+            running[action] = change.text
+        lane.holds = running or {f"{status}: {action}": change.text}
+        lane.last = change
+        return [lane]
+
+    def _lane(self, kind: str, type_: str, words: tuple[str, ...]) -> _Lane:
+        if (kind, type_, *words) not in self._lanes:
+            self._lanes[kind, type_, *words] = self._new_lane(kind, type_, words)
+        return self._lanes[kind, type_, *words]
 
     def _new_lane(self, kind: str, type_: str, words: tuple[str, ...]) -> _Lane:
         if len(self._lanes) >= MOST_CHANNELS:

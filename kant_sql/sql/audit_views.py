@@ -306,7 +306,7 @@ _WHO = "committed_at, observed_at, actor, reason, source"
 _CHANGES = Query(
     text(
         f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
-        " WHERE kb_id = :kb AND kind IN ('fact', 'value')"
+        " WHERE kb_id = :kb AND kind IN ('fact', 'value', 'plan step')"
         " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
     ).bindparams(*_BOUNDS)
 )
@@ -323,8 +323,10 @@ _STATE = {
     for view, kind, condition in (
         ("audit_fact", "v.kind", " AND v.kind = 'fact'"),
         ("audit_value", "'value'", ""),
+        ("audit_plan_step_status", "'plan step'", " AND v.status = 'started'"),
     )
 }
+_STEP_TEXTS = Query(text("SELECT plan_id, position, text FROM plan_step WHERE kb_id = :kb"))
 _NAMES = Query(
     text(
         "SELECT DISTINCT name FROM audit_definition WHERE kb_id = :kb"
@@ -365,12 +367,12 @@ class AuditedChange(NamedTuple):
 
 
 def stream_changes(session: Session, kb_id: int, low: int, high: int) -> Iterator[AuditedChange]:
-    """Read the changes of facts and values, oldest first; of a revision, what it ended first."""
+    """Read changes of facts, values and steps, oldest first; of a revision, what it ended first."""
     return _audited(session, session.stream(_CHANGES, kb=kb_id, low=low, high=high))
 
 
 def stream_state(session: Session, kb_id: int, low: int) -> Iterator[AuditedChange]:
-    """Read which revisions asserted the facts and values that held before a revision."""
+    """Read which revisions asserted facts and values that held before one, or started steps."""
     for query in _STATE.values():
         yield from _audited(session, session.stream(query, kb=kb_id, low=low))
 
@@ -386,6 +388,11 @@ def _audited(session: Session, rows: Iterable[Row]) -> Iterator[AuditedChange]:
                 number, sign, kind, said, committed, observed, actor, reason, source
             )
         yield change
+
+
+def step_texts(session: Session, kb_id: int) -> dict[tuple[int, int], str]:
+    """Read the actions of all steps, by plan and position."""
+    return {(row[0], row[1]): row[2] for row in session.rows(_STEP_TEXTS, kb=kb_id)}
 
 
 def names_ever(session: Session, kb_id: int) -> list[str]:
