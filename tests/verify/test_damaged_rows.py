@@ -259,6 +259,7 @@ def url_of(url: str, database: str) -> str:
 TIMES = ("-infinity", "infinity", "4000-01-01 BC", "12000-01-01")
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("moment", TIMES)
 def test_a_time_that_is_none_stops_only_those_who_read_it(
     moment: str, server: Server, connect: Connect

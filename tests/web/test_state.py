@@ -135,6 +135,7 @@ def test_a_text_is_looked_for_in_a_long_state_part_by_part(
     state_parts._indexed.cache_clear()
 
 
+@pytest.mark.more
 def test_a_state_takes_as_many_statements_however_much_holds(
     filled: Filled,
 ) -> None:
