@@ -67,7 +67,6 @@ __all__ = [
     "AsyncPlanDao",
     "AsyncPropositionDao",
     "AsyncRedefinableDao",
-    "Connecting",
     "Opening",
     "connect",
     "open_store",
@@ -82,6 +81,7 @@ D = TypeVar("D", bound=Dto)
 Given = TypeVar("Given")
 N = TypeVar("N", bound=Node)
 C = TypeVar("C", KnowledgeBase, KnowledgeStore)
+A = TypeVar("A", bound="AsyncKnowledgeBase | AsyncKnowledgeStore")
 
 POOL_SIZE = 8
 # Seconds for which a waiting call may take a thread of the pool.
@@ -776,7 +776,7 @@ class AsyncKnowledgeBase(_Part):
         *,
         at: When | None = None,
         url: str | None = None,
-    ) -> Connecting:
+    ) -> Opening[AsyncKnowledgeBase]:
         """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`.
 
         Await the result, or use it in `async with`.
@@ -785,10 +785,10 @@ class AsyncKnowledgeBase(_Part):
         call = partial(self._kb.branch, name, at=at, url=url)
         block = self._door.own_block()
         if block is not None:
-            return Connecting(partial(block.run_in_thread, call))
+            return Opening(partial(_connected, partial(block.run_in_thread, call)))
         if self._door.has_one_connection:
             self._door.refuse_inherited()
-        return Connecting(call)
+        return Opening(partial(_connected, call))
 
     async def diff(
         self,
@@ -936,49 +936,32 @@ async def _opened(make: Callable[[], C]) -> C:
     return future.result()
 
 
-class Connecting(AbstractAsyncContextManager[AsyncKnowledgeBase]):
-    """A knowledge base that is being opened: await it, or use it in `async with`."""
+class Opening(AbstractAsyncContextManager[A]):
+    """What is being opened: await it, or use it in `async with`."""
 
-    def __init__(self, make: Callable[[], KnowledgeBase]) -> None:
-        self._make = make
-        self._kb: AsyncKnowledgeBase | None = None
+    def __init__(self, open_: Callable[[], Coroutine[object, object, A]]) -> None:
+        self._open = open_
+        self._opened: A | None = None
 
-    def __await__(self) -> Generator[object, None, AsyncKnowledgeBase]:
+    def __await__(self) -> Generator[object, None, A]:
         return self._open().__await__()
 
-    async def _open(self) -> AsyncKnowledgeBase:
-        kb = await _opened(self._make)
-        return AsyncKnowledgeBase(_Door(kb, factory_of(kb).has_one_connection), kb=kb)
-
-    async def __aenter__(self) -> AsyncKnowledgeBase:
-        self._kb = await self._open()
-        return self._kb
+    async def __aenter__(self) -> A:
+        self._opened = await self._open()
+        return self._opened
 
     async def __aexit__(self, *error: object) -> None:
-        if self._kb is not None:
-            await self._kb.close()
+        if self._opened is not None:
+            await self._opened.close()
 
 
-class Opening(AbstractAsyncContextManager[AsyncKnowledgeStore]):
-    """A store that is being opened: await it, or use it in `async with`."""
+async def _connected(make: Callable[[], KnowledgeBase]) -> AsyncKnowledgeBase:
+    kb = await _opened(make)
+    return AsyncKnowledgeBase(_Door(kb, factory_of(kb).has_one_connection), kb=kb)
 
-    def __init__(self, make: Callable[[], KnowledgeStore]) -> None:
-        self._make = make
-        self._store: AsyncKnowledgeStore | None = None
 
-    def __await__(self) -> Generator[object, None, AsyncKnowledgeStore]:
-        return self._open().__await__()
-
-    async def _open(self) -> AsyncKnowledgeStore:
-        return AsyncKnowledgeStore(await _opened(self._make))
-
-    async def __aenter__(self) -> AsyncKnowledgeStore:
-        self._store = await self._open()
-        return self._store
-
-    async def __aexit__(self, *error: object) -> None:
-        if self._store is not None:
-            await self._store.close()
+async def _opened_store(make: Callable[[], KnowledgeStore]) -> AsyncKnowledgeStore:
+    return AsyncKnowledgeStore(await _opened(make))
 
 
 def connect(
@@ -987,7 +970,7 @@ def connect(
     knowledge_base: str = "default",
     actor: str | None = None,
     read_only: bool = False,
-) -> Connecting:
+) -> Opening[AsyncKnowledgeBase]:
     """Open a knowledge base for asyncio, with `await` or `async with`.
 
     Args:
@@ -1009,12 +992,15 @@ def connect(
         >>> asyncio.run(main())
         1
     """
-    return Connecting(
-        partial(sync.connect, url, knowledge_base=knowledge_base, actor=actor, read_only=read_only)
+    make = partial(
+        sync.connect, url, knowledge_base=knowledge_base, actor=actor, read_only=read_only
     )
+    return Opening(partial(_connected, make))
 
 
-def open_store(url: str, *, connections: int = 8, read_only: bool = False) -> Opening:
+def open_store(
+    url: str, *, connections: int = 8, read_only: bool = False
+) -> Opening[AsyncKnowledgeStore]:
     """Open a store for asyncio, with `await` or `async with`.
 
     As many threads as there are connections run the calls, so one more task than that waits in the
@@ -1039,6 +1025,5 @@ def open_store(url: str, *, connections: int = 8, read_only: bool = False) -> Op
         >>> asyncio.run(main())
         ['tiago', 'pepper']
     """
-    return Opening(
-        partial(sync_store.open_store, url, connections=connections, read_only=read_only)
-    )
+    make = partial(sync_store.open_store, url, connections=connections, read_only=read_only)
+    return Opening(partial(_opened_store, make))

@@ -131,7 +131,7 @@ def test_closing_one_leaves_the_others_open(store: KnowledgeStore) -> None:
     tiago.close()
     for call in (
         tiago.objects.get_all,
-        past.objects.get_all,
+        lambda: past.objects.get("rb1"),
         lambda: tiago.objects.save(waypoint(1)),
         lambda: tiago.transaction().__enter__(),
         lambda: tiago.watch(0),
