@@ -76,6 +76,7 @@ def test_the_axis_stays_in_view_and_a_lane_leads_to_its_fact(
     assert unquote_plus(visitor.page.url).endswith("/fact?kb=courier&text=(robot_at rb1 t3)")
 
 
+@pytest.mark.smoke
 def test_names_are_completed_and_lanes_are_chosen(sqlite_served: Serving, visit: Visit) -> None:
     visitor = visit(sqlite_served.address)
     visitor.open(DAY)
