@@ -234,7 +234,7 @@ def _in_window(kind: str, is_changed: bool) -> Query:
         own.append(version.is_goal == literal_column("TRUE" if kind == GOAL else "FALSE"))
     held = [*own, ANY_FUNCTION if kind == VALUE else ANY_PREDICATE, held_then(version)]
     ended = [*own, version.until > integer("at"), version.until <= integer("high")]
-    began = [*own, version.since > integer("at"), version.since <= integer("high")]
+    began = [*own, version.since > integer("begin"), version.since <= integer("high")]
     limit: Any = literal_column(str(MOST_LISTED + 1))
     parts = (
         first_rows(
@@ -246,14 +246,18 @@ def _in_window(kind: str, is_changed: bool) -> Query:
 
 
 def _list_window(
-    session: Session, kb_id: int, kind: str, bounds: tuple[int, int], is_changed: bool
+    session: Session, kb_id: int, kind: str, bounds: tuple[int, int], settled: int | None
 ) -> Ids:
     """List what has a version in a window of few revisions; None if it is too much."""
     low, high = bounds
     if kind == FORMULA or high - low > FEW_REVISIONS:
         return None
+    is_changed = settled is not None
     given = {"at": low} if is_changed else then(session, low)
-    rows = session.rows(_in_window(kind, is_changed), kb=kb_id, high=high, **given)
+    # Of what there was nothing before, all that changed has ended or has begun later than that.
+    begin = settled if is_changed and not low else low
+    query = _in_window(kind, is_changed)
+    rows = session.rows(query, kb=kb_id, high=high, begin=begin, **given)
     is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1))
     return None if is_much else sorted({id_ for _, id_ in rows})
 
@@ -334,7 +338,7 @@ def find_lanes(
     given = _given(session, wanted)
     if settled is not None:
         given["settled"] = settled
-    ids = _list_window(session, kb_id, kind, bounds, settled is not None)
+    ids = _list_window(session, kb_id, kind, bounds, settled)
     if ids is None and wanted.object is not None:
         ids = _list_with_object(session, kb_id, kind, wanted.object)
         if ids is not None:
