@@ -89,7 +89,7 @@ TIGHT = {
     "kant_sql.store.transaction.SPILL_AT": 1,
     "kant_sql.store.caches.CACHED_ATOMS": 1,
     "kant_sql.dao.base.BATCH": 2,
-    "kant_sql.store.snapshot.CACHED_PASTS": 1,
+    "kant_sql.store.caches.CACHED_PASTS": 1,
     "kant_sql.history.log.LOG_PAGE": 2,
     "kant_sql.sql.dialects.sqlite.FETCH_SIZE": 1,
     "kant_sql.sql.dialects.postgresql.COPY_FROM_ROWS": 2,
