@@ -68,14 +68,14 @@ class KnowledgeBase(Front):
         """Rarer parts of PDDL, and whole documents as trees."""
         from .pddl_parts import PddlParts
 
-        return PddlParts(self._factory, self._state)
+        return PddlParts(self._factory)
 
     @cached_property
     def store(self) -> Operations:
         """Operations on the store: verification, anchors, archives, replication."""
         from .operations import Operations
 
-        return Operations(self._factory, self._state)
+        return Operations(self._factory)
 
     def diff(self, a: When | KnowledgeBase, b: When | KnowledgeBase) -> list[Change]:
         """Compare two states. Recorded plans and archives belong to no state.

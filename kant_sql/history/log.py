@@ -412,15 +412,16 @@ def _changes_of(
     """Read the changes of an element, and the revision from which on they are all there."""
     objects, others = take_objects(wanted)
     found = find_identities(session, kb_id, "object", objects) if objects else {}
-    size, end = VERSION_PAGE, high + 1
-    while end > high:
-        changes, end = _own_changes(session, kb_id, others, high, size)
-        end = max(low, end)
-        for identity in filter(None, found.values()):
-            involved = read_involvement(session, kb_id, identity[0], high, size, low)
-            changes += involved.changes
-            end = max(end, (involved.before or low) + involved.is_cut)
-        size *= 2
+    changes, end = _own_changes(session, kb_id, others, high, VERSION_PAGE)
+    end = max(low, end)
+    for identity in filter(None, found.values()):
+        involved = read_involvement(session, kb_id, identity[0], high, VERSION_PAGE, low)
+        last = involved.before or low
+        if involved.is_cut:
+            # An entry has all changes of its revision, however many.
+            involved = read_involvement(session, kb_id, identity[0], last, LARGEST // 2, last)
+        changes += involved.changes
+        end = max(end, last)
     by_revision: dict[int, set[Change]] = {}
     for number, change in changes:
         if end <= number <= high:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import Any
 
 import psycopg
@@ -13,7 +14,9 @@ import pytest
 
 from kant_sql import OutcomeUnknownError, StoreError
 from kant_sql.errors import ConnectionLostError
+from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
+from kant_sql_plugins.citus import cluster as citus
 from tests.support.chain import check_chain
 from tests.support.faults import (
     BOUND,
@@ -92,6 +95,13 @@ CRASHES = [
 ]
 
 
+@pytest.fixture
+def coordinator(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the server be one of which the plugin for Citus judges the errors."""
+    one = SimpleNamespace(nodes=lambda connection: None, has_lost_a_node=citus.has_lost_a_node)
+    monkeypatch.setattr(postgresql, "cluster_among", lambda extensions: one)
+
+
 def crash_at(monkeypatch: pytest.MonkeyPatch, words: str, said: str, *, is_done: bool) -> None:
     """Answer the next statement that begins with some words by this error."""
     execute, times = PostgresqlSession._execute, iter([said])
@@ -107,6 +117,7 @@ def crash_at(monkeypatch: pytest.MonkeyPatch, words: str, said: str, *, is_done:
     monkeypatch.setattr(PostgresqlSession, "_execute", crash)
 
 
+@pytest.mark.usefixtures("coordinator")
 @pytest.mark.parametrize("said", CRASHES)
 @pytest.mark.parametrize("words", ["SELECT", "INSERT INTO proposition_version", "UPDATE head"])
 def test_a_worker_that_crashes_is_an_outage_as_others(
@@ -119,6 +130,7 @@ def test_a_worker_that_crashes_is_an_outage_as_others(
     assert check_chain(shared_url) == {"default": 2}
 
 
+@pytest.mark.usefixtures("coordinator")
 def test_a_block_below_which_a_worker_crashes_writes_nothing(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,6 +143,7 @@ def test_a_block_below_which_a_worker_crashes_writes_nothing(
     assert a_transaction(kb) is True
 
 
+@pytest.mark.usefixtures("coordinator")
 def test_a_worker_that_crashes_after_the_commit_is_looked_up(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -243,7 +256,7 @@ def test_an_answer_that_cannot_be_found_out_names_what_to_look_for(
             one_call(kb)
     last = kb.store.revisions()[-1]
     assert last.number == 2
-    assert f"revision {last.number} of hash {last.hash}" in str(caught.value)
+    assert f"revision {last.number} with hash {last.hash}" in str(caught.value)
     assert one_call(kb) is False
 
 

@@ -121,6 +121,7 @@ def test_a_command_joins_those_of_its_group(join: Join, group: list[str]) -> Non
     assert run(*group, "greet").exit_code == 2
 
 
+@pytest.mark.usefixtures("real_migrations")
 def test_an_extension_of_postgresql_joins_where_a_database_has_it(
     server: Any, join: Join, connect: Connect
 ) -> None:

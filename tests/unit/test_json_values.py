@@ -80,5 +80,5 @@ def test_a_result_is_a_document_of_its_fields(value: object, expected: object) -
 
 
 def test_what_is_no_result_is_refused() -> None:
-    with pytest.raises(TypeError, match="a complex is not a JSON value"):
+    with pytest.raises(TypeError, match="a complex is neither a JSON value nor a result"):
         json_value([1j])

@@ -97,7 +97,7 @@ def test_two_items_of_a_document_are_not_one(bare: Bare, column: str) -> None:
     sql = f"UPDATE document_item SET {column} = ? WHERE section = 'type'"
     bare.run(sql, joined[column])
     found = messages(bare)
-    assert "is no item of it" in found or "there is no section" in found
+    assert "is not an item of it" in found or "there is no section" in found
 
 
 def test_a_document_is_not_called_all_that_it_says(bare: Bare) -> None:

@@ -150,7 +150,7 @@ def seal_from(bare: Bare, low: int) -> None:
         ("UPDATE head SET revision = 23", None, "revision is 23, and that of the last"),
         ("UPDATE archive SET rest = 'x'", None, "the rest of the revisions up to 8 differs"),
         ("UPDATE revision SET actor = 'x' WHERE number = 3", None, "the rest of the revisions"),
-        ("UPDATE action_node SET operator = 'or' WHERE position = 0", None, "no conjunction"),
+        ("UPDATE action_node SET operator = 'or' WHERE position = 0", None, "not a conjunction"),
         ("DELETE FROM object_type", None, "its rows say 'x - truck'"),
         ("UPDATE plan SET status = 'solved optimally'", None, "differ from its text"),
         (
