@@ -322,14 +322,15 @@ def _entries(
     """Yield entries page by page, and refuse the first that is incomplete because of an archive."""
     low, high, redefined = bounds
     size = most = min(LOG_PAGE, limit) if wanted is None or actor is None else LOG_PAGE
-    archived = None
+    archived, changes = None, VERSION_PAGE
     while high >= low and size:
         own: dict[str, Any] = {"low": low, "high": high, "size": size}
         page: _Page | None = None
         if wanted is not None:
             page = store.query_in_snapshot(
-                partial(_page_of_element, wanted=wanted, actor=actor, **own)
+                partial(_page_of_element, wanted=wanted, actor=actor, changes=changes, **own)
             )
+            changes = LOG_CHANGES
         elif actor is None:
             page = store.query(partial(_small_page, redefined=redefined, **own))
         if page is None:
@@ -386,36 +387,37 @@ def _page_of_element(
     kb_id: int | None,
     wanted: list[Sought],
     actor: str | None,
+    changes: int,
     low: int,
     high: int,
     size: int,
 ) -> _Page:
-    """Read a page of the revisions that changed an element, by its versions."""
+    """Read a page of the revisions that changed an element, by about so many of its changes."""
     if kb_id is None:
         return _Page([], low)
-    changes, end = _changes_of(session, kb_id, wanted, low, high)
-    numbers = sorted(changes, reverse=True)
+    found, end = _changes_of(session, kb_id, wanted, low, high, changes)
+    numbers = sorted(found, reverse=True)
     if not numbers:
         return _Page([], end)
     if len(numbers) > size:
         del numbers[size:]
         end = numbers[-1]
     rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value(numbers))
-    page = _made(session, rows, changes, end)
+    page = _made(session, rows, found, end)
     of_actor = [one for one in page.entries if actor in (None, one.revision.actor)]
     return page._replace(entries=of_actor)
 
 
 def _changes_of(
-    session: Session, kb_id: int, wanted: list[Sought], low: int, high: int
+    session: Session, kb_id: int, wanted: list[Sought], low: int, high: int, size: int
 ) -> tuple[_Changes, int]:
     """Read the changes of an element, and the revision from which on they are all there."""
     objects, others = take_objects(wanted)
     found = find_identities(session, kb_id, "object", objects) if objects else {}
-    changes, end = _own_changes(session, kb_id, others, high, VERSION_PAGE)
+    changes, end = _own_changes(session, kb_id, others, high, size)
     end = max(low, end)
     for identity in filter(None, found.values()):
-        involved = read_involvement(session, kb_id, identity[0], high, VERSION_PAGE, low)
+        involved = read_involvement(session, kb_id, identity[0], high, size, low)
         last = involved.before or low
         if involved.is_cut:
             # An entry has all changes of its revision, however many.

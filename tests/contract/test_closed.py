@@ -232,9 +232,10 @@ def test_a_block_of_another_thread_is_not_written(url: str, connect: Connect) ->
     writer = threading.Thread(target=write)
     writer.start()
     is_open.wait(30)
+    backend = kb.store.factory._store.backend  # type: ignore[attr-defined]
     closing = threading.Thread(target=kb.close)
     closing.start()
-    while not kb.store.factory._store.backend.is_closed:  # type: ignore[attr-defined]
+    while not backend.is_closed:
         pass
     may_go_on.set()
     writer.join(30)
