@@ -191,7 +191,8 @@ def _endpoint(
 
         def read(of: OpenStore | KnowledgeBase, kb: str | None, head: int) -> _Answer:
             found = function(of, **query)
-            drawn = None if draw is None else draw(found, {**request.query_params, "kb": kb})
+            own = {name: text for name, text in request.query_params.items() if name in query}
+            drawn = None if draw is None else draw(found, {**own, "kb": kb})
             hide = store.folders.hide_in
             return _Answer(hide(json_value(found)), kb, head, hide(drawn))
 
