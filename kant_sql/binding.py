@@ -20,9 +20,11 @@ R = TypeVar("R")
 class Front:
     """What users ask: a knowledge base, or one of its parts."""
 
-    def __init__(self, factory: DaoFactory) -> None:
+    def __init__(self, factory: DaoFactory, *, state: State | None = None) -> None:
         self._factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
-        self._state = factory.state if isinstance(factory, SqlDaoFactory) else None
+        self._state = state
+        if state is None and isinstance(factory, SqlDaoFactory):
+            self._state = factory.state
 
 
 def factory_of(front: Front) -> DaoFactory:

@@ -30,7 +30,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from typing_extensions import override
 
-from .arguments import URL_VARIABLE, shown
+from .arguments import URL_VARIABLE, expect, shown
 from .dao.base import redefining_references
 from .dao.interfaces import Dao, NamedDao, PddlPropositionDao
 from .dto import (
@@ -293,7 +293,7 @@ class DaoFactory:
         get_name = getattr(self._node, "get_name", None)
         if self._given_actor is not None or get_name is None:
             return self._given_actor
-        return str(get_name())
+        return expect(get_name(), str, "the name of the node", InvalidArgumentError)
 
     def connect(self) -> None:
         """Open the database of the URI, for the DAOs that are created from now on."""

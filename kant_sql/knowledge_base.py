@@ -68,14 +68,14 @@ class KnowledgeBase(Front):
         """Rarer parts of PDDL, and whole documents as trees."""
         from .pddl_parts import PddlParts
 
-        return PddlParts(self._factory)
+        return PddlParts(self._factory, state=self._state)
 
     @cached_property
     def store(self) -> Operations:
         """Operations on the store: verification, anchors, archives, replication."""
         from .operations import Operations
 
-        return Operations(self._factory)
+        return Operations(self._factory, state=self._state)
 
     def diff(self, a: When | KnowledgeBase, b: When | KnowledgeBase) -> list[Change]:
         """Compare two states. Recorded plans and archives belong to no state.

@@ -9,14 +9,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
-
-from alembic import command
 
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import ForkedError
 from kant_sql.history.replication import calls
+from kant_sql.sql import schema
+from kant_sql.sql.dialects.structure import Statement
 from tests.support.processes.watchers import waiting
 from tests.support.processes.workers import Child
 from tests.support.worlds.robots import robot_at, waypoint
@@ -272,23 +271,23 @@ def beside_reading_threads(url: str, other_url: str) -> None:
 def beside_a_first_open(folder: str) -> None:
     """Fork while a thread creates the tables of a new store: the child does not wait for it."""
     begun = threading.Event()
-    upgrade = command.upgrade
+    recorded = schema.recorded
 
-    def slowly(*args: Any, **options: Any) -> None:
+    def slowly(dialect_name: str) -> list[Statement]:
         begun.set()
         time.sleep(0.3)
-        upgrade(*args, **options)
+        return recorded(dialect_name)
 
     def create(name: str) -> None:
         with kant_sql.connect(f"sqlite:///{Path(folder, name)}") as kb:
             _save(kb, 1)
             assert kb.revision == 1
 
-    command.upgrade = slowly
+    schema.recorded = slowly
     thread = threading.Thread(target=create, args=("parents.db",))
     thread.start()
-    begun.wait(30)
-    command.upgrade = upgrade
+    assert begun.wait(30)
+    schema.recorded = recorded
 
     def child() -> None:
         # After the migration, the thread may use its store already.
