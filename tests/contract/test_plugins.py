@@ -128,6 +128,9 @@ def test_an_extension_of_postgresql_joins_where_a_database_has_it(
     join("kant_sql.postgresql_extensions", f"{EXTENSION} = joined")
     url = server.new_database()
     with psycopg.connect(url, autocommit=True) as connection:
+        found = connection.execute("SELECT name FROM pg_available_extensions").fetchall()
+        if (EXTENSION,) not in found:
+            pytest.skip(f"this server has no extension {EXTENSION}")
         connection.execute(f"CREATE EXTENSION {EXTENSION}")
     kant_sql.upgrade(url)
     joined: Any = sys.modules["joined"]
