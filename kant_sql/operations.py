@@ -10,7 +10,7 @@ from .history.archive.archive import Archived
 from .history.replication.push import Pushed
 from .history.verify.findings import Finding
 from .history.verify.verify import Verification
-from .sql.backup import Backup, backup
+from .sql.catalog import Backup, backup
 from .sql.dialects.base import Roles
 from .sql.inventory import Inventory, knowledge_bases
 from .sql.predicate_views import PredicateView, drop_views, update_views

@@ -286,7 +286,7 @@ def backup(
 
     The copy is the store at one moment, all of it. A server is backed up by its own program.
     """
-    from ..sql.backup import backup as backup_store
+    from ..sql.catalog import backup as backup_store
 
     url, (file,) = split_url(words, _BACKUP_USAGE, "sqlite:///robot.db monday.db")
     with signals_raise(), bar("backup") as progress:

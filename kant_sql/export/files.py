@@ -23,7 +23,7 @@ from ..json_values import json_value
 from ..knowledge.canonical import time_text
 from ..moment_text import When
 from ..plugins import Plugins
-from ..sql.arrow import import_arrow
+from ..sql.audit_views import import_arrow
 from .snapshot import KnowledgeBaseState
 
 if TYPE_CHECKING:

@@ -12,8 +12,14 @@ from ..errors import InvalidArgumentError, KantSqlError, UnknownRevisionError
 from ..history.revisions import FIRST_MOMENT, LAST_MOMENT
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
-from ..sql.arrow import arrow_schema, import_arrow, stream_view
-from ..sql.audit_views import AuditView, find_audit_view, last_revision_before
+from ..sql.audit_views import (
+    AuditView,
+    arrow_schema,
+    find_audit_view,
+    import_arrow,
+    last_revision_before,
+    stream_view,
+)
 from ..sql.catalog import read_heads
 from ..sql.dialects import create_backend
 from ..sql.dialects.base import Session

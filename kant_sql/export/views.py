@@ -12,8 +12,7 @@ from ..arguments import expect, expect_list, flag, one_of, optional_call, option
 from ..dao.interfaces import Progress
 from ..errors import InvalidArgumentError
 from ..moment_text import When
-from ..sql.arrow import arrow_schema, import_arrow
-from ..sql.audit_views import AUDIT_VIEWS, AuditView, find_audit_view
+from ..sql.audit_views import AUDIT_VIEWS, AuditView, arrow_schema, find_audit_view, import_arrow
 from .files import FORMATS, SINKS, Exported, Folder, Sink, bound, folder_name, new_folder
 from .snapshot import KnowledgeBaseState, StoreSnapshot, Window, check_window, open_snapshot
 

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..dao.base import NO_ID
 from ..errors import ReadOnlyError
-from ..sql.arrow import import_arrow, read_view
-from ..sql.audit_views import find_audit_view
+from ..sql.audit_views import find_audit_view, import_arrow, read_view
 from ..store.state import State
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.given import read_condition, text_of
 from ..sql.answers import GUARDS, Question, literal_values, run
-from ..sql.arrow import text_table
+from ..sql.audit_views import text_table
 from ..sql.dialects.base import Row
 from ..sql.estimates import estimates_of
 from ..sql.relations import ConditionStatement

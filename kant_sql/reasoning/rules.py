@@ -29,7 +29,7 @@ from ..pddl.given import read_rules
 from ..pddl.lexer import STRING, Source, Text
 from ..pddl.lexer import load as load_text
 from ..sql.dialects.base import Session
-from ..sql.touches import stream_times
+from ..sql.periods import stream_times
 from ..store.state import State
 from ..store.store import Store
 from .evaluate import Conditions

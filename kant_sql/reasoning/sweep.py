@@ -20,10 +20,11 @@ from ..history.revisions import read_position
 from ..knowledge.definitions import Definitions
 from ..sql.definition_rows import advance, find_identities, load_at
 from ..sql.dialects.base import Session
-from ..sql.periods import Pattern, read_meanings
-from ..sql.touches import (
+from ..sql.periods import (
     Meaning,
+    Pattern,
     Touch,
+    read_meanings,
     read_redefinitions,
     state_of,
     stream_touches,

@@ -18,7 +18,7 @@ from sqlalchemy import literal_column, select, text, union_all
 from ..knowledge.canonical import time_text
 from .dialects.base import Row, Session
 from .dialects.containing import pattern_of
-from .dialects.nested import NESTED_LOOPS, NestedLoops
+from .dialects.words import NESTED_LOOPS, NestedLoops, id_rows
 from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from .query import Query, first_rows, integer
 from .rows import FACT, GOAL, KB, VALUE
@@ -347,7 +347,7 @@ def find_lanes(
     if ids is not None:
         if not ids:
             return []
-        given["ids"] = json.dumps([[id_] for id_ in ids])
+        given["ids"] = id_rows(ids)
     has, is_listed = _has(wanted), ids is not None
     query = _lanes(session.backend.dialect.name, kind, has, is_listed, settled is not None)
     low, high = bounds
@@ -475,7 +475,7 @@ def count_cells(
     rows = session.rows(
         _cells(session.backend.dialect.name, kind),
         kb=kb_id,
-        lanes=json.dumps([[id_] for id_ in lanes]),
+        lanes=id_rows(lanes),
         slices=json.dumps(slices),
         enough=enough,
     )
@@ -514,5 +514,5 @@ def read_tellers(session: Session, kb_id: int, numbers: Iterable[int]) -> list[R
 
     There may be thousands: for each of so long a list PostgreSQL may go through all revisions.
     """
-    listed = json.dumps([[number] for number in numbers])
+    listed = id_rows(numbers)
     return session.rows(_tellers(session.backend.dialect.name), kb=kb_id, numbers=listed)

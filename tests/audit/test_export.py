@@ -27,7 +27,7 @@ from kant_sql.errors import ExtraMissingError, SchemaMissingError
 from kant_sql.export import FORMATS, Exported, export_store, open_reader
 from kant_sql.export.files import MANIFEST, folder_name
 from kant_sql.json_values import json_value
-from kant_sql.sql import arrow
+from kant_sql.sql import audit_views
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from tests.support.pages import ask, rows_of
 from tests.support.worlds.robots import WP2, robot_at
@@ -389,7 +389,7 @@ def test_batches_end_by_rows_and_by_characters(
     whole = export_store(story_url, to=tmp_path / "0", format="jsonl")
     for number, (name, size) in enumerate((("BATCH_ROWS", 3), ("BATCH_CHARACTERS", 100)), 1):
         with monkeypatch.context() as patch:
-            patch.setattr(arrow, name, size)
+            patch.setattr(audit_views, name, size)
             parts = export_store(story_url, to=tmp_path / str(number), format="jsonl")
             with open_reader(story_url, view="change") as reader:
                 assert len([*reader]) > 10

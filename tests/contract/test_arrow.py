@@ -21,8 +21,7 @@ from kant_sql import (
     aio,
 )
 from kant_sql.errors import ClosedError, ExtraMissingError, StoreIntegrityError
-from kant_sql.sql.arrow import arrow_schema
-from kant_sql.sql.audit_views import AUDIT_VIEWS
+from kant_sql.sql.audit_views import AUDIT_VIEWS, arrow_schema
 from tests.support.citus import is_distributed
 from tests.support.pages import opened
 from tests.support.reading import beside

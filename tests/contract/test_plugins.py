@@ -17,7 +17,7 @@ from kant_sql.errors import ConnectionLostError, ExtraMissingError
 from kant_sql.plugins import Plugins, _entries
 from kant_sql.sql import schema
 from kant_sql.sql.dialects import create_backend
-from kant_sql.sql.dialects.cluster import ClusterExtension
+from kant_sql.sql.dialects.postgresql_structure import ClusterExtension
 from kant_sql_plugins.citus import cluster
 from tests.support.processes.commands import run
 from tests.support.stores import Connect

@@ -21,7 +21,7 @@ from kant_sql import (
 )
 from kant_sql.errors import ClosedError, TypeMismatchError
 from kant_sql.pddl import Atom, Derived, Not, Or, Variable
-from kant_sql.sql.dialects.decimals import add_functions
+from kant_sql.sql.dialects.words import add_functions
 from tests.support.statements import count
 from tests.support.worlds import graph
 

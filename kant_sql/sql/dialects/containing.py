@@ -17,11 +17,11 @@ from sqlalchemy.sql.functions import FunctionElement
 
 from ...errors import InvalidArgumentError
 from .base import Session
+from .words import OPERATORS
 
 # SQLite refuses a pattern of more than 50,000 bytes; no letter takes more than 14.
 LONGEST_SOUGHT = 3_500
-# By dialect: the operator, and the characters that a pattern cannot have as they are.
-OPERATORS = {"sqlite": "GLOB", "postgresql": "~"}
+# By dialect: the characters that a pattern cannot have as they are, and how they are escaped.
 _SPECIAL = {"sqlite": ("*?[", "[{}]"), "postgresql": (".^$*+?()[]{}|\\", "\\{}")}
 _IMPOSSIBLE = re.compile("[\0\ud800-\udfff]")
 # No letter beyond this has a case.

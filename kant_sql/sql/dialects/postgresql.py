@@ -75,9 +75,7 @@ from .base import (
     log_statement,
     refuse_unknown_options,
 )
-from .cluster import EXTENSIONS, ClusterExtension, Nodes, cluster_among, cluster_of
 from .guard import StatementGuard
-from .postgresql_pooler import IS_POOLED, OPTION, local, read_pooler, settle
 from .postgresql_roles import (
     holders,
     lock_schema,
@@ -85,6 +83,8 @@ from .postgresql_roles import (
     roles_set_aside,
 )
 from .postgresql_sharing import (
+    IS_POOLED,
+    OPTION,
     POLL_PAUSE,
     CannotListenError,
     ListenPause,
@@ -93,8 +93,20 @@ from .postgresql_sharing import (
     SharedListening,
     WriterTurns,
     channel,
+    local,
+    read_pooler,
+    settle,
 )
-from .postgresql_structure import PostgresqlViews, describe, index_faults
+from .postgresql_structure import (
+    EXTENSIONS,
+    ClusterExtension,
+    Nodes,
+    PostgresqlViews,
+    cluster_among,
+    cluster_of,
+    describe,
+    index_faults,
+)
 from .structure import IndexFault, Statement
 from .words import POSTGRESQL_WORDS
 

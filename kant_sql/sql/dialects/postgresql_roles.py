@@ -26,8 +26,7 @@ from ...errors import KantSqlError
 from ..tables import EMPTY_HEAD, Base
 from ..tables.base import VERSION_TABLE
 from .base import Roles
-from .cluster import cluster_of
-from .postgresql_structure import SCHEMA_OF_TABLES, PostgresqlViews, Qualifier
+from .postgresql_structure import SCHEMA_OF_TABLES, PostgresqlViews, Qualifier, cluster_of
 
 # The prefix of roles, and of all that is created for them.
 PREFIX = "kant_sql_"

@@ -1,26 +1,26 @@
 """The schema of a PostgreSQL store: a description, a check of its indexes, generated views.
 
 No query finds what an index lacks when the server answers the query by that index. Once each index
-has what its table has, it does not matter which of them answers.
+has what its table has, it does not matter which of them answers. Plugins of extensions put tables
+on several servers (nodes).
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from itertools import groupby
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from sqlalchemy import text
+from sqlalchemy import Connection, text
 from sqlalchemy.dialects.postgresql.base import PGDialect
 
 from ...errors import StoreError
-from ..query import raw
+from ...plugins import Plugins
 from ..tables.base import VERSION_TABLE
 from .base import Row, Session
-from .cluster import Nodes
 from .structure import (
     MARK,
     MARKED,
@@ -325,7 +325,7 @@ def index_faults(
 
 def _indexes_of(session: Session, tables: Sequence[str], nodes: Nodes | None) -> list[_Index]:
     names = ", ".join(f"to_regclass('{table}')" for table in tables)
-    rows = _rows(session, _CHECKED_INDEXES.replace("{tables}", names))
+    rows = session.rows_of(_CHECKED_INDEXES.replace("{tables}", names))
     return [_Index._make((*row, nodes)) for row in rows]
 
 
@@ -362,7 +362,7 @@ def _by_indexes(session: Session, indexes: list[_Index], nodes: Nodes | None) ->
         if chosen:
             query = " UNION ALL ".join(index.reading() for index in chosen)
             with _settings(session, off, nodes):
-                ((plan,),) = _rows(session, f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}")
+                ((plan,),) = session.rows_of(f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}")
             used = {nodes.whole_index(name) if nodes else name for name in _used(plan)}
             found = _numbers(session, off, query, nodes)
             numbers |= {each.number: found[each.number] for each in chosen if each.name in used}
@@ -382,14 +382,14 @@ def _used(plan: Any) -> Iterator[str]:
 
 def _numbers(session: Session, off: Iterable[str], query: str, nodes: Nodes | None) -> _Found:
     with _settings(session, off, nodes):
-        return {number: (int(count), digest) for number, count, digest in _rows(session, query)}
+        return {number: (int(count), digest) for number, count, digest in session.rows_of(query)}
 
 
 def _numbers_of_tables(session: Session, query: str, nodes: Nodes | None) -> _Found:
     with _settings(session, _TABLES_ONLY, nodes):
         return {
             number: (int(count), digest)
-            for row in _rows(session, query)
+            for row in session.rows_of(query)
             for number, count, digest in zip(*row, strict=True)
         }
 
@@ -408,11 +408,11 @@ def _settings(session: Session, off: Iterable[str], nodes: Nodes | None) -> Iter
 
 def _amcheck(session: Session, indexes: list[_Index]) -> Iterator[IndexFault]:
     """Run the extension amcheck on each index, where it is available."""
-    for (function,) in _rows(session, _CHECKER)[:1]:
+    for (function,) in session.rows_of(_CHECKER)[:1]:
         for index in (each for each in indexes if each.method == "btree"):
             savepoint, fault = session.savepoint(), None
             try:
-                _rows(session, f"SELECT {function}({index.oid}::regclass, true)")
+                session.rows_of(f"SELECT {function}({index.oid}::regclass, true)")
             except StoreError as error:
                 # Subclasses are errors of the connection.
                 if type(error) is not StoreError:
@@ -421,10 +421,6 @@ def _amcheck(session: Session, indexes: list[_Index]) -> Iterator[IndexFault]:
             session.rollback_to(savepoint)
             if fault is not None:
                 yield fault
-
-
-def _rows(session: Session, sql: str) -> list[Row]:
-    return session.rows(raw(sql))
 
 
 # Whoever may read what all knowledge bases have in common may read what one of them has.
@@ -492,3 +488,69 @@ class Qualifier:
     def relation(self, name: str, schema: str | None = None) -> str:
         """Qualify the name of a table or view."""
         return f"{self.quote(self.schema if schema is None else schema)}.{self.quote(name)}"
+
+
+# The extensions of this database but that which each has.
+EXTENSIONS = "SELECT extname FROM pg_extension WHERE extname <> 'plpgsql'"
+
+
+class Nodes(Protocol):
+    """What a connection to one node does for the others."""
+
+    def settings(self, *, is_durable: bool = False) -> dict[str, str]:
+        """Return what a transaction that writes sets."""
+
+    def replanning(self, is_other: bool) -> str:
+        """Write the statement after which a node makes its plans again."""
+
+    def committing(self, synchronous_commit: str) -> Nodes:
+        """Return these with another setting of what a commit waits for."""
+
+    def of_one_shard(self, query: str, schema: str, kb_id: int) -> str:
+        """Restrict each table of a view's query to one knowledge base."""
+
+    def whole_index(self, name: str) -> str:
+        """Return the name of the index that an index of a part of a table belongs to."""
+
+
+class ClusterExtension(Protocol):
+    """A plugin of the group `kant_sql.postgresql_extensions`, by the name of the extension.
+
+    It is asked only in databases that have the extension. Each statement of the library names one
+    knowledge base by `kb_id`, so one node can answer it.
+    """
+
+    def nodes(self, connection: Any) -> Nodes:
+        """Examine a new connection of the driver."""
+
+    def is_distributed(self, connection: Connection, schema: str) -> bool:
+        """Return whether the tables of a schema are on several nodes."""
+
+    def fault(self, connection: Connection, label: str) -> str | None:
+        """Say which tables are not where the others are; None for none."""
+
+    def use_one_connection(self, connection: Connection) -> None:
+        """Let a transaction of schema changes use one connection to each node."""
+
+    def migrating(self, connection: Connection, label: str) -> AbstractContextManager[None]:
+        """Let migrations create tables where those of the store are."""
+
+    def of_one_shard(self, query: str, schema: str, kb_id: int) -> str:
+        """Restrict each table of a view's query to one knowledge base."""
+
+    def has_lost_a_node(self, state: str, message: str) -> bool:
+        """Return whether an error is that of a connection between nodes."""
+
+
+CLUSTERS: Plugins[ClusterExtension] = Plugins("kant_sql.postgresql_extensions")
+
+
+def cluster_among(extensions: Iterable[str]) -> ClusterExtension | None:
+    """Find the plugin of an extension."""
+    found = map(CLUSTERS.get, extensions)
+    return next((cluster for cluster in found if cluster is not None), None)
+
+
+def cluster_of(connection: Connection) -> ClusterExtension | None:
+    """Find the plugin of an extension of a database."""
+    return cluster_among(connection.exec_driver_sql(EXTENSIONS).scalars().all())

@@ -79,7 +79,6 @@ from .base import (
     refuse_unknown_options,
     url_label,
 )
-from .decimals import add_functions
 from .guard import StatementGuard
 from .sqlite_file import WAL_LIMIT, StoreFile
 from .structure import (
@@ -94,7 +93,7 @@ from .structure import (
     parenthesized,
     parse_statement,
 )
-from .words import SQLITE_WORDS
+from .words import SQLITE_WORDS, add_functions
 
 _OBJECTS = """
 SELECT type, name, tbl_name, sql FROM sqlite_master WHERE sql IS NOT NULL

@@ -1,15 +1,116 @@
-"""The few words in which generated conditions differ between dialects.
+"""The words in which generated statements differ between dialects.
 
 Conditions are written as text: building one of ten tables with SQLAlchemy Core takes 3 ms, as text
-0.2 ms, and it must keep its join order on SQLite.
+0.2 ms, and they must keep their join order on SQLite.
+
+The functions of exact decimals are those of SQLite's extension `decimal`, which its shell has: a
+statement with them can be pasted there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+import sqlite3
+from collections.abc import Callable, Iterable, Sequence
+from decimal import Decimal
+from functools import partial
 from typing import NamedTuple
 
-from .decimals import POSTGRESQL_ARITHMETIC, SQLITE_ARITHMETIC, DecimalWords
+from ...dto.lexical import EXACT_DECIMALS
+
+
+class DecimalWords(NamedTuple):
+    """How one dialect calculates with exact decimals.
+
+    Attributes:
+        operation: writes `+`, `-` or `*` of two decimals.
+        sign: the sign of a decimal, as -1, 0 or 1.
+        compare: compares two decimals by an operator.
+        decimal: a text as a decimal.
+        by_texts: compares the texts of two decimals whose doubles are equal.
+        is_fast: whether calculating exactly costs little; otherwise doubles decide where they can.
+    """
+
+    operation: Callable[[str, str, str], str]
+    sign: str
+    compare: str
+    decimal: str
+    by_texts: Callable[[str, str, str], str]
+    is_fast: bool
+
+
+def _by_texts(operator: str, left: str, right: str) -> str:
+    # Without the zeros at its end, and of two positive ones the longer whole part is greater.
+    keys = ", ".join(
+        f"CASE WHEN instr({text}, '.') > 0 THEN rtrim({text}, '0') ELSE {text} || '.' END AS {name}"
+        for text, name in ((left, "a"), (right, "b"))
+    )
+    less = "(instr(a, '.'), a) < (instr(b, '.'), b)"
+    less = (
+        f"CASE WHEN a LIKE '-%' THEN NOT (b LIKE '-%' AND {less}) "
+        f"ELSE b NOT LIKE '-%' AND {less} END"
+    )
+    order = {
+        "<": f"a <> b AND {less}",
+        "<=": f"a = b OR {less}",
+        "=": "a = b",
+        ">=": f"a = b OR NOT {less}",
+        ">": f"a <> b AND NOT {less}",
+    }
+    return f"(SELECT {order[operator]} FROM (SELECT {keys}))"
+
+
+_NAMES = {"+": "decimal_add", "-": "decimal_sub", "*": "decimal_mul"}
+SQLITE_ARITHMETIC = DecimalWords(
+    lambda operator, left, right: f"{_NAMES[operator]}({left}, {right})",
+    sign="decimal_cmp({}, '0')",
+    compare="decimal_cmp({0}, {2}) {1} 0",
+    decimal="{}",
+    by_texts=_by_texts,
+    is_fast=False,
+)
+POSTGRESQL_ARITHMETIC = DecimalWords(
+    lambda operator, left, right: f"({left} {operator} {right})",
+    sign="sign({})",
+    compare="{} {} {}",
+    decimal="CAST({} AS numeric)",
+    by_texts=lambda operator, left, right: (
+        f"CAST({left} AS numeric) {operator} CAST({right} AS numeric)"
+    ),
+    is_fast=True,
+)
+
+
+def _function(
+    operation: Callable[[Decimal, Decimal], Decimal],
+) -> Callable[[str | int | None, str | int | None], str | None]:
+    def calculate(left: str | int | None, right: str | int | None) -> str | None:
+        if left is None or right is None:
+            return None
+        return format(operation(Decimal(left), Decimal(right)), "f")
+
+    return calculate
+
+
+def _compare(left: str | int | None, right: str | int | None) -> int | None:
+    if left is None or right is None:
+        return None
+    first, second = Decimal(left), Decimal(right)
+    return (first > second) - (first < second)
+
+
+_FUNCTIONS = {
+    "decimal_add": _function(EXACT_DECIMALS.add),
+    "decimal_sub": _function(EXACT_DECIMALS.subtract),
+    "decimal_mul": _function(EXACT_DECIMALS.multiply),
+    "decimal_cmp": _compare,
+}
+
+
+def add_functions(connection: sqlite3.Connection) -> None:
+    """Give a connection the functions on decimals."""
+    for name, function in _FUNCTIONS.items():
+        connection.create_function(name, 2, function, deterministic=True)
 
 
 class Words(NamedTuple):
@@ -22,7 +123,8 @@ class Words(NamedTuple):
             next in an index.
         each: the relation of the values of a list parameter of numbers, with the column `value`. A
             planner takes it for so many that it makes an index of what is found for them.
-        rows: the relation of a parameter that holds rows of ids, as JSON, with columns `c0` ...
+        rows: the relation of a parameter that holds rows of ids, as JSON, with columns `place`,
+            from 0, and `c0`, `c1` ...
         list_text: writes a list as a literal.
         arithmetic: how decimals are calculated with.
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
@@ -47,9 +149,9 @@ def quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _sqlite_rows(parameter: str, columns: int) -> str:
-    fields = ", ".join(f"json_extract(value, '$[{n}]') AS c{n}" for n in range(columns))
-    return f"(SELECT {fields or '1 AS present'} FROM json_each(:{parameter}))"
+def _sqlite_rows(parameter: str, columns: int, name: str = "c") -> str:
+    values = [f", json_extract(value, '$[{n}]') AS {name}{n}" for n in range(columns)]
+    return f"(SELECT key AS place{''.join(values)} FROM json_each(:{parameter}))"
 
 
 def _sqlite_list(values: Sequence[int] | Sequence[str]) -> str:
@@ -59,10 +161,10 @@ def _sqlite_list(values: Sequence[int] | Sequence[str]) -> str:
     return quoted("[" + ", ".join(f'"{value}"' for value in values) + "]")
 
 
-def _postgresql_rows(parameter: str, columns: int) -> str:
-    fields = ", ".join(f"CAST(value ->> {n} AS bigint) AS c{n}" for n in range(columns))
-    rows = f"json_array_elements(CAST(:{parameter} AS json)) AS listed (value)"
-    return f"(SELECT {fields or '1 AS present'} FROM {rows})"
+def _postgresql_rows(parameter: str, columns: int, name: str = "c") -> str:
+    values = [f", CAST(value ->> {n} AS bigint) AS {name}{n}" for n in range(columns)]
+    rows = f"json_array_elements(CAST(:{parameter} AS json)) WITH ORDINALITY"
+    return f"(SELECT place - 1 AS place{''.join(values)} FROM {rows} AS listed (value, place))"
 
 
 def _postgresql_list(values: Sequence[int] | Sequence[str]) -> str:
@@ -99,3 +201,188 @@ POSTGRESQL_WORDS = Words(
     " OFFSET 0",
     "generate_series(1, (SELECT 1))",
 )
+
+
+# By dialect: the operator between a text and a pattern; see `containing.py`.
+OPERATORS = {"sqlite": "GLOB", "postgresql": "~"}
+# More than any walk gives: the planner takes an index that has the order for a query with a limit.
+_ENDLESS = "20000"
+
+
+class NestedLoops(NamedTuple):
+    """How one dialect writes a join whose order is fixed.
+
+    SQLite keeps the order of a CROSS JOIN. PostgreSQL keeps that of lateral subqueries that it
+    cannot pull up; without statistics it would otherwise hash millions of versions for a few ids.
+
+    Attributes:
+        rows: the same relation, with columns `id0`, `id1` ...
+        loop: writes an inner loop: its alias, its table and its conditions.
+        last: writes the subquery of the last row up to a revision: an alias, its table, the column
+            of the identity, that identity, the revision, and what it gives of that row.
+        part: writes the query of the rows that began after a revision and up to another one, at
+            most so many: an alias, its table, the column of the identity, that identity, the two
+            revisions, the number, and what it gives of each row.
+        walk: writes an inner loop over such rows; the first revision is included.
+        range: writes the same loop, however many rows it has.
+        times: the relation of a parameter that holds times as JSON texts, with columns `place`,
+            from 0, and `moment`.
+        larger: the function of the largest of some numbers.
+        smaller: the function of the smallest.
+        contains: the operator between a text and a pattern; see `containing.py`.
+    """
+
+    rows: Callable[[str, int], str]
+    loop: Callable[[str, str, str], str]
+    last: Callable[[str, str, str, str, str, str], str]
+    part: Callable[[str, str, str, str, str, str, str, str], str]
+    walk: Callable[[str, str, str, str, str, str], str]
+    range: Callable[[str, str, str, str, str, str], str]
+    times: Callable[[str], str]
+    larger: str
+    smaller: str
+    contains: str
+
+
+def _sqlite_loop(alias: str, table: str, conditions: str) -> str:
+    return f" CROSS JOIN {table} AS {alias} ON {conditions}"
+
+
+def _postgresql_loop(alias: str, table: str, conditions: str) -> str:
+    inner = f"SELECT * FROM {table} AS {alias} WHERE {conditions} OFFSET 0"
+    return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+
+
+def _sqlite_last(
+    alias: str, table: str, column: str, identity: str, revision: str, wanted: str
+) -> str:
+    return (
+        f"(SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb AND"
+        f" {alias}.{column} = {identity} AND {alias}.since <= {revision}"
+        f" ORDER BY {alias}.since DESC LIMIT 1)"
+    )
+
+
+def _postgresql_last(
+    alias: str, table: str, column: str, identity: str, revision: str, wanted: str
+) -> str:
+    # Only the primary key has this order: sorted by revision alone, the planner may go through all
+    # versions of the knowledge base, backwards, to find one of the identity.
+    key = f"{alias}.{column}, {alias}.since"
+    found = (
+        f"SELECT {alias}.* FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f" AND ({key}) <= ({identity}, {revision})"
+        f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
+    )
+    return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {alias}.{column} = {identity})"
+
+
+def _sqlite_part(
+    alias: str,
+    table: str,
+    column: str,
+    identity: str,
+    after: str,
+    upto: str,
+    number: str,
+    wanted: str,
+) -> str:
+    return (
+        f"SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f" AND {alias}.{column} = {identity} AND {alias}.since > {after}"
+        f" AND {alias}.since <= {upto} LIMIT {number}"
+    )
+
+
+# If nearly all versions are of one identity, the planner takes the index of revisions for as good
+# as the primary key, and reads what began of all others. Only the primary key has this order.
+def _postgresql_key_range(
+    alias: str, table: str, column: str, begin: str, end: str, number: str, wanted: str
+) -> str:
+    key = f"{alias}.{column}, {alias}.since"
+    return (
+        f"SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
+        f" AND ({key}) {begin} AND ({key}) <= {end} ORDER BY {key} LIMIT {number}"
+    )
+
+
+def _postgresql_part(
+    alias: str,
+    table: str,
+    column: str,
+    identity: str,
+    after: str,
+    upto: str,
+    number: str,
+    wanted: str,
+) -> str:
+    begin, end = f"> ({identity}, {after})", f"({identity}, {upto})"
+    return _postgresql_key_range(alias, table, column, begin, end, number, wanted)
+
+
+def _sqlite_walk(alias: str, table: str, column: str, identity: str, first: str, upto: str) -> str:
+    conditions = (
+        f"{alias}.kb_id = :kb AND {alias}.{column} = {identity}"
+        f" AND {alias}.since >= {first} AND {alias}.since <= {upto}"
+    )
+    return _sqlite_loop(alias, table, conditions)
+
+
+def _postgresql_walk(
+    alias: str, table: str, column: str, identity: str, first: str, upto: str
+) -> str:
+    begin, end = f">= ({identity}, {first})", f"({identity}, {upto})"
+    inner = _postgresql_key_range(alias, table, column, begin, end, _ENDLESS, f"{alias}.*")
+    return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+
+
+# Rows are compared as in a walk: by an index of revisions alone, a planner would read all of them.
+def _postgresql_range(
+    alias: str, table: str, column: str, identity: str, first: str, upto: str
+) -> str:
+    key = f"({alias}.{column}, {alias}.since)"
+    conditions = f"{alias}.kb_id = :kb AND {key} >= ({identity}, {first})"
+    return _postgresql_loop(alias, table, f"{conditions} AND {key} <= ({identity}, {upto})")
+
+
+def _sqlite_times(parameter: str) -> str:
+    return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
+
+
+def _postgresql_times(parameter: str) -> str:
+    texts = f"json_array_elements_text(CAST(:{parameter} AS json)) WITH ORDINALITY"
+    moment = "CAST(value AS timestamptz) AS moment"
+    return f"(SELECT place - 1 AS place, {moment} FROM {texts} AS listed (value, place))"
+
+
+def id_rows(ids: Iterable[int]) -> str:
+    """Write a parameter of rows of one id each."""
+    return json.dumps([[id_] for id_ in ids])
+
+
+NESTED_LOOPS = {
+    "sqlite": NestedLoops(
+        partial(_sqlite_rows, name="id"),
+        _sqlite_loop,
+        _sqlite_last,
+        _sqlite_part,
+        _sqlite_walk,
+        _sqlite_walk,
+        _sqlite_times,
+        "max",
+        "min",
+        OPERATORS["sqlite"],
+    ),
+    "postgresql": NestedLoops(
+        partial(_postgresql_rows, name="id"),
+        _postgresql_loop,
+        _postgresql_last,
+        _postgresql_part,
+        _postgresql_walk,
+        _postgresql_range,
+        _postgresql_times,
+        "greatest",
+        "least",
+        OPERATORS["postgresql"],
+    ),
+}

@@ -10,16 +10,16 @@ from .atoms import PropositionArgumentRow as PropositionArgumentRow
 from .atoms import PropositionRow as PropositionRow
 from .atoms import PropositionVersionRow as PropositionVersionRow
 from .base import Base as Base
-from .plans import PlanRow as PlanRow
-from .plans import PlanStepArgumentRow as PlanStepArgumentRow
-from .plans import PlanStepRow as PlanStepRow
-from .plans import PlanStepVersionRow as PlanStepVersionRow
-from .plans import RevisionPlanStepRow as RevisionPlanStepRow
 from .revisions import EMPTY_HEAD as EMPTY_HEAD
 from .revisions import ArchiveRow as ArchiveRow
 from .revisions import HeadRow as HeadRow
 from .revisions import KnowledgeBaseRow as KnowledgeBaseRow
+from .revisions import PlanRow as PlanRow
+from .revisions import PlanStepArgumentRow as PlanStepArgumentRow
+from .revisions import PlanStepRow as PlanStepRow
+from .revisions import PlanStepVersionRow as PlanStepVersionRow
 from .revisions import PromotionRow as PromotionRow
+from .revisions import RevisionPlanStepRow as RevisionPlanStepRow
 from .revisions import RevisionRow as RevisionRow
 from .revisions import VerificationRow as VerificationRow
 
