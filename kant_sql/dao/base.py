@@ -19,15 +19,13 @@ from ..dto import (
     PddlActionDto,
     PddlConditionEffectDto,
     PddlEitherTypeDto,
-    PddlEventDto,
     PddlFunctionDto,
     PddlObjectDto,
     PddlPredicateDto,
-    PddlProcessDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from ..dto.actions import DEFAULT_DURATION, trusted_action, trusted_literal
+from ..dto.actions import CLASSES, DEFAULT_DURATION, trusted_action, trusted_literal
 from ..dto.elements import (
     NamedDto,
     trusted_object,
@@ -283,9 +281,6 @@ class Reading:
         return rows
 
 
-_CLASSES = {PROCESS: PddlProcessDto, EVENT: PddlEventDto}
-
-
 class DtoBuilder:
     """Builds the DTOs of one result from the definitions that it was read with."""
 
@@ -405,7 +400,7 @@ class DtoBuilder:
         )
         duration = template.duration
         return trusted_action(
-            _CLASSES.get(kind, PddlActionDto),
+            CLASSES.get(kind, PddlActionDto),
             name,
             parameters,
             conditions,

@@ -249,6 +249,10 @@ class PddlEventDto(_InstantDto):
         return "event"
 
 
+# The classes of actions that have one of their own, by keyword.
+CLASSES: dict[str, type[PddlActionDto]] = {"process": PddlProcessDto, "event": PddlEventDto}
+
+
 def _text(part: PddlConditionEffectDto | Node, parameters: set[str]) -> str:
     return part.text(parameters) if isinstance(part, PddlConditionEffectDto) else str(part)
 

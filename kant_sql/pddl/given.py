@@ -1,18 +1,33 @@
-"""Reading one condition, constraint or step of a caller, with the variables that are free in it."""
+"""Reading what a caller gives as text: one condition, constraint or step, or one declaration."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypedDict, TypeVar
+
+from typing_extensions import override
 
 from ..arguments import expect
 from ..dto import formulas as f
+from ..dto.actions import CLASSES, DEFAULT_DURATION, PddlActionDto
+from ..dto.elements import (
+    PddlEitherTypeDto,
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlTypeDto,
+)
 from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from .cursor import VARIABLES, Diagnostics, Section, hint
+from .actions import ActionReader
+from .cursor import END, VARIABLES, Cursor, Diagnostics, Section, hint
+from .declarations import DeclarationReader
+from .document import DURATIVE_ACTION
+from .forms import ACTIONS
 from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, FormulaReader
+from .hierarchy import Types
 from .lexer import STRING, Text
 from .symbols import ANY, BoundVariable, Entity, SymbolTable
 
@@ -39,6 +54,11 @@ class ReadStep(NamedTuple):
 
     action: str
     arguments: tuple[str, ...]
+
+
+class _Parameters(TypedDict):
+    types: list[PddlTypeDto]
+    parameter_names: list[str]
 
 
 class ReadValue(NamedTuple):
@@ -99,12 +119,12 @@ class ConditionReader(FormulaReader):
         return self.free[key].entity
 
 
-def _section(text: str | Text) -> Section:
+def _section(text: str | Text, keyword: str = "") -> Section:
     whole = text if isinstance(text, Text) else Text(STRING, whole=text)
-    return Section(whole, "", 0, len(whole.code))
+    return Section(whole, keyword, 0, len(whole.code))
 
 
-def _refuse_unclosed(reader: FormulaReader) -> None:
+def _refuse_unclosed(reader: Cursor) -> None:
     """Refuse a text that ends within parentheses; in a document, sections are closed by then."""
     if reader.tokens.count("(") > reader.tokens.count(")"):
         reader.fail("')'", at=reader.tokens.index(""))
@@ -278,6 +298,131 @@ def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable
     if reader.tokens[reader.at]:
         reader.fail("the end of the text after one step")
     return ReadStep(action, tuple(arguments))
+
+
+class _ElementReader(DeclarationReader):
+    """A reader of one declaration that stands alone; the end of the text closes it."""
+
+    def __init__(self, text: str, kind: str, example: str) -> None:
+        expect(text, str, f"the {kind}", InvalidArgumentError)
+        symbols = SymbolTable(unknown_domain=True)
+        super().__init__(Diagnostics(strict=False), _section(text), symbols)
+        self._kind, self._one = kind, f"one {kind} such as {example}"
+        self.at, self.nesting = 0, f"the {kind}"
+        self._end = self.tokens.index("")
+        _refuse_unclosed(self)
+        self.tokens = [*self.tokens[: self._end], ")", *self.tokens[self._end :]]
+
+    @override
+    def quoted(self, index: int) -> str:
+        return END if index == self._end else super().quoted(index)
+
+    def refuse_rest(self, at: int) -> None:
+        """Refuse a text that does not end at a token."""
+        if at < self._end:
+            self.fail(self._one, at=at)
+
+    def name(self) -> tuple[str, Types]:
+        """Read a name and its types."""
+        if self.tokens[0] in ("(", ")"):
+            self.fail(self._one)
+        groups = self.names()
+        self.refuse_rest(self.at - 1)
+        words = groups[0].words if groups else []
+        if len(words) != 1 or len(groups) > 1:
+            self.fail(self._one, at=1 if len(words) > 1 else groups[1].at if words else 0)
+        if not is_name(words[0], self._kind):
+            self.fail(f"the name of the {self._kind}, which is not a reserved word", at=0)
+        types = groups[0].types
+        return words[0], self.resolve(self.symbols, types, 1) if types else ()
+
+
+def _type_dto(types: Types) -> PddlTypeDto:
+    made = [PddlTypeDto(name) for name in types]
+    return made[0] if len(made) == 1 else PddlEitherTypeDto(made)
+
+
+def read_type(text: str) -> PddlTypeDto:
+    """Read a type and its parent, such as `robot - vehicle`, or a type alone.
+
+    Raises:
+        PddlError: the text is not the declaration of one type.
+    """
+    name, parents = _ElementReader(text, "type", "'robot - vehicle'").name()
+    return PddlTypeDto(name, parent=_type_dto(parents) if parents else None)
+
+
+def read_object(text: str) -> PddlObjectDto:
+    """Read an object such as `rb1 - robot`; without a type it is an `object`.
+
+    Raises:
+        PddlError: the text is not the declaration of one object.
+    """
+    name, types = _ElementReader(text, "object", "'rb1 - robot'").name()
+    return PddlObjectDto(_type_dto(types or ANY), name)
+
+
+def read_predicate(text: str) -> PddlPredicateDto:
+    """Read a predicate such as `(robot_at ?r - robot ?p - place)`.
+
+    Raises:
+        PddlError: the text is not the declaration of one predicate.
+    """
+    reader = _ElementReader(text, "predicate", "(robot_at ?r - robot ?p - place)")
+    predicate, _ = reader.predicate()
+    reader.refuse_rest(reader.at)
+    return PddlPredicateDto(predicate.name, **_parameters(predicate.parameters))
+
+
+def read_function(text: str) -> PddlFunctionDto:
+    """Read a function such as `(battery ?r - robot) - number`; without a type it is a number.
+
+    Raises:
+        PddlError: the text is not the declaration of one function.
+    """
+    reader = _ElementReader(text, "function", "(battery ?r - robot) - number")
+    found = [*reader.functions()]
+    reader.refuse_rest(reader.at - 1)
+    reader.refuse_rest(found[1][1] - 1 if found[1:] else reader.at if found else -1)
+    [(function, _)] = found
+    value_types = [PddlTypeDto(name) for name in function.types]
+    return PddlFunctionDto(
+        function.name, value_types=value_types, **_parameters(function.parameters)
+    )
+
+
+def read_action(text: str, *, symbols: SymbolTable) -> PddlActionDto:
+    """Read an action: `(:action ...)`, `(:durative-action ...)`, `(:process ...)`, `(:event ...)`.
+
+    Args:
+        text: PDDL text.
+        symbols: the types, the predicates, the functions and the constants that it may use.
+
+    Raises:
+        PddlError: the text is not one action, or it uses undeclared names.
+    """
+    expect(text, str, "the action", InvalidArgumentError)
+    reader = ActionReader(Diagnostics(strict=False), _section(text), symbols, "the action")
+    keyword = reader.peek_head("an action such as (:action ...)", "a keyword such as :action")
+    if keyword.lower() not in ACTIONS:
+        reader.fail(f"one of {', '.join(ACTIONS)}{hint(keyword, list(ACTIONS))}", at=1)
+    _refuse_unclosed(reader)
+    action, _ = reader.action(_section(text, keyword.lower()))
+    if reader.tokens[reader.at]:
+        reader.fail("the end of the text after one action")
+    dto = CLASSES.get(action.kind, PddlActionDto)(action.name)
+    dto.parameters = [PddlObjectDto(_type_dto(each.types), each.name) for each in action.parameters]
+    dto.conditions, dto.effects = list(action.condition), list(action.effect)
+    dto.durative = action.kind == DURATIVE_ACTION
+    dto.duration = list(action.duration) if dto.durative else DEFAULT_DURATION
+    return dto
+
+
+def _parameters(parameters: Iterable[f.TypedName]) -> _Parameters:
+    return {
+        "types": [_type_dto(each.types) for each in parameters],
+        "parameter_names": [each.name for each in parameters],
+    }
 
 
 def text_of(given: object, example: str) -> str:

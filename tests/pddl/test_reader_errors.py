@@ -6,7 +6,9 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,14 @@ import kant_sql
 from kant_sql.dto.formulas import MAX_NESTING
 from kant_sql.errors import InvalidKnowledgeError, PddlError
 from kant_sql.pddl import Domain, Problem, read, read_domain, read_problem, write
+from kant_sql.pddl.given import (
+    read_action,
+    read_function,
+    read_object,
+    read_predicate,
+    read_type,
+)
+from kant_sql.pddl.symbols import SymbolTable
 
 HEAD = """(define (domain d) (:requirements :adl :fluents)
 (:types a b - t t) (:constants k - a)
@@ -468,3 +478,76 @@ def load(kb: kant_sql.KnowledgeBase, document: Domain | Problem) -> None:
         kb.load_domain(write(document))
     else:
         kb.load_problem(write(document))
+
+
+A_TYPE = "one type such as 'robot - vehicle'"
+AN_OBJECT = "one object such as 'rb1 - robot'"
+A_PREDICATE = "one predicate such as (robot_at ?r - robot ?p - place)"
+A_FUNCTION = "one function such as (battery ?r - robot) - number"
+END = "the end of the text"
+read_move = partial(read_action, symbols=SymbolTable.of_domain(DOMAIN))
+
+
+@pytest.mark.parametrize(
+    ("reads", "text", "column", "found", "expected"),
+    [
+        (read_type, "", 1, END, A_TYPE),
+        (read_type, "a - b c", 7, "'c'", A_TYPE),
+        (read_type, "a b - c", 3, "'b'", A_TYPE),
+        (read_type, "- b", 1, "'-'", A_TYPE),
+        (read_type, "(a)", 1, "'(a'", A_TYPE),
+        (read_type, "a) ", 2, "')'", A_TYPE),
+        (read_type, "a -", 4, END, "a type"),
+        (read_type, "a - (either b", 14, END, "')'"),
+        (read_type, "either", 1, "'either'", "the name of the type, which is not a reserved word"),
+        (read_object, "rb1 rb2 - robot", 5, "'rb2'", AN_OBJECT),
+        (read_object, "5 - robot", 1, "'5'", "a name"),
+        (read_object, "rb1 - 5", 7, "'5'", "a type"),
+        (read_predicate, "near", 1, "'near'", "a predicate such as (near ?a ?b)"),
+        (read_predicate, "(near ?a) (far ?a)", 11, "'(far'", A_PREDICATE),
+        (read_predicate, "(near ?a))", 10, "')'", A_PREDICATE),
+        (read_predicate, "(near a)", 7, "'a'", "a variable, which begins with '?'"),
+        (read_predicate, "(near ?a", 9, END, "')'"),
+        (read_function, "", 1, END, A_FUNCTION),
+        (read_function, "(fuel) (load)", 8, "'(load'", A_FUNCTION),
+        (read_function, "(fuel) - number (load)", 17, "'(load'", A_FUNCTION),
+        (read_function, "(fuel) -", 9, END, "a type"),
+        (read_move, "move", 1, "'move'", "an action such as (:action ...)"),
+        (
+            read_move,
+            "(:actoin move)",
+            2,
+            "':actoin'",
+            "one of :action, :durative-action, :process, :event (did you mean :action?)",
+        ),
+        (
+            read_move,
+            "(:action move :parameters () :effect (rr))",
+            39,
+            "the predicate 'rr'",
+            "a predicate that is declared (did you mean r?)",
+        ),
+        (
+            read_move,
+            "(:action move :parameters (?x - aa))",
+            33,
+            "the type 'aa'",
+            "a type that is declared (did you mean a?)",
+        ),
+        (
+            read_move,
+            "(:action move :parameters ()) (r)",
+            31,
+            "'(r'",
+            "the end of the text after one action",
+        ),
+        (read_move, "(:action move :parameters (", 28, END, "')'"),
+    ],
+)
+def test_elements_that_stand_alone(
+    reads: Callable[[str], object], text: str, column: int, found: str, expected: str
+) -> None:
+    with pytest.raises(PddlError) as refused:
+        reads(text)
+    error = refused.value
+    assert (error.column, error.found, error.expected) == (column, found, expected)

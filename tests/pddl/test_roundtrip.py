@@ -5,8 +5,26 @@ from __future__ import annotations
 import pytest
 from hypothesis import example, given
 
-from kant_sql.pddl import read_domain, read_problem, write
-from kant_sql.pddl.document import Domain, PddlWarning, Problem
+from kant_sql import (
+    PddlActionDto,
+    PddlEitherTypeDto,
+    PddlEventDto,
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlProcessDto,
+    PddlTypeDto,
+)
+from kant_sql.pddl import TypedName, read_domain, read_problem, write
+from kant_sql.pddl.document import Action, Domain, PddlWarning, Problem
+from kant_sql.pddl.given import (
+    read_action,
+    read_function,
+    read_object,
+    read_predicate,
+    read_type,
+)
+from kant_sql.pddl.symbols import SymbolTable
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
 
@@ -43,3 +61,61 @@ def test_what_is_well_formed_round_trips_without_a_warning(
 @given(domains_and_problems(repeats=True))
 def test_parameters_that_share_a_name_round_trip(documents: tuple[Domain, Problem]) -> None:
     check(*documents, strict=False)
+
+
+def type_dto(types: tuple[str, ...]) -> PddlTypeDto:
+    made = [PddlTypeDto(name) for name in types]
+    return made[0] if len(made) == 1 else PddlEitherTypeDto(made)
+
+
+def types_of(parts: tuple[TypedName, ...]) -> list[PddlTypeDto]:
+    return [type_dto(part.types) for part in parts]
+
+
+def names_of(parts: tuple[TypedName, ...]) -> list[str]:
+    return [part.name for part in parts]
+
+
+def action_dto(action: Action) -> PddlActionDto:
+    parameters = [PddlObjectDto(type_dto(each.types), each.name) for each in action.parameters]
+    parts = parameters, action.condition, action.effect
+    match action.kind:
+        case "process":
+            return PddlProcessDto(action.name, *parts)
+        case "event":
+            return PddlEventDto(action.name, *parts)
+    durative = action.kind == "durative-action"
+    if not durative:
+        return PddlActionDto(action.name, *parts, durative)
+    return PddlActionDto(action.name, *parts, durative, duration=list(action.duration))
+
+
+@hunting(PROFILE.texts)
+@given(domains_and_problems(repeats=True))
+def test_the_text_of_an_element_reads_back_as_its_dto(documents: tuple[Domain, Problem]) -> None:
+    domain, problem = documents
+    for part in domain.types:
+        type_ = PddlTypeDto(part.name, parent=type_dto(part.types))
+        assert repr(read_type(str(type_))) == repr(type_)
+        assert repr(read_type(part.name)) == repr(PddlTypeDto(part.name))
+    for part in (*domain.constants, *problem.objects):
+        object_ = PddlObjectDto(type_dto(part.types), part.name)
+        assert repr(read_object(str(object_))) == repr(object_)
+    for each in domain.predicates:
+        predicate = PddlPredicateDto(
+            each.name, types_of(each.parameters), parameter_names=names_of(each.parameters)
+        )
+        assert repr(read_predicate(str(predicate))) == repr(predicate)
+    for one in domain.functions:
+        function = PddlFunctionDto(
+            one.name,
+            types_of(one.parameters),
+            value_types=[PddlTypeDto(name) for name in one.types],
+            parameter_names=names_of(one.parameters),
+        )
+        assert repr(read_function(str(function))) == repr(function)
+    symbols = SymbolTable.of_domain(domain)
+    for declared in domain.actions:
+        action = action_dto(declared)
+        again = read_action(str(action), symbols=symbols)
+        assert (type(again), str(again), vars(again)) == (type(action), str(action), vars(action))
