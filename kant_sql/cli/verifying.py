@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -159,7 +159,7 @@ def run_tasks(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Ve
 def _run_in_processes(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Verification]:
     # A fork would copy locks that threads of this process hold.
     context = multiprocessing.get_context("spawn")
-    with _ended(ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(url,))) as pool:
+    with ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(url,)) as pool:
         try:
             yield from pool.map(_verify_in_process, tasks)
         except BrokenProcessPool as error:
@@ -167,15 +167,6 @@ def _run_in_processes(url: str, tasks: list[VerificationTask], jobs: int) -> Ite
                 "a verifying process was killed or could not begin; finished verifications are "
                 "kept: run the command again to continue"
             ) from error
-
-
-@contextmanager
-def _ended(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """Begin nothing more when the block fails, and wait for what runs."""
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 # The store of this process, where it is one of several.

@@ -258,6 +258,21 @@ def test_exit_codes_say_whether_to_try_again(source: str, replica: str, tmp_path
     assert run("push", source).exit_code == 2
 
 
+def test_a_busy_target_is_waited_for_once(
+    source: str, replica: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save(source, 1, "other")
+    waits = []
+
+    def meet_a_lock(_: object, __: object, terms: Terms, *more: object) -> None:
+        waits.append(terms.is_patient)
+        raise kant_sql.StoreBusyError("locked")
+
+    monkeypatch.setattr(service, "send", meet_a_lock)
+    assert run("push", source, replica).exit_code == 75
+    assert waits == [True, False]
+
+
 def test_nothing_is_left_of_a_target_that_nothing_was_sent_to(tmp_path: Path, source: str) -> None:
     url = target_url(tmp_path, "nothing.db")
     assert run("push", source, url, "--kb", "nobody").exit_code == 1

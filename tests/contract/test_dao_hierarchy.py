@@ -113,3 +113,12 @@ def test_the_predicate_and_the_objects_of_the_root_type_take_anything(
     assert fresh_kb.propositions.save(PddlPropositionDto(thing, [RB1])) is True
     assert state(fresh_kb)["facts"] == ["(seen t1)", "(seen rb1)"]
     assert ROBOT_AT not in fresh_kb.predicates.get_all()
+
+
+def test_types_far_below_the_root_are_not_taken_for_each_other(fresh_kb: KnowledgeBase) -> None:
+    above = VEHICLE
+    for number in range(12):
+        above = Type(f"level{number}", parent=above)
+    left, right = (Type(name, parent=above) for name in ("left", "right"))
+    fresh_kb.objects.save_all([PddlObjectDto(left, "a"), PddlObjectDto(right, "b")])
+    assert state(fresh_kb)["objects"] == ["a - left", "b - right"]

@@ -15,6 +15,7 @@ from tests.support.reading import (
     undone,
     versions,
 )
+from tests.support.statements import recorded
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 
 
@@ -99,3 +100,21 @@ def test_an_error_that_leaves_a_nested_transaction_undoes_all_when_nobody_stops_
 
     with nothing_changes(kb), pytest.raises(Undone):
         work()
+
+
+def test_no_savepoint_outlives_its_nested_transaction(kb: KnowledgeBase) -> None:
+    with recorded() as statements, kb.transaction():
+        kb.objects.save(waypoint(5))
+        for number in (6, 7):
+            with kb.transaction():
+                kb.objects.save(waypoint(number))
+                state(kb)
+            with undone(kb):
+                kb.objects.save(waypoint(8))
+                state(kb)
+    made, released = (
+        [sql.removeprefix(word) for sql in statements if sql.startswith(word)]
+        for word in ("SAVEPOINT ", "RELEASE SAVEPOINT ")
+    )
+    assert made == released
+    assert len(made) == 4
