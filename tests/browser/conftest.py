@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +21,7 @@ REQUIRED = "KANT_SQL_TEST_REQUIRE_BROWSER"
 # The machine may have other things to do, too.
 expect.set_options(timeout=30_000)
 Visit = Callable[..., Visitor]
+Serve = Callable[..., Serving]
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +40,23 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def visit(browser: Browser) -> Iterator[Visit]:
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """Serve a store until nobody visits it any more."""
+    with ExitStack() as stack:
+
+        def serve_(url: str, *words: str, **options: Any) -> Serving:
+            serving = Serving(url, tmp_path, *words, **options)
+            stack.callback(serving.stop)
+            return serving
+
+        yield serve_
+
+
+@pytest.fixture
+def visit(browser: Browser, serve: Serve) -> Iterator[Visit]:
     """Let somebody visit a server; at the end of the test nothing has gone wrong for anybody."""
+    # Servers stop after the visitors have left: a browser complains of one that is gone.
+    del serve
     visitors: list[Visitor] = []
 
     def visit_(address: str, **options: Any) -> Visitor:

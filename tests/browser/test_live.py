@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -15,7 +14,7 @@ from sqlalchemy import make_url
 import kant_sql
 from tests.audit.story import record_store
 from tests.browser.addresses import address
-from tests.browser.conftest import Visit
+from tests.browser.conftest import Serve, Visit
 from tests.support.browsing import Serving, Visitor
 from tests.support.servers import MortalServer
 
@@ -32,10 +31,8 @@ def own_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def running(own_url: str, tmp_path: Path) -> Iterator[Serving]:
-    served = Serving(own_url, tmp_path)
-    yield served
-    served.stop()
+def running(own_url: str, serve: Serve) -> Serving:
+    return serve(own_url)
 
 
 def write(url: str, *facts: str, reason: str = "moved by hand") -> None:
@@ -64,43 +61,34 @@ def test_a_revision_appears_without_a_reload(running: Serving, own_url: str, vis
     assert visitor.violations() == []
     status.get_by_role("link").click()
     visitor.page.get_by_role("heading", name=f"Revision {HEAD + 1}").wait_for()
-    assert "(robot_at rb1 t4)" in visitor.text()
-    assert "moved by hand" in visitor.text()
+    for text in ("(robot_at rb1 t4)", "moved by hand"):
+        expect(visitor.page.get_by_role("main")).to_contain_text(text)
 
 
 def test_a_reader_follows_again_after_the_server_restarts(
-    running: Serving, own_url: str, visit: Visit, tmp_path: Path
+    running: Serving, own_url: str, serve: Serve, visit: Visit
 ) -> None:
     visitor = visit(running.address)
     follow(visitor)
     running.stop()
     expect(visitor.page.get_by_role("status")).to_contain_text("trying again")
     write(own_url, "(robot_at rb1 t4)")
-    again = Serving(own_url, tmp_path, port=urlsplit(running.address).port or 0)
-    try:
-        link = visitor.page.get_by_role("link", name=f"{HEAD + 1} →")
-        expect(link).to_be_visible(timeout=30_000)
-        lost = re.compile("ERR_(CONNECTION|INCOMPLETE|EMPTY|SOCKET|NETWORK)|Failed to fetch")
-        visitor.faults = [fault for fault in visitor.faults if not lost.search(fault)]
-    finally:
-        visitor.close()
-        again.stop()
+    serve(own_url, port=urlsplit(running.address).port or 0)
+    expect(visitor.page.get_by_role("link", name=f"{HEAD + 1} →")).to_be_visible()
+    lost = re.compile("ERR_(CONNECTION|INCOMPLETE|EMPTY|SOCKET|NETWORK)|Failed to fetch")
+    visitor.faults = [fault for fault in visitor.faults if not lost.search(fault)]
 
 
 def test_a_reader_follows_again_after_the_database_restarts(
-    mortal_server: MortalServer, mortal_url: str, visit: Visit, tmp_path: Path
+    mortal_server: MortalServer, mortal_url: str, serve: Serve, visit: Visit
 ) -> None:
     record_store(mortal_url)
-    served = Serving(mortal_url, tmp_path)
-    try:
-        visitor = visit(served.address)
-        follow(visitor)
-        mortal_server.kill()
-        mortal_server.restart()
-        write(mortal_url, "(robot_at rb1 t4)")
-        link = visitor.page.get_by_role("link", name=f"{HEAD + 1} →")
-        expect(link).to_be_visible(timeout=60_000)
-        for status in (500, 503):
-            visitor.forgive(status)
-    finally:
-        served.stop()
+    visitor = visit(serve(mortal_url).address)
+    follow(visitor)
+    mortal_server.kill()
+    mortal_server.restart()
+    write(mortal_url, "(robot_at rb1 t4)")
+    link = visitor.page.get_by_role("link", name=f"{HEAD + 1} →")
+    expect(link).to_be_visible(timeout=60_000)
+    for status in (500, 503):
+        visitor.forgive(status)

@@ -11,8 +11,7 @@ from sqlalchemy import make_url
 
 import kant_sql
 from tests.browser.addresses import address
-from tests.browser.conftest import Visit
-from tests.support.browsing import Serving
+from tests.browser.conftest import Serve, Visit
 
 FACT = "(robot_at rb1 t4)"
 
@@ -35,25 +34,27 @@ def write(url: str) -> None:
     ],
 )
 def test_a_page_of_the_present_follows_and_one_of_the_past_does_not(
-    sqlite_story: str, visit: Visit, tmp_path: Path, path: str, element: str, is_followed: bool
+    sqlite_story: str,
+    serve: Serve,
+    visit: Visit,
+    tmp_path: Path,
+    path: str,
+    element: str,
+    is_followed: bool,
 ) -> None:
     own = f"sqlite:///{shutil.copy(str(make_url(sqlite_story).database), tmp_path / 'own.db')}"
-    served = Serving(own, tmp_path)
-    try:
-        visitor = visit(served.address)
-        visitor.open(path)
-        part = visitor.page.locator(element)
-        before = part.inner_text()
-        assert FACT not in before
-        write(own)
-        status = visitor.page.locator("#live")
-        expect(status).to_contain_text("39 revisions" if path == "/" else "night shift")
-        if is_followed:
-            expect(part).to_contain_text("night shift" if path == "/" else FACT)
-        else:
-            # As long as it takes where a page follows.
-            visitor.page.wait_for_timeout(1_500)
-            assert part.inner_text() == before
-        assert visitor.faults == []
-    finally:
-        served.stop()
+    visitor = visit(serve(own).address)
+    visitor.open(path)
+    part = visitor.page.locator(element)
+    before = part.inner_text()
+    assert FACT not in before
+    write(own)
+    status = visitor.page.locator("#live")
+    expect(status).to_contain_text("39 revisions" if path == "/" else "night shift")
+    if is_followed:
+        expect(part).to_contain_text("night shift" if path == "/" else FACT)
+    else:
+        # As long as it takes where a page follows.
+        visitor.page.wait_for_timeout(1_500)
+        assert part.inner_text() == before
+    assert visitor.faults == []

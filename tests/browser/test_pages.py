@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from playwright.sync_api import expect
 
 from tests.browser.addresses import ADDRESSES, ALL, FIRST, address
 from tests.browser.conftest import Visit
@@ -71,7 +72,7 @@ def test_a_page_is_used_by_keyboard(sqlite_served: Serving, visit: Visit, path: 
     visitor.page.keyboard.press("Tab")
     assert visitor.page.evaluate("document.activeElement.className") == "skip"
     visitor.page.keyboard.press("Enter")
-    assert visitor.page.evaluate("document.activeElement.id") == "content"
+    expect(visitor.page.locator("#content")).to_be_focused()
     visitor.open(path)
     visited, expected = visitor.tab_through(200)
     assert visited == expected
@@ -99,10 +100,13 @@ def test_times_are_local_too_and_tables_sort(sqlite_served: Serving, visit: Visi
     def column(number: int) -> list[str]:
         return table.locator(f"tbody td:nth-child({number})").all_inner_texts()
 
-    table.get_by_role("columnheader", name="Element").click()
+    head = table.get_by_role("columnheader", name="Element")
+    head.click()
+    expect(head).to_have_attribute("aria-sort", "ascending")
     assert column(2) == sorted(column(2), key=str.lower)
     visitor.page.keyboard.press("Tab")
-    table.get_by_role("columnheader", name="Element").press("Enter")
+    head.press("Enter")
+    expect(head).to_have_attribute("aria-sort", "descending")
     assert column(2) == sorted(column(2), key=str.lower, reverse=True)
 
 
@@ -112,10 +116,10 @@ def test_filters_fold_away_on_a_narrow_page_only(sqlite_served: Serving, visit: 
         for visitor in (wide, narrow):
             visitor.open(address(path))
         field = "form.screen input[name=since], form.screen input[name=object]"
-        assert wide.page.locator(field).first.is_visible()
-        assert not narrow.page.locator(field).first.is_visible()
+        expect(wide.page.locator(field).first).to_be_visible()
+        expect(narrow.page.locator(field).first).to_be_hidden()
         narrow.page.get_by_label("Filters").check()
-        assert narrow.page.locator(field).first.is_visible()
+        expect(narrow.page.locator(field).first).to_be_visible()
 
 
 def test_no_word_is_broken_in_the_middle(sqlite_served: Serving, visit: Visit) -> None:

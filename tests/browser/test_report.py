@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import expect
 
 import kant_sql
 from kant_sql.web.report import write_report
@@ -55,7 +56,7 @@ def test_it_opens_from_disk_with_its_drawing(each_report: Path, visit: Visit) ->
     assert visitor.page.title() == "Report of courier · kant_sql"
     assert visitor.page.locator("#timeline .pinned + svg").bounding_box()["height"] > 200  # type: ignore[index]
     visitor.page.get_by_role("link", name="Log", exact=True).click()
-    assert visitor.page.url.endswith("#log")
+    expect(visitor.page).to_have_url(each_report.as_uri() + "#log")
 
 
 @pytest.mark.parametrize(("width", "scheme"), LOOKS)
@@ -69,9 +70,9 @@ def test_it_is_read_without_scripts(report: Path, visit: Visit) -> None:
     # The browser's own tools for a page are scripts, too: only what is seen can be looked at.
     visitor = visit(report.as_uri(), java_script_enabled=False, width=NARROW)
     visitor.page.goto(report.as_uri())
-    assert visitor.page.locator("#periods table").is_visible()
-    assert visitor.page.locator("#timeline .pinned + svg").is_visible()
-    assert visitor.page.locator("td", has_text="blocked by a chair").first.is_visible()
+    expect(visitor.page.locator("#periods table")).to_be_visible()
+    expect(visitor.page.locator("#timeline .pinned + svg")).to_be_visible()
+    expect(visitor.page.locator("td", has_text="blocked by a chair").first).to_be_visible()
 
 
 def test_printed_it_has_the_drawing_and_the_table(report: Path, visit: Visit) -> None:
@@ -79,8 +80,8 @@ def test_printed_it_has_the_drawing_and_the_table(report: Path, visit: Visit) ->
     visitor.page.emulate_media(media="print", color_scheme="dark")
     back = "getComputedStyle(document.body).backgroundColor"
     assert visitor.page.evaluate(back) == "rgb(255, 255, 255)"
-    assert visitor.page.locator("#periods table").is_visible()
-    assert visitor.page.locator("#timeline .pinned + svg").is_visible()
+    expect(visitor.page.locator("#periods table")).to_be_visible()
+    expect(visitor.page.locator("#timeline .pinned + svg")).to_be_visible()
     assert visitor.page.pdf(format="A4").startswith(b"%PDF")
 
 
@@ -88,9 +89,9 @@ def test_it_is_used_by_keyboard(report: Path, visit: Visit) -> None:
     visitor = opened(visit, report)
     visitor.page.locator("#periods summary").focus()
     visitor.page.keyboard.press("Enter")
-    assert not visitor.page.locator("#periods table").is_visible()
+    expect(visitor.page.locator("#periods table")).to_be_hidden()
     visitor.page.keyboard.press("Enter")
-    assert visitor.page.locator("#periods table").is_visible()
+    expect(visitor.page.locator("#periods table")).to_be_visible()
     visitor.page.keyboard.press("Tab")
     focused = visitor.page.evaluate("document.activeElement.getAttribute('aria-label')")
     assert focused == "What held when"

@@ -8,11 +8,12 @@ from typing import Any
 from urllib.parse import parse_qs, unquote_plus, urlsplit
 
 import pytest
+from playwright.sync_api import expect
 from sqlalchemy import make_url
 
 import kant_sql
 from tests.browser.addresses import address
-from tests.browser.conftest import Visit
+from tests.browser.conftest import Serve, Visit
 from tests.support.browsing import NARROW, WIDE, Serving, Visitor
 
 DAY = address("/timeline")
@@ -82,9 +83,9 @@ def test_names_are_completed_and_lanes_are_chosen(sqlite_served: Serving, visit:
     visitor.open(DAY)
     field = visitor.page.get_by_label("Predicate or function")
     field.press_sequentially("rob")
-    visitor.page.wait_for_function("() => document.querySelector('#predicates option')")
     options = visitor.page.locator("#predicates option")
-    assert [option.get_attribute("value") for option in options.all()] == ["robot_at"]
+    expect(options).to_have_count(1)
+    expect(options).to_have_attribute("value", "robot_at")
     field.fill("robot_at")
     with visitor.page.expect_navigation():
         visitor.page.get_by_role("button", name="Show").click()
@@ -106,19 +107,16 @@ def test_the_drawing_has_the_colours_of_its_page(sqlite_served: Serving, visit: 
 
 
 def test_a_window_without_an_end_follows_what_happens(
-    sqlite_story: str, tmp_path: Path, visit: Visit
+    sqlite_story: str, tmp_path: Path, serve: Serve, visit: Visit
 ) -> None:
-    own = shutil.copy(str(make_url(sqlite_story).database), tmp_path / "own.db")
-    serving = Serving(f"sqlite:///{own}", tmp_path)
-    try:
-        visitor, other = visit(serving.address), visit(serving.address)
-        visitor.open(DAY)
-        other.open(NOON)
-        with kant_sql.connect(f"sqlite:///{own}", knowledge_base="courier", actor="night") as kb:
-            kb.propositions.save("(waiting t3)")
-        visitor.page.wait_for_selector(".pinned + svg a[href*='waiting+t3']")
-        visitor.page.wait_for_selector("#shown table :text('(waiting t3)')")
-        assert asked(visitor) == {"kb": "courier"}
-        assert window(other) == "2026-03-02 14:00:00 to 14:30:00 UTC"
-    finally:
-        serving.stop()
+    own = f"sqlite:///{shutil.copy(str(make_url(sqlite_story).database), tmp_path / 'own.db')}"
+    serving = serve(own)
+    visitor, other = visit(serving.address), visit(serving.address)
+    visitor.open(DAY)
+    other.open(NOON)
+    with kant_sql.connect(own, knowledge_base="courier", actor="night") as kb:
+        kb.propositions.save("(waiting t3)")
+    visitor.page.wait_for_selector(".pinned + svg a[href*='waiting+t3']")
+    visitor.page.wait_for_selector("#shown table :text('(waiting t3)')")
+    assert asked(visitor) == {"kb": "courier"}
+    assert window(other) == "2026-03-02 14:00:00 to 14:30:00 UTC"

@@ -179,9 +179,9 @@ class Visitor:
         """Open a page of the server, and wait until it is drawn."""
         answer = self.page.goto(self.address + path)
         assert answer is None or answer.status == status, (answer.status, path)
+        self.settle()
         if status >= 400:
             self.forgive(status)
-        self.settle()
 
     def forgive(self, status: int) -> None:
         """Forget that an answer had a status: the browser says so of every one."""

@@ -31,7 +31,10 @@
     return found[0];
   };
 
+  // What was asked is answered too late once the list is closed: it would open again.
   const close = () => {
+    clearTimeout(timer);
+    if (asked) asked.abort();
     list.hidden = true;
     chosen = -1;
     box.removeAttribute("aria-activedescendant");
@@ -55,6 +58,7 @@
   };
 
   const show = (names) => {
+    const kept = list.children[chosen]?.dataset.key;
     list.replaceChildren();
     names.forEach((one, index) => {
       const option = document.createElement("li");
@@ -72,16 +76,21 @@
         take(one.name);
       });
       option.dataset.name = one.name;
+      option.dataset.key = `${one.kind} ${one.name}`;
       list.append(option);
     });
     chosen = -1;
+    box.removeAttribute("aria-activedescendant");
     list.hidden = names.length === 0;
+    // An answer may come between the choice of a name and the key that takes it.
+    const again = [...list.children].findIndex((option) => option.dataset.key === kept);
+    if (again >= 0) choose(again);
   };
 
   const complete = async () => {
     const beginning = word();
-    if (asked) asked.abort();
     if (!beginning) return close();
+    if (asked) asked.abort();
     asked = new AbortController();
     const address = new URL(box.dataset.names, location.href);
     address.searchParams.set("beginning", beginning);
