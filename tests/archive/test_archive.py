@@ -9,10 +9,7 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
-from kant_sql.errors import (
-    ArchivedError,
-    ConflictError,
-)
+from kant_sql.errors import ArchivedError, ConflictError
 from kant_sql.history.archive import archive as archiving
 from kant_sql.sql.catalog import written_names
 from tests.support.archives import (

@@ -25,13 +25,7 @@ from statistics import median
 from typing import Any
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from tests.benchmarks.support import NewStore, Row, alternate, bare, print_table, seconds, stores
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -24,13 +24,7 @@ from itertools import islice, product
 from typing import Any, NamedTuple
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from kant_sql.sql.intervals import fork
 from tests.benchmarks.support import Bare, Row, alternate, bare, print_table, seconds, stores
 from tests.support.statements import explain, is_bracket, seen

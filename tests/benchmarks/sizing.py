@@ -24,13 +24,7 @@ from typing import NamedTuple
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from tests.benchmarks.support import bare, print_table
 from tests.support.servers import Server
 

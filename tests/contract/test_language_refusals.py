@@ -36,12 +36,7 @@ from kant_sql.dto.formulas import (
     Variable,
     When,
 )
-from kant_sql.errors import (
-    ArityError,
-    InvalidKnowledgeError,
-    InvalidNameError,
-    TypeMismatchError,
-)
+from kant_sql.errors import ArityError, InvalidKnowledgeError, InvalidNameError, TypeMismatchError
 from tests.support.parts import dao_of
 from tests.support.reading import nothing_changes, rows
 from tests.support.worlds.depot import (

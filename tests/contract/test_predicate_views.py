@@ -18,13 +18,7 @@ from hypothesis import strategies as st
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from kant_sql.dto.lexical import fold, is_name
 from kant_sql.errors import KantSqlError, StoreError
 from kant_sql.sql import predicate_views as updating

@@ -7,13 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from kant_sql.errors import TypeMismatchError
 from kant_sql.pddl import read_domain
 

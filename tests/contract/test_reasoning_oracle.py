@@ -42,13 +42,7 @@ from tests.support.evaluator import (
     UndefinedEffectError,
     is_continuous,
 )
-from tests.support.generators.episodes import (
-    EPISODES,
-    Change,
-    Episode,
-    Question,
-    free_variables,
-)
+from tests.support.generators.episodes import EPISODES, Change, Episode, Question, free_variables
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, undone
 

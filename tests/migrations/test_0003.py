@@ -10,14 +10,7 @@ from sqlalchemy import Connection, text
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from tests.migrations.stores import (
-    ADDED,
-    Make,
-    as_before,
-    record,
-    rows_of,
-    write_story,
-)
+from tests.migrations.stores import ADDED, Make, as_before, record, rows_of, write_story
 from tests.migrations.test_golden import connected, dump_of
 from tests.support.chain import check_chain
 from tests.support.reading import findings

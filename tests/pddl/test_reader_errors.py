@@ -17,13 +17,7 @@ import kant_sql
 from kant_sql.dto.formulas import MAX_NESTING
 from kant_sql.errors import InvalidKnowledgeError, PddlError
 from kant_sql.pddl import Domain, Problem, read, read_domain, read_problem, write
-from kant_sql.pddl.given import (
-    read_action,
-    read_function,
-    read_object,
-    read_predicate,
-    read_type,
-)
+from kant_sql.pddl.given import read_action, read_function, read_object, read_predicate, read_type
 from kant_sql.pddl.symbols import SymbolTable
 
 HEAD = """(define (domain d) (:requirements :adl :fluents)

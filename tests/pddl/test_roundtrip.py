@@ -17,13 +17,7 @@ from kant_sql import (
 )
 from kant_sql.pddl import TypedName, read_domain, read_problem, write
 from kant_sql.pddl.document import Action, Domain, PddlWarning, Problem
-from kant_sql.pddl.given import (
-    read_action,
-    read_function,
-    read_object,
-    read_predicate,
-    read_type,
-)
+from kant_sql.pddl.given import read_action, read_function, read_object, read_predicate, read_type
 from kant_sql.pddl.symbols import SymbolTable
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting

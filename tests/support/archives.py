@@ -12,9 +12,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Boolean, Table, Text, bindparam, cast, select
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-)
+from kant_sql import KnowledgeBase
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.intervals import fork
 from kant_sql.sql.query import Query

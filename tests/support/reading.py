@@ -13,13 +13,7 @@ import pytest
 from sqlalchemy import text
 
 import kant_sql
-from kant_sql import (
-    DaoFactory,
-    KnowledgeBase,
-    PddlActionDto,
-    PddlPredicateDto,
-    PddlTypeDto,
-)
+from kant_sql import DaoFactory, KnowledgeBase, PddlActionDto, PddlPredicateDto, PddlTypeDto
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.history.verify.findings import Finding
 from kant_sql.sql.catalog import every_name
