@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -273,28 +273,34 @@ def read_given(store: Store, plan: RecordedPlan) -> Given:
     return given
 
 
-def _of_plans(
+class _Reads(NamedTuple):
+    """Columns of some plans, or of steps of one that may be long, as of a revision."""
+
+    plans: Query
+    steps: Query
+
+
+def _reads(
     mapped: type[t.Base], order: int, *names: str, known_from: str | None = "since"
-) -> Query:
-    """Read columns of some plans, sorted by the first ones, as of a revision."""
+) -> _Reads:
     columns = table_of(mapped).c
     read = [columns[name] for name in names]
     known = [] if known_from is None else [columns[known_from] <= integer("at")]
-    wanted = read[0].between(integer("low"), integer("high"))
-    return Query(select(*read).where(columns.kb_id == KB, wanted, *known).order_by(*read[:order]))
+    query = select(*read).where(columns.kb_id == KB, *known).order_by(*read[:order])
+    of_plans = query.where(read[0].between(integer("low"), integer("high")))
+    near = read[1].between(integer("first"), integer("last"))
+    return _Reads(Query(of_plans), Query(query.where(read[0] == integer("plan"), near)))
 
 
-_PLANS = _of_plans(t.PlanRow, 1, "id", "since", *PlanDefinition._fields[1:8])
+_PLANS = _reads(t.PlanRow, 1, "id", "since", *PlanDefinition._fields[1:8]).plans
 # The text has the names, exactly: to look up each of them takes longer than all the rest.
-_STEPS = _of_plans(
+_STEPS = _reads(
     t.PlanStepRow, 2, "plan_id", "position", "start", "duration", "text", known_from=None
 )
-_READ_STATUSES = _of_plans(
+_READ_STATUSES = _reads(
     t.PlanStepVersionRow, 3, "plan_id", "position", "since", "until", "status", "text"
 )
-_REVISIONS = _of_plans(
-    t.RevisionPlanStepRow, 3, "plan_id", "position", "number", known_from="number"
-)
+_REVISIONS = _reads(t.RevisionPlanStepRow, 3, "plan_id", "position", "number", known_from="number")
 
 
 class _Status(NamedTuple):
@@ -318,36 +324,41 @@ class _PlanReader:
         plans = self._session.rows(_PLANS, kb=self._kb_id, low=low, high=high, at=self._at)
         if not plans:
             return []
-        own = {"kb": self._kb_id, "low": plans[0][0], "high": plans[-1][0]}
-        steps = self._steps(own)
+        steps: dict[int, list[RecordedStep]] = defaultdict(list)
+        for step in self._steps(low=plans[0][0], high=plans[-1][0]):
+            steps[step.plan_id].append(step)
         return [_recorded_plan(self._store, row, steps[row[0]]) for row in plans]
 
-    def _steps(self, own: dict[str, int]) -> dict[int, list[RecordedStep]]:
+    def steps(self, plan_id: int, positions: Sequence[int]) -> list[RecordedStep]:
+        """Read steps of one plan, which are near each other."""
+        near = self._steps(plan=plan_id, first=min(positions), last=max(positions))
+        return [step for step in near if step.position in positions]
+
+    def _rows(self, reads: _Reads, own: dict[str, int]) -> list[Row]:
+        query = reads.steps if "plan" in own else reads.plans
+        return self._session.rows(query, kb=self._kb_id, at=self._at, **own)
+
+    def _steps(self, **own: int) -> Iterator[RecordedStep]:
+        """Yield the steps of some plans, or some of one."""
         statuses = self._statuses(own)
         outcomes = self._outcomes(statuses)
         revisions: dict[Step, list[int]] = defaultdict(list)
-        for plan_id, position, number in self._session.rows(_REVISIONS, **own, at=self._at):
+        for plan_id, position, number in self._rows(_REVISIONS, own):
             revisions[plan_id, position].append(number)
-        steps: dict[int, list[RecordedStep]] = defaultdict(list)
-        for plan_id, position, *said in self._session.rows(_STEPS, **own):
+        for plan_id, position, *said in self._rows(_STEPS, own):
             place = (plan_id, position)
             with reading_rows("plan_step", f"step {position!r} of plan {plan_id!r}"):
                 step = _recorded_step(self._store, place, *said)
-            steps[plan_id].append(
-                replace(
-                    step,
-                    status=next((one.status for one in statuses[place] if one.until is None), None),
-                    outcomes=outcomes[place],
-                    revisions=tuple(revisions[place]),
-                )
+            yield replace(
+                step,
+                status=next((one.status for one in statuses[place] if one.until is None), None),
+                outcomes=outcomes[place],
+                revisions=tuple(revisions[place]),
             )
-        return steps
 
     def _statuses(self, own: dict[str, int]) -> dict[Step, list[_Status]]:
         found: dict[Step, list[_Status]] = defaultdict(list)
-        for plan_id, position, since, until, status, text in self._session.rows(
-            _READ_STATUSES, **own, at=self._at
-        ):
+        for plan_id, position, since, until, status, text in self._rows(_READ_STATUSES, own):
             ended = None if until is None or until > self._at else until
             found[plan_id, position].append(_Status(status, text, since, ended))
         return found
@@ -538,10 +549,11 @@ def running_steps(store: Store) -> list[RecordedStep]:
     def read(view: View) -> list[RecordedStep]:
         if view.kb_id is None:
             return []
-        running = view.session.rows(_RUNNING, kb=view.kb_id)
+        running: dict[int, list[int]] = defaultdict(list)
+        for plan_id, position in view.session.rows(_RUNNING, kb=view.kb_id):
+            running[plan_id].append(position)
         reader = _PlanReader(store, view, view.kb_id)
-        plans = {plan.id: plan for id_ in {row[0] for row in running} for plan in reader.read(id_)}
-        return [plans[plan_id].steps[position] for plan_id, position in running]
+        return [step for one in running.items() for step in reader.steps(*one)]
 
     return store.read_in_snapshot(read)
 
@@ -551,8 +563,8 @@ def read_step(store: Store, step: RecordedStep) -> RecordedStep:
 
     def work(view: View) -> RecordedStep:
         assert view.kb_id is not None
-        [plan] = _PlanReader(store, view, view.kb_id).read(step.plan_id)
-        return plan.steps[step.position]
+        [now] = _PlanReader(store, view, view.kb_id).steps(step.plan_id, [step.position])
+        return now
 
     return store.read_in_snapshot(work)
 

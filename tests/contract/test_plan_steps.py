@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from decimal import Decimal
+from functools import partial
 from typing import Any
 
 import pytest
@@ -12,7 +14,9 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
+from kant_sql.planning import PlanStep
 from kant_sql.plans.interfaces import RecordedStep, StepStatus
+from kant_sql.sql.dialects.base import Row, Session
 from tests.support.chain import check_chain
 from tests.support.processes.workers import in_processes
 from tests.support.reading import Undone, last_changes, nothing_changes, rows, undone
@@ -291,3 +295,30 @@ def start(url: str, plan_id: int) -> list[bool]:
         plan = kb.plans.get(plan_id)
         assert plan is not None
         return [kb.plans.set_status(step, status="started") for step in plan.steps]
+
+
+def test_a_step_is_started_and_ended_without_reading_the_rest_of_its_plan(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = fresh_kb
+    begin(kb)
+    there = PlanStep(Decimal(0), "move", ("rb1", "wp1", "wp2"), Decimal(5))
+    *_, first, second = kb.plans.record(plan_of(*[there] * 300)).steps
+    fetch, lengths = Session._fetch, list[int]()
+
+    def counted(self: Session) -> list[Row]:
+        rows = fetch(self)
+        lengths.append(len(rows))
+        return rows
+
+    monkeypatch.setattr(Session, "_fetch", counted)
+    undo = partial(kb.abort, undo=True)
+    acts = ((kb.start, first), (undo, first), (kb.start, second), (kb.end, second))
+    for act, step in acts:
+        lengths.clear()
+        done = act(step)
+        assert (done.plan_id, done.position) == (step.plan_id, step.position)
+        assert done.outcomes[-1].text.endswith(f"{done.status})")
+        # The definitions are the longest answer.
+        assert max(lengths) < 20
+        assert len(lengths) <= 25
