@@ -6,6 +6,7 @@ import inspect
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,62 +14,22 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase, PddlFunctionDto
 from kant_sql.errors import ClosedError
-from kant_sql.pddl import Metric, Number
-from tests.support.parts import DAOS, PATHS, part
+from tests.support.generators.junk import Calling, Case, World, signature
 from tests.support.stores import Connect
-from tests.support.worlds.missions import TOUR, begin
-from tests.support.worlds.robots import RB1, ROBOT, robot_at
+from tests.support.worlds.robots import RB1, robot_at
 
 REMEDY = "was closed; connect again"
 # What needs no store: it ends, or leaves the store to whom it is of.
 FREE = {"address", "close", "factory", "label", "name"}
-DOMAIN = "(define (domain d) (:predicates (p)))"
-PROBLEM = "(define (problem e) (:domain d) (:goal (p)))"
 
 
-def arguments(name: str, owner: str, kb: KnowledgeBase, kept: dict[str, Any]) -> dict[str, Any]:
-    """What each call is given, by the names of its parameters."""
-    one = kept.get(owner)
-    return {
-        "name": "robot",
-        "dto": one,
-        "dtos": [one],
-        "formula": one,
-        "formulas": [one],
-        "function": "battery",
-        "objects": ["rb1"],
-        "value": 3,
-        "by": 1,
-        "when": 1,
-        "a": 0,
-        "b": 1,
-        "before": 1,
-        "other": kb,
-        "beginning": "rob",
-        "condition": "(robot_at ?r ?w)",
-        "to": "sqlite://",
-        "element": "rb1",
-        "view": "fact",
-        "sources": DOMAIN,
-        "source": PROBLEM,
-        "metric": Metric("minimize", Number(1)),
-        "plan": TOUR,
-        "id_": 1,
-        "step": kept["step"],
-        "status": "started",
-        "problem": kept["up"],
-        "mode": "merge",
-        "url": "sqlite://",
-    }
-
-
-def calls(kb: KnowledgeBase, kept: dict[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
+def calls(world: World) -> Iterator[tuple[str, Callable[[], Any]]]:
     """Every public method of a knowledge base, of its DAOs and of its factory, and properties."""
-    owners: dict[str, Any] = {
-        "factory": kb.store.factory,
-        **{path: part(kb, path) for path in PATHS},
-    }
-    for owner, thing in owners.items():
+    calling = Calling(lambda: world)
+    for owner, get in world.subjects().items():
+        if owner.split(".")[0] not in ("kb", "past", "factory"):
+            continue
+        thing = get()
         for name in dir(type(thing)):
             if name.startswith("_") or name in FREE:
                 continue
@@ -76,27 +37,16 @@ def calls(kb: KnowledgeBase, kept: dict[str, Any]) -> Iterator[tuple[str, Callab
             found = inspect.getattr_static(type(thing), name)
             if isinstance(found, property):
                 yield label, partial(getattr, thing, name)
-            if not inspect.isfunction(inspect.unwrap(found) if callable(found) else found):
-                continue
-            given = arguments(name, owner, kb, kept)
-            method = getattr(thing, name)
-            yield label, partial(run, method, given)
+            elif inspect.isfunction(inspect.unwrap(found) if callable(found) else found):
+                method = getattr(thing, name)
+                given = calling.arguments(Case(owner, name, None, "usual"), signature(method))
+                yield label, partial(run, method, *given)
 
 
-def run(method: Callable[..., Any], given: dict[str, Any]) -> Any:
-    """Call a method with all that it must be given, and use what it returns."""
-    positional, named = [], {}
-    for parameter in inspect.signature(method).parameters.values():
-        if parameter.default is not inspect.Parameter.empty:
-            continue
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
-            named[parameter.name] = given[parameter.name]
-        elif parameter.kind is not inspect.Parameter.VAR_KEYWORD:
-            positional.append(given[parameter.name])
+def run(method: Callable[..., Any], positional: list[Any], named: dict[str, Any]) -> None:
     made = method(*positional, **named)
-    if hasattr(made, "__enter__") and method.__name__ == "transaction":
+    if method.__name__ == "transaction":
         made.__enter__()
-    return made
 
 
 def error_of(call: Callable[[], Any]) -> Exception | None:
@@ -107,46 +57,24 @@ def error_of(call: Callable[[], Any]) -> Exception | None:
     return None
 
 
-def fill(kb: KnowledgeBase) -> dict[str, Any]:
-    begin(kb)
-    recorded = kb.plans.record(TOUR)
-    kb.functions.save(PddlFunctionDto("battery", [ROBOT]))
-    kb.function_values.set("battery", objects=["rb1"], value=1)
-    kept: dict[str, Any] = {
-        path: (part(kb, path).get_all() or [None])[0]
-        for path, dao in DAOS.items()
-        if hasattr(dao, "get_all")
-    }
-    for name in ("pddl.processes", "pddl.events"):
-        kept[name] = kept["types"]
-    kept["step"] = recorded.steps[0]
-    kept["up"] = kb.pddl.to_unified_planning()
-    kept["plan"] = recorded
-    return kept
-
-
 @pytest.fixture
 def open_kb(url: str) -> KnowledgeBase:
     """A knowledge base that the test closes."""
     return kant_sql.connect(url, knowledge_base="tiago", actor="test")
 
 
-def test_every_call_after_close_is_refused(open_kb: KnowledgeBase) -> None:
-    pytest.importorskip("unified_planning")
-    kept = fill(open_kb)
-    past = open_kb.at(1)
-    views = {"now": open_kb, "past": past}
-    made = {view: list(calls(kb, kept)) for view, kb in views.items()}
+def test_every_call_after_close_is_refused(open_kb: KnowledgeBase, tmp_path: Path) -> None:
+    world = World(open_kb, tmp_path)
+    made = list(calls(world))
     open_kb.close()
-    assert all(len(found) > 120 for found in made.values())
+    assert len(made) > 240
     wrong = {}
-    for view, found in made.items():
-        for label, call in found:
-            error = error_of(call)
-            if not isinstance(error, ClosedError) or REMEDY not in str(error):
-                wrong[f"{view} {label}"] = repr(error)
+    for label, call in made:
+        error = error_of(call)
+        if not isinstance(error, ClosedError) or REMEDY not in str(error):
+            wrong[label] = repr(error)
     assert wrong == {}
-    for read in (kept["plan"].domain_pddl, kept["plan"].problem_pddl):
+    for read in (world.recorded.domain_pddl, world.recorded.problem_pddl):
         with pytest.raises(ClosedError):
             read()
 

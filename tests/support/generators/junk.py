@@ -458,7 +458,7 @@ class Calling:
         world.calls += 1
         before = world.kb.revision
         called = getattr(world.subjects()[case.owner](), case.method)
-        positional, keywords = self._arguments(case, signature(called))
+        positional, keywords = self.arguments(case, signature(called))
         try:
             use(called(*positional, **keywords))
         except KantSqlError as error:
@@ -469,9 +469,10 @@ class Calling:
             self._judge_other(case, error)
         self._check_store(case, before)
 
-    def _arguments(
+    def arguments(
         self, case: Case, parameters: list[inspect.Parameter]
     ) -> tuple[list[Any], dict[str, Any]]:
+        """Give what a call is called with, by position and by name."""
         if case.junk == "nothing":
             return [], {}
         positional: list[Any] = []
