@@ -22,6 +22,7 @@ from tests.support.servers import Server
 from tests.support.sharding import DIALECT, unbound
 from tests.support.statistics import loses_bound
 from tests.support.stores import BACKENDS, CITUS, extra_urls, new_file_store
+from tests.support.worlds import depot
 
 COMMON = {"sqlite-file": "one_file", "postgresql": "one_database", "citus": "one_distributed"}
 _numbers = itertools.count(1)
@@ -165,6 +166,13 @@ def fresh_kb(
         kb.close()
     else:
         yield beside(first_kbs[common_url], name)
+
+
+@pytest.fixture
+def depot_kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base with the world of a depot."""
+    depot.load(fresh_kb)
+    return fresh_kb
 
 
 @pytest.fixture(scope="session")

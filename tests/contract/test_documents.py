@@ -141,17 +141,16 @@ def test_several_files_are_one_domain(fresh_kb: KnowledgeBase) -> None:
         "(",
     ],
 )
-def test_what_cannot_be_read_leaves_nothing(fresh_kb: KnowledgeBase, wrong: str) -> None:
-    load(fresh_kb)
-    texts = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
-    with nothing_changes(fresh_kb), pytest.raises(PddlError) as caught:
-        fresh_kb.load_domain(wrong)
+def test_what_cannot_be_read_leaves_nothing(depot_kb: KnowledgeBase, wrong: str) -> None:
+    texts = depot_kb.domain_pddl(), depot_kb.problem_pddl()
+    with nothing_changes(depot_kb), pytest.raises(PddlError) as caught:
+        depot_kb.load_domain(wrong)
     assert str(caught.value).startswith("<string>:1:")
-    with nothing_changes(fresh_kb), pytest.raises(PddlError):
-        fresh_kb.load_problem("(define (problem q) (:domain other) (:goal (and)))")
-    with nothing_changes(fresh_kb), pytest.raises(PddlError):
-        fresh_kb.load_problem(problem("(at t1 c1)"))
-    assert (fresh_kb.domain_pddl(), fresh_kb.problem_pddl()) == texts
+    with nothing_changes(depot_kb), pytest.raises(PddlError):
+        depot_kb.load_problem("(define (problem q) (:domain other) (:goal (and)))")
+    with nothing_changes(depot_kb), pytest.raises(PddlError):
+        depot_kb.load_problem(problem("(at t1 c1)"))
+    assert (depot_kb.domain_pddl(), depot_kb.problem_pddl()) == texts
 
 
 def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> None:
@@ -171,11 +170,10 @@ def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> Non
     assert (fresh_kb.revision, fresh_kb.problem_pddl()) == (1, text)
 
 
-def test_the_past_is_read_only(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    past = fresh_kb.at(1)
+def test_the_past_is_read_only(depot_kb: KnowledgeBase) -> None:
+    past = depot_kb.at(1)
     for call in (past.load_domain, past.load_problem):
-        with nothing_changes(fresh_kb), pytest.raises(ReadOnlyError):
+        with nothing_changes(depot_kb), pytest.raises(ReadOnlyError):
             call(DOMAIN if call == past.load_domain else PROBLEM)
     assert past.pddl.problem() == read_problem(PROBLEM, domain=read_domain(DOMAIN))
 
@@ -216,23 +214,22 @@ def test_a_knowledge_base_without_documents_has_some(fresh_kb: KnowledgeBase) ->
 # mode="replace".
 
 
-def test_replacing_a_problem_retracts_what_it_does_not_say(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_replacing_a_problem_retracts_what_it_does_not_say(depot_kb: KnowledgeBase) -> None:
     first = problem(
         "(at t1 p1) (at t2 p2) (= (fuel t1) 2) (not (idle)) (at 5 (idle))",
         "(and (idle) (exists (?t - truck) (at ?t hub)))",
         "(:constraints (always (idle))) (:metric minimize (fuel t1))",
     )
-    fresh_kb.load_problem(first)
-    assert fresh_kb.pddl.problem() == read_problem(first, domain=fresh_kb.pddl.domain())
+    depot_kb.load_problem(first)
+    assert depot_kb.pddl.problem() == read_problem(first, domain=depot_kb.pddl.domain())
     bare = (
         "(define (problem monday) (:domain depot) (:objects t2 - truck p2 - place) "
         "(:init (at t2 p2)) (:goal (and)))"
     )
-    fresh_kb.load_problem(bare)
-    assert fresh_kb.pddl.problem() == read_problem(bare, domain=fresh_kb.pddl.domain())
-    assert fresh_kb.function_values.get_all() == []
-    changes = last_changes(fresh_kb)
+    depot_kb.load_problem(bare)
+    assert depot_kb.pddl.problem() == read_problem(bare, domain=depot_kb.pddl.domain())
+    assert depot_kb.function_values.get_all() == []
+    changes = last_changes(depot_kb)
     assert "- fact (at t1 p1)" in changes
     assert not [line for line in changes if "(at t2 p2)" in line]
     assert sorted({line.split()[1] for line in changes if line.startswith("-")}) == [
@@ -240,35 +237,34 @@ def test_replacing_a_problem_retracts_what_it_does_not_say(fresh_kb: KnowledgeBa
         "value",
     ]
     # The domain is as it was, its constant too.
-    assert fresh_kb.pddl.domain() == read_domain(DOMAIN)
+    assert depot_kb.pddl.domain() == read_domain(DOMAIN)
 
 
-def test_replacing_a_domain_keeps_what_still_fits(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with fresh_kb.transaction():
-        fresh_kb.goals.save_all([Not(IDLE), Exists((TRUCK,), at(T, HUB)), at(T2)])
-        fresh_kb.pddl.metric.set(None)
-    before = fresh_kb.revision
+def test_replacing_a_domain_keeps_what_still_fits(depot_kb: KnowledgeBase) -> None:
+    with depot_kb.transaction():
+        depot_kb.goals.save_all([Not(IDLE), Exists((TRUCK,), at(T, HUB)), at(T2)])
+        depot_kb.pddl.metric.set(None)
+    before = depot_kb.revision
     wider = DOMAIN.replace("(idle)", "(idle ?m - machine)").replace("(fuel ?t - truck)", "(fuel)")
-    fresh_kb.load_domain(wider)
-    assert fresh_kb.pddl.domain() == read_domain(wider)
-    problem_ = fresh_kb.pddl.problem()
+    depot_kb.load_domain(wider)
+    assert depot_kb.pddl.domain() == read_domain(wider)
+    problem_ = depot_kb.pddl.problem()
     assert problem_.facts == (at(),)
     assert problem_.goal == (at(T2), Exists((TRUCK,), at(T, HUB)))
     # What has another signature now takes its values and formulas along.
     assert [value.fluent.function for value in problem_.values] == ["home"]
-    retracted = [line for line in last_changes(fresh_kb) if line.startswith("-")]
+    retracted = [line for line in last_changes(depot_kb) if line.startswith("-")]
     assert retracted == [
         "- function (fuel ?t - truck)",
         "- goal (not (idle))",
         "- predicate (idle)",
         "- value (= (fuel t1) 7.50)",
     ]
-    check_text(fresh_kb)
+    check_text(depot_kb)
     # A fact that was not touched has one version all the time.
     count = "SELECT count(*) FROM proposition_version WHERE kb_id = :kb AND NOT until IS NULL"
-    assert rows(fresh_kb, count) == [(0,)]
-    assert fresh_kb.at(before).pddl.problem().goal == (
+    assert rows(depot_kb, count) == [(0,)]
+    assert depot_kb.at(before).pddl.problem().goal == (
         at(T2),
         Not(IDLE),
         Exists((TRUCK,), at(T, HUB)),
@@ -299,18 +295,17 @@ REPLACED = {
 
 @pytest.mark.parametrize(("old", "new", "gone"), REPLACED.values(), ids=REPLACED)
 def test_what_fits_no_more_goes_with_the_domain_that_is_replaced(
-    fresh_kb: KnowledgeBase, old: str, new: str, gone: str
+    depot_kb: KnowledgeBase, old: str, new: str, gone: str
 ) -> None:
-    load(fresh_kb)
-    before = fresh_kb.pddl.problem()
+    before = depot_kb.pddl.problem()
     changed = DOMAIN.replace(old, new)
     assert changed != DOMAIN
     if gone == "unread":
         changed = domain("(:types crane - machine machine place) (:predicates (idle))")
-    fresh_kb.load_domain(changed)
-    assert fresh_kb.pddl.domain() == read_domain(changed)
-    check_text(fresh_kb)
-    problem_ = fresh_kb.pddl.problem()
+    depot_kb.load_domain(changed)
+    assert depot_kb.pddl.domain() == read_domain(changed)
+    check_text(depot_kb)
+    problem_ = depot_kb.pddl.problem()
     left = {value.fluent.function for value in problem_.values}
     if gone == "unread":
         assert [part.name for part in problem_.objects] == ["c1", "p1", "p2"]
@@ -321,17 +316,16 @@ def test_what_fits_no_more_goes_with_the_domain_that_is_replaced(
     else:
         assert problem_.facts == (at(),)
         assert left == {"fuel", "home"} - {gone}
-    assert fresh_kb.at(1).pddl.problem() == before
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
-    assert fresh_kb.pddl.problem() == before
+    assert depot_kb.at(1).pddl.problem() == before
+    depot_kb.load_domain(DOMAIN)
+    depot_kb.load_problem(PROBLEM)
+    assert depot_kb.pddl.problem() == before
 
 
-def test_a_problem_follows_its_domain_to_another_name(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.load_domain(DOMAIN.replace("(domain depot)", "(domain harbour)"))
-    assert fresh_kb.pddl.problem().domain == "harbour"
-    check_text(fresh_kb)
+def test_a_problem_follows_its_domain_to_another_name(depot_kb: KnowledgeBase) -> None:
+    depot_kb.load_domain(DOMAIN.replace("(domain depot)", "(domain harbour)"))
+    assert depot_kb.pddl.problem().domain == "harbour"
+    check_text(depot_kb)
 
 
 def test_an_action_may_become_an_event_and_a_constant_an_object(fresh_kb: KnowledgeBase) -> None:
@@ -356,29 +350,28 @@ def test_an_action_may_become_an_event_and_a_constant_an_object(fresh_kb: Knowle
 # mode="merge".
 
 
-def test_merging_keeps_what_there_is(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_merging_keeps_what_there_is(depot_kb: KnowledgeBase) -> None:
     more = domain(
         "(:requirements :strips) (:types ship - machine machine) (:predicates (sunk ?s - ship))"
     )
-    fresh_kb.load_domain(more, mode="merge")
-    merged = fresh_kb.pddl.domain()
+    depot_kb.load_domain(more, mode="merge")
+    merged = depot_kb.pddl.domain()
     assert [type_.name for type_ in merged.types] == ["truck", "crane", "machine", "place", "ship"]
     assert [each.name for each in merged.predicates][-2:] == ["reachable", "sunk"]
     assert merged.functions == read_domain(DOMAIN).functions
     assert merged.requirements == (":strips",)
-    fresh_kb.load_problem(
+    depot_kb.load_problem(
         "(define (problem monday) (:domain depot) (:objects s1 - ship t1 - truck) "
         "(:init (sunk s1) (= (fuel t1) 7.5)) (:goal (not (idle))))",
         mode="merge",
     )
-    problem_ = fresh_kb.pddl.problem()
+    problem_ = depot_kb.pddl.problem()
     assert [part.name for part in problem_.objects] == ["t1", "t2", "c1", "p1", "p2", "s1"]
     assert [str(fact_) for fact_ in problem_.facts] == ["(at t1 p1)", "(sunk s1)"]
     assert problem_.goal == (Not(IDLE),)
     assert len(problem_.values) == 2
-    assert not [line for line in last_changes(fresh_kb) if line.startswith("- fact")]
-    check_text(fresh_kb)
+    assert not [line for line in last_changes(depot_kb) if line.startswith("- fact")]
+    check_text(depot_kb)
 
 
 CONTRADICTIONS = {
@@ -458,126 +451,118 @@ def test_merging_a_problem_that_contradicts_is_refused(
 # What documents keep.
 
 
-def test_the_order_of_declarations_is_that_of_the_last_load(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_the_order_of_declarations_is_that_of_the_last_load(depot_kb: KnowledgeBase) -> None:
     turned = DOMAIN.replace(
         "truck crane - machine machine place", "place machine - object crane truck - machine"
     ).replace("(idle) (reachable ?p - place)", "(reachable ?p - place) (idle)")
     assert [type_.name for type_ in read_domain(turned).types] == [
         *("place", "machine", "crane", "truck")
     ]
-    assert fresh_kb.load_domain(turned).revision == 2
-    assert [line.split()[1] for line in last_changes(fresh_kb)] == ["document", "document"]
-    for reader in (fresh_kb, again(fresh_kb)):
+    assert depot_kb.load_domain(turned).revision == 2
+    assert [line.split()[1] for line in last_changes(depot_kb)] == ["document", "document"]
+    for reader in (depot_kb, again(depot_kb)):
         assert reader.pddl.domain() == read_domain(turned)
         assert reader.domain_pddl() == write(read_domain(turned))
     objects = PROBLEM.replace("t1 t2 - truck c1 - crane", "c1 - crane t2 t1 - truck")
-    fresh_kb.load_problem(objects)
-    assert fresh_kb.pddl.problem() == read_problem(objects, domain=fresh_kb.pddl.domain())
-    assert fresh_kb.at(1).pddl.domain() == read_domain(DOMAIN)
+    depot_kb.load_problem(objects)
+    assert depot_kb.pddl.problem() == read_problem(objects, domain=depot_kb.pddl.domain())
+    assert depot_kb.at(1).pddl.domain() == read_domain(DOMAIN)
 
 
-def test_the_order_of_goals_is_kept(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_the_order_of_goals_is_kept(depot_kb: KnowledgeBase) -> None:
     goals = ["(idle)", "(not (at t1 p1))", "(at t2 p2)", "(or (idle))", "(at t1 p2)"]
     for order in (goals, goals[::-1], [*goals[2:], *goals[:2]]):
-        fresh_kb.load_problem(problem("(at t1 p1)", f"(and {' '.join(order)})"))
-        assert [str(goal) for goal in fresh_kb.pddl.problem().goal] == order
-        assert [str(goal) for goal in again(fresh_kb).pddl.problem().goal] == order
-        literals = [str(goal) for goal in fresh_kb.propositions.get_goals()]
+        depot_kb.load_problem(problem("(at t1 p1)", f"(and {' '.join(order)})"))
+        assert [str(goal) for goal in depot_kb.pddl.problem().goal] == order
+        assert [str(goal) for goal in again(depot_kb).pddl.problem().goal] == order
+        literals = [str(goal) for goal in depot_kb.propositions.get_goals()]
         assert sorted(literals) == ["(at t1 p2)", "(at t2 p2)", "(idle)"]
     # Whoever adds one later adds it at the end.
-    fresh_kb.goals.save(Exists((TRUCK,), at(T, HUB)))
-    fresh_kb.propositions.delete(PddlPropositionDto(PddlPredicateDto("idle"), [], True))
-    found = [str(goal) for goal in fresh_kb.pddl.problem().goal]
+    depot_kb.goals.save(Exists((TRUCK,), at(T, HUB)))
+    depot_kb.propositions.delete(PddlPropositionDto(PddlPredicateDto("idle"), [], True))
+    found = [str(goal) for goal in depot_kb.pddl.problem().goal]
     left = ["(at t2 p2)", "(or (idle))", "(at t1 p2)", "(not (at t1 p1))"]
     assert found == [*left, "(exists (?t - truck) (at ?t hub))"]
-    check_text(fresh_kb)
+    check_text(depot_kb)
 
 
-def test_goals_and_constraints_said_twice_are_kept(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_goals_and_constraints_said_twice_are_kept(depot_kb: KnowledgeBase) -> None:
     twice = problem(
         "(at t1 p1)",
         "(and (idle) (not (idle)) (idle) (not (idle)))",
         "(:constraints (and (always (idle)) (always (idle))))",
     )
-    fresh_kb.load_problem(twice)
-    assert fresh_kb.pddl.problem() == read_problem(twice, domain=fresh_kb.pddl.domain())
-    assert len(fresh_kb.pddl.problem().goal) == 4
-    assert fresh_kb.load_problem(fresh_kb.problem_pddl()).revision is None
+    depot_kb.load_problem(twice)
+    assert depot_kb.pddl.problem() == read_problem(twice, domain=depot_kb.pddl.domain())
+    assert len(depot_kb.pddl.problem().goal) == 4
+    assert depot_kb.load_problem(depot_kb.problem_pddl()).revision is None
 
 
-def test_spelling_is_the_first_one(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_spelling_is_the_first_one(depot_kb: KnowledgeBase) -> None:
     loud = PROBLEM.upper().replace("MONDAY", "Monday")
-    fresh_kb.load_problem(loud)
-    problem_ = fresh_kb.pddl.problem()
+    depot_kb.load_problem(loud)
+    problem_ = depot_kb.pddl.problem()
     assert (problem_.name, problem_.domain) == ("Monday", "depot")
     assert [part.name for part in problem_.objects] == ["t1", "t2", "c1", "p1", "p2"]
     assert problem_.facts == (at(),)
     # A name that was never known is kept as it is written.
-    fresh_kb.load_problem(problem("(at T3 P1)", objects="T3 - Truck"))
-    assert fresh_kb.pddl.problem().facts == (at(Constant("T3")),)
-    check_text(fresh_kb)
+    depot_kb.load_problem(problem("(at T3 P1)", objects="T3 - Truck"))
+    assert depot_kb.pddl.problem().facts == (at(Constant("T3")),)
+    check_text(depot_kb)
 
 
-def test_parameters_that_share_a_name_are_kept(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_parameters_that_share_a_name_are_kept(depot_kb: KnowledgeBase) -> None:
     linked = next(
-        each for each in again(fresh_kb).pddl.domain().predicates if each.name == "linked"
+        each for each in again(depot_kb).pddl.domain().predicates if each.name == "linked"
     )
     assert linked.parameters == (TypedName("x", ("place",)),) * 2
     renamed = DOMAIN.replace("(linked ?x ?x - place)", "(linked ?from ?to - place)")
     # That is not a contradiction, and so no reason to change what is kept.
-    assert fresh_kb.load_domain(renamed, mode="merge").revision is None
-    assert fresh_kb.load_domain(renamed).revision == 2
-    assert fresh_kb.pddl.domain() == read_domain(renamed)
-    assert len(last_changes(fresh_kb)) == 2
+    assert depot_kb.load_domain(renamed, mode="merge").revision is None
+    assert depot_kb.load_domain(renamed).revision == 2
+    assert depot_kb.pddl.domain() == read_domain(renamed)
+    assert len(last_changes(depot_kb)) == 2
 
 
-def test_numbers_are_exact(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_numbers_are_exact(depot_kb: KnowledgeBase) -> None:
     for text in ("0.1", "7.50", "100000000000000000000000.000000000000000000001", "-3", "1e2"):
-        fresh_kb.load_problem(problem(f"(= (fuel t1) {text})"))
-        (value,) = fresh_kb.pddl.problem().values
+        depot_kb.load_problem(problem(f"(= (fuel t1) {text})"))
+        (value,) = depot_kb.pddl.problem().values
         assert value == FunctionValue(fuel(), number(text))
-    fresh_kb.load_problem(problem("(= (fuel t1) 7.50)"))
-    assert "(= (fuel t1) 7.50)" in fresh_kb.problem_pddl()
+    depot_kb.load_problem(problem("(= (fuel t1) 7.50)"))
+    assert "(= (fuel t1) 7.50)" in depot_kb.problem_pddl()
 
 
-def test_edits_through_daos_show_in_the_documents(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with fresh_kb.transaction():
-        fresh_kb.types.save(PddlTypeDto("ship", parent=PddlTypeDto("machine")))
-        fresh_kb.predicates.save(PddlPredicateDto("sunk", [PddlTypeDto("ship")]))
-        fresh_kb.objects.save(PddlObjectDto(PddlTypeDto("ship"), "s1"))
-        fresh_kb.propositions.save(
+def test_edits_through_daos_show_in_the_documents(depot_kb: KnowledgeBase) -> None:
+    with depot_kb.transaction():
+        depot_kb.types.save(PddlTypeDto("ship", parent=PddlTypeDto("machine")))
+        depot_kb.predicates.save(PddlPredicateDto("sunk", [PddlTypeDto("ship")]))
+        depot_kb.objects.save(PddlObjectDto(PddlTypeDto("ship"), "s1"))
+        depot_kb.propositions.save(
             PddlPropositionDto(
                 PddlPredicateDto("sunk", [PddlTypeDto("ship")]),
                 [PddlObjectDto(PddlTypeDto("ship"), "s1")],
             )
         )
-        fresh_kb.propositions.delete(fact())
-        fresh_kb.function_values.increase("fuel", objects=["t1"], by=1)
-        fresh_kb.actions.save(PddlActionDto("act", [], [Not(IDLE)], [IDLE], durative=False))
-    domain_, problem_ = fresh_kb.pddl.domain(), fresh_kb.pddl.problem()
+        depot_kb.propositions.delete(fact())
+        depot_kb.function_values.increase("fuel", objects=["t1"], by=1)
+        depot_kb.actions.save(PddlActionDto("act", [], [Not(IDLE)], [IDLE], durative=False))
+    domain_, problem_ = depot_kb.pddl.domain(), depot_kb.pddl.problem()
     assert domain_.types[-1] == TypedName("ship", ("machine",))
     assert domain_.predicates[-1].name == "sunk"
     assert [action.name for action in domain_.actions] == ["act"]
     assert [str(fact_) for fact_ in problem_.facts] == ["(sunk s1)"]
     assert FunctionValue(fuel(), number("8.50")) in problem_.values
-    check_text(fresh_kb)
+    check_text(depot_kb)
 
 
-def test_a_fact_that_comes_to_hold_is_not_denied(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.load_problem(problem("(not (at t1 p1)) (not (idle)) (= t1 t1)"))
-    fresh_kb.propositions.save(fact())
-    problem_ = fresh_kb.pddl.problem()
+def test_a_fact_that_comes_to_hold_is_not_denied(depot_kb: KnowledgeBase) -> None:
+    depot_kb.load_problem(problem("(not (at t1 p1)) (not (idle)) (= t1 t1)"))
+    depot_kb.propositions.save(fact())
+    problem_ = depot_kb.pddl.problem()
     assert problem_.facts == (at(),)
     assert problem_.literals == (Not(IDLE), Equal(T1, T1))
-    check_text(fresh_kb)
+    check_text(depot_kb)
 
 
 def test_requirements_are_kept_as_written_and_computed(fresh_kb: KnowledgeBase) -> None:
@@ -592,14 +577,13 @@ def test_requirements_are_kept_as_written_and_computed(fresh_kb: KnowledgeBase) 
     assert ":existential-preconditions" not in fresh_kb.at(2).pddl.requirements()
 
 
-def test_a_document_within_a_transaction_is_what_it_has_changed(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with fresh_kb.transaction():
-        fresh_kb.goals.save(And((at(T2), Not(IDLE))))
-        assert fresh_kb.pddl.problem().goal == (at(T2), Not(IDLE))
-        assert "(at t2 p1)" in fresh_kb.problem_pddl()
-        assert again(fresh_kb).pddl.problem().goal == () if _is_shared(fresh_kb) else True
-    assert fresh_kb.pddl.problem().goal == (at(T2), Not(IDLE))
+def test_a_document_within_a_transaction_is_what_it_has_changed(depot_kb: KnowledgeBase) -> None:
+    with depot_kb.transaction():
+        depot_kb.goals.save(And((at(T2), Not(IDLE))))
+        assert depot_kb.pddl.problem().goal == (at(T2), Not(IDLE))
+        assert "(at t2 p1)" in depot_kb.problem_pddl()
+        assert again(depot_kb).pddl.problem().goal == () if _is_shared(depot_kb) else True
+    assert depot_kb.pddl.problem().goal == (at(T2), Not(IDLE))
 
 
 def _is_shared(kb: KnowledgeBase) -> bool:
@@ -608,7 +592,6 @@ def _is_shared(kb: KnowledgeBase) -> bool:
     return str(store.backend.engine.url) != "sqlite://"
 
 
-def test_fluents_are_kept(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    values = {value.fluent: value.value for value in again(fresh_kb).pddl.problem().values}
+def test_fluents_are_kept(depot_kb: KnowledgeBase) -> None:
+    values = {value.fluent: value.value for value in again(depot_kb).pddl.problem().values}
     assert values == {fuel(): number("7.50"), Fluent("home", (T1,)): HUB}

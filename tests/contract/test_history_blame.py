@@ -15,7 +15,7 @@ from kant_sql import (
 from kant_sql.dto.formulas import Comparison
 from tests.support.reading import undone
 from tests.support.statements import count
-from tests.support.worlds.depot import fuel, load, number
+from tests.support.worlds.depot import fuel, number
 from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
 
 
@@ -55,19 +55,18 @@ def test_what_holds_comes_before_what_is_wanted(fresh_kb: KnowledgeBase) -> None
     assert (of_goal.kind, of_goal.since.number) == ("goal", 1)
 
 
-def test_each_element_has_its_own(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.function_values.set("fuel", objects=["t1"], value=3)
+def test_each_element_has_its_own(depot_kb: KnowledgeBase) -> None:
+    depot_kb.function_values.set("fuel", objects=["t1"], value=3)
     goal = Comparison(">", fuel(), number("1"))
-    fresh_kb.goals.save(goal)
-    fresh_kb.types.save(PddlTypeDto("drone"))
+    depot_kb.goals.save(goal)
+    depot_kb.types.save(PddlTypeDto("drone"))
     for element, text, since in (
         ("(fuel t1)", "(= (fuel t1) 3)", 2),
         (goal, "(> (fuel t1) 1)", 3),
         ("drone", "drone", 4),
         ("t1", "t1 - truck", 1),
     ):
-        blamed = fresh_kb.blame(element)
+        blamed = depot_kb.blame(element)
         assert blamed is not None
         assert (blamed.text, blamed.since.number) == (text, since)
 

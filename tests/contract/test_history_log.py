@@ -152,14 +152,13 @@ def test_what_several_things_are_called_is_told_together(fresh_kb: KnowledgeBase
     ]
 
 
-def test_a_formula_is_an_element(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_a_formula_is_an_element(depot_kb: KnowledgeBase) -> None:
     goal = Comparison(">", fuel(), number("2.50"))
-    fresh_kb.goals.save(goal)
-    fresh_kb.goals.delete(goal)
+    depot_kb.goals.save(goal)
+    depot_kb.goals.delete(goal)
     expected = [(3, ["- goal (> (fuel t1) 2.50)"]), (2, ["+ goal (> (fuel t1) 2.50)"])]
-    assert lines(fresh_kb.log(element=goal)) == expected
-    assert lines(fresh_kb.log(element="( > (FUEL T1)\n2.5 )")) == expected
+    assert lines(depot_kb.log(element=goal)) == expected
+    assert lines(depot_kb.log(element="( > (FUEL T1)\n2.5 )")) == expected
 
 
 def test_times_bound_it_inclusively(told: KnowledgeBase) -> None:

@@ -200,30 +200,29 @@ def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> Non
     ]
 
 
-def test_the_text_of_any_change_finds_what_it_is_of(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.propositions.save(robot_at(is_goal=True))
-    fresh_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
-    fresh_kb.goals.save(Comparison(">", fuel(), number("2.50")))
-    fresh_kb.goals.save(Equal(home(), HUB))
-    fresh_kb.pddl.timed_initial_literals.save(TimedLiteral(number("5"), at()))
-    fresh_kb.pddl.initial_literals.save(Not(IDLE))
-    fresh_kb.pddl.constraints.save(Modal("always", (), (IDLE,)))
-    fresh_kb.pddl.domain_constraints.save(Modal("sometime", (), (IDLE,)))
-    fresh_kb.pddl.metric.set(Metric("minimize", fuel()))
-    fresh_kb.pddl.derived_predicates.save(
+def test_the_text_of_any_change_finds_what_it_is_of(depot_kb: KnowledgeBase) -> None:
+    depot_kb.propositions.save(robot_at(is_goal=True))
+    depot_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
+    depot_kb.goals.save(Comparison(">", fuel(), number("2.50")))
+    depot_kb.goals.save(Equal(home(), HUB))
+    depot_kb.pddl.timed_initial_literals.save(TimedLiteral(number("5"), at()))
+    depot_kb.pddl.initial_literals.save(Not(IDLE))
+    depot_kb.pddl.constraints.save(Modal("always", (), (IDLE,)))
+    depot_kb.pddl.domain_constraints.save(Modal("sometime", (), (IDLE,)))
+    depot_kb.pddl.metric.set(Metric("minimize", fuel()))
+    depot_kb.pddl.derived_predicates.save(
         Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
     )
     kinds = set()
-    for entry in fresh_kb.log():
+    for entry in depot_kb.log():
         for _, kind, text in entry.changes:
             kinds.add(kind)
             if text in ("(idle)", "(total-cost)"):
                 # Without parameters it is written like the fact, or the fluent, and means that.
-                assert told(fresh_kb, text) == []
+                assert told(depot_kb, text) == []
                 continue
             for spelled in (text, text.upper()):
-                found = told(fresh_kb, spelled)
+                found = told(depot_kb, spelled)
                 assert (kind, text, entry.revision.number, None) in found, spelled
     assert len(kinds) == 15
 
@@ -242,22 +241,20 @@ FORMULAS: list[tuple[Any, list[str]]] = [
 ]
 
 
-def test_a_formula_is_found_in_whatever_section(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.goals.save(Comparison(">", fuel(), number("2.50")))
-    fresh_kb.pddl.initial_literals.save(Not(IDLE))
-    fresh_kb.goals.save(Not(IDLE))
-    fresh_kb.goals.delete_all()
+def test_a_formula_is_found_in_whatever_section(depot_kb: KnowledgeBase) -> None:
+    depot_kb.goals.save(Comparison(">", fuel(), number("2.50")))
+    depot_kb.pddl.initial_literals.save(Not(IDLE))
+    depot_kb.goals.save(Not(IDLE))
+    depot_kb.goals.delete_all()
     for formula, kinds in FORMULAS:
-        found = told(fresh_kb, formula)
+        found = told(depot_kb, formula)
         assert [entry[0] for entry in found] == kinds
         assert all(entry[3] == 5 for entry in found if entry[0] == "goal")
 
 
-def test_an_equation_may_be_a_value_and_a_goal(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.goals.save(Comparison("=", fuel(), number("7")))
-    assert told(fresh_kb, "(= (fuel t1) 7)") == [
+def test_an_equation_may_be_a_value_and_a_goal(depot_kb: KnowledgeBase) -> None:
+    depot_kb.goals.save(Comparison("=", fuel(), number("7")))
+    assert told(depot_kb, "(= (fuel t1) 7)") == [
         ("value", "(= (fuel t1) 7.50)", 1, None),
         ("goal", "(= (fuel t1) 7)", 2, None),
     ]

@@ -107,67 +107,63 @@ def test_each_duration_is_kept(fresh_kb: KnowledgeBase) -> None:
     check(fresh_kb, [(True, duration, (END,)) for duration in DURATIONS.values()])
 
 
-def test_a_fixed_duration_is_read_as_the_number_that_it_is(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_a_fixed_duration_is_read_as_the_number_that_it_is(depot_kb: KnowledgeBase) -> None:
     for given in (5, 2.5, Decimal("0.10"), Decimal("1E+2")):
-        fresh_kb.actions.save(PddlActionDto("act", PARAMETERS, [], [END], duration=given))
-        found = fresh_kb.actions.get("act")
+        depot_kb.actions.save(PddlActionDto("act", PARAMETERS, [], [END], duration=given))
+        found = depot_kb.actions.get("act")
         assert found is not None
         assert found.duration == given
-        (constraint,) = only_action(fresh_kb.pddl.domain()).duration
+        (constraint,) = only_action(depot_kb.pddl.domain()).duration
         assert constraint == Comparison("=", DURATION, number(str(given)))
 
 
-def test_processes_and_events_have_daos_of_their_own(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with fresh_kb.transaction():
-        fresh_kb.pddl.processes.save(CHARGE)
-        fresh_kb.pddl.events.save(FULL)
-    assert last_changes(fresh_kb) == [f"+ action {FULL}", f"+ action {CHARGE}"]
-    made = fresh_kb.revision
-    assert fresh_kb.actions.get_all() == []
-    assert fresh_kb.actions.get("charge") is None
-    for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
+def test_processes_and_events_have_daos_of_their_own(depot_kb: KnowledgeBase) -> None:
+    with depot_kb.transaction():
+        depot_kb.pddl.processes.save(CHARGE)
+        depot_kb.pddl.events.save(FULL)
+    assert last_changes(depot_kb) == [f"+ action {FULL}", f"+ action {CHARGE}"]
+    made = depot_kb.revision
+    assert depot_kb.actions.get_all() == []
+    assert depot_kb.actions.get("charge") is None
+    for reader in (depot_kb, again(depot_kb), depot_kb.at(made)):
         assert [str(dto) for dto in reader.pddl.processes.get_all()] == [str(CHARGE)]
         assert [str(dto) for dto in reader.pddl.events.get_all()] == [str(FULL)]
         kinds = [(action.kind, action.name) for action in reader.pddl.domain().actions]
         assert kinds == [("process", "charge"), ("event", "full")]
         check_text(reader)
-    assert ":time" in fresh_kb.pddl.requirements()
-    assert rows(fresh_kb, "SELECT kind FROM action_version WHERE kb_id = :kb ORDER BY kind") == [
+    assert ":time" in depot_kb.pddl.requirements()
+    assert rows(depot_kb, "SELECT kind FROM action_version WHERE kb_id = :kb ORDER BY kind") == [
         ("event",),
         ("process",),
     ]
-    with nothing_changes(fresh_kb):
+    with nothing_changes(depot_kb):
         with pytest.raises(ConflictError, match="is a stored process"):
-            fresh_kb.actions.save(PddlActionDto("Charge", durative=False))
+            depot_kb.actions.save(PddlActionDto("Charge", durative=False))
         with pytest.raises(InvalidKnowledgeError, match="has a DAO of its own"):
-            fresh_kb.actions.save(FULL)
-        assert fresh_kb.pddl.events.delete(PddlEventDto("charge")) is False
-    assert fresh_kb.pddl.processes.delete(CHARGE) is True
-    assert fresh_kb.pddl.events.delete_all() == 1
-    assert fresh_kb.pddl.domain().actions == ()
-    assert len(fresh_kb.at(made).pddl.domain().actions) == 2
+            depot_kb.actions.save(FULL)
+        assert depot_kb.pddl.events.delete(PddlEventDto("charge")) is False
+    assert depot_kb.pddl.processes.delete(CHARGE) is True
+    assert depot_kb.pddl.events.delete_all() == 1
+    assert depot_kb.pddl.domain().actions == ()
+    assert len(depot_kb.at(made).pddl.domain().actions) == 2
 
 
-def test_conjunctions_within_a_list_are_its_items(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_conjunctions_within_a_list_are_its_items(depot_kb: KnowledgeBase) -> None:
     nested = And((at(T, P), And((IDLE, And(())))))
     dto = PddlActionDto("act", PARAMETERS, [nested], [nested], durative=False)
-    fresh_kb.actions.save(dto)
-    action = only_action(fresh_kb.pddl.domain())
+    depot_kb.actions.save(dto)
+    action = only_action(depot_kb.pddl.domain())
     assert action.condition == action.effect == (at(T, P), IDLE)
-    check_text(fresh_kb)
+    check_text(depot_kb)
 
 
-def test_which_actions_can_make_an_atom_false_is_one_join(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.actions.save_all(
+def test_which_actions_can_make_an_atom_false_is_one_join(depot_kb: KnowledgeBase) -> None:
+    depot_kb.actions.save_all(
         PddlActionDto(name, PARAMETERS, [at(T, P)], [effect], durative=False)
         for name, effect in EFFECTS.items()
         if " " not in name
     )
-    fresh_kb.pddl.events.save(FULL)
+    depot_kb.pddl.events.save(FULL)
     sql = (
         "SELECT DISTINCT action.name FROM action_version AS version "
         "JOIN action ON (action.kb_id, action.id) = (version.kb_id, version.action_id) "
@@ -179,40 +175,38 @@ def test_which_actions_can_make_an_atom_false_is_one_join(fresh_kb: KnowledgeBas
         "WHERE version.kb_id = :kb AND version.until IS NULL AND atom.section = 'effect' "
         "AND predicate.key = 'at' AND above.operator = 'not' ORDER BY action.name"
     )
-    assert [name for (name,) in rows(fresh_kb, sql)] == ["delete", "forall", "full"]
+    assert [name for (name,) in rows(depot_kb, sql)] == ["delete", "forall", "full"]
 
 
 def test_an_object_that_an_action_mentions_is_a_constant_of_the_domain(
-    fresh_kb: KnowledgeBase,
+    depot_kb: KnowledgeBase,
 ) -> None:
-    load(fresh_kb)
-    fresh_kb.actions.save(PddlActionDto("act", [], [at(T2, P2)], [], durative=False))
-    assert [part.name for part in fresh_kb.pddl.domain().constants] == ["hub", "t2", "p2"]
-    assert [part.name for part in fresh_kb.pddl.problem().objects] == ["t1", "c1", "p1"]
-    check_text(fresh_kb)
-    text, problem = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
+    depot_kb.actions.save(PddlActionDto("act", [], [at(T2, P2)], [], durative=False))
+    assert [part.name for part in depot_kb.pddl.domain().constants] == ["hub", "t2", "p2"]
+    assert [part.name for part in depot_kb.pddl.problem().objects] == ["t1", "c1", "p1"]
+    check_text(depot_kb)
+    text, problem = depot_kb.domain_pddl(), depot_kb.problem_pddl()
     # A problem does not retract what the domain needs.
-    fresh_kb.load_problem(problem)
-    assert (fresh_kb.domain_pddl(), fresh_kb.problem_pddl()) == (text, problem)
-    fresh_kb.load_domain(text, mode="merge")
-    found = fresh_kb.objects.get("t2")
+    depot_kb.load_problem(problem)
+    assert (depot_kb.domain_pddl(), depot_kb.problem_pddl()) == (text, problem)
+    depot_kb.load_domain(text, mode="merge")
+    found = depot_kb.objects.get("t2")
     assert found is not None
     assert found.is_constant
-    assert (fresh_kb.domain_pddl(), fresh_kb.problem_pddl()) == (text, problem)
+    assert (depot_kb.domain_pddl(), depot_kb.problem_pddl()) == (text, problem)
 
 
-def test_a_redefined_action_keeps_its_history(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_a_redefined_action_keeps_its_history(depot_kb: KnowledgeBase) -> None:
     one = PddlActionDto("act", PARAMETERS, [], [at(T, P)], durative=False)
     other = PddlActionDto(
         "Act", PARAMETERS, [], [END], duration=(Comparison("<=", DURATION, distance(P, home(T))),)
     )
-    fresh_kb.actions.save(one)
-    before = fresh_kb.domain_pddl()
-    fresh_kb.actions.save(other)
-    assert only_action(fresh_kb.pddl.domain()).kind == "durative-action"
-    assert only_action(fresh_kb.pddl.domain()).name == "act"
-    check_text(fresh_kb)
-    assert fresh_kb.at(fresh_kb.revision - 1).domain_pddl() == before
-    fresh_kb.actions.save(one)
-    assert fresh_kb.domain_pddl() == before
+    depot_kb.actions.save(one)
+    before = depot_kb.domain_pddl()
+    depot_kb.actions.save(other)
+    assert only_action(depot_kb.pddl.domain()).kind == "durative-action"
+    assert only_action(depot_kb.pddl.domain()).name == "act"
+    check_text(depot_kb)
+    assert depot_kb.at(depot_kb.revision - 1).domain_pddl() == before
+    depot_kb.actions.save(one)
+    assert depot_kb.domain_pddl() == before

@@ -37,8 +37,7 @@ def is_ground(condition: Formula) -> bool:
     return isinstance(condition, Atom) and "(" not in "".join(map(str, condition.terms))
 
 
-def test_each_condition_is_kept_as_a_precondition(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_each_condition_is_kept_as_a_precondition(depot_kb: KnowledgeBase) -> None:
     actions, wanted = [], []
     for number, condition in enumerate(CONDITIONS.values()):
         actions.append(PddlActionDto(f"a{number}", [], [condition], [IDLE], durative=False))
@@ -48,46 +47,44 @@ def test_each_condition_is_kept_as_a_precondition(fresh_kb: KnowledgeBase) -> No
             timed = Timed("over all", condition)
             actions.append(PddlActionDto(f"d{number}", [], [timed], [Timed("at end", IDLE)]))
             wanted.append(timed)
-    assert fresh_kb.actions.save_all(actions) == len(actions)
-    made = fresh_kb.revision
-    for reader in (fresh_kb, again(fresh_kb), fresh_kb.at(made)):
+    assert depot_kb.actions.save_all(actions) == len(actions)
+    made = depot_kb.revision
+    for reader in (depot_kb, again(depot_kb), depot_kb.at(made)):
         found = reader.pddl.domain().actions
         assert [action.condition for action in found] == [(part,) for part in wanted]
         assert [str(dto) for dto in reader.actions.get_all()] == [str(dto) for dto in actions]
         check_text(reader)
     # What is read can be saved: it says the same.
-    assert fresh_kb.actions.save_all(again(fresh_kb).actions.get_all()) == 0
-    assert fresh_kb.actions.delete_all() == len(actions)
-    assert fresh_kb.pddl.domain().actions == ()
-    assert len(fresh_kb.at(made).pddl.domain().actions) == len(actions)
+    assert depot_kb.actions.save_all(again(depot_kb).actions.get_all()) == 0
+    assert depot_kb.actions.delete_all() == len(actions)
+    assert depot_kb.pddl.domain().actions == ()
+    assert len(depot_kb.at(made).pddl.domain().actions) == len(actions)
 
 
-def test_a_conjunction_of_goals_is_each_of_them(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_a_conjunction_of_goals_is_each_of_them(depot_kb: KnowledgeBase) -> None:
     crane = Atom("ready", (T,))
     someone = Exists((TRUCK,), crane)
     goal = And((at(), someone, And((IDLE, Not(IDLE)))))
-    fresh_kb.goals.save(goal)
-    assert last_changes(fresh_kb) == [
+    depot_kb.goals.save(goal)
+    assert last_changes(depot_kb) == [
         "+ goal (at t1 p1)",
         "+ goal (exists (?t - truck) (ready ?t))",
         "+ goal (idle)",
         "+ goal (not (idle))",
     ]
     # Ground atoms are propositions, as ever.
-    literals = fresh_kb.propositions.get_goals()
+    literals = depot_kb.propositions.get_goals()
     assert [str(dto) for dto in literals] == ["(at t1 p1)", "(idle)"]
-    assert fresh_kb.goals.get_all() == [at(), IDLE, someone, Not(IDLE)]
-    fresh_kb.propositions.delete(literals[0])
-    assert at() not in fresh_kb.pddl.problem().goal
-    assert fresh_kb.goals.delete(And((IDLE, at()))) is True
-    assert fresh_kb.goals.delete_all() == 2
-    assert fresh_kb.pddl.problem().goal == ()
+    assert depot_kb.goals.get_all() == [at(), IDLE, someone, Not(IDLE)]
+    depot_kb.propositions.delete(literals[0])
+    assert at() not in depot_kb.pddl.problem().goal
+    assert depot_kb.goals.delete(And((IDLE, at()))) is True
+    assert depot_kb.goals.delete_all() == 2
+    assert depot_kb.pddl.problem().goal == ()
 
 
-def test_a_goal_refers_to_what_it_mentions(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.goals.save(Exists((TRUCK,), at(T, P1)))
+def test_a_goal_refers_to_what_it_mentions(depot_kb: KnowledgeBase) -> None:
+    depot_kb.goals.save(Exists((TRUCK,), at(T, P1)))
     joined = (
         "SELECT node.position, node.parent, operator, predicate.name, object.name, "
         "variable.name, type.name "
@@ -107,7 +104,7 @@ def test_a_goal_refers_to_what_it_mentions(fresh_kb: KnowledgeBase) -> None:
         "WHERE version.kb_id = :kb AND version.until IS NULL AND version.section = 'goal' "
         "ORDER BY node.position"
     )
-    assert rows(fresh_kb, joined) == [
+    assert rows(depot_kb, joined) == [
         (0, None, "exists", None, None, "t", "truck"),
         (1, 0, "predicate", "at", "p1", None, None),
     ]

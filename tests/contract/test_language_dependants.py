@@ -49,7 +49,6 @@ from tests.support.worlds.depot import (
     check_text,
     fuel,
     home,
-    load,
     number,
 )
 
@@ -121,94 +120,89 @@ def held(kb: KnowledgeBase, dao: str) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", MENTIONS)
-def test_what_mentions_it_is_deleted_with_it(fresh_kb: KnowledgeBase, kind: str) -> None:
-    load(fresh_kb)
+def test_what_mentions_it_is_deleted_with_it(depot_kb: KnowledgeBase, kind: str) -> None:
     mentions = MENTIONS[kind]
     for dao, dto in mentions.items():
-        save(fresh_kb, dao, dto)
-    made = fresh_kb.revision
+        save(depot_kb, dao, dto)
+    made = depot_kb.revision
     deleting, what = DELETES[kind]
-    assert dao_of(fresh_kb, deleting).delete(what) is True
-    assert fresh_kb.revision == made + 1
-    lines = last_changes(fresh_kb)
+    assert dao_of(depot_kb, deleting).delete(what) is True
+    assert depot_kb.revision == made + 1
+    lines = last_changes(depot_kb)
     for dao, dto in mentions.items():
         assert [line for line in lines if line.startswith("- ") and str(dto) in line], dao
-    for reader in (fresh_kb, again(fresh_kb)):
+    for reader in (depot_kb, again(depot_kb)):
         assert {dao: held(reader, dao) for dao in mentions} == {dao: [] for dao in mentions}
         check_text(reader)
     for dao, dto in mentions.items():
-        assert held(fresh_kb.at(made), dao) == [str(dto)]
-    check_text(fresh_kb.at(made))
+        assert held(depot_kb.at(made), dao) == [str(dto)]
+    check_text(depot_kb.at(made))
 
 
 @pytest.mark.parametrize("kind", MENTIONS)
-def test_what_mentions_it_refuses_its_redefinition(fresh_kb: KnowledgeBase, kind: str) -> None:
-    load(fresh_kb)
+def test_what_mentions_it_refuses_its_redefinition(depot_kb: KnowledgeBase, kind: str) -> None:
     mentions = MENTIONS[kind]
-    with fresh_kb.transaction():
-        fresh_kb.propositions.delete_all()
-        fresh_kb.function_values.delete_all()
+    with depot_kb.transaction():
+        depot_kb.propositions.delete_all()
+        depot_kb.function_values.delete_all()
         if kind == "type":
-            fresh_kb.objects.delete_all()
+            depot_kb.objects.delete_all()
         for dao, dto in mentions.items():
-            save(fresh_kb, dao, dto)
+            save(depot_kb, dao, dto)
     redefining, other = REDEFINITIONS[kind]
     wanted = {
         "action act" if dao == "actions" else f"formula {dto}" for dao, dto in mentions.items()
     }
-    with nothing_changes(fresh_kb), pytest.raises(DependantsError) as caught:
-        dao_of(fresh_kb, redefining).save(other)
+    with nothing_changes(depot_kb), pytest.raises(DependantsError) as caught:
+        dao_of(depot_kb, redefining).save(other)
     assert {*caught.value.dependants} == wanted
     assert all(each in str(caught.value) for each in wanted)
-    made = fresh_kb.revision
-    dao_of(fresh_kb, redefining).save(other, cascade=True)
-    assert fresh_kb.revision == made + 1
-    assert {dao: held(fresh_kb, dao) for dao in mentions} == {dao: [] for dao in mentions}
-    check_text(fresh_kb)
+    made = depot_kb.revision
+    dao_of(depot_kb, redefining).save(other, cascade=True)
+    assert depot_kb.revision == made + 1
+    assert {dao: held(depot_kb, dao) for dao in mentions} == {dao: [] for dao in mentions}
+    check_text(depot_kb)
     for dao, dto in mentions.items():
-        assert held(fresh_kb.at(made), dao) == [str(dto)]
+        assert held(depot_kb.at(made), dao) == [str(dto)]
 
 
 @pytest.mark.parametrize("kind", MENTIONS)
-def test_each_that_mentions_it_refuses_its_redefinition(fresh_kb: KnowledgeBase, kind: str) -> None:
-    load(fresh_kb)
+def test_each_that_mentions_it_refuses_its_redefinition(depot_kb: KnowledgeBase, kind: str) -> None:
     redefining, other = REDEFINITIONS[kind]
-    with fresh_kb.transaction():
-        fresh_kb.propositions.delete_all()
-        fresh_kb.function_values.delete_all()
+    with depot_kb.transaction():
+        depot_kb.propositions.delete_all()
+        depot_kb.function_values.delete_all()
         if kind == "type":
-            fresh_kb.objects.delete_all()
+            depot_kb.objects.delete_all()
     for dao, dto in MENTIONS[kind].items():
-        with undone(fresh_kb):
-            save(fresh_kb, dao, dto)
+        with undone(depot_kb):
+            save(depot_kb, dao, dto)
             with pytest.raises(DependantsError) as caught:
-                dao_of(fresh_kb, redefining).save(other)
+                dao_of(depot_kb, redefining).save(other)
             assert len(caught.value.dependants) == 1, dao
-    dao_of(fresh_kb, redefining).save(other)
+    dao_of(depot_kb, redefining).save(other)
 
 
-def test_what_mentions_something_else_stays(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_what_mentions_something_else_stays(depot_kb: KnowledgeBase) -> None:
     stay: list[Formula] = [Not(IDLE), Exists((PLACE,), IDLE), Equal(home(T2), HUB)]
-    fresh_kb.goals.save_all([*stay, Or((at(),)), Exists((TRUCK,), at(T, HUB))])
-    fresh_kb.predicates.delete(PddlPredicateDto("at"))
-    assert fresh_kb.goals.get_all() == stay
-    fresh_kb.objects.delete(PddlObjectDto(TRUCKS, "t1"))
-    assert fresh_kb.goals.get_all() == stay
-    fresh_kb.objects.delete(PddlObjectDto(TRUCKS, "t2"))
-    assert fresh_kb.goals.get_all() == stay[:2]
+    depot_kb.goals.save_all([*stay, Or((at(),)), Exists((TRUCK,), at(T, HUB))])
+    depot_kb.predicates.delete(PddlPredicateDto("at"))
+    assert depot_kb.goals.get_all() == stay
+    depot_kb.objects.delete(PddlObjectDto(TRUCKS, "t1"))
+    assert depot_kb.goals.get_all() == stay
+    depot_kb.objects.delete(PddlObjectDto(TRUCKS, "t2"))
+    assert depot_kb.goals.get_all() == stay[:2]
 
 
-def test_names_of_parameters_may_change_below_formulas(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_names_of_parameters_may_change_below_formulas(depot_kb: KnowledgeBase) -> None:
     goal = Exists((TRUCK,), at(T, HUB))
-    fresh_kb.goals.save(goal)
+    depot_kb.goals.save(goal)
     renamed = PddlPredicateDto("at", [TRUCKS, PLACES], parameter_names=["who", "where"])
-    fresh_kb.predicates.save(renamed)
-    assert fresh_kb.goals.get_all() == [goal]
-    predicate = next(each for each in fresh_kb.pddl.domain().predicates if each.name == "at")
+    depot_kb.predicates.save(renamed)
+    assert depot_kb.goals.get_all() == [goal]
+    predicate = next(each for each in depot_kb.pddl.domain().predicates if each.name == "at")
     assert [part.name for part in predicate.parameters] == ["who", "where"]
-    check_text(fresh_kb)
+    check_text(depot_kb)
 
 
 DANGLING = {
@@ -223,29 +217,27 @@ DANGLING = {
 }
 
 
-def test_the_database_refuses_what_dangles(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.goals.save(Exists((TRUCK,), Or((at(T), Comparison("<", fuel(T), number("1"))))))
+def test_the_database_refuses_what_dangles(depot_kb: KnowledgeBase) -> None:
+    depot_kb.goals.save(Exists((TRUCK,), Or((at(T), Comparison("<", fuel(T), number("1"))))))
     truck = PddlObjectDto(TRUCKS, "t")
-    fresh_kb.actions.save(PddlActionDto("act", [truck], [at(T)], [], durative=False))
-    store: Any = fresh_kb.store.factory._store  # type: ignore[attr-defined]
-    (id_,) = rows(fresh_kb, "SELECT id FROM knowledge_base WHERE id = :kb")[0]
+    depot_kb.actions.save(PddlActionDto("act", [truck], [at(T)], [], durative=False))
+    store: Any = depot_kb.store.factory._store  # type: ignore[attr-defined]
+    (id_,) = rows(depot_kb, "SELECT id FROM knowledge_base WHERE id = :kb")[0]
     driver: Any = store.backend.driver_errors
     for name, (table, column) in DANGLING.items():
         where = f"kb_id = :kb AND {column} IS NOT NULL"
-        assert rows(fresh_kb, f"SELECT count(*) FROM {table} WHERE {where}") != [(0,)], name
+        assert rows(depot_kb, f"SELECT count(*) FROM {table} WHERE {where}") != [(0,)], name
         with store.backend.engine.connect() as connection:
             statement = text(f"UPDATE {table} SET {column} = {column} + 4000000 WHERE {where}")
             with pytest.raises(Exception, match=r"(?i)foreign key") as caught:
                 connection.execute(statement, {"kb": id_})
             assert isinstance(caught.value.__cause__, driver), name
             connection.rollback()
-    check_text(again(fresh_kb))
+    check_text(again(depot_kb))
 
 
-def test_fluents_within_terms_are_mentioned(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    fresh_kb.goals.save(Not(at(T1, home(T2))))
-    fresh_kb.functions.delete(PddlFunctionDto("home"))
-    assert fresh_kb.goals.get_all() == []
-    assert Fluent("home", (T1,)) not in [value.fluent for value in fresh_kb.pddl.problem().values]
+def test_fluents_within_terms_are_mentioned(depot_kb: KnowledgeBase) -> None:
+    depot_kb.goals.save(Not(at(T1, home(T2))))
+    depot_kb.functions.delete(PddlFunctionDto("home"))
+    assert depot_kb.goals.get_all() == []
+    assert Fluent("home", (T1,)) not in [value.fluent for value in depot_kb.pddl.problem().values]

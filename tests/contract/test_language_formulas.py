@@ -141,45 +141,43 @@ def test_each_formula_of_a_sort_is_kept(fresh_kb: KnowledgeBase, sort: Sort) -> 
 
 
 @pytest.mark.parametrize("sort", SORTS, ids=[sort.dao for sort in SORTS])
-def test_formulas_of_a_sort_are_deleted(fresh_kb: KnowledgeBase, sort: Sort) -> None:
-    load(fresh_kb)
-    examples, dao = [*sort.examples.values()], dao_of(fresh_kb, sort.dao)
+def test_formulas_of_a_sort_are_deleted(depot_kb: KnowledgeBase, sort: Sort) -> None:
+    examples, dao = [*sort.examples.values()], dao_of(depot_kb, sort.dao)
     assert dao.save_all(examples) == len(examples)
-    first = fresh_kb.revision
+    first = depot_kb.revision
     assert dao.delete(examples[1]) is True
-    assert last_changes(fresh_kb) == [f"- {sort.kind} {examples[1]}"]
-    with nothing_changes(fresh_kb):
+    assert last_changes(depot_kb) == [f"- {sort.kind} {examples[1]}"]
+    with nothing_changes(depot_kb):
         assert dao.delete(examples[1]) is False
-    assert sort.said(fresh_kb) == (examples[0], *examples[2:])
+    assert sort.said(depot_kb) == (examples[0], *examples[2:])
     # What comes back is the same formula: one identity, another version.
     assert dao.insert(examples[1]) is True
     assert dao.get_all() == examples
     assert dao.delete_all() == len(examples)
     assert dao.get_all() == []
     assert dao.delete_all() == 0
-    check_text(fresh_kb)
-    assert sort.said(fresh_kb.at(first)) == tuple(examples)
+    check_text(depot_kb)
+    assert sort.said(depot_kb.at(first)) == tuple(examples)
     counted = (
         "SELECT (SELECT count(*) FROM formula WHERE kb_id = :kb), count(*), count(until), "
         "min(section) FROM formula_version WHERE kb_id = :kb"
     )
     number_of = len(examples)
-    assert rows(fresh_kb, counted) == [(number_of, number_of + 1, number_of + 1, sort.kind)]
+    assert rows(depot_kb, counted) == [(number_of, number_of + 1, number_of + 1, sort.kind)]
     with pytest.raises(ReadOnlyError):
-        dao_of(fresh_kb.at(first), sort.dao).delete_all()
+        dao_of(depot_kb.at(first), sort.dao).delete_all()
 
 
 @pytest.mark.parametrize("dao", ["goals", "constraints", "domain_constraints"])
-def test_a_conjunction_is_its_conjuncts(fresh_kb: KnowledgeBase, dao: str) -> None:
-    load(fresh_kb)
+def test_a_conjunction_is_its_conjuncts(depot_kb: KnowledgeBase, dao: str) -> None:
     parts = [Modal("always", (), (IDLE,)), Modal("sometime", (), (at(),))]
     if dao == "goals":
         parts = [Not(IDLE), Preference("p", at())]  # type: ignore[list-item]
     nested = And((parts[0], And((parts[1], And(())))))
-    dao_of(fresh_kb, dao).save(nested)
-    assert dao_of(fresh_kb, dao).get_all() == parts
-    assert dao_of(fresh_kb, dao).delete(nested) is True
-    assert dao_of(fresh_kb, dao).get_all() == []
+    dao_of(depot_kb, dao).save(nested)
+    assert dao_of(depot_kb, dao).get_all() == parts
+    assert dao_of(depot_kb, dao).delete(nested) is True
+    assert dao_of(depot_kb, dao).get_all() == []
 
 
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
@@ -203,30 +201,28 @@ def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: Metric) -> None:
     assert fresh_kb.at(world + 2).pddl.metric.get() == other
 
 
-def test_one_text_in_two_sections_is_two_formulas(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_one_text_in_two_sections_is_two_formulas(depot_kb: KnowledgeBase) -> None:
     formula = Modal("always", (), (IDLE,))
-    fresh_kb.pddl.constraints.save(formula)
-    fresh_kb.pddl.domain_constraints.save(formula)
-    fresh_kb.goals.save(Not(at()))
-    fresh_kb.pddl.initial_literals.save(Not(at()))
-    fresh_kb.pddl.constraints.delete_all()
-    fresh_kb.goals.delete_all()
-    assert fresh_kb.pddl.domain_constraints.get_all() == [formula]
-    assert fresh_kb.pddl.initial_literals.get_all() == [Not(at())]
+    depot_kb.pddl.constraints.save(formula)
+    depot_kb.pddl.domain_constraints.save(formula)
+    depot_kb.goals.save(Not(at()))
+    depot_kb.pddl.initial_literals.save(Not(at()))
+    depot_kb.pddl.constraints.delete_all()
+    depot_kb.goals.delete_all()
+    assert depot_kb.pddl.domain_constraints.get_all() == [formula]
+    assert depot_kb.pddl.initial_literals.get_all() == [Not(at())]
 
 
-def test_names_are_kept_in_their_first_spelling(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_names_are_kept_in_their_first_spelling(depot_kb: KnowledgeBase) -> None:
     shouted = Exists((TypedName("T", ("TRUCK",)),), Atom("AT", (Variable("t"), Variable("T"))))
     with pytest.raises(InvalidKnowledgeError, match="term 2 of"):
-        fresh_kb.goals.save(shouted)
+        depot_kb.goals.save(shouted)
     shouted = Exists((TypedName("T", ("TRUCK",)),), Atom("AT", (Variable("t"), HUB)))
-    fresh_kb.goals.save(shouted)
-    assert [str(goal) for goal in fresh_kb.goals.get_all()] == ["(exists (?T - truck) (at ?T hub))"]
-    with nothing_changes(fresh_kb):
-        fresh_kb.goals.save(shouted)
-    assert fresh_kb.goals.delete(shouted) is True
+    depot_kb.goals.save(shouted)
+    assert [str(goal) for goal in depot_kb.goals.get_all()] == ["(exists (?T - truck) (at ?T hub))"]
+    with nothing_changes(depot_kb):
+        depot_kb.goals.save(shouted)
+    assert depot_kb.goals.delete(shouted) is True
 
 
 def test_what_a_transaction_saves_and_deletes_leaves_nothing(fresh_kb: KnowledgeBase) -> None:

@@ -204,28 +204,27 @@ def refused(
     return caught.value
 
 
-def test_what_is_no_goal_is_refused(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with nothing_changes(fresh_kb):
+def test_what_is_no_goal_is_refused(depot_kb: KnowledgeBase) -> None:
+    with nothing_changes(depot_kb):
         for name, (wrong, error, message) in NO_GOALS.items():
             action = PddlActionDto("act", [], [wrong], [], durative=False)
             calls: list[tuple[Any, list[Any]]] = [
-                (fresh_kb.goals, [wrong]),
-                (fresh_kb.actions, [action]),
+                (depot_kb.goals, [wrong]),
+                (depot_kb.actions, [action]),
             ]
             if isinstance(wrong, FormulaNode):
-                calls.append((fresh_kb.goals, [IDLE, And((IDLE, wrong))]))  # type: ignore[arg-type]
+                calls.append((depot_kb.goals, [IDLE, And((IDLE, wrong))]))  # type: ignore[arg-type]
             else:
                 with pytest.raises(InvalidKnowledgeError, match="each item of the formulas of"):
                     And((IDLE, wrong))
             for dao, given in calls:
-                caught = refused(fresh_kb, name, dao.save_all, given)
+                caught = refused(depot_kb, name, dao.save_all, given)
                 assert type(caught) is error, name
                 assert message in str(caught), name
-            assert fresh_kb.goals.delete(wrong) is False, name
+            assert depot_kb.goals.delete(wrong) is False, name
     counted = "SELECT count(*) FROM formula WHERE kb_id = :kb"
-    assert rows(fresh_kb, counted) == [(0,)]
-    assert rows(fresh_kb, counted.replace("formula", "action")) == [(0,)]
+    assert rows(depot_kb, counted) == [(0,)]
+    assert rows(depot_kb, counted.replace("formula", "action")) == [(0,)]
 
 
 PLAIN, TIMED = False, True
@@ -256,16 +255,15 @@ NO_EFFECTS: dict[str, tuple[bool, Any, str]] = {
 }
 
 
-def test_what_is_no_effect_is_refused(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with nothing_changes(fresh_kb):
+def test_what_is_no_effect_is_refused(depot_kb: KnowledgeBase) -> None:
+    with nothing_changes(depot_kb):
         for name, (durative, wrong, message) in NO_EFFECTS.items():
             right = Timed("at start", IDLE) if durative else IDLE
             action = PddlActionDto("act", [], [], [right, wrong], durative)
-            caught = refused(fresh_kb, name, fresh_kb.actions.save, action)
+            caught = refused(depot_kb, name, depot_kb.actions.save, action)
             assert message in str(caught), name
             assert "the effect of action 'act': " in str(caught), name
-    assert fresh_kb.pddl.domain().actions == ()
+    assert depot_kb.pddl.domain().actions == ()
 
 
 DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
@@ -287,12 +285,11 @@ DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
-def test_what_is_no_part_of_a_durative_action_is_refused(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with nothing_changes(fresh_kb):
+def test_what_is_no_part_of_a_durative_action_is_refused(depot_kb: KnowledgeBase) -> None:
+    with nothing_changes(depot_kb):
         for name, (parts, message) in DURATIVE.items():
             action = PddlActionDto("act", **parts)
-            assert message in str(refused(fresh_kb, name, fresh_kb.actions.save, action)), name
+            assert message in str(refused(depot_kb, name, depot_kb.actions.save, action)), name
 
 
 MISPLACED: dict[str, tuple[str, Any, str]] = {
@@ -344,13 +341,12 @@ MISPLACED: dict[str, tuple[str, Any, str]] = {
 }
 
 
-def test_a_formula_of_another_sort_is_refused(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with nothing_changes(fresh_kb):
+def test_a_formula_of_another_sort_is_refused(depot_kb: KnowledgeBase) -> None:
+    with nothing_changes(depot_kb):
         for name, (dao, wrong, message) in MISPLACED.items():
-            caught = refused(fresh_kb, name, dao_of(fresh_kb, dao).save, wrong)
+            caught = refused(depot_kb, name, dao_of(depot_kb, dao).save, wrong)
             assert message in str(caught), name
-            assert dao_of(fresh_kb, dao).get_all() == [], name
+            assert dao_of(depot_kb, dao).get_all() == [], name
 
 
 NO_METRICS: list[tuple[Any, str]] = [
@@ -362,34 +358,30 @@ NO_METRICS: list[tuple[Any, str]] = [
 ]
 
 
-def test_what_is_no_metric_is_refused(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
-    with nothing_changes(fresh_kb):
+def test_what_is_no_metric_is_refused(depot_kb: KnowledgeBase) -> None:
+    with nothing_changes(depot_kb):
         for wrong, message in NO_METRICS:
-            assert message in str(refused(fresh_kb, message, fresh_kb.pddl.metric.set, wrong))
-    assert fresh_kb.pddl.metric.get() is None
+            assert message in str(refused(depot_kb, message, depot_kb.pddl.metric.set, wrong))
+    assert depot_kb.pddl.metric.get() is None
 
 
-def test_an_action_that_is_not_durative_has_no_duration(fresh_kb: KnowledgeBase) -> None:
+def test_an_action_that_is_not_durative_has_no_duration(depot_kb: KnowledgeBase) -> None:
     # The paper's DTO has one whether it is used or not.
-    load(fresh_kb)
     dto = PddlActionDto("act", [], [], [IDLE], durative=False, duration=[IDLE])
-    fresh_kb.actions.save(dto)
-    assert fresh_kb.pddl.domain().actions[0].duration == ()
+    depot_kb.actions.save(dto)
+    assert depot_kb.pddl.domain().actions[0].duration == ()
 
 
-def test_a_parameter_hides_no_object_of_its_name(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_a_parameter_hides_no_object_of_its_name(depot_kb: KnowledgeBase) -> None:
     dto = PddlActionDto(
         "act", [PddlObjectDto(PddlTypeDto("truck"), "t1")], [], [at(T1), at(Variable("T1"))], False
     )
-    fresh_kb.actions.save(dto)
-    assert fresh_kb.pddl.domain().actions[0].effect == (at(T1), at(Variable("t1")))
-    check_text(fresh_kb)
+    depot_kb.actions.save(dto)
+    assert depot_kb.pddl.domain().actions[0].effect == (at(T1), at(Variable("t1")))
+    check_text(depot_kb)
 
 
-def test_what_is_wrong_deep_within_is_said_briefly(fresh_kb: KnowledgeBase) -> None:
-    load(fresh_kb)
+def test_what_is_wrong_deep_within_is_said_briefly(depot_kb: KnowledgeBase) -> None:
     sums: Any = IsViolated("p")
     fluent: Any = Constant("nobody")
     formula: Any = Atom("unknown")
@@ -405,21 +397,21 @@ def test_what_is_wrong_deep_within_is_said_briefly(fresh_kb: KnowledgeBase) -> N
     ]
     for wrong in deep:
         saves: list[tuple[Any, Any]] = [
-            (fresh_kb.goals, wrong),
-            (fresh_kb.actions, PddlActionDto("act", [], [wrong], [], False)),
-            (fresh_kb.pddl.derived_predicates, wrong),
-            (fresh_kb.pddl.derived_predicates, Derived("idle", (), wrong)),
+            (depot_kb.goals, wrong),
+            (depot_kb.actions, PddlActionDto("act", [], [wrong], [], False)),
+            (depot_kb.pddl.derived_predicates, wrong),
+            (depot_kb.pddl.derived_predicates, Derived("idle", (), wrong)),
         ]
         for dao, given in saves:
-            with nothing_changes(fresh_kb), pytest.raises(InvalidKnowledgeError) as caught:
+            with nothing_changes(depot_kb), pytest.raises(InvalidKnowledgeError) as caught:
                 dao.save(given)
             assert len(str(caught.value)) < 500
     ands: Any = IDLE
     for _ in range(100_000):
         ands = And((ands,))
     # However deep, that is a conjunction of one.
-    fresh_kb.goals.save(ands)
-    assert fresh_kb.goals.get_all() == [IDLE]
+    depot_kb.goals.save(ands)
+    assert depot_kb.goals.get_all() == [IDLE]
 
 
 def test_formulas_of_texts_are_checked_by_the_reader_only(

@@ -12,7 +12,7 @@ from typing import Any
 import psycopg
 import pytest
 
-from kant_sql import OutcomeUnknownError, StoreError
+from kant_sql import KnowledgeBase, OutcomeUnknownError, StoreError
 from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
@@ -38,15 +38,21 @@ pytestmark = on_server
 
 
 @pytest.fixture
+def kb(shared_url: str, connect: Connect) -> KnowledgeBase:
+    """A knowledge base with a fact."""
+    kb = connect(shared_url)
+    kb.propositions.save(robot_at())
+    return kb
+
+
+@pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     be_impatient(monkeypatch)
 
 
 def test_connections_that_were_lost_between_calls_are_made_again(
-    shared_url: str, connect: Connect
+    kb: KnowledgeBase, shared_url: str
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     calls: list[Callable[[], object]] = [
         kb.propositions.get_all,
         lambda: kb.objects.get("rb1"),
@@ -65,10 +71,8 @@ def test_connections_that_were_lost_between_calls_are_made_again(
 
 @pytest.mark.parametrize("method", ["begin", "rows", "insert", "run", "commit"])
 def test_a_call_whose_connection_is_lost_on_the_way_is_made_once(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, method: str
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     lose_at(monkeypatch, shared_url, method)
     assert one_call(kb) is True
     assert check_chain(shared_url) == {"default": 2}
@@ -76,10 +80,8 @@ def test_a_call_whose_connection_is_lost_on_the_way_is_made_once(
 
 @pytest.mark.parametrize("method", ["insert", "run", "commit"])
 def test_a_transaction_whose_connection_is_lost_raises_and_writes_nothing(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, method: str
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     lose_at(monkeypatch, shared_url, method)
     with pytest.raises(ConnectionLostError, match="nothing of the open transaction was written"):
         a_transaction(kb)
@@ -121,10 +123,8 @@ def crash_at(monkeypatch: pytest.MonkeyPatch, words: str, said: str, *, is_done:
 @pytest.mark.parametrize("said", CRASHES)
 @pytest.mark.parametrize("words", ["SELECT", "INSERT INTO proposition_version", "UPDATE head"])
 def test_a_worker_that_crashes_is_an_outage_as_others(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch, words: str, said: str
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch, words: str, said: str
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     crash_at(monkeypatch, words, said, is_done=False)
     assert one_call(kb) is True
     assert check_chain(shared_url) == {"default": 2}
@@ -132,10 +132,8 @@ def test_a_worker_that_crashes_is_an_outage_as_others(
 
 @pytest.mark.usefixtures("coordinator")
 def test_a_block_below_which_a_worker_crashes_writes_nothing(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     crash_at(monkeypatch, "UPDATE head", CRASHES[0], is_done=False)
     with pytest.raises(ConnectionLostError, match="nothing of the open transaction was written"):
         a_transaction(kb)
@@ -145,20 +143,16 @@ def test_a_block_below_which_a_worker_crashes_writes_nothing(
 
 @pytest.mark.usefixtures("coordinator")
 def test_a_worker_that_crashes_after_the_commit_is_looked_up(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     crash_at(monkeypatch, "COMMIT", CRASHES[0], is_done=True)
     assert a_transaction(kb) is True
     assert check_chain(shared_url) == {"default": 2}
 
 
 def test_a_lost_transaction_cannot_be_saved_by_ignoring_the_error(
-    shared_url: str, connect: Connect
+    kb: KnowledgeBase, shared_url: str
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
 
     def lose() -> None:
         with kb.transaction():
@@ -211,10 +205,8 @@ def test_a_server_that_ends_an_idle_transaction_is_a_lost_connection(
 
 @pytest.mark.usefixtures("impatient")
 def test_a_server_that_does_not_come_back_is_not_waited_for_for_ever(
-    shared_url: str, connect: Connect
+    kb: KnowledgeBase, shared_url: str
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     with closed_door(shared_url) as close_door:
         close_door()
         began = time.monotonic()
@@ -233,10 +225,8 @@ def test_a_server_that_does_not_come_back_is_not_waited_for_for_ever(
 
 
 def test_a_lost_answer_is_found_out_although_all_connections_were_lost(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     with ThreadPoolExecutor(4) as pool:  # Fills the pool.
         assert len(list(pool.map(lambda _: kb.propositions.get_all(), range(40)))) == 40
     lose_answer(monkeypatch, True, lambda: terminate(shared_url))
@@ -246,10 +236,8 @@ def test_a_lost_answer_is_found_out_although_all_connections_were_lost(
 
 @pytest.mark.usefixtures("impatient")
 def test_an_answer_that_cannot_be_found_out_names_what_to_look_for(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = connect(shared_url)
-    kb.propositions.save(robot_at())
     with closed_door(shared_url) as close_door:
         lose_answer(monkeypatch, True, close_door)
         with pytest.raises(OutcomeUnknownError) as caught:
