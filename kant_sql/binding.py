@@ -73,6 +73,22 @@ class _Question:
         return method.__get__(front, owner)
 
 
+def _bound(
+    find: Callable[[], Callable[Concatenate[State, P], R]],
+    state: Callable[[Front], State],
+) -> Callable[Concatenate[Front, P], R]:
+    def make() -> Callable[..., R]:
+        function = find()
+
+        @wraps(function)
+        def ask(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            return function(state(self), *args, **kwargs)
+
+        return _method(ask)
+
+    return cast("Callable[Concatenate[Front, P], R]", _Question(make))
+
+
 def reads(
     find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[Front, P], R]:
@@ -80,37 +96,22 @@ def reads(
 
     `find` names it. Its module is imported when the method is first asked for.
     """
-
-    def make() -> Callable[..., R]:
-        function = find()
-
-        @wraps(function)
-        def ask(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            return function(state_of(self), *args, **kwargs)
-
-        return _method(ask)
-
-    return cast("Callable[Concatenate[Front, P], R]", _Question(make))
+    return _bound(find, state_of)
 
 
 def writes(
     find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[Front, P], R]:
     """Bind a function that writes, as `reads`; views of the past refuse it."""
+    return _bound(find, _present_of)
 
-    def make() -> Callable[..., R]:
-        function = find()
 
-        @wraps(function)
-        def write(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
-            state = state_of(self)
-            if state.at is not None:
-                refuse_past(state.store, state.at)
-            return function(state, *args, **kwargs)
-
-        return _method(write)
-
-    return cast("Callable[Concatenate[Front, P], R]", _Question(make))
+def _present_of(front: Front) -> State:
+    """Return what functions that write are called on; refuse a view of the past."""
+    state = state_of(front)
+    if state.at is not None:
+        refuse_past(state.store, state.at)
+    return state
 
 
 def delegates(

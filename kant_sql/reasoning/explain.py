@@ -322,6 +322,26 @@ def unsatisfied(
     return Listing(state.store.read_in_snapshot(work, state.at), FAILED)
 
 
+def is_goal_reached(state: State) -> bool:
+    """Return whether all goals hold; preferences do not count, and without goals they do.
+
+    One statement asks for all of them; `unsatisfied` says which do not hold.
+
+    Raises:
+        ArchivedError: a part of the state was moved to an archive.
+        UnsupportedConstructError: the goals are nested too deeply for a database.
+    """
+
+    def work(view: View) -> bool:
+        resolver = Resolver(view.definitions)
+        part = all_of(resolver.part(goal) for goal in _hard_goals(view))
+        check_levels(part)
+        [row] = asked(view, question(view).truths([part], {}), {}, first_two)
+        return bool(row[GUARDS])
+
+    return state.store.read_in_snapshot(work, state.at)
+
+
 def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) -> f.Formula:
     """Read a condition, with objects for its variables; others are quantified existentially."""
     symbols = symbols_of(view.definitions)

@@ -7,12 +7,17 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from kant_sql import KnowledgeBase, UnsupportedConstructError
+from kant_sql import UnsupportedConstructError
+from kant_sql.binding import state_of
+from kant_sql.reasoning.explain import is_goal_reached
 from kant_sql.sql import inventory
+from kant_sql.store.state import State
 from kant_sql.web.application import create_app
+from kant_sql.web.pages import home
 from tests.support.faults import change
+from tests.support.statements import count
 from tests.support.stores import Connect
-from tests.support.worlds.robots import WP2, robot_at
+from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 BASE = "http://127.0.0.1"
 
@@ -39,16 +44,29 @@ def test_goals_are_counted_or_asked_for(shared_url: str, connect: Connect) -> No
 def test_a_goal_that_cannot_be_judged_hides_nothing(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(self: KnowledgeBase) -> bool:
+    def refuse(state: State) -> bool:
         raise UnsupportedConstructError("not this")
 
-    monkeypatch.setattr(KnowledgeBase, "unsatisfied", refuse)
+    monkeypatch.setattr(home, "is_goal_reached", refuse)
     kb = connect(shared_url, knowledge_base="tiago")
     kb.propositions.save(robot_at())
     kb.goals.save("(not (robot_at rb1 wp1))")
     with TestClient(create_app(shared_url), base_url=BASE) as client:
         assert [one["is_goal_reached"] for one in listed(client)] == [None]
         assert 'href="/ask?kb=tiago"' in client.get("/").text
+
+
+@pytest.mark.parametrize("goals", [2, 300])
+def test_the_head_the_goals_and_whether_all_hold_take_a_statement_each(
+    shared_url: str, connect: Connect, goals: int
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.propositions.save(robot_at())
+    kb.goals.save("(or (robot_at rb1 wp1) (robot_at rb1 wp1))")
+    places = [waypoint(number) for number in range(goals)]
+    kb.propositions.save_all([robot_at(place=place, is_goal=True) for place in places])
+    assert not is_goal_reached(state_of(kb))
+    assert count(lambda: is_goal_reached(state_of(kb))) == 3
 
 
 def test_many_knowledge_bases_are_paged_and_searched(

@@ -7,8 +7,10 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
+from ...binding import state_of
 from ...errors import KantSqlError, QuestionCancelledError
 from ...limits import limited
+from ...reasoning.explain import is_goal_reached
 from ...sql.inventory import Inventory
 from ..registry import Pages
 from ..stores import OpenStore
@@ -61,7 +63,7 @@ def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
     """Ask a knowledge base; None when it takes too long, or cannot tell."""
     try:
         with limited(seconds=GOAL_SECONDS), store.knowledge_base(name) as kb:
-            return not kb.unsatisfied()
+            return is_goal_reached(state_of(kb))
     except QuestionCancelledError:
         raise
     except KantSqlError:
