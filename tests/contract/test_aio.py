@@ -13,6 +13,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import Any, assert_type
 
 import pytest
@@ -40,8 +41,9 @@ from kant_sql.errors import (
 from kant_sql.sql.dialects import base as retry
 from kant_sql.sql.dialects.base import Session
 from kant_sql.store.store import Store
-from tests.contract.test_closed import arguments, fill
-from tests.support.parts import DAOS, FRONTS, PATHS, part
+from tests.contract.test_closed import calls
+from tests.support.generators.junk import World
+from tests.support.parts import DAOS, FRONTS, part
 from tests.support.profile import PROFILE, hunting
 from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
@@ -611,50 +613,34 @@ def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
 
 
 @pytest.mark.more
-def test_every_call_after_close_is_refused(shared_url: str) -> None:
+def test_every_call_after_close_is_refused(shared_url: str, tmp_path: Path) -> None:
     pytest.importorskip("unified_planning")
     with kant_sql.connect(shared_url, knowledge_base="tiago", actor="test") as kb:
-        kept = fill(kb)
+        made = [
+            call for call in calls(World(kb, tmp_path)) if call.owner.split(".")[-1] != "factory"
+        ]
 
     async def test(kb: AsyncKnowledgeBase) -> None:
-        views = {"now": kb, "past": await kb.at(1)}
+        views = {"kb": kb, "past": await kb.at(1)}
         await kb.close()
-        wrong, count = {}, 0
-        for view, opened in views.items():
-            for owner in PATHS:
-                thing = part(opened, owner)
-                for name in dir(type(thing)):
-                    if name.startswith("_") or name in ("close", "factory"):
-                        continue
-                    count += 1
-                    given = arguments(name, owner, kb._kb, kept)
-                    try:
-                        await called(thing, name, given)
-                        wrong[f"{view} {owner}.{name}"] = "nothing was raised"
-                    except ClosedError:
-                        pass
-                    except Exception as error:
-                        wrong[f"{view} {owner}.{name}"] = repr(error)
-        assert count > 200
+        wrong = {}
+        for call in made:
+            view, _, path = call.owner.partition(".")
+            try:
+                await used(call.of(part(views[view], path)))
+                wrong[f"{call.owner}.{call.name}"] = "nothing was raised"
+            except ClosedError:
+                pass
+            except Exception as error:
+                wrong[f"{call.owner}.{call.name}"] = repr(error)
+        assert len(made) > 200
         assert wrong == {}
 
     run(shared_url, test)
 
 
-async def called(thing: Any, name: str, given: dict[str, Any]) -> None:
-    """Call a method with all that it must be given, and use what it returns."""
-    method = getattr(type(thing._sync), name)
-    needed: dict[str, Any] = {}
-    positional: list[Any] = []
-    if callable(method):
-        for parameter in list(inspect.signature(method).parameters.values())[1:]:
-            is_variable = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-            if parameter.default is parameter.empty and not is_variable:
-                if parameter.kind is parameter.POSITIONAL_ONLY:
-                    positional.append(given[parameter.name])
-                else:
-                    needed[parameter.name] = given[parameter.name]
-    made = getattr(thing, name)(*positional, **needed)
+async def used(made: Any) -> None:
+    """Use what a call returns."""
     if inspect.isawaitable(made):
         await made
     elif hasattr(made, "__aenter__"):
