@@ -16,8 +16,6 @@ at most 1.5 times that of a recursive statement.
 
 from __future__ import annotations
 
-import argparse
-import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from random import Random
 from statistics import median
@@ -25,9 +23,9 @@ from typing import Any, NamedTuple
 
 import kant_sql
 from tests.benchmarks import warehouse
-from tests.benchmarks.drivers import Driver, PsycopgDriver, Row, SqliteDriver
-from tests.benchmarks.support import alternate, print_table, stores
-from tests.benchmarks.warehouse import Identities
+from tests.benchmarks.drivers import Row, bare
+from tests.benchmarks.support import alternate, print_table, read_options, stores
+from tests.benchmarks.years import ids_of
 
 ROUNDS, PREPARED = 25, 12
 # A literal is asked for so often in each of its turns.
@@ -64,13 +62,6 @@ class Measured(NamedTuple):
         ratio = self.library / self.by_hand
         numbers = [f"{1e3 * self.library:.3f}", f"{1e3 * self.by_hand:.3f}", f"{ratio:.2f}x"]
         return [self.name, *numbers, aim, "yes" if is_met else "no"]
-
-
-def driver(url: str) -> Driver:
-    """Open a store with its bare driver."""
-    if not url.startswith("sqlite"):
-        return PsycopgDriver(url)
-    return SqliteDriver(sqlite3.connect(url.removeprefix("sqlite:///")))
 
 
 class Conjunction(NamedTuple):
@@ -166,9 +157,9 @@ class ByHand:
     """Questions on the bare driver."""
 
     def __init__(self, url: str) -> None:
-        self.driver = driver(url)
+        self.driver = bare(url)
         self.is_sqlite = url.startswith("sqlite")
-        self.known = Identities(url)
+        self.ids = ids_of(self.driver, 1)
         rows = self.driver.run("SELECT id, name FROM object WHERE kb_id = 1").fetchall()
         self.names: dict[int, str] = dict(rows)
 
@@ -176,7 +167,7 @@ class ByHand:
         """Write that a version is that of a fact of a predicate, which holds now."""
         is_fact = f"{alias}.is_goal = 0" if self.is_sqlite else f"NOT {alias}.is_goal"
         found = (
-            f"{alias}.kb_id = 1 AND {alias}.predicate_id = {self.known.predicate(predicate)}"
+            f"{alias}.kb_id = 1 AND {alias}.predicate_id = {self.ids['predicate', predicate]}"
             f" AND {is_fact} AND {alias}.until IS NULL"
         )
         for condition in more.split(" AND ") if more else ():
@@ -212,7 +203,7 @@ class ByHand:
 
     def answers(self, sql: str, names: Iterable[str]) -> list[Row]:
         """Run a statement; return names."""
-        values = [self.known.object(name) for name in names]
+        values = [self.ids["object", name] for name in names]
         called = self.names
         return [
             tuple([called[id_] for id_ in row]) for row in self.driver.run(sql, values).fetchall()
@@ -220,7 +211,7 @@ class ByHand:
 
     def holds(self, sql: str, names: Iterable[str]) -> bool:
         """Tell whether a statement has a row."""
-        values = [self.known.object(name) for name in names]
+        values = [self.ids["object", name] for name in names]
         return bool(self.driver.run(sql, values).fetchone())
 
 
@@ -368,13 +359,8 @@ def run(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--facts", type=int, nargs="+", default=[100_000, 1_000_000])
-    parser.add_argument("--edges", type=int, default=10_000)
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    options = parser.parse_args(argv)
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    options = read_options(__doc__, argv, facts=[100_000, 1_000_000], edges=10_000, rounds=ROUNDS)
+    with stores(options.backend) as places:
         for backend, new in places.items():
             run(backend, new, options.facts, options.edges, options.rounds)
     return 0

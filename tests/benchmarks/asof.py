@@ -14,16 +14,17 @@ hand, and in less than 10 ms; a past state in a time that does not depend on how
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime, timedelta
 from statistics import median
 from typing import Any
 
 import kant_sql
+from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql.intervals import forks_at
-from tests.benchmarks.support import Bare, alternate, bare, print_table, stores
-from tests.benchmarks.years import START, STEP, fill
+from tests.benchmarks.drivers import Driver, bare
+from tests.benchmarks.support import alternate, print_table, read_options, stores
+from tests.benchmarks.years import START, STEP, fill, ids_of
 
 NAME = "robot5"
 REPEAT = 31
@@ -85,14 +86,10 @@ VERSIONS = (
 class ByHand:
     """The questions, as somebody asks them who writes the SQL for just this store."""
 
-    def __init__(self, store: Bare) -> None:
+    def __init__(self, store: Driver) -> None:
         self.store = store
         ((self.kb,),) = store.execute("SELECT id FROM knowledge_base WHERE name = ?", (NAME,))
-        self.ids = {
-            (kind, key): id_
-            for kind in ("object", "predicate")
-            for key, id_ in store.execute(f"SELECT key, id FROM {kind} WHERE kb_id = ?", (self.kb,))
-        }
+        self.ids = ids_of(store, self.kb)
 
     def state(self, at: int, *predicates: str) -> list[Any]:
         ids = [self.ids["predicate", name] for name in predicates]
@@ -178,9 +175,7 @@ class Questions:
         return lambda: list(self.kb.log(since, until=until))
 
     def log_by_hand(self, n: int) -> Call:
-        since, until = (
-            moment.isoformat(timespec="microseconds")[:26] + "Z" for moment in self.window(n)
-        )
+        since, until = map(time_text, self.window(n))
         return lambda: self.hand.log(since, until)
 
     def diff(self, n: int) -> Call:
@@ -223,12 +218,8 @@ def run(backend: str, new: Callable[[], str], sizes: Sequence[int]) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--changes", type=int, default=5_000_000, help="of the large store")
-    parser.add_argument("--small", type=int, default=50_000, help="of the small one")
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    options = parser.parse_args(argv)
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    options = read_options(__doc__, argv, changes=5_000_000, small=50_000)
+    with stores(options.backend) as places:
         for backend, new in places.items():
             run(backend, new, [options.small, options.changes])
     return 0

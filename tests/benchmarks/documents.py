@@ -15,18 +15,19 @@ Each round has new stores, the two take turns, and the tables have medians.
 
 from __future__ import annotations
 
-import argparse
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
 import kant_sql
+from kant_sql import KnowledgeBase
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.sql.tables import Base, HeadRow
 from tests.benchmarks import generated
 from tests.benchmarks.comparing import compare_tables
-from tests.benchmarks.support import Bare, NewStore, Row, alternate, bare, print_table, stores
+from tests.benchmarks.drivers import Driver, Row, bare
+from tests.benchmarks.support import NewStore, alternate, print_table, read_options, stores
 
 # One COPY of all rows takes PostgreSQL twice as long: it checks foreign keys at the end of each.
 BATCH = 10_000
@@ -47,6 +48,8 @@ VALUES = (
 )
 
 Tables = dict[str, list[Row]]
+Change = Callable[[KnowledgeBase], object]
+Make = Callable[[int], Callable[[], object]]
 
 
 class Case(NamedTuple):
@@ -75,13 +78,13 @@ def rows_of(url: str) -> Tables:
     return rows
 
 
-def rows_to_insert(new: NewStore, text: str) -> tuple[Tables, Row]:
-    """Tell what loading a problem inserts, and what the head's row is after it."""
+def rows_to_insert(new: NewStore, define: Change, load: Change) -> tuple[Tables, Row]:
+    """Tell what a call inserts into a store with definitions, and what the head's row is then."""
     url = new()
     with kant_sql.connect(url) as kb:
-        kb.load_domain(generated.DOMAIN)
+        define(kb)
         before = rows_of(url)
-        kb.load_problem(text)
+        load(kb)
     after = rows_of(url)
     (head,) = after.pop("head")
     inserted = {}
@@ -91,24 +94,24 @@ def rows_to_insert(new: NewStore, text: str) -> tuple[Tables, Row]:
     return inserted, head
 
 
-def by_library(url: str, text: str) -> Callable[[], None]:
-    """Prepare the library's side: a store with the domain."""
+def by_library(url: str, define: Change, load: Change) -> Callable[[], None]:
+    """Prepare the library's side: a store with the definitions."""
     with kant_sql.connect(url) as kb:
-        kb.load_domain(generated.DOMAIN)
+        define(kb)
     kb = kant_sql.connect(url)
-    kb.pddl.domain()
+    kb.propositions.get_all()
 
-    def load() -> None:
-        kb.load_problem(text)
+    def save() -> None:
+        load(kb)
         kb.close()
 
-    return load
+    return save
 
 
-def by_driver(url: str, rows: Tables, head: Row) -> Callable[[], None]:
-    """Prepare the bare driver's side: a store with the domain."""
+def by_driver(url: str, define: Change, rows: Tables, head: Row) -> Callable[[], None]:
+    """Prepare the bare driver's side: a store with the definitions."""
     with kant_sql.connect(url) as kb:
-        kb.load_domain(generated.DOMAIN)
+        define(kb)
     store = bare(url)
 
     def insert() -> None:
@@ -121,7 +124,27 @@ def by_driver(url: str, rows: Tables, head: Row) -> Callable[[], None]:
     return insert
 
 
-def insert_all(store: Bare, tables: Tables) -> None:
+def compare(
+    new: NewStore, define: Change, load: Callable[[], Change], repeat: int, *others: Make
+) -> tuple[int, list[float]]:
+    """Give how many rows are inserted, and the medians: the library, the driver, and others."""
+    rows, head = rows_to_insert(new, define, load())
+    urls: dict[Any, str] = {}
+
+    def library(_: int) -> Callable[[], None]:
+        urls[library] = new()
+        return by_library(urls[library], define, load())
+
+    def driver(_: int) -> Callable[[], None]:
+        urls[driver] = new()
+        return by_driver(urls[driver], define, rows, head)
+
+    taken = [*map(median, alternate(repeat, library, driver, *others, clean=True))]
+    compare_tables(urls[library], urls[driver])
+    return sum(map(len, rows.values())), taken
+
+
+def insert_all(store: Driver, tables: Tables) -> None:
     """Insert rows of all tables, each behind what it refers to."""
 
     def insert(name: str, rows: list[Row]) -> None:
@@ -147,26 +170,14 @@ def insert_all(store: Bare, tables: Tables) -> None:
 
 def compare_loading(new: NewStore, case: Case, repeat: int) -> list[str]:
     """Give a line of the table of loading."""
-    urls: dict[Any, str] = {}
-    rows, head = rows_to_insert(new, case.text)
     domain = read_domain(generated.DOMAIN)
-
-    def library(_: int) -> Callable[[], None]:
-        urls[library] = new()
-        return by_library(urls[library], case.text)
-
-    def driver(_: int) -> Callable[[], None]:
-        urls[driver] = new()
-        return by_driver(urls[driver], rows, head)
-
-    def reader(_: int) -> Callable[[], object]:
-        return lambda: read_problem(case.text, domain=domain)
-
-    loading, inserting, reading = map(
-        median, alternate(repeat, library, driver, reader, clean=True)
+    number, (loading, inserting, reading) = compare(
+        new,
+        lambda kb: kb.load_domain(generated.DOMAIN),
+        lambda: lambda kb: kb.load_problem(case.text),
+        repeat,
+        lambda _: lambda: read_problem(case.text, domain=domain),
     )
-    compare_tables(urls[library], urls[driver])
-    number = sum(map(len, rows.values()))
     return [
         f"{number:,}",
         f"{loading:.2f} s",
@@ -214,13 +225,9 @@ def cases(facts: int) -> list[Case]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and report."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--facts", type=int, default=200_000)
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    options = parser.parse_args(argv)
+    options = read_options(__doc__, argv, facts=200_000, repeat=3)
     problems = cases(options.facts)
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    with stores(options.backend) as places:
         lines = [
             (f"{name}, {case.title}", new, case)
             for case in problems

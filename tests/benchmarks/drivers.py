@@ -1,9 +1,10 @@
-"""The two drivers, each with the settings that a careful program would give it."""
+"""The two bare drivers, each with the settings that a careful program would give it."""
 
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -14,7 +15,57 @@ import psycopg
 Row = tuple[Any, ...]
 
 
-class SqliteDriver:
+class Driver(ABC):
+    """A bare driver: the same few steps on each backend; parameters are `?`.
+
+    Attributes:
+        begin: begins a transaction that writes.
+        lock: what locks the rows of a SELECT.
+    """
+
+    begin: str
+    lock: str
+    connection: Any
+
+    @abstractmethod
+    def run(self, sql: str, parameters: Sequence[Any] = ()) -> sqlite3.Cursor | psycopg.Cursor[Row]:
+        """Run a statement, which stays prepared; give its cursor."""
+
+    @abstractmethod
+    def run_many(self, sql: str, rows: list[Row]) -> None:
+        """Run a statement for each row."""
+
+    @abstractmethod
+    def insert(self, table: str, width: int, rows: Iterable[Row]) -> None:
+        """Insert rows in the fastest way that the driver has."""
+
+    @abstractmethod
+    def moment(self, text: str) -> Any:
+        """Give the form in which a time is stored."""
+
+    @abstractmethod
+    def settle(self) -> None:
+        """Do what the database would do by itself in time: statistics, clean-up, checkpoint."""
+
+    @abstractmethod
+    def do_not_wait(self) -> None:
+        """Let no commit in this store wait for the disk: that would hide what it costs itself."""
+
+    @abstractmethod
+    def without_checks(self) -> None:
+        """Let rows in without looking up what they refer to: to load what is known to be right."""
+
+    def execute(self, sql: str, parameters: Sequence[Any] = ()) -> list[Row]:
+        """Run a statement, and give its rows."""
+        cursor = self.run(sql, parameters)
+        return list(cursor.fetchall()) if cursor.description else []
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.connection.close()
+
+
+class SqliteDriver(Driver):
     """sqlite3, set up as the library sets it up."""
 
     begin = "BEGIN IMMEDIATE"
@@ -28,24 +79,34 @@ class SqliteDriver:
         self.cursor = connection.cursor()
 
     @classmethod
-    def open(cls, path: Path) -> SqliteDriver:
+    def open(cls, path: Path | str) -> SqliteDriver:
         """Open a file, which is in WAL mode since its tables were made."""
         return cls(sqlite3.connect(path))
 
     def run(self, sql: str, parameters: Sequence[Any] = ()) -> sqlite3.Cursor:
-        """Run a statement; sqlite3 keeps it prepared."""
         return self.cursor.execute(sql, parameters)
 
-    def run_many(self, sql: str, rows: list[Row]) -> None:
-        """Run a statement for each row."""
+    def run_many(self, sql: str, rows: Iterable[Row]) -> None:
         self.cursor.executemany(sql, rows)
 
+    def insert(self, table: str, width: int, rows: Iterable[Row]) -> None:
+        self.run_many(f"INSERT INTO {table} VALUES ({', '.join('?' * width)})", rows)
+
     def moment(self, text: str) -> Any:
-        """Give the form in which a time is stored."""
         return text
 
+    def settle(self) -> None:
+        self.run("PRAGMA wal_checkpoint(TRUNCATE)")
 
-class PsycopgDriver:
+    def do_not_wait(self) -> None:
+        # In WAL mode, as the library sets it, none does.
+        pass
+
+    def without_checks(self) -> None:
+        self.run("PRAGMA foreign_keys=OFF")
+
+
+class PsycopgDriver(Driver):
     """psycopg 3, every statement prepared."""
 
     begin = "BEGIN"
@@ -56,16 +117,29 @@ class PsycopgDriver:
         self.cursor: psycopg.Cursor[Row] = self.connection.cursor()
 
     def run(self, sql: str, parameters: Sequence[Any] = ()) -> psycopg.Cursor[Row]:
-        """Run a statement."""
         return self.cursor.execute(_percent(sql), parameters or None)
 
     def run_many(self, sql: str, rows: list[Row]) -> None:
-        """Run a statement for each row, in one batch."""
         self.cursor.executemany(_percent(sql), rows)
 
+    def insert(self, table: str, width: int, rows: Iterable[Row]) -> None:
+        with self.cursor.copy(f"COPY {table} FROM STDIN".encode()) as copy:
+            for row in rows:
+                copy.write_row(row)
+
     def moment(self, text: str) -> Any:
-        """Give the form in which a time is stored."""
         return datetime.fromisoformat(text)
+
+    def settle(self) -> None:
+        self.run("VACUUM ANALYZE")
+        self.run("CHECKPOINT")
+
+    def do_not_wait(self) -> None:
+        name = self.connection.info.dbname
+        self.run(f'ALTER DATABASE "{name}" SET synchronous_commit = off')
+
+    def without_checks(self) -> None:
+        self.run("SET session_replication_role = replica")
 
 
 @cache
@@ -73,4 +147,8 @@ def _percent(sql: str) -> Any:
     return sql.replace("?", "%s")
 
 
-Driver = SqliteDriver | PsycopgDriver
+def bare(url: str) -> Driver:
+    """Open a store with its bare driver."""
+    if url.startswith("sqlite"):
+        return SqliteDriver.open(url.removeprefix("sqlite:///"))
+    return PsycopgDriver(url)

@@ -8,7 +8,6 @@ types, writes nothing, and is what any export has to wait for.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import sqlite3
 import tempfile
@@ -24,7 +23,7 @@ import psycopg
 from kant_sql.export import FORMATS, export_store, open_reader
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql_plugins.mcap import export_transitions
-from tests.benchmarks.support import alternate, print_table, stores
+from tests.benchmarks.support import alternate, print_table, read_options, stores
 from tests.support.worlds.long_history import NAME, write_long_history
 
 BATCH = 5_000
@@ -100,12 +99,8 @@ def _same(read: Read, _: int) -> Read:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and report."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--revisions", type=int, default=200_000)
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    options = parser.parse_args(argv)
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    options = read_options(__doc__, argv, revisions=200_000, repeat=3)
+    with stores(options.backend) as places:
         for name, new in places.items():
             url = new()
             write_long_history(url, options.revisions)

@@ -12,7 +12,6 @@ share the last core.
 
 from __future__ import annotations
 
-import argparse
 import selectors
 import socket
 import sys
@@ -31,7 +30,7 @@ from urllib.parse import urlsplit
 import psutil
 
 import kant_sql
-from tests.benchmarks.support import print_table, stores
+from tests.benchmarks.support import print_table, read_options, stores
 from tests.support.browsing import Serving
 from tests.support.processes.workers import PROCESSES
 from tests.support.worlds.robots import robot_at
@@ -185,13 +184,9 @@ def _means(writes: Sequence[Write], begins: Sequence[float]) -> list[float]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--readers", type=int, default=READERS)
-    parser.add_argument("--windows", type=int, default=WINDOWS)
-    parser.add_argument("--backend", action="append", choices=("sqlite", "postgresql"))
-    given = parser.parse_args(argv)
+    given = read_options(__doc__, argv, readers=READERS, windows=WINDOWS)
     rows: list[Sequence[str]] = []
-    with stores(given.backend or ("sqlite", "postgresql")) as made:
+    with stores(given.backend) as made:
         for backend, new in made.items():
             url = new()
             with kant_sql.connect(url, knowledge_base="robot", actor="writer") as kb:

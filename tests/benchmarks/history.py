@@ -17,16 +17,15 @@ the store without a past they are. Aim: at most 1.2.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime, timedelta
 from itertools import islice, product
 from typing import Any, NamedTuple
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
-from kant_sql.sql.intervals import fork
-from tests.benchmarks.support import Bare, Row, alternate, bare, print_table, seconds, stores
+from tests.benchmarks.drivers import Driver, bare
+from tests.benchmarks.support import alternate, print_table, read_options, seconds, stores
+from tests.benchmarks.years import Key, Version, Writer
 from tests.support.statements import explain, is_bracket, seen
 
 SIDE = 1_000
@@ -40,7 +39,6 @@ PREDICATES = {
     name: PddlPredicateDto(name, [PLACE] * arity)
     for name, arity in (("near", 2), ("lit", 1), ("visited", 2), ("fresh", 2))
 }
-PAST = datetime(2020, 1, 1, tzinfo=UTC)
 Call = Callable[[], Any]
 
 
@@ -79,12 +77,6 @@ class Past(NamedTuple):
     is_goal: bool
     at_once: int
 
-    def versions(self, rows: int, first: int, revision: int) -> Iterator[tuple[int, int, int]]:
-        """Give id, since and until of each time that one held."""
-        for number in range(rows):
-            since = revision + 1 + number // self.at_once
-            yield first + number % self.atoms, since, since + 1
-
 
 def pasts(rows: int) -> tuple[Past, ...]:
     """Give the histories of so many rows each."""
@@ -95,45 +87,28 @@ def pasts(rows: int) -> tuple[Past, ...]:
     )
 
 
-def load(store: Bare, past: Past, rows: int) -> None:
+class Visits(Writer):
+    """Writes facts and goals of two places."""
+
+    @staticmethod
+    def parts(key: Key) -> tuple[str, list[str]]:
+        return "visited", [f"p{place}" for place in key]
+
+
+def load(store: Driver, past: Past, rows: int) -> None:
     """Load a history behind the last revision."""
     store.without_checks()
-    ((kb, revision, next_id),) = store.execute("SELECT kb_id, revision, next_id FROM head")
-    ((predicate,),) = store.execute("SELECT id FROM predicate WHERE key = 'visited'")
-    places = store.execute("SELECT id, name FROM object ORDER BY id")
-    pairs = list(islice(product(places, places), past.atoms))
-    last = revision + 1 + -(-rows // past.at_once)
-    moment = PAST + timedelta(seconds=last)
-
-    def propositions() -> Iterator[Row]:
-        for id_, ((a, one), (b, other)) in enumerate(pairs, next_id):
-            text = f"(visited {one} {other})"
-            yield kb, id_, predicate, past.is_goal, f"{a} {b}", text
-
-    def arguments() -> Iterator[Row]:
-        for id_, pair in enumerate(pairs, next_id):
-            for position, (place, _) in enumerate(pair):
-                yield kb, id_, position, place
-
-    def revisions() -> Iterator[Row]:
-        for number in range(revision + 1, last + 1):
-            time = (PAST + timedelta(seconds=number)).isoformat(timespec="microseconds")
-            yield kb, number, time[:26] + "Z", "past", None, None, 2, f"{number:064x}", None
-
     store.execute("BEGIN")
-    store.insert("proposition", 6, propositions())
-    store.insert("proposition_argument", 4, arguments())
-    store.insert("revision", 9, revisions())
-    versions = past.versions(rows, next_id, revision)
-    rows_ = (
-        (kb, id_, s, u, predicate, past.is_goal, fork(s, u), *(a for a, _ in pairs[id_ - next_id]))
-        for id_, s, u in versions
-    )
-    store.insert("proposition_version", 9, rows_)
-    store.execute(
-        "UPDATE head SET revision = ?, next_id = ?, hash = ?, committed_at = ?",
-        (last, next_id + past.atoms, f"{last:064x}", moment.isoformat()[:19] + ".000000Z"),
-    )
+    writer = Visits(store, "default")
+    writer.is_goal = past.is_goal
+    first = writer.revision + 1
+
+    def versions() -> Iterator[Version]:
+        for number in range(rows):
+            since = first + number // past.at_once
+            yield Version(divmod(number % past.atoms, SIDE), since, since + 1)
+
+    writer.write(versions(), first + -(-rows // past.at_once))
     store.execute("COMMIT")
 
 
@@ -264,12 +239,8 @@ def run(backend: str, new: Callable[[], str], rows: int, plans: bool) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--rows", type=int, default=1_000_000, help="closed rows of history")
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    parser.add_argument("--plans", action="store_true", help="print the query plans, too")
-    options = parser.parse_args(argv)
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    options = read_options(__doc__, argv, rows=1_000_000, plans=False)
+    with stores(options.backend) as places:
         for backend, new in places.items():
             run(backend, new, options.rows, options.plans)
     return 0

@@ -8,7 +8,6 @@ nothing is new. CPU is that of this process alone.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -18,7 +17,7 @@ from typing import Any
 import kant_sql
 from kant_sql import KnowledgeStore
 from kant_sql.cli.verifying import VerificationTask, run_tasks
-from tests.benchmarks.support import print_table, seconds, stores
+from tests.benchmarks.support import print_table, read_options, seconds, stores
 from tests.support.worlds.robots import RB1, robot_at, waypoint
 
 ROBOTS, REVISIONS, JOBS = 200, 60, 2
@@ -102,13 +101,9 @@ def measure(backend: str, url: str, robots: int, revisions: int) -> list[tuple[s
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=ROBOTS)
-    parser.add_argument("--revisions", type=int, default=REVISIONS)
-    parser.add_argument("--backend", action="append", choices=("sqlite", "postgresql"))
-    given = parser.parse_args(argv)
+    given = read_options(__doc__, argv, robots=ROBOTS, revisions=REVISIONS)
     rows: list[Sequence[str]] = []
-    with stores(given.backend or ("sqlite", "postgresql")) as made:
+    with stores(given.backend) as made:
         for backend, new in made.items():
             rows += measure(backend, new(), given.robots, given.revisions)
     header = ("of one knowledge base", "time", "ratio", "CPU")

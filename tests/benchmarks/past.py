@@ -13,15 +13,15 @@ that revision; `when` of one box in less than 20 ms.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 from random import Random
 from statistics import median
 from typing import Any
 
 import kant_sql
-from tests.benchmarks.support import alternate, bare, print_table, stores
-from tests.benchmarks.years import Version, Writer
+from tests.benchmarks.drivers import bare
+from tests.benchmarks.support import alternate, print_table, read_options, stores
+from tests.benchmarks.years import Key, Version, Writer
 
 NAME = "boxes"
 MOVES, REPEAT = 50, 7
@@ -59,7 +59,7 @@ class Boxes(Writer):
     """Writes boxes that move."""
 
     @staticmethod
-    def parts(key: tuple[str, int, int]) -> tuple[str, list[str]]:
+    def parts(key: Key) -> tuple[str, list[str]]:
         predicate, first, second = key
         if predicate == "sealed":
             return predicate, [f"b{first}"]
@@ -165,12 +165,8 @@ def run(backend: str, url: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--boxes", type=int, default=2_000)
-    parser.add_argument("--revisions", type=int, default=10_000)
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    options = parser.parse_args(argv)
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    options = read_options(__doc__, argv, boxes=2_000, revisions=10_000)
+    with stores(options.backend) as places:
         for backend, new in places.items():
             url = new()
             fill(url, options.boxes, options.revisions)

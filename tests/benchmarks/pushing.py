@@ -11,7 +11,6 @@ second and is followed by `kant-sql push --follow`: what all processes of the se
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import time
@@ -26,19 +25,25 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql.sql.tables import Base
-from tests.benchmarks.bulk import status
-from tests.benchmarks.support import NewStore, bare, print_table, seconds, stores
+from tests.benchmarks.drivers import bare
+from tests.benchmarks.support import (
+    NewStore,
+    figures_of,
+    print_table,
+    read_options,
+    seconds,
+    status,
+    stores,
+)
 from tests.benchmarks.verifying import NAME, read, seal
 from tests.benchmarks.years import fill
 from tests.support.processes.commands import PROGRAM, start
 from tests.support.worlds.robots import RB1, robot_at, waypoint
 
-ROOT = Path(__file__).resolve().parents[2]
 CHANGES, ONE_REVISION, SECONDS = 1_000_000, 100_000, 60
 PACE = 0.1
 # In the order in which rows may be inserted.
 TABLES = [table for table in Base.metadata.sorted_tables if table.name != "verification"]
-FETCH = 5_000
 
 
 def copy(source: str, target: str) -> None:
@@ -65,11 +70,10 @@ def push(source: str, target: str, name: str = NAME) -> None:
     assert sent.revision == sent.source_revision > 0
 
 
-def peak(source: str, target: str, name: str = NAME) -> float:
-    """Give the memory that a process has needed at most to push, in MB."""
-    command = [sys.executable, "-m", "tests.benchmarks.pushing", "--push", source, target, name]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    return float(done.stdout)
+def peak(source: str, target: str, name: str = NAME) -> str:
+    """Give the memory that a process has needed at most to push."""
+    [peak] = figures_of("tests.benchmarks.pushing", "--push", source, target, name)
+    return f"{peak:.0f} MB"
 
 
 def measure(name: str, new: NewStore, count: int, repeat: int) -> tuple[str, ...]:
@@ -87,7 +91,7 @@ def measure(name: str, new: NewStore, count: int, repeat: int) -> tuple[str, ...
         f"{min(pushed):.1f} s",
         f"{count / min(pushed):,.0f}",
         f"{min(pushed) / min(copied):.2f}",
-        f"{peak(source, new()):.0f} MB",
+        peak(source, new()),
     )
 
 
@@ -97,7 +101,7 @@ def measure_one(name: str, new: NewStore, count: int) -> tuple[str, ...]:
     with kant_sql.connect(source, knowledge_base="large") as kb:
         kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(count))
     took = seconds(lambda: push(source, target, "large"))
-    memory = f"{peak(source, new(), 'large'):.0f} MB"
+    memory = peak(source, new(), "large")
     what = f"{name}, {count:,} changes in one revision"
     return what, "", f"{took:.1f} s", f"{count / took:,.0f}", "", memory
 
@@ -149,16 +153,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     if [*words[:1]] == ["--push"]:
         push(*words[1:])
-        print(status("VmHWM") / 1024)
+        print(status("VmHWM"))
         return 0
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--changes", type=int, default=CHANGES)
-    parser.add_argument("--one", type=int, default=ONE_REVISION)
-    parser.add_argument("--repeat", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--backend", action="append", choices=("sqlite", "postgresql"))
-    given = parser.parse_args(words)
-    names = given.backend or ["sqlite", "postgresql"]
+    given = read_options(
+        __doc__, words, changes=CHANGES, one=ONE_REVISION, repeat=1, seconds=SECONDS
+    )
+    names = given.backend
     with stores(names) as made:
         rows = [
             row

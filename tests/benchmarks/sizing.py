@@ -11,7 +11,6 @@ store is from the start, and each fact when it is first seen, does not count.
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import tempfile
@@ -25,7 +24,8 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
-from tests.benchmarks.support import bare, print_table
+from tests.benchmarks.drivers import bare
+from tests.benchmarks.support import BACKENDS, print_table, read_options
 from tests.support.servers import Server
 
 REVISIONS = 6_000
@@ -264,12 +264,9 @@ def columns(spent: Spent) -> list[str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and report."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--revisions", type=int, default=REVISIONS)
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    options = parser.parse_args(argv)
+    options = read_options(__doc__, argv, revisions=REVISIONS)
     found: dict[str, Spent] = {}
-    with places(options.backend or ["sqlite", "postgresql"]) as there:
+    with places(options.backend or BACKENDS) as there:
         for place in there:
             found |= dict(written(place, options.revisions))
             if place.name == "postgresql":
@@ -277,15 +274,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     print_table(
         "What a change takes",
         ["", "on disk", "log", "CPU of the client", "CPU of the server"],
-        [
-            [
-                name,
-                f"{each.disk:.0f} B",
-                f"{each.log:.0f} B",
-                *(f"{1e3 * cpu:.2f} ms" for cpu in each[2:]),
-            ]
-            for name, each in found.items()
-        ],
+        [[name, *columns(each)] for name, each in found.items()],
     )
     if PUSHED in found:
         print_table(

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import shutil
-import sqlite3
+import subprocess
+import sys
 import tempfile
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import Any
 
-import psycopg
-
 import kant_sql
 from tests.support.servers import Server
 
-Row = tuple[Any, ...]
+ROOT = Path(__file__).resolve().parents[2]
+BACKENDS = ("sqlite", "postgresql")
 NewStore = Callable[[], str]
 _numbers = count(1)
 
 
 @contextmanager
-def stores(names: Sequence[str]) -> Iterator[dict[str, NewStore]]:
+def stores(names: Sequence[str] | None) -> Iterator[dict[str, NewStore]]:
     """Give, for each backend, what makes an empty store with its tables and gives its URL."""
+    names = names or BACKENDS
     folder = Path(tempfile.mkdtemp(prefix="kantbench"))
     server = Server(folder / "pg") if "postgresql" in names else None
 
@@ -49,98 +50,31 @@ def stores(names: Sequence[str]) -> Iterator[dict[str, NewStore]]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-class Bare(ABC):
-    """A bare driver: the same few steps on each backend."""
-
-    @abstractmethod
-    def execute(self, sql: str, parameters: Row = ()) -> list[Row]:
-        """Run a statement whose parameters are `?`, and give its rows."""
-
-    @abstractmethod
-    def insert(self, table: str, width: int, rows: Iterable[Row]) -> None:
-        """Insert rows in the fastest way that the driver has."""
-
-    @abstractmethod
-    def settle(self) -> None:
-        """Do what the database would do by itself in time: statistics, clean-up, checkpoint."""
-
-    @abstractmethod
-    def do_not_wait(self) -> None:
-        """Let no commit in this store wait for the disk: that would hide what it costs itself."""
-
-    @abstractmethod
-    def without_checks(self) -> None:
-        """Let rows in without looking up what they refer to: to load what is known to be right."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Close the connection."""
+def read_options(doc: str | None, argv: Sequence[str] | None, **known: Any) -> argparse.Namespace:
+    """Read the options of a benchmark, each with its default: a flag, a list or a value."""
+    parser = argparse.ArgumentParser(description=(doc or "").split("\n")[0])
+    for name, default in known.items():
+        if default is False:
+            parser.add_argument(f"--{name}", action="store_true")
+        elif isinstance(default, list):
+            parser.add_argument(f"--{name}", type=type(default[0]), nargs="+", default=default)
+        else:
+            parser.add_argument(f"--{name}", type=type(default), default=default)
+    parser.add_argument("--backend", choices=BACKENDS, action="append")
+    return parser.parse_args(argv)
 
 
-class BareSqlite(Bare):
-    """sqlite3, set as the library sets it."""
-
-    def __init__(self, url: str) -> None:
-        self._connection = sqlite3.connect(url.removeprefix("sqlite:///"), isolation_level=None)
-        self._connection.execute("PRAGMA foreign_keys=ON")
-        self._connection.execute("PRAGMA synchronous=NORMAL")
-
-    def execute(self, sql: str, parameters: Row = ()) -> list[Row]:
-        return self._connection.execute(sql, parameters).fetchall()
-
-    def insert(self, table: str, width: int, rows: Iterable[Row]) -> None:
-        values = ", ".join("?" * width)
-        self._connection.executemany(f"INSERT INTO {table} VALUES ({values})", rows)
-
-    def settle(self) -> None:
-        self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-
-    def do_not_wait(self) -> None:
-        # In WAL mode, as the library sets it, none does.
-        pass
-
-    def without_checks(self) -> None:
-        self._connection.execute("PRAGMA foreign_keys=OFF")
-
-    def close(self) -> None:
-        self._connection.close()
+def figures_of(module: str, *words: str) -> list[float]:
+    """Give the figures that a benchmark prints in a process of its own, such as its memory."""
+    command = [sys.executable, "-m", module, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    return [*map(float, done.stdout.split())]
 
 
-class BarePostgresql(Bare):
-    """psycopg 3."""
-
-    def __init__(self, url: str) -> None:
-        self._connection = psycopg.connect(url, autocommit=True)
-
-    def execute(self, sql: str, parameters: Row = ()) -> list[Row]:
-        cursor: Any = self._connection.cursor()
-        cursor.execute(sql.replace("?", "%s"), parameters)
-        return list(cursor.fetchall()) if cursor.description else []
-
-    def insert(self, table: str, width: int, rows: Iterable[Row]) -> None:
-        cursor: Any = self._connection.cursor()
-        with cursor.copy(f"COPY {table} FROM STDIN") as copy:
-            for row in rows:
-                copy.write_row(row)
-
-    def settle(self) -> None:
-        self._connection.execute("VACUUM ANALYZE")
-        self._connection.execute("CHECKPOINT")
-
-    def do_not_wait(self) -> None:
-        name = self._connection.info.dbname
-        self._connection.execute(f'ALTER DATABASE "{name}" SET synchronous_commit = off'.encode())
-
-    def without_checks(self) -> None:
-        self._connection.execute("SET session_replication_role = replica")
-
-    def close(self) -> None:
-        self._connection.close()
-
-
-def bare(url: str) -> Bare:
-    """Open a store with its bare driver."""
-    return BareSqlite(url) if url.startswith("sqlite") else BarePostgresql(url)
+def status(field: str) -> float:
+    """Read a field of this process's memory, in MB."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(f"{field}:"))
 
 
 def seconds(call: Callable[[], Any]) -> float:

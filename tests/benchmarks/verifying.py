@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import json
 import sqlite3
-import subprocess
 import sys
 from collections.abc import Iterator
 from hashlib import sha256
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import psycopg
@@ -24,11 +22,9 @@ import kant_sql
 from kant_sql.history.verify.chain import stream_chain
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import Session
-from tests.benchmarks.bulk import status
-from tests.benchmarks.support import print_table, seconds, stores
+from tests.benchmarks.support import figures_of, print_table, seconds, status, stores
 from tests.benchmarks.years import fill
 
-ROOT = Path(__file__).resolve().parents[2]
 NAME = "robot0"
 CHANGES = 1_000_000
 _REVISIONS = """
@@ -65,11 +61,6 @@ def seal(url: str) -> None:
     backend = create_backend(url)
     with backend.open_session() as session:
         session.begin(write=True)
-        # The domain and the problem were loaded today, and what was generated begins in the past.
-        session._execute(
-            "UPDATE revision SET committed_at = '2024-01-01T00:00:00.000000Z'"
-            " WHERE kb_id = 1 AND number <= 2"
-        )
         digests: list[tuple[str, int]] = []
         previous: str | None = None
         for step in stream_chain(session, 1):
@@ -133,13 +124,6 @@ def read(url: str) -> None:
     connection.close()
 
 
-def peak(url: str) -> float:
-    """Give the memory that a process has needed at most to verify a store, in MB."""
-    command = [sys.executable, "-m", "tests.benchmarks.verifying", "--verify", url]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    return float(done.stdout)
-
-
 def measure(name: str, url: str, count: int) -> tuple[str, ...]:
     """Fill a store, and measure one line of the table."""
     fill(url, count, knowledge_bases=1)
@@ -153,7 +137,7 @@ def measure(name: str, url: str, count: int) -> tuple[str, ...]:
         f"{count / library:,.0f}",
         f"{library / bare:.2f}",
         f"{whole:.1f} s",
-        f"{peak(url):.0f} MB",
+        f"{figures_of('tests.benchmarks.verifying', '--verify', url)[0]:.0f} MB",
     )
 
 
@@ -161,7 +145,7 @@ def main(argv: list[str]) -> int:
     """Measure, and print the tables."""
     if argv[:1] == ["--verify"]:
         verify(argv[1], True)
-        print(status("VmHWM") / 1024)
+        print(status("VmHWM"))
         return 0
     changes = int(argv[0]) if argv else CHANGES
     names = argv[1:] or ["sqlite", "postgresql"]

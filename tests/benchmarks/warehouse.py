@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from random import Random
 
 import kant_sql
-from tests.benchmarks.support import Row, bare
+from tests.benchmarks.drivers import bare
+from tests.benchmarks.years import Key, Version, Writer
 
 NAME = "warehouse"
 ROBOTS, PLACES, ZONES = 100, 2_000, 20
@@ -62,26 +63,12 @@ def situation(facts: int) -> Iterator[Fact]:
             yield "stock", f"article{article}", f"place{place}"
 
 
-class Identities:
-    """The ids of what a knowledge base knows, by its names."""
+class Facts(Writer):
+    """Writes facts that are given by their names."""
 
-    def __init__(self, url: str) -> None:
-        store = bare(url)
-        ((self.kb,),) = store.execute("SELECT id FROM knowledge_base WHERE name = ?", (NAME,))
-        names: dict[tuple[str, str], int] = {}
-        for kind in ("object", "predicate"):
-            rows = store.execute(f"SELECT key, id FROM {kind} WHERE kb_id = ?", (self.kb,))
-            names |= {(kind, key): id_ for key, id_ in rows}
-        store.close()
-        self._names = names
-
-    def object(self, name: str) -> int:
-        """Return an object's id."""
-        return self._names["object", name]
-
-    def predicate(self, name: str) -> int:
-        """Return a predicate's id."""
-        return self._names["predicate", name]
+    @staticmethod
+    def parts(key: Key) -> tuple[str, list[str]]:
+        return key[0], list(key[1:])
 
 
 def fill(url: str, facts: int) -> None:
@@ -89,30 +76,11 @@ def fill(url: str, facts: int) -> None:
     with kant_sql.connect(url, knowledge_base=NAME, actor="bench") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(problem(facts))
-    known = Identities(url)
     store = bare(url)
     store.without_checks()
-    ((since, next_id),) = store.execute(
-        "SELECT revision, next_id FROM head WHERE kb_id = ?", (known.kb,)
-    )
-    propositions: list[Row] = []
-    arguments: list[Row] = []
-    versions: list[Row] = []
-    for id_, (name, *terms) in enumerate(situation(facts), next_id):
-        predicate = known.predicate(name)
-        objects = [known.object(term) for term in terms]
-        text = f"({' '.join([name, *terms])})"
-        key = " ".join(map(str, objects))
-        propositions.append((known.kb, id_, predicate, False, key, text))
-        arguments += [(known.kb, id_, place, object_) for place, object_ in enumerate(objects)]
-        first, second = (*objects, None)[:2]
-        versions.append((known.kb, id_, since, None, predicate, False, 0, first, second))
     store.execute("BEGIN")
-    store.insert("proposition", 6, propositions)
-    store.insert("proposition_argument", 4, arguments)
-    store.insert("proposition_version", 9, versions)
-    store.execute(
-        "UPDATE head SET next_id = ? WHERE kb_id = ?", (next_id + len(versions), known.kb)
-    )
+    writer = Facts(store, NAME)
+    now = writer.revision
+    writer.write((Version(each, now, None) for each in situation(facts)), now)
     store.execute("COMMIT")
     store.close()

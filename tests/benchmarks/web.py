@@ -11,7 +11,6 @@ measured: it is flat after the first of them.
 
 from __future__ import annotations
 
-import argparse
 import http.client
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +25,7 @@ import psutil
 
 import kant_sql
 from kant_sql import PddlPropositionDto, Plan, PlanStep
-from tests.benchmarks.support import print_table, seconds, stores
+from tests.benchmarks.support import print_table, read_options, seconds, stores
 from tests.benchmarks.years import START, STEP, fill
 from tests.support.browsing import Serving
 from tests.support.processes.commands import PROGRAM
@@ -212,17 +211,12 @@ def run(backend: str, url: str, repeat: int, requests: int) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--changes", type=int, default=2_000_000, help="two of each revision")
-    parser.add_argument("--repeat", type=int, default=15)
-    parser.add_argument("--requests", type=int, default=10_000, help="for the memory; 0 for none")
-    parser.add_argument("--backend", choices=["sqlite", "postgresql"], action="append")
-    parser.add_argument("--url", help="a store that this benchmark has filled before")
-    options = parser.parse_args(argv)
+    # `url` is that of a store that this benchmark has filled before.
+    options = read_options(__doc__, argv, changes=2_000_000, repeat=15, requests=10_000, url="")
     if options.url:
         run("given", options.url, options.repeat, options.requests)
         return 0
-    with stores(options.backend or ["sqlite", "postgresql"]) as places:
+    with stores(options.backend) as places:
         for backend, new in places.items():
             url = new()
             fill(url, options.changes, 1)

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime, timedelta
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import kant_sql
+from kant_sql.knowledge.canonical import time_text
 from kant_sql.sql.intervals import fork
-from tests.benchmarks.support import Bare, Row, bare
+from tests.benchmarks.drivers import Driver, Row, bare
 
 START = datetime(2024, 1, 1, tzinfo=UTC)
 STEP = timedelta(seconds=10)
@@ -28,7 +29,8 @@ DOMAIN = """
                (door_open ?d - door) (door_closed ?d - door))
   (:functions (level ?r - robot)))
 """
-Key = tuple[str, int, int]
+# The predicate or the function, and what it is of; of a value, the value is last.
+Key = tuple[Any, ...]
 
 
 def problem() -> str:
@@ -70,21 +72,34 @@ def simulate(changes: int, seed: int, first: int) -> Iterator[Version]:
         yield Version((sort, subject, target), since, None)
 
 
-class Writer:
-    """Writes one knowledge base's past with the bare driver."""
+def ids_of(store: Driver, kb: int) -> dict[tuple[str, str], int]:
+    """Read the ids of what a knowledge base knows, by kind and name."""
+    return {
+        (kind, key): id_
+        for kind in ("object", "predicate", "function")
+        for key, id_ in store.execute(f"SELECT key, id FROM {kind} WHERE kb_id = ?", (kb,))
+    }
 
-    def __init__(self, store: Bare, name: str) -> None:
+
+class Writer:
+    """Writes one knowledge base's past with the bare driver: the library would take hours.
+
+    Attributes:
+        is_goal: whether it writes goals.
+        level_of: what has levels.
+    """
+
+    is_goal = False
+    level_of = "robot"
+
+    def __init__(self, store: Driver, name: str) -> None:
         self.store = store
         ((self.kb,),) = store.execute("SELECT id FROM knowledge_base WHERE name = ?", (name,))
         head = "SELECT revision, next_id FROM head WHERE kb_id = ?"
         self.revision: int
         self.next_id: int
         ((self.revision, self.next_id),) = store.execute(head, (self.kb,))
-        self.ids = {
-            (kind, key): id_
-            for kind in ("object", "predicate", "function")
-            for key, id_ in store.execute(f"SELECT key, id FROM {kind} WHERE kb_id = ?", (self.kb,))
-        }
+        self.ids = ids_of(store, self.kb)
         self.atoms: dict[Key, int] = {}
 
     def write(self, versions: Iterable[Version], last: int) -> int:
@@ -97,6 +112,9 @@ class Writer:
                 values.append(self.value(key, since, until))
             else:
                 facts.append(self.fact(key, since, until))
+        # What was written just now begins before what was generated.
+        began = "UPDATE revision SET committed_at = ? WHERE kb_id = ? AND number < ?"
+        self.store.execute(began, (self.moment(0), self.kb, first))
         self.store.insert("revision", 9, self.revisions(first, last))
         self.identities()
         for table, rows in (("proposition_version", facts), ("function_value_version", values)):
@@ -111,7 +129,7 @@ class Writer:
     @staticmethod
     def moment(number: int) -> str:
         """When a revision was made."""
-        return (START + number * STEP).isoformat(timespec="microseconds")[:26] + "Z"
+        return time_text(START + number * STEP)
 
     def revisions(self, first: int, last: int) -> Iterator[Row]:
         for number in range(first, last + 1):
@@ -134,7 +152,7 @@ class Writer:
             since,
             until,
             self.ids["predicate", predicate],
-            False,
+            self.is_goal,
             fork(since, until),
             *objects[:2],
         )
@@ -142,7 +160,7 @@ class Writer:
     def value(self, key: Key, since: int, until: int | None) -> Row:
         _, subject, level = key
         fluent, function = self.atom(("level", subject, 0)), self.ids["function", "level"]
-        text = f"(= (level robot{subject}) {level})"
+        text = f"(= (level {self.level_of}{subject}) {level})"
         value = (str(level), float(level), None, text, fork(since, until))
         return self.kb, fluent, since, until, function, *value
 
@@ -158,16 +176,17 @@ class Writer:
         fluents, fluent_arguments = [], []
         for key, id_ in self.atoms.items():
             if key[0] == "level":
-                robot = self.ids["object", f"robot{key[1]}"]
-                function = self.ids["function", "level"]
-                fluents.append((self.kb, id_, function, str(robot), f"(level robot{key[1]})"))
-                fluent_arguments.append((self.kb, id_, 0, robot))
+                name, function = f"{self.level_of}{key[1]}", self.ids["function", "level"]
+                owner = self.ids["object", name]
+                fluents.append((self.kb, id_, function, str(owner), f"(level {name})"))
+                fluent_arguments.append((self.kb, id_, 0, owner))
                 continue
             predicate, names = self.parts(key)
             objects = [self.ids["object", name] for name in names]
             text = f"({' '.join([predicate, *names])})"
             ids = " ".join(map(str, objects))
-            propositions.append((self.kb, id_, self.ids["predicate", predicate], False, ids, text))
+            own = self.ids["predicate", predicate], self.is_goal, ids, text
+            propositions.append((self.kb, id_, *own))
             arguments += [(self.kb, id_, n, object_) for n, object_ in enumerate(objects)]
         self.store.insert("proposition", 6, propositions)
         self.store.insert("proposition_argument", 4, arguments)

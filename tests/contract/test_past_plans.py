@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import kant_sql
+from tests.benchmarks.drivers import bare
 from tests.benchmarks.past import ALL, CONDITIONS, NAME, PERIODS, fill
-from tests.benchmarks.support import bare
 from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
 from tests.support.statements import is_bracket, seen, work

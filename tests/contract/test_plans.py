@@ -16,8 +16,8 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
+from tests.benchmarks.drivers import bare
 from tests.benchmarks.history import HOT, Past, define, fact, load
-from tests.benchmarks.support import bare
 from tests.support.servers import Server, is_old
 from tests.support.statements import Statement, explain, is_bracket, seen, work
 
