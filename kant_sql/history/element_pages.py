@@ -193,7 +193,7 @@ def read_object_page(
         id_, spelled = found
         head = read_position(session, kb_id).head if state.at is None else state.at
         high = head if before is None else min(before - 1, head)
-        changes, end, searched, _ = read_involvement(session, kb_id, id_, high, limit)
+        changes, end, searched = read_involvement(session, kb_id, id_, high, limit)
         revisions = read_numbered(session, kb_id, {number for number, _ in changes})
         return ObjectPage(
             spelled,

@@ -18,6 +18,7 @@ from ..sql.tables import (
     PlanStepArgumentRow,
     PropositionArgumentRow,
 )
+from .revisions import LARGEST
 
 # Versions of what an object is in that are looked at, to find the newest.
 INVOLVED = 20_000
@@ -110,30 +111,41 @@ class Involvement(NamedTuple):
         changes: each with its revision.
         before: the revision before which the next page goes on; None after the last.
         searched: the first revision that was searched, if it is not the first of all.
-        is_cut: whether its only revision has more changes.
     """
 
     changes: list[tuple[int, Change]]
     before: int | None
     searched: int | None
-    is_cut: bool = False
 
 
 def read_involvement(
-    session: Session, kb_id: int, object_id: int, high: int, limit: int, low: int = 1
+    session: Session,
+    kb_id: int,
+    object_id: int,
+    high: int,
+    limit: int,
+    low: int = 1,
+    *,
+    whole: bool = False,
 ) -> Involvement:
-    """Read a page of what involves an object in a range of revisions, in two statements."""
+    """Read a page of what involves an object in a range of revisions, in two statements.
+
+    A page ends with a revision. One that alone has more changes is cut, or read with one more
+    statement if it is wanted whole.
+    """
     own = {"kb": kb_id, "object": object_id}
     row = session.first(_versions_of_object(), **own)
     is_recent = row is not None and row[0] >= INVOLVED
     first = max(low, high - WINDOW + 1) if is_recent else low
     query = _involving(is_recent)
     changes, _ = page_of(session, query, 0, limit + 1, **own, low=first, high=high)
-    found = changes[:limit]
-    if len(changes) > limit:
-        # A revision is shown as a whole; one that alone fills the page has a page of its own.
-        last = changes[limit][0]
-        whole = [one for one in found if one[0] > last]
-        return Involvement(whole or found, last + 1 if whole else last, None, not whole)
-    rest = first if first > low else None
-    return Involvement(found, rest, rest)
+    if len(changes) <= limit:
+        rest = first if first > low else None
+        return Involvement(changes, rest, rest)
+    last = changes[limit][0]
+    found = [one for one in changes if one[0] > last]
+    if found:
+        return Involvement(found, last + 1, None)
+    if whole:
+        changes, _ = page_of(session, query, 0, LARGEST - 1, **own, low=last, high=last)
+    return Involvement(changes if whole else changes[:limit], last, None)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import islice
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -30,7 +32,6 @@ from ..sql.changes import (
     ASSERTED,
     COUNTED_CHANGES,
     RETRACTED,
-    REVISIONS,
     Change,
     count_each,
     few_changes,
@@ -41,9 +42,9 @@ from ..sql.changes import (
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
-from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
-from ..sql.tables import HeadRow, RevisionRow
+from ..sql.tables import RevisionRow
 from ..store.snapshot import archive_of
 from ..store.state import State
 from ..store.store import Store
@@ -53,6 +54,7 @@ from .moments import Bounds, find_bounds, head_revision, last_before
 from .revisions import (
     LARGEST,
     OLDEST_FIRST,
+    WITH_ARCHIVED,
     LogEntry,
     Revision,
     at_most,
@@ -60,6 +62,7 @@ from .revisions import (
     feed,
     make_revision,
     missing_revision,
+    numbered_rows,
     read_position,
     refuse_archived_revision,
     refuse_unknown,
@@ -165,11 +168,7 @@ def _end_of_search() -> Query:
 _END_OF_SEARCH = _end_of_search()
 
 
-_REVISIONS = REVISIONS.add_columns(
-    select(HeadRow.archived_revision).where(HeadRow.kb_id == KB).scalar_subquery()
-)
-_NEWEST_FIRST = _REVISIONS.order_by(RevisionRow.number.desc())
-_NUMBERED = Query(_NEWEST_FIRST.where(in_list(RevisionRow.number, "numbers")))
+_NEWEST_FIRST = WITH_ARCHIVED.order_by(RevisionRow.number.desc())
 
 
 @cache
@@ -322,15 +321,14 @@ def _entries(
     """Yield entries page by page, and refuse the first that is incomplete because of an archive."""
     low, high, redefined = bounds
     size = most = min(LOG_PAGE, limit) if wanted is None or actor is None else LOG_PAGE
-    archived, changes = None, VERSION_PAGE
+    archived = None
     while high >= low and size:
         own: dict[str, Any] = {"low": low, "high": high, "size": size}
         page: _Page | None = None
         if wanted is not None:
             page = store.query_in_snapshot(
-                partial(_page_of_element, wanted=wanted, actor=actor, changes=changes, **own)
+                partial(_page_of_element, wanted=wanted, actor=actor, **own)
             )
-            changes = LOG_CHANGES
         elif actor is None:
             page = store.query(partial(_small_page, redefined=redefined, **own))
         if page is None:
@@ -387,43 +385,39 @@ def _page_of_element(
     kb_id: int | None,
     wanted: list[Sought],
     actor: str | None,
-    changes: int,
     low: int,
     high: int,
     size: int,
 ) -> _Page:
-    """Read a page of the revisions that changed an element, by about so many of its changes."""
+    """Read a page of the revisions that changed an element, by its versions."""
     if kb_id is None:
         return _Page([], low)
-    found, end = _changes_of(session, kb_id, wanted, low, high, changes)
+    found, end = _changes_of(session, kb_id, wanted, low, high)
     numbers = sorted(found, reverse=True)
     if not numbers:
         return _Page([], end)
     if len(numbers) > size:
         del numbers[size:]
         end = numbers[-1]
-    rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value(numbers))
+    rows = sorted(numbered_rows(session, kb_id, numbers), reverse=True, key=itemgetter(0))
     page = _made(session, rows, found, end)
     of_actor = [one for one in page.entries if actor in (None, one.revision.actor)]
     return page._replace(entries=of_actor)
 
 
 def _changes_of(
-    session: Session, kb_id: int, wanted: list[Sought], low: int, high: int, size: int
+    session: Session, kb_id: int, wanted: list[Sought], low: int, high: int
 ) -> tuple[_Changes, int]:
     """Read the changes of an element, and the revision from which on they are all there."""
-    objects, others = take_objects(wanted)
-    found = find_identities(session, kb_id, "object", objects) if objects else {}
-    changes, end = _own_changes(session, kb_id, others, high, size)
+    names, others = take_objects(wanted)
+    # With the definitions of objects: they tell the ids of those that are still there.
+    rows = read_newest(session, kb_id, wanted if names else others, high, VERSION_PAGE)
+    changes, end = _of_versions(rows)
     end = max(low, end)
-    for identity in filter(None, found.values()):
-        involved = read_involvement(session, kb_id, identity[0], high, size, low)
-        last = involved.before or low
-        if involved.is_cut:
-            # An entry has all changes of its revision, however many.
-            involved = read_involvement(session, kb_id, identity[0], last, LARGEST // 2, last)
+    for id_ in _ids_of(session, kb_id, names, rows):
+        involved = read_involvement(session, kb_id, id_, high, 2 * VERSION_PAGE, low, whole=True)
         changes += involved.changes
-        end = max(end, last)
+        end = max(end, involved.before or low)
     by_revision: dict[int, set[Change]] = {}
     for number, change in changes:
         if end <= number <= high:
@@ -431,18 +425,27 @@ def _changes_of(
     return {number: tuple(sorted(of_one)) for number, of_one in by_revision.items()}, end
 
 
-def _own_changes(
-    session: Session, kb_id: int, wanted: list[Sought], high: int, size: int
-) -> tuple[list[tuple[int, Change]], int]:
-    """Read the newest changes of identities, and the revision from which on all are there."""
+def _ids_of(session: Session, kb_id: int, names: set[str], rows: Iterable[Row]) -> list[int]:
+    """Return the ids of objects, of rows with their versions where these have them all."""
+    if not names:
+        return []
+    known = {owner for kind, *_, owner in rows if kind == "object"}
+    if len(known) >= len(names):
+        return [*known]
+    found = find_identities(session, kb_id, "object", names)
+    return [identity[0] for identity in found.values() if identity is not None]
+
+
+def _of_versions(rows: Iterable[Row]) -> tuple[list[tuple[int, Change]], int]:
+    """Return the changes of versions, and the revision from which on all are there."""
     changes, end = list[tuple[int, Change]](), 0
-    read: dict[tuple[str, int], int] = {}
-    for kind, text, since, until, owner in read_newest(session, kb_id, wanted, high, size):
+    read: Counter[tuple[str, int]] = Counter()
+    for kind, text, since, until, owner in rows:
         changes.append((since, Change(ASSERTED, kind, text)))
         if until is not None:
             changes.append((until, Change(RETRACTED, kind, text)))
-        read[kind, owner] = read.get((kind, owner), 0) + 1
-        if read[kind, owner] == size:
+        read[kind, owner] += 1
+        if read[kind, owner] == VERSION_PAGE:
             # Its versions do not overlap: the one before this may have ended where this began.
             end = max(end, since + 1)
     return changes, end

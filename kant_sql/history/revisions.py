@@ -18,7 +18,7 @@ from ..errors import UNREADABLE, StoreIntegrityError, UnknownRevisionError, unre
 from ..knowledge.canonical import read_source
 from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range, stream_changes
 from ..sql.dialects.base import Row, Session
-from ..sql.query import Query, in_list
+from ..sql.query import Query, found_rows, in_list
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionPlanStepRow, RevisionRow
 from ..store.head import check_numbers
@@ -29,12 +29,17 @@ LARGEST = 2**63 - 1
 # The bounds of Python's datetime in UTC; another zone can express times beyond.
 FIRST_MOMENT = datetime.min.replace(tzinfo=UTC)
 LAST_MOMENT = datetime.max.replace(tzinfo=UTC)
-# PostgreSQL plans a list parameter generically for ten values. For a shorter list a custom plan
-# looks cheaper, so it plans each call, which takes longer than the query.
-PLANNED_LIST = 11
 
 OLDEST_FIRST = Query(REVISIONS.where(in_range(RevisionRow.number)).order_by(RevisionRow.number))
-_NUMBERED = Query(REVISIONS.where(in_list(RevisionRow.number, "numbers")))
+_ARCHIVED = select(HeadRow.archived_revision).where(HeadRow.kb_id == KB).scalar_subquery()
+# With the bound of what is in an archive, where a page of the log ends.
+WITH_ARCHIVED = REVISIONS.add_columns(_ARCHIVED.label("archived"))
+_NUMBERED = Query(WITH_ARCHIVED.where(in_list(RevisionRow.number, "numbers")))
+_MANY_NUMBERED = Query(select(*found_rows(WITH_ARCHIVED, RevisionRow.number, "numbers").c))
+# PostgreSQL plans a list parameter generically for ten values. For a shorter list a custom plan
+# looks cheaper, so it plans each call, which takes longer than the query. For each of a long list
+# it may go through all revisions.
+SHORTEST_LIST, LONGEST_LIST = 11, 200
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
@@ -203,12 +208,18 @@ def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
 
 def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Revision]:
     """Read revisions by number, in one statement."""
-    if not numbers:
-        return {}
-    listed = [*numbers]
-    listed += listed[-1:] * (PLANNED_LIST - len(listed))
-    rows = session.rows(_NUMBERED, kb=kb_id, numbers=session.list_value(listed))
+    rows = numbered_rows(session, kb_id, numbers)
     return {row[0]: make_revision(session, row) for row in rows}
+
+
+def numbered_rows(session: Session, kb_id: int, numbers: Collection[int]) -> list[Row]:
+    """Read the rows of `WITH_ARCHIVED` of revisions, in one statement."""
+    if not numbers:
+        return []
+    listed = [*numbers]
+    listed += listed[-1:] * (SHORTEST_LIST - len(listed))
+    query = _NUMBERED if len(listed) <= LONGEST_LIST else _MANY_NUMBERED
+    return session.rows(query, kb=kb_id, numbers=session.list_value(listed))
 
 
 def make_revision(session: Session, row: Row) -> Revision:

@@ -43,7 +43,7 @@ OWN_COLUMNS: tuple[Any, ...] = (
     RevisionRow.actor,
     RevisionRow.reason,
     # As text: a driver decodes a JSON string, and the result is no longer JSON.
-    cast(RevisionRow.source, Text),
+    cast(RevisionRow.source, Text).label("source"),
     RevisionRow.hash,
     RevisionRow.observed_at,
 )

@@ -25,7 +25,7 @@ SHOWN: dict[str, tuple[int, Callable[[KnowledgeBase], Any]]] = {
     "knowledge base": (4, lambda kb: kb),
     "past state": (5, lambda kb: kb.at(1)),
     "log": (4, lambda kb: kb.log()),
-    "log of an element": (13, lambda kb: kb.log(element="rb1")),
+    "log of an element": (5, lambda kb: kb.log(element="rb1")),
     "changes": (4, lambda kb: kb.changes()),
     "revisions": (0, lambda kb: kb.store.revisions()),
     "revision": (0, lambda kb: kb.store.revisions()[0]),
