@@ -318,16 +318,24 @@ class _Pen:
         text = f"{' '.join(key)}: {', '.join(values[:VALUES])}{more}"
         return _Row(text, address, spans, densities, len(lanes))
 
-    def _alike(self, rows: Sequence[_Row]) -> Iterator[_Row]:
+    def _alike(self, rows: Iterable[_Row]) -> Iterator[_Row]:
         """Yield rows; those of a predicate that come and go together as one."""
+        if self._shown.folded is None:
+            yield from rows
+            return
         clusters: list[list[_Row]] = []
+        # Those that a row may be like, each with the edges of its first row.
+        near: defaultdict[tuple[object, ...], list[tuple[list[float], list[_Row]]]]
+        near = defaultdict(list)
         for row in rows:
-            near = (each for each in clusters if _is_alike(each[0], row))
-            found = next(near, None) if self._shown.folded is not None else None
+            edges = [edge for span in row.spans for edge in (span.begin, span.end)]
+            similar = near[_look(row)] if edges and not row.densities else []
+            found = next((of for first, of in similar if _are_near(first, edges)), None)
             if found is None:
-                clusters.append([row])
-            else:
-                found.append(row)
+                found = []
+                clusters.append(found)
+                similar.append((edges, found))
+            found.append(row)
         for each in clusters:
             yield from each if len(each) < MANY else [self._merged(each)]
 
@@ -572,21 +580,16 @@ def _are_exclusive(lanes: Sequence[Lane]) -> bool:
     )
 
 
-def _is_alike(one: _Row, other: _Row) -> bool:
-    """Return whether two facts of a predicate come and go together, as far as one sees."""
-    if len(one.spans) != len(other.spans) or one.densities or other.densities or not one.spans:
-        return False
-    first, second = one.spans[0].lane, other.spans[0].lane
-    return (
-        first.kind == "fact"
-        and _words(first)[0] == _words(second)[0]
-        and all(
-            abs(a.begin - b.begin) <= ALIKE
-            and abs(a.end - b.end) <= ALIKE
-            and (a.bar.until is None) == (b.bar.until is None)
-            for a, b in zip(one.spans, other.spans, strict=True)
-        )
-    )
+def _look(row: _Row) -> tuple[object, ...]:
+    """Return what rows have in common that may come and go together: facts of one predicate."""
+    lane = row.spans[0].lane
+    own = _words(lane)[0] if lane.kind == "fact" else lane
+    return own, *(span.bar.until is None for span in row.spans)
+
+
+def _are_near(some: Sequence[float], others: Sequence[float]) -> bool:
+    """Return whether edges are at the same places, as far as one sees."""
+    return all(abs(a - b) <= ALIKE for a, b in zip(some, others, strict=True))
 
 
 def _natural(lane: Lane) -> tuple[tuple[str, int, str], ...]:
