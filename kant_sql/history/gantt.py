@@ -16,7 +16,8 @@ from ..sql.plans import STEP_VERSIONS, Step
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB
 from .bars import PlanBar, StepBar
-from .window import PLAN, TimelineQuestion, Told, Window
+from .revisions import Revision
+from .window import PLAN, TimelineQuestion, Window
 
 # The plans of one timeline, and their steps. Plans are found by this many changes of steps.
 MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000
@@ -24,7 +25,6 @@ STARTED = "started"
 
 
 LOW, HIGH = integer("low"), integer("high")
-_NEWEST: Any = literal_column(str(MOST_CHANGES))
 
 
 def _some(ids: Select[Any], order: Any) -> Select[Any]:
@@ -167,18 +167,20 @@ class PlanBars:
                 found.update(number for number in ran[1:] if number is not None)
         return found
 
-    def bars(self, told: Mapping[int, Told]) -> tuple[PlanBar, ...]:
+    def bars(self, told: Mapping[int, Revision]) -> tuple[PlanBar, ...]:
         """Make the plans, of the revisions that they name."""
         made = []
         for plan_id, recorded_in, planner in self._plans:
             if plan_id in self._steps:
                 steps = (self._step(plan_id, *step, told) for step in self._steps[plan_id])
                 own = told[recorded_in]
-                who = own.at, own.actor, own.reason
+                who = own.committed_at, own.actor, own.reason
                 made.append(PlanBar(plan_id, recorded_in, *who, planner, tuple(steps), own.source))
         return tuple(made)
 
-    def _step(self, plan_id: int, position: int, text: str, told: Mapping[int, Told]) -> StepBar:
+    def _step(
+        self, plan_id: int, position: int, text: str, told: Mapping[int, Revision]
+    ) -> StepBar:
         ran = self._ran.get((plan_id, position))
         if ran is None:
             return StepBar(position, text, None)
@@ -191,8 +193,8 @@ class PlanBars:
             ran.status,
             ran.since,
             ran.until,
-            None if began is None else began.at,
-            None if ended is None else ended.at,
+            None if began is None else began.committed_at,
+            None if ended is None else ended.committed_at,
             None if by is None else by.actor,
             None if by is None else by.reason,
             None if ended is None else ended.actor,

@@ -34,13 +34,12 @@ from ..store.state import State
 from .bars import Bar, Density, Lane, LaneKind, PlanBar
 from .drawing import Drawn
 from .gantt import PlanBars
+from .revisions import Revision, missing_revision, read_numbered
 from .window import (
     TIMELINE_KINDS,
     TimelineQuestion,
-    Told,
     Window,
     check_question,
-    read_told,
     read_window,
 )
 
@@ -333,14 +332,17 @@ class _Reader:
 
     def _told(
         self, versions: Mapping[_Row, Iterable[FoundVersion]], numbers: Collection[int]
-    ) -> dict[int, Told]:
+    ) -> dict[int, Revision]:
         wanted = set(numbers)
         for each in versions.values():
             for version in each:
                 wanted.add(version.since)
                 if version.until is not None and version.until <= self._window.head:
                     wanted.add(version.until)
-        return read_told(self._session, self._kb_id, wanted)
+        found = read_numbered(self._session, self._kb_id, wanted)
+        for number in wanted - found.keys():
+            raise missing_revision(self._session, number)
+        return found
 
 
 class _Cells(NamedTuple):
@@ -414,15 +416,15 @@ def _merged(
         yield Density(moments[n], moments[end], total, is_capped, *numbers)
 
 
-def _bar(version: FoundVersion, told: Mapping[int, Told], head: int) -> Bar:
+def _bar(version: FoundVersion, told: Mapping[int, Revision], head: int) -> Bar:
     began = told[version.since]
     until = version.until if version.until is not None and version.until <= head else None
     ended = None if until is None else told[until]
     return Bar(
         version.since,
         until,
-        began.at,
-        None if ended is None else ended.at,
+        began.committed_at,
+        None if ended is None else ended.committed_at,
         began.actor,
         began.reason,
         None if ended is None else ended.actor,

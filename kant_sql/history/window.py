@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from itertools import islice
 from typing import Any, NamedTuple, get_args
@@ -13,17 +13,16 @@ from sqlalchemy import func, literal_column, select
 from ..arguments import flag, iterate, one_of, optional_text, refusal, shown, whole_number
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
-from ..knowledge.canonical import read_source
 from ..moment_text import Moment, When, read_when
 from ..sql.dialects.base import Session
-from ..sql.lanes import LaneFilter, LanePlace, read_tellers
+from ..sql.lanes import LaneFilter, LanePlace
 from ..sql.query import Query, StoreClock, integer
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .bars import LaneKind
 from .moments import check_number, check_zone, last_until
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, missing_revision
+from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT
 
 PLAN = "plan"
 TIMELINE_KINDS = (*get_args(LaneKind), PLAN)
@@ -211,28 +210,3 @@ def _checked(window: Window, ends: Sequence[Moment | None]) -> Window:
 
 def _clamped(moment: datetime) -> datetime:
     return min(max(moment, FIRST_MOMENT), LAST_MOMENT).astimezone(UTC)
-
-
-class Told(NamedTuple):
-    """Who made a revision, when and why; `source` is what else the writer gave."""
-
-    at: datetime
-    actor: str | None
-    reason: str | None
-    source: object
-
-
-def read_told(session: Session, kb_id: int, numbers: Collection[int]) -> dict[int, Told]:
-    """Read revisions by number, in one statement."""
-    if not numbers:
-        return {}
-    rows = read_tellers(session, kb_id, numbers)
-    with reading_rows("revision", f"knowledge base {kb_id!r}"):
-        found = {
-            row[0]: Told(session.to_time(row[1]), row[2], row[3], read_source(row[4]))
-            for row in rows
-        }
-    for number in numbers:
-        if number not in found:
-            raise missing_revision(session, number)
-    return found

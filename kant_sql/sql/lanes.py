@@ -8,7 +8,7 @@ began in a range of revisions is one range of the primary key (kb_id, owner, sin
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from functools import cache
 from typing import Any, NamedTuple
@@ -499,20 +499,3 @@ def revisions_at(session: Session, kb_id: int, moments: Sequence[datetime]) -> l
     texts = json.dumps([time_text(moment) for moment in moments])
     rows = session.rows(_numbers_at(session.backend.dialect.name), kb=kb_id, moments=texts)
     return [number or 0 for _, number in sorted(rows)]
-
-
-@cache
-def _tellers(dialect: str) -> Query:
-    loops = NESTED_LOOPS[dialect]
-    one = loops.loop("r", "revision", "r.kb_id = :kb AND r.number = wanted.id0")
-    columns = "r.number, r.committed_at, r.actor, r.reason, CAST(r.source AS text)"
-    return Query(text(f"SELECT {columns} FROM {loops.rows('numbers', 1)} AS wanted{one}"))
-
-
-def read_tellers(session: Session, kb_id: int, numbers: Iterable[int]) -> list[Row]:
-    """Read time, actor, reason and source of revisions, in one statement.
-
-    There may be thousands: for each of so long a list PostgreSQL may go through all revisions.
-    """
-    listed = id_rows(numbers)
-    return session.rows(_tellers(session.backend.dialect.name), kb=kb_id, numbers=listed)
