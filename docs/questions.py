@@ -9,7 +9,7 @@ from griffe import Extension, Function, Module, Parameter, Parameters
 import kant_sql
 
 BINDERS = {"reads", "writes", "delegates"}
-FRONTS = ("knowledge_base.KnowledgeBase", "pddl_parts.PddlParts", "operations.Operations")
+FRONTS = ("KnowledgeBase", "PddlParts", "Operations")
 
 
 class Questions(Extension):
@@ -21,7 +21,7 @@ class Questions(Extension):
             return
         # They are computed, which this tool does not do.
         pkg.exports = kant_sql.__all__
-        for path in FRONTS:
+        for path in (f"knowledge_base.{front}" for front in FRONTS):
             for name, member in list(pkg[path].members.items()):
                 call = str(member.value) if member.is_attribute and member.value is not None else ""
                 binder, _, asked = call.removesuffix(")").partition("(")

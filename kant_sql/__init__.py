@@ -49,8 +49,12 @@ if TYPE_CHECKING:
     from .history.revisions import LogEntry as LogEntry, Revision as Revision
     from .history.timeline import Timeline as Timeline
     from .history.versions import Version as Version
-    from .knowledge_base import KnowledgeBase as KnowledgeBase, connect as connect
-    from .knowledge_store import KnowledgeStore as KnowledgeStore, open_store as open_store
+    from .knowledge_base import (
+        KnowledgeBase as KnowledgeBase,
+        KnowledgeStore as KnowledgeStore,
+        connect as connect,
+        open_store as open_store,
+    )
     from .limits import Limit as Limit, limited as limited
     from .planning import Plan as Plan, PlanStep as PlanStep
     from .plans.interfaces import RecordedPlan as RecordedPlan, RecordedStep as RecordedStep
@@ -80,8 +84,7 @@ _HOMES = {
     ".history.revisions": ["LogEntry", "Revision"],
     ".history.timeline": ["Timeline"],
     ".history.versions": ["Version"],
-    ".knowledge_base": ["KnowledgeBase", "connect"],
-    ".knowledge_store": ["KnowledgeStore", "open_store"],
+    ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],
     ".limits": ["Limit", "limited"],
     ".planning": ["Plan", "PlanStep"],
     ".plans.interfaces": ["RecordedPlan", "RecordedStep"],

@@ -20,8 +20,6 @@ from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
-from . import knowledge_store as sync_store
-from .binding import factory_of, state_of
 from .dao.interfaces import (
     AnyDao,
     Dao,
@@ -41,12 +39,16 @@ from .errors import ClosedError, StoreBusyError, TransactionCancelledError, Tran
 from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
-from .knowledge_base import KnowledgeBase
-from .knowledge_store import KnowledgeStore
+from .knowledge_base import (
+    KnowledgeBase,
+    KnowledgeStore,
+    Operations,
+    PddlParts,
+    factory_of,
+    state_of,
+)
 from .limits import PATIENCE
 from .moment_text import When
-from .operations import Operations
-from .pddl_parts import PddlParts
 from .plans.interfaces import PlanDao
 from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
@@ -1025,5 +1027,5 @@ def open_store(
         >>> asyncio.run(main())
         ['tiago', 'pepper']
     """
-    make = partial(sync_store.open_store, url, connections=connections, read_only=read_only)
+    make = partial(sync.open_store, url, connections=connections, read_only=read_only)
     return Opening(partial(_opened_store, make))

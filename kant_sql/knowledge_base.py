@@ -1,22 +1,199 @@
-"""The front door: a knowledge base, with a DAO for each PDDL element."""
+"""The front door: a knowledge base with its DAOs and questions, and a store of many of them."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Self
+import inspect
+from collections.abc import Callable
+from functools import cached_property, wraps
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
 from . import documents, history, html, reasoning
-from .binding import Front, creates, delegates, reads, state_of, writes
-from .factory import DaoFactory, create_dao_factory
+from .arguments import expect, flag, whole_number
+from .dao.base import refuse_past
+from .errors import InvalidArgumentError, InvalidUrlError
+from .factory import DaoFactory, SqlDaoFactory, create_dao_factory, daos_only, family_of
 from .moment_text import When
 from .sql.changes import Change
+from .sql.dialects import create_backend, dialect_name
+from .sql.inventory import Catalog, Inventory
+from .sql.schema import ensure_schema
+from .store.state import State
+from .store.store import close_backend
 
-if TYPE_CHECKING:
-    from .operations import Operations
-    from .pddl_parts import PddlParts
+# What is public besides the names that `kant_sql` has.
+__all__ = ["Operations", "PddlParts"]
 
 # Revisions that a notebook shows of a knowledge base.
 _LATEST = 5
+# Of these, writers take all but one.
+CONNECTIONS, FEWEST_CONNECTIONS = 8, 2
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class Front:
+    """What users ask: a knowledge base, or one of its parts."""
+
+    def __init__(self, factory: DaoFactory, *, state: State | None = None) -> None:
+        self._factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
+        self._state = state
+        if state is None and isinstance(factory, SqlDaoFactory):
+            self._state = factory.state
+
+
+def factory_of(front: Front) -> DaoFactory:
+    """Return the factory of the DAOs."""
+    return front._factory
+
+
+def state_of(front: Front) -> State:
+    """Return what functions of a state are asked of.
+
+    Raises:
+        InvalidUrlError: the DAO family is not built on an SQL store, and has DAOs only.
+        ClosedError: the store was closed.
+    """
+    state = front._state
+    if state is None:
+        raise daos_only(front._factory, "history, documents and reasoning")
+    if state.store.is_closed:
+        state.store.refuse_closed()
+    return state
+
+
+def creates(create: Callable[[DaoFactory], R]) -> cached_property[R]:
+    """Bind a factory method: an attribute with the DAO, which is created on first use."""
+
+    @wraps(create)
+    def make(front: Front) -> R:
+        return cast(R, getattr(front._factory, create.__name__)())
+
+    make.__doc__ = (create.__doc__ or "").replace("Create the", "The")
+    return cached_property(cast(Callable[[Any], R], make))
+
+
+class _Question:
+    """Make the method on first use, and put it in the place of this descriptor."""
+
+    def __init__(self, make: Callable[[], Callable[..., Any]]) -> None:
+        self._make = make
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._place = owner, name
+
+    def __get__(self, front: object, owner: type | None = None) -> Any:
+        method = self._make()
+        setattr(*self._place, method)
+        return method.__get__(front, owner)
+
+
+def _bound(
+    find: Callable[[], Callable[Concatenate[State, P], R]],
+    state: Callable[[Front], State],
+) -> Callable[Concatenate[Front, P], R]:
+    def make() -> Callable[..., R]:
+        function = find()
+
+        @wraps(function)
+        def ask(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            return function(state(self), *args, **kwargs)
+
+        return _method(ask)
+
+    return cast("Callable[Concatenate[Front, P], R]", _Question(make))
+
+
+def reads(
+    find: Callable[[], Callable[Concatenate[State, P], R]],
+) -> Callable[Concatenate[Front, P], R]:
+    """Bind a function of a state: a method with its docstring, arguments and defaults.
+
+    `find` names it. Its module is imported when the method is first asked for.
+    """
+    return _bound(find, state_of)
+
+
+def writes(
+    find: Callable[[], Callable[Concatenate[State, P], R]],
+) -> Callable[Concatenate[Front, P], R]:
+    """Bind a function that writes, as `reads`; views of the past refuse it."""
+    return _bound(find, _present_of)
+
+
+def _present_of(front: Front) -> State:
+    """Return what functions that write are called on; refuse a view of the past."""
+    state = state_of(front)
+    if state.at is not None:
+        refuse_past(state.store, state.at)
+    return state
+
+
+def delegates(
+    method: Callable[Concatenate[DaoFactory, P], R],
+) -> Callable[Concatenate[Front, P], R]:
+    """Bind a method of the factory, as `reads`."""
+
+    @wraps(method)
+    def call(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        return cast(Callable[P, R], getattr(self._factory, method.__name__))(*args, **kwargs)
+
+    return call
+
+
+def _method(bound: Callable[..., R]) -> Callable[..., R]:
+    """Show `self` in place of the state, to `help` and to who reads annotations."""
+    shown = inspect.signature(bound)
+    state, *others = shown.parameters.values()
+    own = state.replace(name="self", annotation=inspect.Parameter.empty)
+    bound.__signature__ = shown.replace(parameters=[own, *others])  # type: ignore[attr-defined]
+    hints = bound.__annotations__.items()
+    bound.__annotations__ = {name: hint for name, hint in hints if name != state.name}
+    return bound
+
+
+class PddlParts(Front):
+    """`kb.pddl`: the rarer parts of PDDL, and whole documents as trees."""
+
+    processes = creates(DaoFactory.create_pddl_process_dao)
+    events = creates(DaoFactory.create_pddl_event_dao)
+    derived_predicates = creates(DaoFactory.create_derived_predicate_dao)
+    timed_initial_literals = creates(DaoFactory.create_timed_initial_literal_dao)
+    initial_literals = creates(DaoFactory.create_initial_literal_dao)
+    constraints = creates(DaoFactory.create_constraint_dao)
+    domain_constraints = creates(DaoFactory.create_domain_constraint_dao)
+    metric = creates(DaoFactory.create_metric_dao)
+
+    metric_value = reads(lambda: reasoning.explain.metric_value)
+    check_rules = reads(lambda: reasoning.rules.check_rules)
+    broken_invariants = reads(lambda: reasoning.durative.broken_invariants)
+
+    domain = reads(lambda: documents.exchange.domain)
+    problem = reads(lambda: documents.exchange.problem)
+    requirements = reads(lambda: documents.exchange.requirements)
+    complete = reads(lambda: reasoning.complete.complete)
+    to_unified_planning = reads(lambda: documents.planners.to_unified_planning)
+    load_unified_planning = writes(lambda: documents.planners.load_unified_planning)
+
+
+class Operations(Front):
+    """`kb.store`: verification, anchors, archives and replication of a knowledge base.
+
+    The functions of `kant_sql.operations` take the URL of a whole store.
+    """
+
+    revisions = reads(lambda: history.log.revisions)
+    verify = reads(lambda: history.verify.verify.verify)
+    anchor = reads(lambda: history.anchors.anchor)
+    archive = writes(lambda: history.archive.archive.archive)
+    push = writes(lambda: history.replication.calls.push)
+    promote = writes(lambda: history.replication.promote.promote)
+    to_arrow = reads(lambda: history.audit.to_arrow)
+
+    @property
+    def factory(self) -> DaoFactory:
+        """The factory of the DAOs: the family of the store, its address and its name."""
+        return self._factory
 
 
 class KnowledgeBase(Front):
@@ -66,15 +243,11 @@ class KnowledgeBase(Front):
     @cached_property
     def pddl(self) -> PddlParts:
         """Rarer parts of PDDL, and whole documents as trees."""
-        from .pddl_parts import PddlParts
-
         return PddlParts(self._factory, state=self._state)
 
     @cached_property
     def store(self) -> Operations:
         """Operations on the store: verification, anchors, archives, replication."""
-        from .operations import Operations
-
         return Operations(self._factory, state=self._state)
 
     def diff(self, a: When | KnowledgeBase, b: When | KnowledgeBase) -> list[Change]:
@@ -265,3 +438,136 @@ def connect(
     return KnowledgeBase(
         create_dao_factory(url, knowledge_base=knowledge_base, actor=actor, read_only=read_only)
     )
+
+
+class KnowledgeStore:
+    """A store with all its knowledge bases, over a few connections that they share.
+
+    Threads may share it. Use it as a context manager, or call `close`.
+
+    Attributes:
+        connections: how many connections to a server there may be.
+        catalog: pages of its knowledge bases, and searches by name.
+    """
+
+    def __init__(
+        self, url: str, *, connections: int = CONNECTIONS, read_only: bool = False
+    ) -> None:
+        """Open the store, as `open_store` describes."""
+        family = family_of(url)
+        if not issubclass(family, SqlDaoFactory):
+            raise InvalidUrlError(
+                f"{dialect_name(url)}: this DAO family shares no connections; use kant_sql.connect"
+            )
+        self._family = family
+        self.connections = connections
+        self._backend = create_backend(url, read_only=read_only, connections=connections)
+        self.catalog = Catalog(self._backend)
+        try:
+            ensure_schema(self._backend)
+        except BaseException:
+            self._backend.close()
+            raise
+
+    @property
+    def address(self) -> str:
+        """The URL of the store for people to read, without a password."""
+        return self._backend.label
+
+    @property
+    def has_one_connection(self) -> bool:
+        """Whether all threads take turns on one connection, as in memory."""
+        return self._backend.has_one_connection
+
+    @property
+    def writers(self) -> int:
+        """How many transactions can be open at once."""
+        # One queue for all knowledge bases: there is one writer.
+        is_one = self._backend.queue("a") == self._backend.queue("b")
+        return 1 if is_one else self.connections - 1
+
+    def knowledge_base(self, name: str = "default", *, actor: str | None = None) -> KnowledgeBase:
+        """Open a knowledge base on the connections of the store, without a statement.
+
+        Keep it for as long as it is of use: what it has read of definitions, and of up to 2,000
+        facts, saves statements. Closing it closes no connection.
+
+        Args:
+            name: the knowledge base's name; the first write creates it.
+            actor: who writes, by default.
+
+        Returns:
+            The knowledge base.
+
+        Raises:
+            InvalidMetadataError: this cannot name a knowledge base.
+            ClosedError: the store was closed.
+
+        Examples:
+            >>> import kant_sql
+            >>> from kant_sql import PddlTypeDto
+            >>> with kant_sql.open_store("sqlite://") as store:
+            ...     for name in ("tiago", "pepper"):
+            ...         _ = store.knowledge_base(name).types.save(PddlTypeDto("robot"))
+            ...     print([(one.name, one.revision) for one in store.knowledge_bases()])
+            [('tiago', 1), ('pepper', 1)]
+        """
+        self._backend.refuse_closed()
+        return KnowledgeBase(self._family.one_of_many(self._backend, name, actor))
+
+    def knowledge_bases(self) -> list[Inventory]:
+        """List the knowledge bases that have a revision, the oldest first.
+
+        Returns:
+            What is in each of them, the oldest knowledge base first.
+        """
+        return self.catalog.every()
+
+    def close(self) -> None:
+        """Close all knowledge bases and all connections. This deletes a store in memory.
+
+        Open transactions are rolled back: those of this thread at once, others at the end of their
+        blocks.
+        """
+        close_backend(self._backend)
+
+    def __repr__(self) -> str:
+        closed = ", closed" if self._backend.is_closed else ""
+        return f"<{type(self).__name__} {self.address}{closed}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+
+def open_store(url: str, *, connections: int = 8, read_only: bool = False) -> KnowledgeStore:
+    """Open a store to work with many of its knowledge bases over a few connections.
+
+    A transaction holds a connection until its block ends. One connection is kept for those who
+    only read, so one fewer than `connections` can write at once; further writers wait without a
+    connection, for up to 20 s, as those do who read. All who watch share one further connection.
+
+    Args:
+        url: the database URL, as for `kant_sql.connect`.
+        connections: how many connections to a server there may be, besides that of the watchers;
+            at least 2. A file, or a store in memory, needs no limit.
+        read_only: whether the database is to refuse all writes of these connections.
+
+    Returns:
+        The store. A new SQLite file, or a store in memory, is created.
+
+    Raises:
+        InvalidUrlError: the URL is not valid, or of a DAO family that shares no connections.
+        InvalidArgumentError: there would be fewer than 2 connections.
+        SchemaMissingError: the database has no kant_sql tables.
+        SchemaOutdatedError: migrations are pending.
+        SchemaTooNewError: the tables are of a newer version of the library.
+        StoreError: the database cannot be opened.
+    """
+    flag(read_only, "read_only", InvalidArgumentError)
+    whole_number(
+        connections, "connections", least=FEWEST_CONNECTIONS, expected="a whole number from 2 on"
+    )
+    return KnowledgeStore(url, connections=connections, read_only=read_only)

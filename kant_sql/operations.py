@@ -1,10 +1,7 @@
-"""What operates a store: verification, anchors, archives, replication, exports, roles, views."""
+"""Backups, roles, views and migrations of a whole store, and what `kb.store` returns."""
 
 from __future__ import annotations
 
-from . import history
-from .binding import Front, reads, writes
-from .factory import DaoFactory
 from .history.anchors import Anchor, AnchoredHead, parse_anchor
 from .history.archive.archive import Archived
 from .history.replication.push import Pushed
@@ -23,7 +20,6 @@ __all__ = [
     "Backup",
     "Finding",
     "Inventory",
-    "Operations",
     "PredicateView",
     "Pushed",
     "Roles",
@@ -36,23 +32,3 @@ __all__ = [
     "parse_anchor",
     "update_views",
 ]
-
-
-class Operations(Front):
-    """`kb.store`: what operates the store of a knowledge base.
-
-    The functions of this module take the URL of a whole store.
-    """
-
-    revisions = reads(lambda: history.log.revisions)
-    verify = reads(lambda: history.verify.verify.verify)
-    anchor = reads(lambda: history.anchors.anchor)
-    archive = writes(lambda: history.archive.archive.archive)
-    push = writes(lambda: history.replication.calls.push)
-    promote = writes(lambda: history.replication.promote.promote)
-    to_arrow = reads(lambda: history.audit.to_arrow)
-
-    @property
-    def factory(self) -> DaoFactory:
-        """The factory of the DAOs: the family of the store, its address and its name."""
-        return self._factory

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..history.anchors import Anchor
     from ..history.verify.findings import Finding
     from ..history.verify.verify import Verification
-    from ..knowledge_store import KnowledgeStore
+    from ..knowledge_base import KnowledgeStore
 
     Progress = Callable[[int, int], None] | None
 
@@ -146,7 +146,7 @@ def run_tasks(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Ve
     if jobs > 1:
         yield from _run_in_processes(url, tasks, jobs)
     elif tasks:
-        from ..knowledge_store import open_store
+        from ..knowledge_base import open_store
 
         with open_store(url, connections=CONNECTIONS) as store:
             for task in tasks:
@@ -175,7 +175,7 @@ _STORES: list[KnowledgeStore] = []
 
 def _begin(url: str) -> None:
     """Open the store in a process that verifies."""
-    from ..knowledge_store import open_store
+    from ..knowledge_base import open_store
 
     # Ctrl-C ends all processes: the first one reports it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -7,7 +7,7 @@ large they are.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime
@@ -53,6 +53,7 @@ PAGE = 50
 _ZERO: ColumnElement[Any] = literal_column("0")
 
 
+# Statements are built on first use: few processes that connect list knowledge bases.
 _COLUMNS: tuple[Any, ...] = (
     KnowledgeBaseRow.id,
     KnowledgeBaseRow.name,
@@ -96,28 +97,30 @@ class _Listing(NamedTuple):
     ids: Query
 
 
-def _listing(rows: Select[Any]) -> _Listing:
-    return _Listing(Query(rows), Query(rows.with_only_columns(KnowledgeBaseRow.id)))
+def _listing(rows: Callable[[], Select[Any]]) -> _Listing:
+    return _Listing(Query(rows), Query(lambda: rows().with_only_columns(KnowledgeBaseRow.id)))
 
 
-def _page(*conditions: ColumnElement[bool]) -> _Listing:
-    return _listing(first_rows(_rows(*conditions), integer("number")))
+def _page(conditions: Callable[[], Iterable[ColumnElement[bool]]]) -> _Listing:
+    return _listing(lambda: first_rows(_rows(*conditions()), integer("number")))
 
 
-_EVERY = _listing(_rows())
-_BY_ID = Query(_rows(KnowledgeBaseRow.id == bindparam("id")))
-_NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == bindparam("id")))
-_LAST = select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("after"))
-_AFTER = KnowledgeBaseRow.id > func.coalesce(
-    _LAST.correlate(None).scalar_subquery(), integer("last"), _ZERO
-)
+def _after() -> ColumnElement[bool]:
+    last = select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("after"))
+    found = last.correlate(None).scalar_subquery()
+    return KnowledgeBaseRow.id > func.coalesce(found, integer("last"), _ZERO)
+
+
+_EVERY = _listing(_rows)
+_BY_ID = Query(lambda: _rows(KnowledgeBaseRow.id == bindparam("id")))
+_NAME = Query(lambda: select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == bindparam("id")))
 # What stands for a name that is damaged.
 _NAMELESS = re.compile(r"id (\d{1,18})")
-_PAGE = _page(_AFTER)
-_FOUND = _page(_AFTER, contains(KnowledgeBaseRow.name))
-_NAMED = _page(KnowledgeBaseRow.name == bindparam("name"))
+_PAGE = _page(lambda: [_after()])
+_FOUND = _page(lambda: [_after(), contains(KnowledgeBaseRow.name)])
+_NAMED = _page(lambda: [KnowledgeBaseRow.name == bindparam("name")])
 _TOTAL = Query(
-    select(func.count(), func.coalesce(func.sum(HeadRow.revision), _ZERO)).where(
+    lambda: select(func.count(), func.coalesce(func.sum(HeadRow.revision), _ZERO)).where(
         # What no revision reaches is damaged, and might be too large for a sum.
         HeadRow.revision.between(literal_column("1"), literal_column(str(2**40)))
     )
@@ -181,7 +184,7 @@ def _formulas() -> Any:
 
 # Of some knowledge bases in one statement: it walks the live propositions of each, up to a limit.
 _COUNTS = Query(
-    select(
+    lambda: select(
         HeadRow.kb_id,
         _count(_live(False, "facts")),
         _count(_live(True, "goals")),

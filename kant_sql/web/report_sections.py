@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import NamedTuple
 
-from ..binding import state_of
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
@@ -18,7 +17,7 @@ from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision
 from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
-from ..knowledge_base import KnowledgeBase
+from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans.interfaces import RecordedPlan
 from ..reasoning.failures import FailedCondition

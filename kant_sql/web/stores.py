@@ -14,8 +14,7 @@ from fastapi import Request
 
 from ..arguments import shown
 from ..errors import StoreBusyError, StoreReplacedError, UnknownNameError
-from ..knowledge_base import KnowledgeBase
-from ..knowledge_store import KnowledgeStore, open_store
+from ..knowledge_base import KnowledgeBase, KnowledgeStore, open_store
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
 from .folders import Folders

@@ -7,9 +7,9 @@ from collections import Counter
 import pytest
 
 from kant_sql import KnowledgeBase, PddlFunctionDto, UnknownRevisionError
-from kant_sql.binding import state_of
 from kant_sql.history.overview import read_overview, read_tally
 from kant_sql.html import ROWS
+from kant_sql.knowledge_base import state_of
 from tests.audit.story import record_store
 from tests.support.statements import count, fill
 from tests.support.stores import Connect

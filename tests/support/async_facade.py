@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any
 
 from kant_sql import KnowledgeBase, aio
-from kant_sql.binding import factory_of
+from kant_sql.knowledge_base import factory_of
 from tests.support.reading import beside as same_store
 
 

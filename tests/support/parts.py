@@ -9,8 +9,7 @@ from operator import attrgetter
 from typing import Any
 
 from kant_sql import KnowledgeBase
-from kant_sql.operations import Operations
-from kant_sql.pddl_parts import PddlParts
+from kant_sql.knowledge_base import Operations, PddlParts
 
 # What is behind an attribute of its own.
 FRONTS: dict[str, type] = {"": KnowledgeBase, "pddl": PddlParts, "store": Operations}

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from kant_sql import UnsupportedConstructError
-from kant_sql.binding import state_of
+from kant_sql.knowledge_base import state_of
 from kant_sql.reasoning.explain import is_goal_reached
 from kant_sql.sql import inventory
 from kant_sql.store.state import State

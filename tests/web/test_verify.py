@@ -15,7 +15,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from kant_sql.errors import AnchorError
-from kant_sql.operations import Operations, parse_anchor
+from kant_sql.knowledge_base import Operations
+from kant_sql.operations import parse_anchor
 from kant_sql.web import verifying
 from kant_sql.web.application import create_app
 from tests.support.stores import Connect, new_file_store

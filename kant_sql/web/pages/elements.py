@@ -9,7 +9,6 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
-from ...binding import state_of
 from ...history.element_pages import (
     ElementPage,
     ObjectPage,
@@ -18,7 +17,7 @@ from ...history.element_pages import (
 )
 from ...history.plan_pages import StepLine
 from ...history.versions import Version
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ..parameters import Before
 from ..registry import Pages
 

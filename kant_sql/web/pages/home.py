@@ -7,8 +7,8 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
-from ...binding import state_of
 from ...errors import KantSqlError, QuestionCancelledError
+from ...knowledge_base import state_of
 from ...limits import limited
 from ...reasoning.explain import is_goal_reached
 from ...sql.inventory import Inventory

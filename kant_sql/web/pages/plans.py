@@ -9,12 +9,11 @@ from typing import Annotated, Literal, NamedTuple
 from fastapi import Query, Request
 from fastapi.responses import PlainTextResponse, Response
 
-from ...binding import state_of
 from ...errors import ArchivedError, PlanError, UnknownNameError
 from ...history.plan_pages import PlansPage, Stretch, read_plans_page, read_stretches
 from ...history.revisions import Revision
 from ...history.versions import Version
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ...plans.interfaces import RecordedPlan, RecordedStep
 from ..parameters import Offset
 from ..registry import KbName, Pages

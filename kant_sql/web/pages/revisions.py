@@ -7,10 +7,9 @@ from typing import Annotated
 
 from fastapi import Query
 
-from ...binding import state_of
 from ...history.diff import Difference, read_difference
 from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read_revision_page
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
 from ..registry import Pages
 

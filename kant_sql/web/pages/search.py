@@ -6,10 +6,9 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
-from ...binding import state_of
 from ...errors import InvalidArgumentError
 from ...history.search import SearchMatch, read_matches
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
 from ..registry import Pages
 

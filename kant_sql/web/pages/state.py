@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import Query
 
-from ...binding import state_of
 from ...history.state_parts import PARTS, StateFilter, StatePage, read_state
-from ...knowledge_base import KnowledgeBase
+from ...knowledge_base import KnowledgeBase, state_of
 from ..parameters import At, ElementText, ObjectName, Offset, moment
 from ..registry import Pages
 
