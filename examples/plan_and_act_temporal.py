@@ -13,7 +13,7 @@ from decimal import Decimal
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.plans.interfaces import RecordedPlan, RecordedStep
+from kant_sql.plans import RecordedPlan, RecordedStep
 
 DOMAIN = """
 (define (domain ward)

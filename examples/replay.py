@@ -12,7 +12,7 @@ import sys
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.plans.interfaces import RecordedPlan, RecordedStep
+from kant_sql.plans import RecordedPlan, RecordedStep
 
 DOMAIN = """
 (define (domain rounds)

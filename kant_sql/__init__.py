@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     )
     from .limits import Limit as Limit, limited as limited
     from .planning import Plan as Plan, PlanStep as PlanStep
-    from .plans.interfaces import RecordedPlan as RecordedPlan, RecordedStep as RecordedStep
+    from .plans import RecordedPlan as RecordedPlan, RecordedStep as RecordedStep
     from .reasoning.ask import Answers as Answers
     from .reasoning.complete import Completion as Completion
     from .reasoning.durative import BrokenInvariant as BrokenInvariant
@@ -87,7 +87,7 @@ _HOMES = {
     ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],
     ".limits": ["Limit", "limited"],
     ".planning": ["Plan", "PlanStep"],
-    ".plans.interfaces": ["RecordedPlan", "RecordedStep"],
+    ".plans": ["RecordedPlan", "RecordedStep"],
     ".reasoning.ask": ["Answers"],
     ".reasoning.complete": ["Completion"],
     ".reasoning.durative": ["BrokenInvariant"],

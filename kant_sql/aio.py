@@ -49,7 +49,7 @@ from .knowledge_base import (
 )
 from .limits import PATIENCE
 from .moment_text import When
-from .plans.interfaces import PlanDao
+from .plans import PlanDao
 from .reasoning.ask import Answers, Binding
 from .sql.changes import Change
 from .sql.inventory import Inventory

@@ -21,7 +21,7 @@ from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.moments import head_revision, state_at
 from .moment_text import When
-from .plans.interfaces import PlanDao, RecordedStep
+from .plans import PlanDao, RecordedStep
 from .plugins import Plugins
 from .sql.dialects import BACKENDS, create_backend, dialect_name
 from .sql.dialects.base import Backend

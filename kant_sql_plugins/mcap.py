@@ -27,7 +27,7 @@ from kant_sql.errors import (
     StoreIntegrityError,
     UnknownNameError,
 )
-from kant_sql.export.files import Exported, bound, encoded, folder_name, new_folder
+from kant_sql.export.files import Exported, bound, check_target, encoded, folder_name, new_folder
 from kant_sql.export.snapshot import (
     KnowledgeBaseState,
     StoreSnapshot,
@@ -35,7 +35,6 @@ from kant_sql.export.snapshot import (
     check_window,
     open_snapshot,
 )
-from kant_sql.export.views import check_target
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.moment_text import When
 from kant_sql.pddl.cursor import hint

@@ -27,7 +27,7 @@ from .output import Document, Printer, write_json
 
 if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
-    from ..plans.interfaces import RecordedPlan
+    from ..plans import RecordedPlan
 
 _NOT_STARTED = "not started"
 

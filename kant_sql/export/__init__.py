@@ -5,9 +5,8 @@ The files are of one consistent state. pyarrow, of the extra `data`, is imported
 
 from __future__ import annotations
 
-from .files import FORMATS, PLUGGED_FORMATS, Exported, ExportedFile, PluggedFormat
+from .files import FORMATS, PLUGGED_FORMATS, Exported, ExportedFile, PluggedFormat, export_store
 from .snapshot import KnowledgeBaseState, open_reader
-from .views import export_store
 
 __all__ = [
     "FORMATS",

@@ -12,7 +12,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 from ..dto.formulas import Node
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import StoreIntegrityError
-from ..pddl.hierarchy import Ancestry
+from ..pddl.symbols import Ancestry
 from .trees import ParameterDefinition, Tree
 
 

@@ -8,8 +8,7 @@ from typing_extensions import override
 
 from ..dto.formulas import Constant
 from ..dto.lexical import ROOT_TYPE, fold
-from ..pddl.hierarchy import Types
-from ..pddl.symbols import ANY, Entity, Signature, Signatures, SymbolTable
+from ..pddl.symbols import ANY, Entity, Signature, Signatures, SymbolTable, Types
 from .definitions import Definitions, FunctionDefinition
 from .trees import ParameterDefinition
 

@@ -13,9 +13,8 @@ from ..arguments import flag
 from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, PddlError
 from .document import PddlWarning
-from .hierarchy import Types
 from .lexer import Text, tokenize
-from .symbols import ANY, SymbolTable
+from .symbols import ANY, SymbolTable, Types
 
 END: Final = "the end of the text"
 OBJECTS, VARIABLES = "name", "variable"

@@ -6,16 +6,14 @@ from collections.abc import Callable
 
 from ..dto.formulas import Derived, Formula, TypedName
 from ..dto.lexical import ROOT_TYPE, fold, is_name
-from .actions import ActionReader, RuleReader
 from .cursor import Cursor, Diagnostics, Section
-from .declarations import DeclarationReader, Declarations, TypedNames
+from .declarations import ActionReader, DeclarationReader, Declarations, RuleReader, TypedNames
 from .document import Action, Domain, Function, Predicate
 from .forms import ACTIONS, DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
-from .hierarchy import find_cycle
 from .lexer import Text
 from .requirements import used_requirements
-from .symbols import ANY, SymbolTable
+from .symbols import ANY, SymbolTable, find_cycle
 
 
 class DomainReader:

@@ -14,8 +14,7 @@ from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import MAX_DIGITS, NUMBER, either_text, fold, is_name
 from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
-from .hierarchy import Fit, Types
-from .symbols import BoundVariable, Entity, Head, Signature, Signatures, SymbolTable
+from .symbols import BoundVariable, Entity, Fit, Head, Signature, Signatures, SymbolTable, Types
 
 DURATION_VARIABLE = f.Variable(f.DURATION)
 _DURATION_WORD = f"?{f.DURATION}"

@@ -21,15 +21,13 @@ from ..dto.elements import (
 )
 from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from .actions import ActionReader
 from .cursor import END, VARIABLES, Cursor, Diagnostics, Section, hint
-from .declarations import DeclarationReader
+from .declarations import ActionReader, DeclarationReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
 from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, FormulaReader
-from .hierarchy import Types
 from .lexer import STRING, Text
-from .symbols import ANY, BoundVariable, Entity, SymbolTable
+from .symbols import ANY, BoundVariable, Entity, SymbolTable, Types
 
 T = TypeVar("T")
 _TOKEN = re.compile(r"[()]|[^\s()]+")

@@ -19,9 +19,8 @@ from .declarations import DeclarationReader, TypedNames
 from .document import Domain, FunctionValue, Problem
 from .forms import PROBLEM_ORDER, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
-from .hierarchy import Fit, Types
 from .lexer import Blocks
-from .symbols import ANY, Signatures, SymbolTable
+from .symbols import ANY, Fit, Signatures, SymbolTable, Types
 
 # The arity of predicates without a domain.
 MAX_ARITY: Final = 32

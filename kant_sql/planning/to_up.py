@@ -10,7 +10,7 @@ from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
 from ..pddl.requirements import is_function
-from .metrics import is_sum_of_costs, static_functions
+from .metrics import hinted, is_sum_of_costs, refusal, static_functions, variants
 from .names import (
     FUNCTION,
     OBJECT,
@@ -23,7 +23,6 @@ from .names import (
 from .solving import check_documents
 from .up_actions import SingleEffect, UpActions, UpEffects
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
-from .variants import hinted, refusal, variants
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment

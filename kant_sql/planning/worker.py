@@ -28,10 +28,10 @@ from ..dto.lexical import fold
 from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
+from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 from .plan import Plan, PlanStep
 from .solving import WAYS_OUT, Task, absent, unsupported
 from .to_up import convert, convert_whole
-from .variants import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 
 if TYPE_CHECKING:
     from unified_planning.engines.results import PlanGenerationResult

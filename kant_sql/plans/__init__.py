@@ -2,6 +2,257 @@
 
 from __future__ import annotations
 
-from .interfaces import PlanDao, RecordedPlan, RecordedStep, StepStatus
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Literal, NamedTuple
+
+from .. import html
+from ..history.versions import Version
+from ..planning import Plan
 
 __all__ = ["PlanDao", "RecordedPlan", "RecordedStep", "StepStatus"]
+
+StepStatus = Literal["started", "succeeded", "failed", "aborted"]
+
+
+class Given(NamedTuple):
+    """The texts that a planner was given.
+
+    Attributes:
+        domain: the domain's PDDL text.
+        problem: the problem's PDDL text.
+    """
+
+    domain: str
+    problem: str
+
+
+@dataclass(frozen=True)
+class RecordedStep:
+    """A step of a recorded plan, and its outcome.
+
+    Attributes:
+        plan_id: the id of its plan.
+        position: its index in the plan, from 0.
+        start: seconds from the start of the plan; None in a plan without times.
+        action: the action's name.
+        arguments: the objects' names.
+        duration: seconds; None for an instantaneous action.
+        status: `started`, `succeeded`, `failed` or `aborted`; None before it is started.
+        outcomes: each status that it had, with the revisions that set and ended it.
+        revisions: the numbers of the revisions made while it ran (`plan_step=`).
+        knowledge_base: the name of the knowledge base that recorded its plan.
+
+    A step does not change after it is read. Within a transaction, `status` includes the
+    transaction's own change; `outcomes` have committed revisions only.
+    """
+
+    _json_ = "position", "start", "action", "arguments", "duration", "status", "revisions"
+
+    plan_id: int
+    position: int
+    start: Decimal | None
+    action: str
+    arguments: tuple[str, ...]
+    duration: Decimal | None
+    status: StepStatus | None
+    outcomes: tuple[Version, ...]
+    revisions: tuple[int, ...]
+    knowledge_base: str
+
+    @property
+    def revision(self) -> int | None:
+        """The revision that gave it its status; None before any, and until that is committed."""
+        last = self.outcomes[-1] if self.outcomes else None
+        return last.since.number if last is not None and last.until is None else None
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.action, *self.arguments))})"
+
+    def _html_row_(self) -> html.Row:
+        outcomes = self.outcomes[-html.LINES :]
+        return {
+            "position": self.position,
+            "start": self.start,
+            "step": str(self),
+            "duration": self.duration,
+            "status": self.status,
+            "outcomes": tuple(
+                f"revision {each.since.number}: {each.text}"
+                + ("" if each.since.actor is None else f" by {each.since.actor}")
+                for each in outcomes
+            ),
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields({"plan": self.plan_id, **self._html_row_()})
+
+
+@dataclass(frozen=True)
+class RecordedPlan:
+    """A recorded plan.
+
+    Attributes:
+        id: its number in the knowledge base.
+        recorded_in: the revision that recorded it.
+        revision: the revision of the state that it was made from.
+        problem_hash: SHA-256, in hexadecimal, of the planner's input: the UTF-8 of the domain's
+            PDDL text, followed by the problem's.
+        planner: the planner's name.
+        planner_version: the planner's version.
+        objective: the metric, as PDDL text.
+        value: the value of the objective.
+        status: the planner's status, for example `solved_optimally`.
+        steps: its steps, in order.
+    """
+
+    _json_ = (
+        *("plan=id", "recorded_in", "revision", "problem_hash", "planner", "planner_version"),
+        *("objective", "value", "status", "steps"),
+    )
+
+    id: int
+    recorded_in: int
+    revision: int
+    problem_hash: str
+    planner: str | None
+    planner_version: str | None
+    objective: str | None
+    value: Decimal | None
+    status: str | None
+    steps: tuple[RecordedStep, ...]
+    _given: Callable[[RecordedPlan], Given] = field(compare=False, repr=False)
+
+    def _html_row_(self) -> html.Row:
+        statuses = Counter(step.status or "not started" for step in self.steps)
+        return {
+            "plan": self.id,
+            "recorded in": self.recorded_in,
+            "made from": self.revision,
+            "planner": self.planner,
+            "version": self.planner_version,
+            "objective": self.objective,
+            "value": self.value,
+            "status": self.status,
+            "steps": tuple(f"{count:,} {status}" for status, count in statuses.items()),
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_()) + html.listing(self.steps, "step")
+
+    def domain_pddl(self) -> str:
+        """Return the domain that the planner was given, byte for byte.
+
+        Returns:
+            The PDDL text.
+
+        Raises:
+            ArchivedError: the state was moved to an archive.
+            PlanError: the text that the store writes today has another hash.
+        """
+        return self._given(self).domain
+
+    def problem_pddl(self) -> str:
+        """Return the problem that the planner was given, byte for byte.
+
+        Returns:
+            The PDDL text.
+
+        Raises:
+            ArchivedError: the state was moved to an archive.
+            PlanError: the text that the store writes today has another hash.
+        """
+        return self._given(self).problem
+
+
+class PlanDao(ABC):
+    """Records plans and the status of their steps. Recorded plans are never changed or deleted."""
+
+    @abstractmethod
+    def record(
+        self,
+        plan: Plan,
+        *,
+        planner: str | None = None,
+        planner_version: str | None = None,
+        objective: str | None = None,
+        value: Decimal | int | None = None,
+        domain_pddl: str | None = None,
+        problem_pddl: str | None = None,
+    ) -> RecordedPlan:
+        """Record a plan, in one revision.
+
+        Args:
+            plan: the plan, found by `kb.plan()`, read by `Plan.read` or made by hand. Its
+                `revision` is the state that it was made from, by default the head. Names are in any
+                case.
+            planner: the planner's name; by default the plan's engine.
+            planner_version: the planner's version.
+            objective: the metric as PDDL text; by default the state's metric, or if the plan
+                ignores a part of it, the metric that the planner was given, if any.
+            value: the value of the objective, by default the plan's, if there is an objective.
+            domain_pddl: the domain that the planner was given, by default the plan's own, if it
+                differs from the text that the store writes for the state.
+            problem_pddl: the problem that the planner was given, likewise.
+
+        Returns:
+            The recorded plan.
+
+        Raises:
+            PlanError: a step is not an action of that state (processes and events are not), or its
+                arguments do not fit the parameters; a value cannot be stored exactly; or the plan
+                was made from a branch, another knowledge base or the uncommitted state of a
+                transaction, and the texts are missing.
+            ArchivedError: a part of that state was moved to an archive.
+            UnknownRevisionError: there is no such revision.
+            ReadOnlyError: this is a view of the past.
+
+        Examples:
+            >>> from kant_sql import Plan, PlanStep
+            >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+            ...   (:action unlock :parameters () :effect (open)))''').revision
+            2
+            >>> found = Plan((PlanStep(None, "unlock"),), "by hand", "solved_satisficing")
+            >>> plan = kb.plans.record(found)
+            >>> kb.plans.set_status(plan.steps[0], status="started")
+            True
+            >>> kb.plans.get(plan.id).steps[0].status
+            'started'
+        """
+
+    @abstractmethod
+    def get(self, id_: int) -> RecordedPlan | None:
+        """Read a plan with the outcomes of its steps.
+
+        Args:
+            id_: its id.
+
+        Returns:
+            The plan, or None.
+        """
+
+    @abstractmethod
+    def get_all(self) -> list[RecordedPlan]:
+        """Read all plans, oldest first.
+
+        Returns:
+            The plans.
+        """
+
+    @abstractmethod
+    def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
+        """Set the status of a step.
+
+        A step is started once, and then succeeds, fails or is aborted. A step that was not started
+        can be aborted, too.
+
+        Returns:
+            False when the step has this status already.
+
+        Raises:
+            PlanError: the step is not known, or its present status does not allow this one.
+            ReadOnlyError: this is a view of the past.
+        """

@@ -37,7 +37,7 @@ from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .interfaces import Given, PlanDao, RecordedPlan, RecordedStep, StepStatus
+from . import Given, PlanDao, RecordedPlan, RecordedStep, StepStatus
 
 # The metric in the text that the library writes.
 _GIVEN_METRIC = re.compile(r"^  \(:metric (.*)\)$", re.MULTILINE)

@@ -14,8 +14,8 @@ from ..html import Feed, Listing
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..pddl.cursor import hint
 from ..planning import PlanStep
+from ..plans import RecordedStep
 from ..plans.dao import check_step, place_of
-from ..plans.interfaces import RecordedStep
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
 from ..store.state import State

@@ -21,8 +21,8 @@ from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.resolved import AllOf
 from ..planning import PlanStep
+from ..plans import RecordedStep
 from ..plans.dao import place_of, read_step, record_step, running_steps, set_status
-from ..plans.interfaces import RecordedStep
 from ..sql.changes import Change
 from ..store.snapshot import View
 from ..store.state import State

@@ -16,8 +16,7 @@ from ..knowledge.definitions import Definitions
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.given import ReadCondition, read_condition, text_of
-from ..pddl.hierarchy import Fit
-from ..pddl.symbols import SymbolTable
+from ..pddl.symbols import Fit, SymbolTable
 from ..sql.dialects.base import Session
 from ..sql.periods import read_last_revisions
 from ..store.store import Store

@@ -43,7 +43,7 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import PlanStep
-from ..plans.interfaces import RecordedStep
+from ..plans import RecordedStep
 from .failures import FailedCondition
 from .grounding import check_continuous, is_continuous, no_multiple
 

@@ -17,7 +17,7 @@ from ..errors import (
     PlanError,
 )
 from ..history.diff import diff
-from ..plans.interfaces import RecordedStep
+from ..plans import RecordedStep
 from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..store.caches import AtomKey, FluentKey, FluentValue, read_value
 from ..store.snapshot import View

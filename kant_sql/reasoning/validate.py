@@ -38,7 +38,7 @@ from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
-from ..plans.interfaces import RecordedPlan, RecordedStep
+from ..plans import RecordedPlan, RecordedStep
 from ..store.state import State
 from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
 from .derived import read_world

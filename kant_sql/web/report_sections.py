@@ -19,7 +19,7 @@ from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
 from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
-from ..plans.interfaces import RecordedPlan
+from ..plans import RecordedPlan
 from ..reasoning.failures import FailedCondition
 from ..reasoning.rules import Rules
 from ..reasoning.verdicts import Verdict

@@ -33,9 +33,8 @@ from kant_sql.pddl.document import (
     formulas,
 )
 from kant_sql.pddl.requirements import is_function
-from kant_sql.planning.metrics import ONE, NotLinearError, linear
+from kant_sql.planning.metrics import ONE, NotLinearError, Variant, linear
 from kant_sql.planning.names import SHARED_MODALS, too_deep, unused_name
-from kant_sql.planning.variants import Variant
 
 from .action_costs import CostedAction, write_costs
 from .costs import Costs, Objects, replaced

@@ -18,7 +18,7 @@ from kant_sql.dao.interfaces import (
     PddlTypeDao,
 )
 from kant_sql.factory import SqliteDaoFactory
-from kant_sql.plans.interfaces import RecordedStep
+from kant_sql.plans import RecordedStep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 

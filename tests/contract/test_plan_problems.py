@@ -18,7 +18,7 @@ from kant_sql.errors import PlanError
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.planning import Plan, problem_hash
-from kant_sql.plans.interfaces import RecordedPlan
+from kant_sql.plans import RecordedPlan
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, rows

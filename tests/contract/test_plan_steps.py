@@ -15,7 +15,7 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
 from kant_sql.planning import PlanStep
-from kant_sql.plans.interfaces import RecordedStep, StepStatus
+from kant_sql.plans import RecordedStep, StepStatus
 from kant_sql.sql.dialects.base import Row, Session
 from tests.support.chain import check_chain
 from tests.support.processes.workers import in_processes

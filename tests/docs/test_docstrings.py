@@ -20,6 +20,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from kant_sql.factory import DaoFactory
+from kant_sql.plans import PlanDao
 from tests.docs.test_docs import ROOT
 from tests.support.parts import DAOS, FRONTS, PATHS, part
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2
@@ -98,7 +99,7 @@ def interfaces(cls: type) -> list[type]:
     return [
         base
         for base in cls.__mro__
-        if base.__module__.endswith(".interfaces") or base is DaoFactory
+        if base.__module__.endswith(".interfaces") or base in (DaoFactory, PlanDao)
     ]
 
 

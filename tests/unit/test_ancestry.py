@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.pddl.hierarchy import Ancestry
+from kant_sql.pddl.symbols import Ancestry
 
 
 def above(parents: dict[int, tuple[int, ...]], type_: int) -> set[int]:

@@ -14,7 +14,7 @@ from ...history.plan_pages import PlansPage, Stretch, read_plans_page, read_stre
 from ...history.revisions import Revision
 from ...history.versions import Version
 from ...knowledge_base import KnowledgeBase, state_of
-from ...plans.interfaces import RecordedPlan, RecordedStep
+from ...plans import RecordedPlan, RecordedStep
 from ..parameters import Offset
 from ..registry import KbName, Pages
 from ..stores import OpenStore, answer

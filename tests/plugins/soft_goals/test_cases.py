@@ -12,8 +12,8 @@ from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import Plan, solve, to_unified_planning
-from kant_sql.planning import variants as planning_variants
-from kant_sql.planning.variants import Variant, variants
+from kant_sql.planning import metrics as planning_variants
+from kant_sql.planning.metrics import Variant, variants
 from kant_sql.plugins import Plugins
 from tests.meaning import val
 from tests.meaning.material import Pair

@@ -12,7 +12,7 @@ from decimal import Decimal
 
 import kant_sql
 from kant_sql import KantSqlError, KnowledgeBase, Plan, PlanStep
-from kant_sql.plans.interfaces import StepStatus
+from kant_sql.plans import StepStatus
 
 BIDI = "\u202egpj.exe\u202c \u2066hidden\u2069 \u200bzero\u200e"
 LONG = "<b>" + "very-long-" * 1000

@@ -6,7 +6,7 @@ from decimal import Decimal
 
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.plans.interfaces import RecordedPlan
+from kant_sql.plans import RecordedPlan
 from tests.support.reading import beside
 
 DOMAIN = """

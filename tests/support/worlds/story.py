@@ -16,7 +16,7 @@ from kant_sql import (
     PlanStep,
 )
 from kant_sql.dto.formulas import Or
-from kant_sql.plans.interfaces import RecordedPlan
+from kant_sql.plans import RecordedPlan
 from tests.support.worlds.depot import CONDITIONS, CONSTRAINTS
 
 NAME = "depot"
