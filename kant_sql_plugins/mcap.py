@@ -155,18 +155,14 @@ def _import_mcap() -> Any:
 
 
 class _Chosen:
-    """Which facts and fluents are wanted.
-
-    Attributes:
-        is_all: whether all are, and steps of plans.
-    """
+    """Which facts and fluents are wanted."""
 
     def __init__(self, names: object, elements: object) -> None:
         self._names = [] if names is None else expect_list(names, str, "the names")
         texts = [] if elements is None else expect_list(elements, str, "the elements")
         self._folded = {fold(name) for name in self._names}
         self._elements = {_folded_words(text): text for text in texts}
-        self.is_all = names is None and elements is None
+        self.is_all = names is None and elements is None  # whether all are, and steps of plans
 
     def check(self, known: Sequence[list[str]]) -> None:
         """Refuse names that never were."""
@@ -204,20 +200,13 @@ def _folded_words(text: str) -> tuple[str, ...]:
 
 
 class _Lane:
-    """A channel, and what holds in it.
-
-    Attributes:
-        channel: its number.
-        type: the JSON type of its value.
-        holds: the values that hold now, each with its text.
-        last: the change that made it so.
-    """
+    """A channel, and what holds in it."""
 
     def __init__(self, channel: int, type_: str) -> None:
-        self.channel = channel
-        self.type = type_
-        self.holds: dict[str, str] = {}
-        self.last: AuditedChange | None = None
+        self.channel = channel  # its number
+        self.type = type_  # the JSON type of its value
+        self.holds: dict[str, str] = {}  # the values that hold now, each with its text
+        self.last: AuditedChange | None = None  # the change that made it so
 
     def take(self, change: AuditedChange, value: str) -> None:
         """Apply a change."""
@@ -253,14 +242,10 @@ class _Lane:
 
 
 class _Recording:
-    """Writes the transitions of one knowledge base.
-
-    Attributes:
-        messages: how many there are.
-    """
+    """Writes the transitions of one knowledge base."""
 
     def __init__(self, file: BinaryIO, state: KnowledgeBaseState, chosen: _Chosen) -> None:
-        self.messages = 0
+        self.messages = 0  # how many there are
         self._state = state
         self._chosen = chosen
         self._writer: Writer = _import_mcap().Writer(file)

@@ -297,16 +297,11 @@ class Folder:
 
 
 class NewFile:
-    """A file that is being written.
-
-    Attributes:
-        file: where its bytes go.
-        rows: how many rows it has; the writer counts them.
-    """
+    """A file that is being written."""
 
     def __init__(self, file: BinaryIO) -> None:
-        self.file = file
-        self.rows = 0
+        self.file = file  # where its bytes go
+        self.rows = 0  # how many rows it has; the writer counts them
 
 
 def _remove_empty(folder: Path, top: Path) -> None:

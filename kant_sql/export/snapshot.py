@@ -51,20 +51,13 @@ class KnowledgeBaseState(NamedTuple):
 
 
 class StoreSnapshot:
-    """A read transaction on a store.
-
-    Attributes:
-        session: the session that reads.
-        label: the URL for messages, without passwords.
-        states: the knowledge bases that have a revision, oldest first.
-        ids: their ids, by name.
-    """
+    """A read transaction on a store."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.label = session.backend.label
-        self.ids: dict[str, int] = {}
-        self.states = []
+        self.label = session.backend.label  # the URL for messages, without passwords
+        self.ids: dict[str, int] = {}  # their ids, by name
+        self.states = []  # the knowledge bases that have a revision, oldest first
         for kb_id, name, revision, digest, committed_at, archived in read_heads(session):
             self.ids[name] = kb_id
             at = time_text(committed_at)

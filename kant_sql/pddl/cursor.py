@@ -29,21 +29,15 @@ _ENDS = ["", "", ""]
 
 @dataclass(eq=False, slots=True)
 class Section:
-    """A section of a definition: from its parenthesis to the next section.
-
-    Attributes:
-        keyword: its keyword in lower case, such as `:action`; `define` for a head, and empty
-            outside of definitions.
-        start: the offset of its beginning in the code.
-        end: the offset of the next section, or of the end of the code.
-        last: whether it is the last section of its definition.
-    """
+    """A section of a definition: from its parenthesis to the next section."""
 
     text: Text
+    # Its keyword in lower case, such as `:action`; `define` for a head, and empty outside of
+    # definitions.
     keyword: str
-    start: int
-    end: int
-    last: bool = True
+    start: int  # the offset of its beginning in the code
+    end: int  # the offset of the next section, or of the end of the code
+    last: bool = True  # whether it is the last section of its definition
     _tokens: list[str] | None = None
 
     @property
@@ -60,24 +54,18 @@ class Section:
 
 
 class Diagnostics:
-    """The warnings of one reading, or its refusal of them.
-
-    Attributes:
-        strict: whether a violation of the standard is an error.
-        standard_names: names of typed lists that were checked.
-        standard_variables: the same for variables, with their question marks.
-        odd_names: other names that already have a warning.
-        suggestions: how many warnings may still suggest a name.
-    """
+    """The warnings of one reading, or its refusal of them."""
 
     def __init__(self, strict: bool) -> None:
+        # Whether a violation of the standard is an error.
         self.strict = flag(strict, "strict", InvalidArgumentError)
-        self.standard_names: set[str] = set()
+        self.standard_names: set[str] = set()  # names of typed lists that were checked
+        # The same for variables, with their question marks.
         self.standard_variables: set[str] = set()
-        self.odd_names: set[str] = set()
+        self.odd_names: set[str] = set()  # other names that already have a warning
         self._noted: dict[Section, dict[int, list[str]]] = {}
         self._whole: list[PddlWarning] = []
-        self.suggestions = MAX_SUGGESTIONS
+        self.suggestions = MAX_SUGGESTIONS  # how many warnings may still suggest a name
 
     def deviate(
         self, section: Section, index: int, found: str, expected: str, read_as: str, nesting: str
@@ -156,29 +144,16 @@ def hint(name: str, known: list[str]) -> str:
 
 
 class Group(NamedTuple):
-    """Names of one type in a typed list, as written; variables have their question marks.
-
-    Attributes:
-        types: their types; empty without any.
-        at: the index of the first name's token.
-        types_at: the index of the token after the names.
-    """
+    """Names of one type in a typed list, as written; variables have their question marks."""
 
     words: list[str]
-    types: Types
-    at: int
-    types_at: int
+    types: Types  # their types; empty without any
+    at: int  # the index of the first name's token
+    types_at: int  # the index of the token after the names
 
 
 class Cursor:
-    """A position in the tokens of a section, with the methods that all readers share.
-
-    Attributes:
-        tokens: the tokens of the section, or a block of them.
-        at: the index of the next token.
-        base: the number of tokens of the section before `tokens`.
-        nesting: the enclosing construct, for messages.
-    """
+    """A position in the tokens of a section, with the methods that all readers share."""
 
     # The token after which a type was last searched, and the token of that type.
     _found = (-1, -1)
@@ -190,10 +165,11 @@ class Cursor:
     def open(self, section: Section, nesting: str, tokens: list[str] | None = None) -> None:
         """Go to the beginning of a section, or of a block of its tokens."""
         self.section = section
+        # The tokens of the section, or a block of them.
         self.tokens = section.tokens if tokens is None else tokens
-        self.at = 0
-        self.base = 0
-        self.nesting = nesting
+        self.at = 0  # the index of the next token
+        self.base = 0  # the number of tokens of the section before `tokens`
+        self.nesting = nesting  # the enclosing construct, for messages
 
     def fail(self, expected: str, found: str | None = None, at: int | None = None) -> NoReturn:
         """Refuse the token here."""

@@ -58,15 +58,10 @@ _DEFINE = re.compile(r"\(\s*define\s*\(", re.IGNORECASE)
 
 @dataclass(eq=False)
 class Form:
-    """A definition: `(define ...)`.
+    """A definition: `(define ...)`."""
 
-    Attributes:
-        head: the text before its first section.
-        sections: its sections, in order.
-    """
-
-    head: Section
-    sections: list[Section] = field(default_factory=list)
+    head: Section  # the text before its first section
+    sections: list[Section] = field(default_factory=list)  # its sections, in order
 
     def add(self, section: Section) -> None:
         """Add a section at the end."""

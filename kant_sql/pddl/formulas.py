@@ -99,18 +99,11 @@ class Scope(dict[str, Entity]):
 
 
 class FormulaReader(Cursor):
-    """A reader of formulas.
+    """A reader of formulas."""
 
-    Attributes:
-        duration_allowed: whether `?duration` is the duration of the action.
-        time_allowed: whether `#t` may be used.
-        metric: whether it reads a metric, which has `total-time` and `is-violated`.
-        level: how many levels of formulas are around the next token.
-    """
-
-    duration_allowed = False
-    time_allowed = False
-    metric = False
+    duration_allowed = False  # whether `?duration` is the duration of the action
+    time_allowed = False  # whether `#t` may be used
+    metric = False  # whether it reads a metric, which has `total-time` and `is-violated`
 
     def __init__(
         self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable, nesting: str = ""
@@ -122,7 +115,7 @@ class FormulaReader(Cursor):
         """Go to the beginning of a section, with no variables in scope."""
         super().open(section, nesting, tokens)
         self.scope = Scope()
-        self.level = 0
+        self.level = 0  # how many levels of formulas are around the next token
 
     def enter(self) -> None:
         """Count a level of nesting; whoever reads to its end subtracts it."""

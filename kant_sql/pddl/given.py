@@ -1,4 +1,7 @@
-"""Reading what a caller gives as text: one condition, constraint or step, or one declaration."""
+"""Reading what a caller gives as text: one condition, constraint or step, or one declaration.
+
+Each function refuses a text that is something else, or uses undeclared names, with a `PddlError`.
+"""
 
 from __future__ import annotations
 
@@ -34,17 +37,11 @@ _TOKEN = re.compile(r"[()]|[^\s()]+")
 
 
 class ReadCondition(NamedTuple):
-    """A formula, and the variables that are free in it, in the order of their first occurrence.
-
-    Attributes:
-        formula: the formula.
-        free: the free variables; `object` where nothing declares a type.
-        are_declared: whether a list of parameters declared the free variables.
-    """
+    """A formula, and the variables that are free in it, in the order of their first occurrence."""
 
     formula: f.Formula
-    free: tuple[f.TypedName, ...]
-    are_declared: bool
+    free: tuple[f.TypedName, ...]  # the free variables; `object` where nothing declares a type
+    are_declared: bool  # whether a list of parameters declared the free variables
 
 
 class ReadStep(NamedTuple):
@@ -162,20 +159,7 @@ def disjuncts(text: str) -> list[str]:
 def read_condition(
     text: str, *, symbols: SymbolTable, parameters: str | None = None
 ) -> ReadCondition:
-    """Read a condition.
-
-    Args:
-        text: PDDL text.
-        symbols: the names that it may use.
-        parameters: the free variables with their types, as PDDL text.
-
-    Returns:
-        The condition and its free variables.
-
-    Raises:
-        PddlError: the text is not a condition, or it uses undeclared names.
-        InvalidArgumentError: an argument is not text.
-    """
+    """Read a condition; `parameters` is PDDL text that declares its free variables."""
     expect(text, str, "the condition", InvalidArgumentError)
     if parameters is not None:
         expect(parameters, str, "the parameters", InvalidArgumentError)
@@ -186,11 +170,7 @@ def read_condition(
 
 
 def read_constraints(text: str, *, symbols: SymbolTable) -> f.Formula:
-    """Read constraints on trajectories, with preferences, as in `(:constraints ...)`.
-
-    Raises:
-        PddlError: the text is not a condition, or it uses undeclared names.
-    """
+    """Read constraints on trajectories, with preferences, as in `(:constraints ...)`."""
     reader = ConditionReader(symbols, text, "the constraints", "()")
     return reader.whole(CONSTRAINTS | PREFERENCES)
 
@@ -200,9 +180,6 @@ def read_rules(text: str | Text, *, symbols: SymbolTable) -> tuple[f.Formula, ..
 
     `(and ...)` and `(:constraints ...)` around them may be left out; `:constraints` around one, as
     in a domain, may be repeated.
-
-    Raises:
-        PddlError: the text has something else, or it uses undeclared names.
     """
     reader = ConditionReader(symbols, text, "the rules", "()")
     context = CONSTRAINTS | PREFERENCES
@@ -219,11 +196,7 @@ def read_rules(text: str | Text, *, symbols: SymbolTable) -> tuple[f.Formula, ..
 
 
 def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
-    """Read a ground atom whose terms are objects.
-
-    Raises:
-        PddlError: the text is not a condition, or it uses undeclared names.
-    """
+    """Read a ground atom whose terms are objects."""
     reader = ConditionReader(symbols, text, "the fact", "()")
     if reader.tokens[0] != "(":
         reader.fail("a fact such as (robot_at rb1 wp1)")
@@ -236,20 +209,12 @@ def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
 
 
 def read_goal(text: str, *, symbols: SymbolTable) -> f.Formula:
-    """Read a goal without free variables, with preferences, as in `(:goal ...)`.
-
-    Raises:
-        PddlError: the text is not a condition, or it uses undeclared names.
-    """
+    """Read a goal without free variables, with preferences, as in `(:goal ...)`."""
     return ConditionReader(symbols, text, "the goal", "()").whole(PREFERENCES)
 
 
 def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
-    """Read the value of a fluent, such as `(= (battery rb1) 80)`, or a fluent alone.
-
-    Raises:
-        PddlError: the text is not a condition, or it uses undeclared names.
-    """
+    """Read the value of a fluent, such as `(= (battery rb1) 80)`, or a fluent alone."""
     reader = ConditionReader(symbols, text, "the function value", "()")
     match reader.fluent_or_formula():
         case f.Comparison("=", f.Fluent() as fluent, f.Number(value)):
@@ -266,16 +231,7 @@ def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
 
 
 def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable[str]]) -> ReadStep:
-    """Read a ground action such as `(move rb1 wp1 wp2)`.
-
-    Args:
-        text: PDDL text; the parentheses may be missing.
-        symbols: the objects.
-        actions: returns the names of the actions.
-
-    Raises:
-        PddlError: the text is not a condition, or it uses undeclared names.
-    """
+    """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses."""
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
     _refuse_unclosed(reader)
@@ -341,31 +297,19 @@ def _type_dto(types: Types) -> PddlTypeDto:
 
 
 def read_type(text: str) -> PddlTypeDto:
-    """Read a type and its parent, such as `robot - vehicle`, or a type alone.
-
-    Raises:
-        PddlError: the text is not the declaration of one type.
-    """
+    """Read a type and its parent, such as `robot - vehicle`, or a type alone."""
     name, parents = _ElementReader(text, "type", "'robot - vehicle'").name()
     return PddlTypeDto(name, parent=_type_dto(parents) if parents else None)
 
 
 def read_object(text: str) -> PddlObjectDto:
-    """Read an object such as `rb1 - robot`; without a type it is an `object`.
-
-    Raises:
-        PddlError: the text is not the declaration of one object.
-    """
+    """Read an object such as `rb1 - robot`; without a type it is an `object`."""
     name, types = _ElementReader(text, "object", "'rb1 - robot'").name()
     return PddlObjectDto(_type_dto(types or ANY), name)
 
 
 def read_predicate(text: str) -> PddlPredicateDto:
-    """Read a predicate such as `(robot_at ?r - robot ?p - place)`.
-
-    Raises:
-        PddlError: the text is not the declaration of one predicate.
-    """
+    """Read a predicate such as `(robot_at ?r - robot ?p - place)`."""
     reader = _ElementReader(text, "predicate", "(robot_at ?r - robot ?p - place)")
     predicate, _ = reader.predicate()
     reader.refuse_rest(reader.at)
@@ -373,11 +317,7 @@ def read_predicate(text: str) -> PddlPredicateDto:
 
 
 def read_function(text: str) -> PddlFunctionDto:
-    """Read a function such as `(battery ?r - robot) - number`; without a type it is a number.
-
-    Raises:
-        PddlError: the text is not the declaration of one function.
-    """
+    """Read a function such as `(battery ?r - robot) - number`; without a type it is a number."""
     reader = _ElementReader(text, "function", "(battery ?r - robot) - number")
     found = [*reader.functions()]
     reader.refuse_rest(reader.at - 1)
@@ -390,15 +330,7 @@ def read_function(text: str) -> PddlFunctionDto:
 
 
 def read_action(text: str, *, symbols: SymbolTable) -> PddlActionDto:
-    """Read an action: `(:action ...)`, `(:durative-action ...)`, `(:process ...)`, `(:event ...)`.
-
-    Args:
-        text: PDDL text.
-        symbols: the types, the predicates, the functions and the constants that it may use.
-
-    Raises:
-        PddlError: the text is not one action, or it uses undeclared names.
-    """
+    """Read an action: `(:action ...)`, `(:durative-action ...)`, `(:process ...)`, `(:event ...)`."""
     expect(text, str, "the action", InvalidArgumentError)
     reader = ActionReader(Diagnostics(strict=False), _section(text), symbols, "the action")
     keyword = reader.peek_head("an action such as (:action ...)", "a keyword such as :action")
@@ -424,11 +356,7 @@ def _parameters(parameters: Iterable[f.TypedName]) -> _Parameters:
 
 
 def text_of(given: object, example: str) -> str:
-    """Return the text of a formula given as text or as a node.
-
-    Raises:
-        InvalidKnowledgeError: it is neither.
-    """
+    """Return the text of a formula given as text or as a node."""
     if isinstance(given, str):
         return given
     if isinstance(given, f.Node):

@@ -64,23 +64,18 @@ class _Numbers(dict[str, f.Number]):
 
 
 class FactSignature:
-    """A predicate or a function for the tight loop, with its facts or values.
-
-    Attributes:
-        fitting: for each parameter, the objects that fit.
-        value: for a function, its possible numbers or objects.
-        facts: the arguments of its facts, in their declared spelling.
-        values: the index of its value by arguments, in their declared spelling.
-    """
+    """A predicate or a function for the tight loop, with its facts or values."""
 
     __slots__ = ("arity", "facts", "fitting", "name", "value", "values")
 
     def __init__(self, name: str, fitting: list[_Fitting], value: _Fitting | _Numbers) -> None:
         self.name = name
         self.arity = len(fitting)
-        self.fitting = fitting
-        self.value = value
+        self.fitting = fitting  # for each parameter, the objects that fit
+        self.value = value  # for a function, its possible numbers or objects
+        # The arguments of its facts, in their declared spelling.
         self.facts: set[tuple[str, ...]] = set()
+        # The index of its value by arguments, in their declared spelling.
         self.values: dict[tuple[str, ...], int] = {}
 
 

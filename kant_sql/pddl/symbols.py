@@ -141,25 +141,20 @@ ANY: Types = (ROOT_TYPE,)
 
 
 class Signature:
-    """A predicate or a function, as readers need it.
-
-    Attributes:
-        parameters: the types of its parameters; None when they are unknown.
-        accepted: for each parameter, its types, and the types of arguments that fit it.
-        types: the types of a function's values; empty for numbers and for a predicate.
-        bare: the atom without arguments.
-    """
+    """A predicate or a function, as readers need it."""
 
     __slots__ = ("accepted", "bare", "name", "parameters", "types")
 
     def __init__(self, name: str, parameters: tuple[Types, ...] | None, types: Types = ()) -> None:
         self.name = name
-        self.parameters = parameters
+        self.parameters = parameters  # the types of its parameters; None when they are unknown
+        # For each parameter, its types, and the types of arguments that fit it.
         self.accepted: tuple[tuple[Types, set[Types]], ...] = tuple(
             [(wanted, {wanted}) for wanted in parameters or ()]
         )
+        # The types of a function's values; empty for numbers and for a predicate.
         self.types = types
-        self.bare = Atom(name)
+        self.bare = Atom(name)  # the atom without arguments
 
 
 class Signatures:
@@ -218,30 +213,23 @@ Head = Signature | Callable[..., Formula]
 
 
 class SymbolTable:
-    """The names that formulas may use.
-
-    Attributes:
-        unknown_domain: whether there is no domain, so undeclared names are accepted.
-        grows: whether undeclared types are added, as in a domain.
-        types: the declared spelling of each type, by folded name.
-        resolved: cache of the declared spelling of each list of types.
-        parents: the supertypes of each type.
-        objects: cache of constants and objects, by spelling.
-        preferences: the names of preferences, by folded name.
-        heads: cache of the heads of conditions, by spelling; `effect_heads` those of effects.
-    """
+    """The names that formulas may use."""
 
     def __init__(self, unknown_domain: bool = False) -> None:
+        # Whether there is no domain, so undeclared names are accepted.
         self.unknown_domain = unknown_domain
-        self.grows = False
+        self.grows = False  # whether undeclared types are added, as in a domain
+        # The declared spelling of each type, by folded name.
         self.types: dict[str, str] = {ROOT_TYPE: ROOT_TYPE}
+        # Cache of the declared spelling of each list of types.
         self.resolved: dict[Types, Types] = {}
-        self.parents: dict[str, Types] = {}
+        self.parents: dict[str, Types] = {}  # the supertypes of each type
         self.predicates = Signatures("predicate")
         self.functions = Signatures("function")
-        self.objects: dict[str, Entity] = {}
-        self.preferences: dict[str, str] = {}
+        self.objects: dict[str, Entity] = {}  # cache of constants and objects, by spelling
+        self.preferences: dict[str, str] = {}  # the names of preferences, by folded name
         self._domain: Domain | None = None
+        # Cache of the heads of conditions, by spelling; `effect_heads` those of effects.
         self.heads: dict[str, Head] = {}
         self.effect_heads: dict[str, Head] = {}
         self._bound: dict[tuple[str, Types], BoundVariable] = {}

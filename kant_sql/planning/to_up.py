@@ -32,11 +32,7 @@ if TYPE_CHECKING:
 
 
 class UpConversion:
-    """One conversion of documents.
-
-    Attributes:
-        context: the state that all parts share; its `problem` is the result.
-    """
+    """One conversion of documents."""
 
     def __init__(
         self, domain: Domain, problem: Problem, environment: Environment, integers: bool = False
@@ -46,6 +42,7 @@ class UpConversion:
         self._domain, self._document = domain, problem
         names = UpNames(domain, problem)
         manager = environment.expression_manager
+        # The state that all parts share; its `problem` is the result.
         self.context = ConversionContext(
             environment,
             UpProblem(

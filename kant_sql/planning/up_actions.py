@@ -117,20 +117,14 @@ def _is_duration(node: object) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SingleEffect:
-    """A single effect with its context.
-
-    Attributes:
-        variables: the variables of its quantifiers.
-        conditions: its conditions, each with its time, if any, and its scope.
-        time: the time of the effect; None without one, and for a continuous effect.
-        change: the literal or assignment.
-    """
+    """A single effect with its context."""
 
     scope: Bindings
-    variables: tuple[UpVariable, ...] = ()
+    variables: tuple[UpVariable, ...] = ()  # the variables of its quantifiers
+    # Its conditions, each with its time, if any, and its scope.
     conditions: tuple[tuple[str | None, f.Formula, Bindings], ...] = ()
-    time: str | None = None
-    change: f.Atom | f.Not | f.Assign | None = None
+    time: str | None = None  # the time of the effect; None without one, and for a continuous effect
+    change: f.Atom | f.Not | f.Assign | None = None  # the literal or assignment
 
 
 def _timed(

@@ -113,14 +113,11 @@ class UpTypes:
 
 @dataclass(frozen=True, slots=True)
 class Bindings:
-    """The variables that a formula may mention.
+    """The variables that a formula may mention."""
 
-    Attributes:
-        bound: the value of each variable, by folded name.
-        names: the names of unified-planning's parameters and variables in scope.
-    """
-
+    # The value of each variable, by folded name.
     bound: dict[str, FNode] = field(default_factory=dict)
+    # The names of unified-planning's parameters and variables in scope.
     names: frozenset[str] = frozenset()
 
     def fresh(self, name: str) -> str:
@@ -142,30 +139,21 @@ class Bindings:
 
 @dataclass
 class ConversionContext:
-    """A conversion in progress.
-
-    Attributes:
-        problem: the resulting problem.
-        fluents: predicates and functions, by category and folded name.
-        objects: the objects, by folded name.
-        rules: the rules of derived predicates, by folded name.
-        static: the folded names of the functions that never change.
-        integers: whether numeric fluents are integers.
-        costed: whether `total-cost` is the cost of the actions, not a fluent.
-        where: the construct in conversion, for messages.
-    """
+    """A conversion in progress."""
 
     environment: Environment
-    problem: UpProblem
+    problem: UpProblem  # the resulting problem
     names: UpNames
     types: UpTypes
+    # Predicates and functions, by category and folded name.
     fluents: dict[tuple[str, str], UpFluent] = field(default_factory=dict)
-    objects: dict[str, UpObject] = field(default_factory=dict)
+    objects: dict[str, UpObject] = field(default_factory=dict)  # the objects, by folded name
+    # The rules of derived predicates, by folded name.
     rules: dict[str, list[f.Derived]] = field(default_factory=dict)
-    static: frozenset[str] = frozenset()
-    integers: bool = False
-    costed: bool = False
-    where: str = ""
+    static: frozenset[str] = frozenset()  # the folded names of the functions that never change
+    integers: bool = False  # whether numeric fluents are integers
+    costed: bool = False  # whether `total-cost` is the cost of the actions, not a fluent
+    where: str = ""  # the construct in conversion, for messages
 
     @contextmanager
     def at(self, where: str) -> Iterator[None]:

@@ -111,13 +111,10 @@ REMOVALS = (
 
 @dataclass(frozen=True)
 class EngineProblem:
-    """A problem as an engine receives it.
-
-    Attributes:
-        back: maps its actions back to the original ones, last compilation first.
-    """
+    """A problem as an engine receives it."""
 
     problem: UpProblem
+    # Maps its actions back to the original ones, last compilation first.
     back: tuple[Callable[[ActionInstance], ActionInstance | None], ...] = field(default=())
 
 
