@@ -330,7 +330,7 @@ def read_function(text: str) -> PddlFunctionDto:
 
 
 def read_action(text: str, *, symbols: SymbolTable) -> PddlActionDto:
-    """Read an action: `(:action ...)`, `(:durative-action ...)`, `(:process ...)`, `(:event ...)`."""
+    """Read an action, a durative action, a process or an event, such as `(:action ...)`."""
     expect(text, str, "the action", InvalidArgumentError)
     reader = ActionReader(Diagnostics(strict=False), _section(text), symbols, "the action")
     keyword = reader.peek_head("an action such as (:action ...)", "a keyword such as :action")
