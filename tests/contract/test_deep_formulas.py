@@ -8,20 +8,7 @@ from typing import Any
 import pytest
 
 from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlActionDto
-from kant_sql.dto.formulas import (
-    MAX_NESTING,
-    Arithmetic,
-    Atom,
-    Comparison,
-    Derived,
-    Exists,
-    Fluent,
-    Metric,
-    Not,
-    Number,
-    TypedName,
-    Variable,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.pddl import read_domain, read_problem, write
 
 DOMAIN = """
@@ -37,7 +24,7 @@ PROBLEM = """
   (:metric minimize {value}))
 """
 # With the atom within, and what is around some of these formulas.
-LEVELS = MAX_NESTING - 2
+LEVELS = f.MAX_NESTING - 2
 
 
 def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:
@@ -75,7 +62,7 @@ def test_what_is_deep_comes_back_equal(fresh_kb: KnowledgeBase, opening: str) ->
 
 def nested(leaf: Any, levels: int) -> Any:
     for _ in range(levels):
-        leaf = Not(leaf)
+        leaf = f.Not(leaf)
     return leaf
 
 
@@ -85,17 +72,17 @@ def test_daos_take_and_give_what_is_deep(fresh_kb: KnowledgeBase) -> None:
         .replace("(:derived (d) (always (p)))", "(:derived (d) (p))")
         .replace(":precondition (always (p))", ":precondition (p)")
     )
-    term: Any = Variable("x")
-    total: Any = Number(1)
+    term: Any = f.Variable("x")
+    total: Any = f.Number(1)
     for _ in range(LEVELS // 2):
-        term, total = Fluent("next", (term,)), Arithmetic("-", (total,))
-    goal = Exists((TypedName("x", ("t",)),), nested(Atom("q", (term,)), LEVELS // 2))
+        term, total = f.Fluent("next", (term,)), f.Arithmetic("-", (total,))
+    goal = f.Exists((f.TypedName("x", ("t",)),), nested(f.Atom("q", (term,)), LEVELS // 2))
     fresh_kb.goals.save(goal)
-    fresh_kb.goals.save(Comparison("<", total, Fluent("f")))
-    fresh_kb.pddl.metric.set(Metric("minimize", total))
-    fresh_kb.pddl.derived_predicates.save(Derived("d", (), nested(Atom("p"), LEVELS)))
-    assert fresh_kb.goals.get_all() == [goal, Comparison("<", total, Fluent("f"))]
-    assert fresh_kb.pddl.metric.get() == Metric("minimize", total)
+    fresh_kb.goals.save(f.Comparison("<", total, f.Fluent("f")))
+    fresh_kb.pddl.metric.set(f.Metric("minimize", total))
+    fresh_kb.pddl.derived_predicates.save(f.Derived("d", (), nested(f.Atom("p"), LEVELS)))
+    assert fresh_kb.goals.get_all() == [goal, f.Comparison("<", total, f.Fluent("f"))]
+    assert fresh_kb.pddl.metric.get() == f.Metric("minimize", total)
     assert fresh_kb.store.verify().is_intact
     assert fresh_kb.goals.insert(goal) is False
     assert fresh_kb.goals.delete(goal) is True
@@ -113,19 +100,21 @@ def test_what_is_deeper_is_refused_wherever_it_comes_from(fresh_kb: KnowledgeBas
     fresh_kb.load_domain(
         "(define (domain d) (:requirements :adl :fluents) (:predicates (p)) (:functions (f)))"
     )
-    for deepest in (nested(Atom("p"), MAX_NESTING - 1), numbered(MAX_NESTING)):
+    for deepest in (nested(f.Atom("p"), f.MAX_NESTING - 1), numbered(f.MAX_NESTING)):
         fresh_kb.goals.save(deepest)
         assert fresh_kb.goals.get_all() == [deepest]
         assert fresh_kb.holds(str(deepest)) in (True, False)
         assert fresh_kb.goals.delete(deepest)
-    fresh_kb.goals.save(nested(Atom("p"), MAX_NESTING - 1))
+    fresh_kb.goals.save(nested(f.Atom("p"), f.MAX_NESTING - 1))
     before = fresh_kb.revision
-    for levels in (MAX_NESTING + 1, 50_000):
-        for wrong in (nested(Atom("p"), levels - 1), numbered(levels)):
+    for levels in (f.MAX_NESTING + 1, 50_000):
+        for wrong in (nested(f.Atom("p"), levels - 1), numbered(levels)):
             for save in (
                 lambda wrong=wrong: fresh_kb.goals.save(wrong),
                 lambda wrong=wrong: fresh_kb.goals.save(str(wrong)),
-                lambda wrong=wrong: fresh_kb.pddl.derived_predicates.save(Derived("p", (), wrong)),
+                lambda wrong=wrong: fresh_kb.pddl.derived_predicates.save(
+                    f.Derived("p", (), wrong)
+                ),
                 lambda wrong=wrong: fresh_kb.actions.save(
                     PddlActionDto("a", [], [wrong], [], durative=False)
                 ),
@@ -137,8 +126,8 @@ def test_what_is_deeper_is_refused_wherever_it_comes_from(fresh_kb: KnowledgeBas
     assert fresh_kb.revision == before
 
 
-def numbered(levels: int) -> Comparison:
-    total: Any = Fluent("f")
+def numbered(levels: int) -> f.Comparison:
+    total: Any = f.Fluent("f")
     for _ in range(levels - 2):
-        total = Arithmetic("-", (total,))
-    return Comparison("<", total, Number(1))
+        total = f.Arithmetic("-", (total,))
+    return f.Comparison("<", total, f.Number(1))

@@ -19,21 +19,7 @@ from kant_sql import (
     PddlTypeDto,
     UnknownNameError,
 )
-from kant_sql.dto.formulas import (
-    And,
-    Atom,
-    Comparison,
-    Constant,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Metric,
-    Modal,
-    Not,
-    TimedLiteral,
-    Variable,
-)
+from kant_sql.dto import formulas as f
 from tests.support.reading import beside, undone
 from tests.support.statements import count
 from tests.support.stores import Connect
@@ -125,7 +111,7 @@ def test_fact_and_goal_are_two_elements(kb_with_past: KnowledgeBase) -> None:
         "(robot_at rb1 wp2)",
         "(ROBOT_AT Rb1 wP2)",
         "  ( robot_at\n rb1\twp2 ) ",
-        Atom("Robot_At", (Constant("rb1"), Constant("WP2"))),
+        f.Atom("Robot_At", (f.Constant("rb1"), f.Constant("WP2"))),
         PddlPropositionDto(
             PddlPredicateDto("ROBOT_AT"), [PddlObjectDto(ROBOT, "RB1"), PddlObjectDto(ROBOT, "WP2")]
         ),
@@ -144,7 +130,7 @@ def test_any_spelling_finds_it(kb_with_past: KnowledgeBase, text: Any) -> None:
         "(= (BATTERY RB1) 12345)",
         PddlFunctionValueDto(BATTERY, [RB1], 7),
         PddlFunctionValueDto(BATTERY, [RB1]),
-        Fluent("battery", (Constant("rb1"),)),
+        f.Fluent("battery", (f.Constant("rb1"),)),
     ],
     ids=str,
 )
@@ -203,15 +189,15 @@ def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> Non
 def test_the_text_of_any_change_finds_what_it_is_of(depot_kb: KnowledgeBase) -> None:
     depot_kb.propositions.save(robot_at(is_goal=True))
     depot_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
-    depot_kb.goals.save(Comparison(">", fuel(), number("2.50")))
-    depot_kb.goals.save(Equal(home(), HUB))
-    depot_kb.pddl.timed_initial_literals.save(TimedLiteral(number("5"), at()))
-    depot_kb.pddl.initial_literals.save(Not(IDLE))
-    depot_kb.pddl.constraints.save(Modal("always", (), (IDLE,)))
-    depot_kb.pddl.domain_constraints.save(Modal("sometime", (), (IDLE,)))
-    depot_kb.pddl.metric.set(Metric("minimize", fuel()))
+    depot_kb.goals.save(f.Comparison(">", fuel(), number("2.50")))
+    depot_kb.goals.save(f.Equal(home(), HUB))
+    depot_kb.pddl.timed_initial_literals.save(f.TimedLiteral(number("5"), at()))
+    depot_kb.pddl.initial_literals.save(f.Not(IDLE))
+    depot_kb.pddl.constraints.save(f.Modal("always", (), (IDLE,)))
+    depot_kb.pddl.domain_constraints.save(f.Modal("sometime", (), (IDLE,)))
+    depot_kb.pddl.metric.set(f.Metric("minimize", fuel()))
     depot_kb.pddl.derived_predicates.save(
-        Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
+        f.Derived("reachable", (PLACE,), f.Exists((TRUCK,), at(T, P)))
     )
     kinds = set()
     for entry in depot_kb.log():
@@ -228,13 +214,13 @@ def test_the_text_of_any_change_finds_what_it_is_of(depot_kb: KnowledgeBase) -> 
 
 
 FORMULAS: list[tuple[Any, list[str]]] = [
-    (Comparison(">", fuel(), number("2.5")), ["goal"]),
+    (f.Comparison(">", fuel(), number("2.5")), ["goal"]),
     ("(> (Fuel t1) 2.500)", ["goal"]),
-    (Not(IDLE), ["initial", "goal"]),
+    (f.Not(IDLE), ["initial", "goal"]),
     ("(not (idle))", ["initial", "goal"]),
-    (And((Not(IDLE), Comparison(">", fuel(), number("2.50")))), ["goal", "initial", "goal"]),
+    (f.And((f.Not(IDLE), f.Comparison(">", fuel(), number("2.50")))), ["goal", "initial", "goal"]),
     ("(and (and) (not (idle)))", ["initial", "goal"]),
-    (Comparison(">", fuel(), number("3")), []),
+    (f.Comparison(">", fuel(), number("3")), []),
     ("(and)", []),
     ("(not (nowhere))", []),
     (at(T1, home()), []),
@@ -242,9 +228,9 @@ FORMULAS: list[tuple[Any, list[str]]] = [
 
 
 def test_a_formula_is_found_in_whatever_section(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(Comparison(">", fuel(), number("2.50")))
-    depot_kb.pddl.initial_literals.save(Not(IDLE))
-    depot_kb.goals.save(Not(IDLE))
+    depot_kb.goals.save(f.Comparison(">", fuel(), number("2.50")))
+    depot_kb.pddl.initial_literals.save(f.Not(IDLE))
+    depot_kb.goals.save(f.Not(IDLE))
     depot_kb.goals.delete_all()
     for formula, kinds in FORMULAS:
         found = told(depot_kb, formula)
@@ -253,7 +239,7 @@ def test_a_formula_is_found_in_whatever_section(depot_kb: KnowledgeBase) -> None
 
 
 def test_an_equation_may_be_a_value_and_a_goal(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(Comparison("=", fuel(), number("7")))
+    depot_kb.goals.save(f.Comparison("=", fuel(), number("7")))
     assert told(depot_kb, "(= (fuel t1) 7)") == [
         ("value", "(= (fuel t1) 7.50)", 1, None),
         ("goal", "(= (fuel t1) 7)", 2, None),
@@ -282,7 +268,7 @@ NEVER: list[Any] = [
     robot_at(RB1, waypoint(77)),
     PddlFunctionValueDto(PddlFunctionDto("robot_at"), [RB1, WP1]),
     PddlPropositionDto(PddlPredicateDto("battery"), [RB1]),
-    Constant("nobody"),
+    f.Constant("nobody"),
 ]
 
 
@@ -324,7 +310,7 @@ REFUSED: list[Any] = [
     "(robot_at rb1 wp1))",
     "(robot_at rb1 wp1) (robot_at rb1 wp2)",
     "a\0b",
-    Variable("x"),
+    f.Variable("x"),
     PddlConditionEffectDto(ROBOT_AT, [RB1, WP1]),
     PddlTypeDto,
 ]
@@ -397,12 +383,12 @@ def test_statements_do_not_grow_with_versions(kb: KnowledgeBase, connect: Connec
             kb.propositions.save(robot_at())
             kb.propositions.delete(robot_at())
             kb.function_values.set("fuel", objects=["t1"], value=each)
-            kb.goals.save(Comparison(">", fuel(), number(str(each))))
+            kb.goals.save(f.Comparison(">", fuel(), number(str(each))))
         counts = tuple(
             count(lambda element=element: kb.history(element))  # type: ignore[misc]
             for element in (robot_at(), "(robot_at rb1 wp1)", "rb1", "(fuel t1)")
         )
-        taken.add((*counts, count(lambda: kb.history(Comparison(">", fuel(), number("0"))))))
+        taken.add((*counts, count(lambda: kb.history(f.Comparison(">", fuel(), number("0"))))))
     assert len(kb.history(robot_at())) == 41
     # The versions, by names, and their revisions; of a formula, first all texts.
     assert taken == {(2, 2, 2, 2, 3)}

@@ -16,23 +16,7 @@ from kant_sql import (
     PddlPredicateDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formulas import (
-    Assign,
-    Atom,
-    Comparison,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Formula,
-    Metric,
-    Modal,
-    Not,
-    Or,
-    TimedLiteral,
-    TypedName,
-    Variable,
-)
+from kant_sql.dto import formulas as f
 from tests.support.parts import dao_of
 from tests.support.reading import last_changes, nothing_changes, rows, undone
 from tests.support.worlds.depot import (
@@ -56,37 +40,39 @@ TRUCKS, PLACES = PddlTypeDto("truck", parent=PddlTypeDto("machine")), PddlTypeDt
 # Each sort of formula, and of action, with what it mentions.
 MENTIONS: dict[str, dict[str, Any]] = {
     "predicate": {
-        "derived_predicates": Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))),
-        "timed_initial_literals": TimedLiteral(number("5"), Not(at(T2))),
-        "initial_literals": Not(at(T2)),
-        "goals": Or((at(T2),)),
-        "constraints": Modal("sometime", (), (at(T2),)),
-        "domain_constraints": Modal("always", (), (Not(at(T1, HUB)),)),
-        "actions": PddlActionDto("act", [], [Not(at())], [], durative=False),
+        "derived_predicates": f.Derived("reachable", (PLACE,), f.Exists((TRUCK,), at(T, P))),
+        "timed_initial_literals": f.TimedLiteral(number("5"), f.Not(at(T2))),
+        "initial_literals": f.Not(at(T2)),
+        "goals": f.Or((at(T2),)),
+        "constraints": f.Modal("sometime", (), (at(T2),)),
+        "domain_constraints": f.Modal("always", (), (f.Not(at(T1, HUB)),)),
+        "actions": PddlActionDto("act", [], [f.Not(at())], [], durative=False),
     },
     "function": {
-        "derived_predicates": Derived("idle", (), Comparison("<", fuel(), number("1"))),
-        "timed_initial_literals": TimedLiteral(number("5"), Assign("assign", fuel(), number("1"))),
-        "goals": Comparison(">", fuel(T2), number("1")),
-        "constraints": Modal("always", (), (Comparison(">", fuel(T2), number("1")),)),
-        "metric": Metric("minimize", fuel()),
-        "actions": PddlActionDto("act", [], [], [Assign("increase", fuel(), number("1"))], False),
+        "derived_predicates": f.Derived("idle", (), f.Comparison("<", fuel(), number("1"))),
+        "timed_initial_literals": f.TimedLiteral(
+            number("5"), f.Assign("assign", fuel(), number("1"))
+        ),
+        "goals": f.Comparison(">", fuel(T2), number("1")),
+        "constraints": f.Modal("always", (), (f.Comparison(">", fuel(T2), number("1")),)),
+        "metric": f.Metric("minimize", fuel()),
+        "actions": PddlActionDto("act", [], [], [f.Assign("increase", fuel(), number("1"))], False),
     },
     "object": {
-        "derived_predicates": Derived("idle", (), at()),
-        "timed_initial_literals": TimedLiteral(number("5"), Not(at())),
-        "initial_literals": Equal(T1, T2),
-        "goals": Or((Equal(home(T2), HUB), at())),
-        "constraints": Modal("sometime", (), (at(),)),
-        "metric": Metric("minimize", fuel()),
+        "derived_predicates": f.Derived("idle", (), at()),
+        "timed_initial_literals": f.TimedLiteral(number("5"), f.Not(at())),
+        "initial_literals": f.Equal(T1, T2),
+        "goals": f.Or((f.Equal(home(T2), HUB), at())),
+        "constraints": f.Modal("sometime", (), (at(),)),
+        "metric": f.Metric("minimize", fuel()),
         "actions": PddlActionDto("act", [], [at()], [], durative=False),
     },
     "type": {
-        "derived_predicates": Derived("idle", (), Exists((TRUCK,), IDLE)),
-        "goals": Exists((TypedName("x", ("place", "truck")),), IDLE),
-        "constraints": Modal("always", (), (Exists((TRUCK,), IDLE),)),
+        "derived_predicates": f.Derived("idle", (), f.Exists((TRUCK,), IDLE)),
+        "goals": f.Exists((f.TypedName("x", ("place", "truck")),), IDLE),
+        "constraints": f.Modal("always", (), (f.Exists((TRUCK,), IDLE),)),
         "actions": PddlActionDto(
-            "act", [PddlObjectDto(TRUCKS, "t")], [], [Atom("ready", (Variable("t"),))], False
+            "act", [PddlObjectDto(TRUCKS, "t")], [], [f.Atom("ready", (f.Variable("t"),))], False
         ),
     },
 }
@@ -184,8 +170,8 @@ def test_each_that_mentions_it_refuses_its_redefinition(depot_kb: KnowledgeBase,
 
 
 def test_what_mentions_something_else_stays(depot_kb: KnowledgeBase) -> None:
-    stay: list[Formula] = [Not(IDLE), Exists((PLACE,), IDLE), Equal(home(T2), HUB)]
-    depot_kb.goals.save_all([*stay, Or((at(),)), Exists((TRUCK,), at(T, HUB))])
+    stay: list[f.Formula] = [f.Not(IDLE), f.Exists((PLACE,), IDLE), f.Equal(home(T2), HUB)]
+    depot_kb.goals.save_all([*stay, f.Or((at(),)), f.Exists((TRUCK,), at(T, HUB))])
     depot_kb.predicates.delete(PddlPredicateDto("at"))
     assert depot_kb.goals.get_all() == stay
     depot_kb.objects.delete(PddlObjectDto(TRUCKS, "t1"))
@@ -195,7 +181,7 @@ def test_what_mentions_something_else_stays(depot_kb: KnowledgeBase) -> None:
 
 
 def test_names_of_parameters_may_change_below_formulas(depot_kb: KnowledgeBase) -> None:
-    goal = Exists((TRUCK,), at(T, HUB))
+    goal = f.Exists((TRUCK,), at(T, HUB))
     depot_kb.goals.save(goal)
     renamed = PddlPredicateDto("at", [TRUCKS, PLACES], parameter_names=["who", "where"])
     depot_kb.predicates.save(renamed)
@@ -218,7 +204,7 @@ DANGLING = {
 
 
 def test_the_database_refuses_what_dangles(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(Exists((TRUCK,), Or((at(T), Comparison("<", fuel(T), number("1"))))))
+    depot_kb.goals.save(f.Exists((TRUCK,), f.Or((at(T), f.Comparison("<", fuel(T), number("1"))))))
     truck = PddlObjectDto(TRUCKS, "t")
     depot_kb.actions.save(PddlActionDto("act", [truck], [at(T)], [], durative=False))
     store: Any = depot_kb.store.factory._store  # type: ignore[attr-defined]
@@ -237,7 +223,7 @@ def test_the_database_refuses_what_dangles(depot_kb: KnowledgeBase) -> None:
 
 
 def test_fluents_within_terms_are_mentioned(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(Not(at(T1, home(T2))))
+    depot_kb.goals.save(f.Not(at(T1, home(T2))))
     depot_kb.functions.delete(PddlFunctionDto("home"))
     assert depot_kb.goals.get_all() == []
-    assert Fluent("home", (T1,)) not in [value.fluent for value in depot_kb.pddl.problem().values]
+    assert f.Fluent("home", (T1,)) not in [value.fluent for value in depot_kb.pddl.problem().values]

@@ -8,24 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from kant_sql import KnowledgeBase, ReadOnlyError
-from kant_sql.dto.formulas import (
-    And,
-    Assign,
-    Atom,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    IsViolated,
-    Metric,
-    Modal,
-    Node,
-    Not,
-    Preference,
-    TimedLiteral,
-    TypedName,
-    Variable,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.errors import InvalidKnowledgeError
 from tests.support.parts import dao_of
 from tests.support.reading import last_changes, nothing_changes, rows
@@ -57,25 +40,27 @@ class Sort(NamedTuple):
 
     dao: str
     kind: str
-    said: Callable[[KnowledgeBase], tuple[Node, ...]]
+    said: Callable[[KnowledgeBase], tuple[f.Node, ...]]
     examples: dict[str, Any]
 
 
-X, Y = TypedName("x", ("place",)), TypedName("y", ("place",))
+X, Y = f.TypedName("x", ("place",)), f.TypedName("y", ("place",))
 SORTS = [
     Sort(
         "derived_predicates",
         "derived",
         lambda kb: kb.pddl.domain().derived,
         {
-            "rule": Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P))),
-            "another rule of it": Derived("reachable", (X,), Atom("open", (Variable("x"),))),
-            "recursive": Derived(
+            "rule": f.Derived("reachable", (PLACE,), f.Exists((TRUCK,), at(T, P))),
+            "another rule of it": f.Derived("reachable", (X,), f.Atom("open", (f.Variable("x"),))),
+            "recursive": f.Derived(
                 "linked",
                 (X, Y),
-                Exists((PLACE,), And((Atom("linked", (Variable("x"), P)), Equal(P, HUB)))),
+                f.Exists(
+                    (PLACE,), f.And((f.Atom("linked", (f.Variable("x"), P)), f.Equal(P, HUB)))
+                ),
             ),
-            "no parameters": Derived("idle", (), Not(at(T1, HUB))),
+            "no parameters": f.Derived("idle", (), f.Not(at(T1, HUB))),
         },
     ),
     Sort(
@@ -83,11 +68,11 @@ SORTS = [
         "timed",
         lambda kb: kb.pddl.problem().timed,
         {
-            "add": TimedLiteral(number("5"), at()),
-            "delete": TimedLiteral(number("7.50"), Not(at())),
-            "add again later": TimedLiteral(number("12"), at()),
-            "number": TimedLiteral(number("0.5"), Assign("assign", fuel(), number("9"))),
-            "object": TimedLiteral(number("1"), Assign("assign", home(T2), HUB)),
+            "add": f.TimedLiteral(number("5"), at()),
+            "delete": f.TimedLiteral(number("7.50"), f.Not(at())),
+            "add again later": f.TimedLiteral(number("12"), at()),
+            "number": f.TimedLiteral(number("0.5"), f.Assign("assign", fuel(), number("9"))),
+            "object": f.TimedLiteral(number("1"), f.Assign("assign", home(T2), HUB)),
         },
     ),
     Sort(
@@ -95,9 +80,9 @@ SORTS = [
         "initial",
         lambda kb: kb.pddl.problem().literals,
         {
-            "negative": Not(at(T2)),
-            "equality": Equal(T1, T2),
-            "inequality": Not(Equal(T1, C1)),
+            "negative": f.Not(at(T2)),
+            "equality": f.Equal(T1, T2),
+            "inequality": f.Not(f.Equal(T1, C1)),
         },
     ),
     Sort("constraints", "constraint", lambda kb: kb.pddl.problem().constraints, CONSTRAINTS),
@@ -109,14 +94,14 @@ SORTS = [
     ),
 ]
 METRICS = {
-    "time": Metric("minimize", Fluent("total-time")),
-    "cost": Metric("minimize", Fluent("total-cost")),
-    "preferences": Metric(
+    "time": f.Metric("minimize", f.Fluent("total-time")),
+    "cost": f.Metric("minimize", f.Fluent("total-cost")),
+    "preferences": f.Metric(
         "maximize",
         calculated(
             "-",
-            calculated("*", number("2.50"), IsViolated("p1")),
-            calculated("+", Fluent("total-time"), fuel(), distance(HUB, HUB)),
+            calculated("*", number("2.50"), f.IsViolated("p1")),
+            calculated("+", f.Fluent("total-time"), fuel(), distance(HUB, HUB)),
         ),
     ),
 }
@@ -170,10 +155,10 @@ def test_formulas_of_a_sort_are_deleted(depot_kb: KnowledgeBase, sort: Sort) -> 
 
 @pytest.mark.parametrize("dao", ["goals", "constraints", "domain_constraints"])
 def test_a_conjunction_is_its_conjuncts(depot_kb: KnowledgeBase, dao: str) -> None:
-    parts = [Modal("always", (), (IDLE,)), Modal("sometime", (), (at(),))]
+    parts = [f.Modal("always", (), (IDLE,)), f.Modal("sometime", (), (at(),))]
     if dao == "goals":
-        parts = [Not(IDLE), Preference("p", at())]  # type: ignore[list-item]
-    nested = And((parts[0], And((parts[1], And(())))))
+        parts = [f.Not(IDLE), f.Preference("p", at())]  # type: ignore[list-item]
+    nested = f.And((parts[0], f.And((parts[1], f.And(())))))
     dao_of(depot_kb, dao).save(nested)
     assert dao_of(depot_kb, dao).get_all() == parts
     assert dao_of(depot_kb, dao).delete(nested) is True
@@ -181,7 +166,7 @@ def test_a_conjunction_is_its_conjuncts(depot_kb: KnowledgeBase, dao: str) -> No
 
 
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: Metric) -> None:
+def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: f.Metric) -> None:
     world = load(fresh_kb)
     assert fresh_kb.pddl.metric.get() is None
     assert fresh_kb.pddl.metric.set(metric) is True
@@ -190,7 +175,7 @@ def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: Metric) -> None:
     for reader in (fresh_kb, again(fresh_kb)):
         assert reader.pddl.metric.get() == reader.pddl.problem().metric == metric
         check_text(reader)
-    other = Metric("maximize", fuel())
+    other = f.Metric("maximize", fuel())
     assert fresh_kb.pddl.metric.set(other) is True
     assert last_changes(fresh_kb) == [f"+ metric {other}", f"- metric {metric}"]
     assert fresh_kb.pddl.problem().metric == other
@@ -202,22 +187,24 @@ def test_a_metric_is_kept(fresh_kb: KnowledgeBase, metric: Metric) -> None:
 
 
 def test_one_text_in_two_sections_is_two_formulas(depot_kb: KnowledgeBase) -> None:
-    formula = Modal("always", (), (IDLE,))
+    formula = f.Modal("always", (), (IDLE,))
     depot_kb.pddl.constraints.save(formula)
     depot_kb.pddl.domain_constraints.save(formula)
-    depot_kb.goals.save(Not(at()))
-    depot_kb.pddl.initial_literals.save(Not(at()))
+    depot_kb.goals.save(f.Not(at()))
+    depot_kb.pddl.initial_literals.save(f.Not(at()))
     depot_kb.pddl.constraints.delete_all()
     depot_kb.goals.delete_all()
     assert depot_kb.pddl.domain_constraints.get_all() == [formula]
-    assert depot_kb.pddl.initial_literals.get_all() == [Not(at())]
+    assert depot_kb.pddl.initial_literals.get_all() == [f.Not(at())]
 
 
 def test_names_are_kept_in_their_first_spelling(depot_kb: KnowledgeBase) -> None:
-    shouted = Exists((TypedName("T", ("TRUCK",)),), Atom("AT", (Variable("t"), Variable("T"))))
+    shouted = f.Exists(
+        (f.TypedName("T", ("TRUCK",)),), f.Atom("AT", (f.Variable("t"), f.Variable("T")))
+    )
     with pytest.raises(InvalidKnowledgeError, match="term 2 of"):
         depot_kb.goals.save(shouted)
-    shouted = Exists((TypedName("T", ("TRUCK",)),), Atom("AT", (Variable("t"), HUB)))
+    shouted = f.Exists((f.TypedName("T", ("TRUCK",)),), f.Atom("AT", (f.Variable("t"), HUB)))
     depot_kb.goals.save(shouted)
     assert [str(goal) for goal in depot_kb.goals.get_all()] == ["(exists (?T - truck) (at ?T hub))"]
     with nothing_changes(depot_kb):

@@ -9,33 +9,7 @@ import pytest
 
 from kant_sql import KnowledgeBase, PddlActionDto, PddlObjectDto, PddlTypeDto
 from kant_sql.dao.formula import FormulaChecker
-from kant_sql.dto.formulas import (
-    MAX_NESTING,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    FormulaNode,
-    IsViolated,
-    Metric,
-    Modal,
-    Not,
-    Or,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.errors import ArityError, InvalidKnowledgeError, InvalidNameError, TypeMismatchError
 from tests.support.parts import dao_of
 from tests.support.reading import nothing_changes, rows
@@ -59,133 +33,137 @@ from tests.support.worlds.depot import (
     number,
 )
 
-ALWAYS = Modal("always", (), (IDLE,))
+ALWAYS = f.Modal("always", (), (IDLE,))
 ZERO = number("0")
 # What is not a goal, and so no precondition either.
 NO_GOALS: dict[str, tuple[Any, type[Exception], str]] = {
-    "unknown predicate": (Atom("near", (T1,)), InvalidKnowledgeError, "predicate 'near'"),
+    "unknown predicate": (f.Atom("near", (T1,)), InvalidKnowledgeError, "predicate 'near'"),
     "unknown function": (
-        Comparison("<", Fluent("speed"), ZERO),
+        f.Comparison("<", f.Fluent("speed"), ZERO),
         InvalidKnowledgeError,
         "function 'speed', which is not known",
     ),
-    "unknown object": (Not(at(Constant("t9"))), InvalidKnowledgeError, "object 't9' is not known"),
+    "unknown object": (
+        f.Not(at(f.Constant("t9"))),
+        InvalidKnowledgeError,
+        "object 't9' is not known",
+    ),
     "unknown type": (
-        Exists((TypedName("x", ("ship",)),), IDLE),
+        f.Exists((f.TypedName("x", ("ship",)),), IDLE),
         InvalidKnowledgeError,
         "?x is of type 'ship', which is not known",
     ),
-    "unknown variable": (Not(at(Variable("u"))), InvalidKnowledgeError, "?u is neither"),
+    "unknown variable": (f.Not(at(f.Variable("u"))), InvalidKnowledgeError, "?u is neither"),
     "a variable out of its scope": (
-        And((Not(IDLE), Or((Exists((TRUCK,), IDLE), at(T))))),
+        f.And((f.Not(IDLE), f.Or((f.Exists((TRUCK,), IDLE), at(T))))),
         InvalidKnowledgeError,
         "?t is neither a parameter nor bound",
     ),
-    "too few terms": (Not(Atom("at", (T1,))), ArityError, "has 1 terms, expected 2"),
+    "too few terms": (f.Not(f.Atom("at", (T1,))), ArityError, "has 1 terms, expected 2"),
     "too many terms": (
-        Comparison("<", Fluent("fuel", (T1, T1)), ZERO),
+        f.Comparison("<", f.Fluent("fuel", (T1, T1)), ZERO),
         ArityError,
         "has 2 terms, expected 1",
     ),
-    "another type": (Not(at(C1)), TypeMismatchError, "term 1 of (at c1 p1) does not fit"),
+    "another type": (f.Not(at(C1)), TypeMismatchError, "term 1 of (at c1 p1) does not fit"),
     "a variable of another type": (
-        Exists((PLACE,), at(P)),
+        f.Exists((PLACE,), at(P)),
         TypeMismatchError,
         "term 1 of (at ?p p1) does not fit",
     ),
-    "a fluent of another type": (Not(at(home())), TypeMismatchError, "term 1 of"),
+    "a fluent of another type": (f.Not(at(home())), TypeMismatchError, "term 1 of"),
     "a number as a term": (
-        Not(at(T1, fuel())),
+        f.Not(at(T1, fuel())),
         InvalidKnowledgeError,
         "is a number, not an object",
     ),
     "an object as a number": (
-        Comparison("<", home(), ZERO),
+        f.Comparison("<", home(), ZERO),
         InvalidKnowledgeError,
         "is an object, not a number",
     ),
     "a duration": (
-        Comparison("<", DURATION, ZERO),
+        f.Comparison("<", DURATION, ZERO),
         InvalidKnowledgeError,
         "?duration is not a number",
     ),
     "continuous time": (
-        Comparison("<", ContinuousTime(), ZERO),
+        f.Comparison("<", f.ContinuousTime(), ZERO),
         InvalidKnowledgeError,
         "#t is not a number here",
     ),
     "a violated preference": (
-        Comparison("=", IsViolated("p1"), ZERO),
+        f.Comparison("=", f.IsViolated("p1"), ZERO),
         InvalidKnowledgeError,
         "is not a number here",
     ),
     "a function that is not declared": (
-        Comparison("<", Fluent("total-time"), ZERO),
+        f.Comparison("<", f.Fluent("total-time"), ZERO),
         InvalidKnowledgeError,
         "'total-time', which is not known",
     ),
     "no comparison": (
-        Comparison("!=", fuel(), ZERO),
+        f.Comparison("!=", fuel(), ZERO),
         InvalidKnowledgeError,
         "'!=' is not a comparison",
     ),
     "no operation": (
-        Comparison("<", Arithmetic("^", (ZERO, ZERO)), ZERO),
+        f.Comparison("<", f.Arithmetic("^", (ZERO, ZERO)), ZERO),
         InvalidKnowledgeError,
         "'^' is not an operation",
     ),
     "too few operands": (
-        Comparison("<", calculated("+", ZERO), ZERO),
+        f.Comparison("<", calculated("+", ZERO), ZERO),
         InvalidKnowledgeError,
         "(+ 0) has 1 operands",
     ),
     "too many operands": (
-        Comparison("<", calculated("-", ZERO, ZERO, ZERO), ZERO),
+        f.Comparison("<", calculated("-", ZERO, ZERO, ZERO), ZERO),
         InvalidKnowledgeError,
         "(- 0 0 0) has 3 operands",
     ),
     "a variable bound twice": (
-        Forall((TRUCK, TypedName("T", ("place",))), IDLE),
+        f.Forall((TRUCK, f.TypedName("T", ("place",))), IDLE),
         InvalidKnowledgeError,
         "binds a variable twice",
     ),
     "a variable that is not a name": (
-        Forall((TypedName("a b", ("place",)),), IDLE),
+        f.Forall((f.TypedName("a b", ("place",)),), IDLE),
         InvalidNameError,
         "'a b' cannot name a variable",
     ),
     "an assignment": (
-        Assign("increase", fuel(), ZERO),
+        f.Assign("increase", fuel(), ZERO),
         InvalidKnowledgeError,
         "(increase (fuel t1) 0) has no place in a condition or a goal",
     ),
     "a conditional effect": (
-        When(IDLE, IDLE),
+        f.When(IDLE, IDLE),
         InvalidKnowledgeError,
         "has no place in a condition",
     ),
     "a constraint": (ALWAYS, InvalidKnowledgeError, "(always (idle)) has no place in a condition"),
-    "a time": (Timed("at end", IDLE), InvalidKnowledgeError, "has a time that has no place"),
-    "a rule": (Derived("idle", (), IDLE), InvalidKnowledgeError, "has no place in a condition"),
-    "a metric": (Metric("minimize", ZERO), InvalidKnowledgeError, "has no place in a condition"),
+    "a time": (f.Timed("at end", IDLE), InvalidKnowledgeError, "has a time that has no place"),
+    "a rule": (f.Derived("idle", (), IDLE), InvalidKnowledgeError, "has no place in a condition"),
+    "a metric": (f.Metric("minimize", ZERO), InvalidKnowledgeError, "has no place in a condition"),
     "a timed literal": (
-        TimedLiteral(ZERO, IDLE),
+        f.TimedLiteral(ZERO, IDLE),
         InvalidKnowledgeError,
         "has no place in a condition",
     ),
     "a term": (T1, InvalidKnowledgeError, "t1 is not a formula but Constant"),
     "a preference within or": (
-        Or((Preference("p", IDLE),)),
+        f.Or((f.Preference("p", IDLE),)),
         InvalidKnowledgeError,
         "a preference stands at the top of",
     ),
     "a preference within a preference": (
-        Preference("p", Preference("q", IDLE)),
+        f.Preference("p", f.Preference("q", IDLE)),
         InvalidKnowledgeError,
         "a preference stands at the top of",
     ),
     "a preference that is not a name": (
-        Preference("(", IDLE),
+        f.Preference("(", IDLE),
         InvalidNameError,
         "'(' cannot name a preference",
     ),
@@ -212,11 +190,11 @@ def test_what_is_no_goal_is_refused(depot_kb: KnowledgeBase) -> None:
                 (depot_kb.goals, [wrong]),
                 (depot_kb.actions, [action]),
             ]
-            if isinstance(wrong, FormulaNode):
-                calls.append((depot_kb.goals, [IDLE, And((IDLE, wrong))]))  # type: ignore[arg-type]
+            if isinstance(wrong, f.FormulaNode):
+                calls.append((depot_kb.goals, [IDLE, f.And((IDLE, wrong))]))  # type: ignore[arg-type]
             else:
                 with pytest.raises(InvalidKnowledgeError, match="each item of the formulas of"):
-                    And((IDLE, wrong))
+                    f.And((IDLE, wrong))
             for dao, given in calls:
                 caught = refused(depot_kb, name, dao.save_all, given)
                 assert type(caught) is error, name
@@ -230,35 +208,39 @@ def test_what_is_no_goal_is_refused(depot_kb: KnowledgeBase) -> None:
 PLAIN, TIMED = False, True
 # Effects of an action, durative or not, that are none.
 NO_EFFECTS: dict[str, tuple[bool, Any, str]] = {
-    "or": (PLAIN, Or((IDLE,)), "has no place in an effect"),
-    "exists": (PLAIN, Exists((TRUCK,), at(T)), "has no place in an effect"),
-    "a comparison": (PLAIN, Comparison("<", ZERO, ZERO), "has no place in an effect"),
-    "an equality": (PLAIN, Equal(T1, T1), "has no place in an effect"),
-    "a preference": (PLAIN, Preference("p", IDLE), "a preference stands at the top"),
+    "or": (PLAIN, f.Or((IDLE,)), "has no place in an effect"),
+    "exists": (PLAIN, f.Exists((TRUCK,), at(T)), "has no place in an effect"),
+    "a comparison": (PLAIN, f.Comparison("<", ZERO, ZERO), "has no place in an effect"),
+    "an equality": (PLAIN, f.Equal(T1, T1), "has no place in an effect"),
+    "a preference": (PLAIN, f.Preference("p", IDLE), "a preference stands at the top"),
     "a constraint": (PLAIN, ALWAYS, "has no place in an effect"),
-    "not of a conjunction": (PLAIN, Not(And((IDLE,))), "deletes what is not an atom"),
-    "a time": (PLAIN, Timed("at end", IDLE), "has a time that has no place in an effect"),
-    "continuous time": (PLAIN, Assign("increase", fuel(), ContinuousTime()), "#t is not a number"),
-    "a duration": (PLAIN, Assign("increase", fuel(), DURATION), "?duration is not a number"),
-    "no assignment": (PLAIN, Assign("double", fuel(), ZERO), "'double' is not an assignment"),
-    "an object that is increased": (PLAIN, Assign("increase", home(), HUB), "counts with"),
-    "an object of another type": (PLAIN, Assign("assign", home(), T1), "does not fit"),
-    "a number as an object": (PLAIN, Assign("assign", home(), ZERO), "is not a term"),
-    "an object as a number": (PLAIN, Assign("assign", fuel(), T1), "t1 is not a number"),
-    "a preference in a condition": (PLAIN, When(Preference("p", IDLE), IDLE), "a preference"),
+    "not of a conjunction": (PLAIN, f.Not(f.And((IDLE,))), "deletes what is not an atom"),
+    "a time": (PLAIN, f.Timed("at end", IDLE), "has a time that has no place in an effect"),
+    "continuous time": (
+        PLAIN,
+        f.Assign("increase", fuel(), f.ContinuousTime()),
+        "#t is not a number",
+    ),
+    "a duration": (PLAIN, f.Assign("increase", fuel(), DURATION), "?duration is not a number"),
+    "no assignment": (PLAIN, f.Assign("double", fuel(), ZERO), "'double' is not an assignment"),
+    "an object that is increased": (PLAIN, f.Assign("increase", home(), HUB), "counts with"),
+    "an object of another type": (PLAIN, f.Assign("assign", home(), T1), "does not fit"),
+    "a number as an object": (PLAIN, f.Assign("assign", home(), ZERO), "is not a term"),
+    "an object as a number": (PLAIN, f.Assign("assign", fuel(), T1), "t1 is not a number"),
+    "a preference in a condition": (PLAIN, f.When(f.Preference("p", IDLE), IDLE), "a preference"),
     "no time": (TIMED, IDLE, "has no place in an effect of a durative action"),
-    "no time below forall": (TIMED, Forall((TRUCK,), at(T)), "has no place in an effect of a"),
-    "no time in a condition": (TIMED, When(IDLE, Timed("at end", IDLE)), "in a condition of a"),
-    "an assignment without a time": (TIMED, Assign("increase", fuel(), ZERO), "has no place in"),
-    "a time that is none": (TIMED, Timed("at noon", IDLE), "has the time 'at noon'"),
-    "a time within a time": (TIMED, Timed("at end", Timed("at end", IDLE)), "has a time that"),
+    "no time below forall": (TIMED, f.Forall((TRUCK,), at(T)), "has no place in an effect of a"),
+    "no time in a condition": (TIMED, f.When(IDLE, f.Timed("at end", IDLE)), "in a condition of a"),
+    "an assignment without a time": (TIMED, f.Assign("increase", fuel(), ZERO), "has no place in"),
+    "a time that is none": (TIMED, f.Timed("at noon", IDLE), "has the time 'at noon'"),
+    "a time within a time": (TIMED, f.Timed("at end", f.Timed("at end", IDLE)), "has a time that"),
 }
 
 
 def test_what_is_no_effect_is_refused(depot_kb: KnowledgeBase) -> None:
     with nothing_changes(depot_kb):
         for name, (durative, wrong, message) in NO_EFFECTS.items():
-            right = Timed("at start", IDLE) if durative else IDLE
+            right = f.Timed("at start", IDLE) if durative else IDLE
             action = PddlActionDto("act", [], [], [right, wrong], durative)
             caught = refused(depot_kb, name, depot_kb.actions.save, action)
             assert message in str(caught), name
@@ -270,16 +252,16 @@ DURATIVE: dict[str, tuple[dict[str, Any], str]] = {
     "a condition without a time": ({"conditions": [IDLE]}, "(idle) has no place in a condition of"),
     "a constraint": ({"conditions": [ALWAYS]}, "(always (idle)) has no place in"),
     "a duration of something else": (
-        {"duration": [Comparison("=", fuel(), ZERO)]},
+        {"duration": [f.Comparison("=", fuel(), ZERO)]},
         "(= (fuel t1) 0) is not a constraint on ?duration",
     ),
     "a duration over all": (
-        {"duration": [Timed("over all", Comparison("=", DURATION, ZERO))]},
+        {"duration": [f.Timed("over all", f.Comparison("=", DURATION, ZERO))]},
         "has a time that has no place in a duration",
     ),
     "an atom as a duration": ({"duration": [IDLE]}, "(idle) has no place in a duration"),
     "a disjunction of durations": (
-        {"duration": [Or((Comparison("=", DURATION, ZERO),))]},
+        {"duration": [f.Or((f.Comparison("=", DURATION, ZERO),))]},
         "has no place in a duration",
     ),
 }
@@ -294,48 +276,52 @@ def test_what_is_no_part_of_a_durative_action_is_refused(depot_kb: KnowledgeBase
 
 MISPLACED: dict[str, tuple[str, Any, str]] = {
     "a constraint that is an atom": ("constraints", IDLE, "(idle) has no place in a constraint"),
-    "a preference for an atom": ("constraints", Preference("p", IDLE), "(idle) has no place in"),
-    "a constraint at start": ("constraints", Timed("at start", IDLE), "has a time that"),
-    "no operator": ("constraints", Modal("never", (), (IDLE,)), "is not a constraint of PDDL 3.0"),
-    "no time span": (
+    "a preference for an atom": ("constraints", f.Preference("p", IDLE), "(idle) has no place in"),
+    "a constraint at start": ("constraints", f.Timed("at start", IDLE), "has a time that"),
+    "no operator": (
         "constraints",
-        Modal("within", (), (IDLE,)),
+        f.Modal("never", (), (IDLE,)),
         "is not a constraint of PDDL 3.0",
     ),
-    "an effect": ("domain_constraints", Assign("assign", fuel(), ZERO), "has no place in"),
+    "no time span": (
+        "constraints",
+        f.Modal("within", (), (IDLE,)),
+        "is not a constraint of PDDL 3.0",
+    ),
+    "an effect": ("domain_constraints", f.Assign("assign", fuel(), ZERO), "has no place in"),
     "a rule that is a goal": ("derived_predicates", IDLE, "is a node Derived of kant_sql.pddl"),
     "a rule for nothing": (
         "derived_predicates",
-        Derived("near", (), IDLE),
+        f.Derived("near", (), IDLE),
         "predicate 'near', which is not known",
     ),
     "a rule of other parameters": (
         "derived_predicates",
-        Derived("reachable", (TRUCK,), IDLE),
+        f.Derived("reachable", (TRUCK,), IDLE),
         "term 1 of (reachable ?t) does not fit",
     ),
     "a rule with a preference": (
         "derived_predicates",
-        Derived("reachable", (PLACE,), Preference("p", IDLE)),
+        f.Derived("reachable", (PLACE,), f.Preference("p", IDLE)),
         "a preference stands at the top",
     ),
-    "a negative conjunction": ("initial_literals", Not(And((IDLE,))), "is not a literal"),
-    "a fluent in a literal": ("initial_literals", Not(at(T1, home())), "as the initial state"),
-    "a variable in a literal": ("initial_literals", Not(at(T)), "?t is neither a parameter"),
+    "a negative conjunction": ("initial_literals", f.Not(f.And((IDLE,))), "is not a literal"),
+    "a fluent in a literal": ("initial_literals", f.Not(at(T1, home())), "as the initial state"),
+    "a variable in a literal": ("initial_literals", f.Not(at(T)), "?t is neither a parameter"),
     "a positive literal": ("initial_literals", IDLE, "is a node Not or Equal of kant_sql.pddl"),
     "a timed increase": (
         "timed_initial_literals",
-        TimedLiteral(ZERO, Assign("increase", fuel(), ZERO)),
+        f.TimedLiteral(ZERO, f.Assign("increase", fuel(), ZERO)),
         "assigns no number",
     ),
     "a timed calculation": (
         "timed_initial_literals",
-        TimedLiteral(ZERO, Assign("assign", fuel(), fuel())),
+        f.TimedLiteral(ZERO, f.Assign("assign", fuel(), fuel())),
         "assigns no number",
     ),
     "a timed equality": (
         "timed_initial_literals",
-        TimedLiteral(ZERO, Not(Equal(T1, T1))),
+        f.TimedLiteral(ZERO, f.Not(f.Equal(T1, T1))),
         "is not a timed literal",
     ),
 }
@@ -351,10 +337,10 @@ def test_a_formula_of_another_sort_is_refused(depot_kb: KnowledgeBase) -> None:
 
 NO_METRICS: list[tuple[Any, str]] = [
     (IDLE, "the metric is a node Metric of kant_sql.pddl, or None, not Atom"),
-    (Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
-    (Metric("minimize", Fluent("speed")), "function 'speed'"),
-    (Metric("minimize", DURATION), "?duration is not a number here"),
-    (Metric("minimize", IsViolated("a b")), "'a b' cannot name a preference"),
+    (f.Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
+    (f.Metric("minimize", f.Fluent("speed")), "function 'speed'"),
+    (f.Metric("minimize", DURATION), "?duration is not a number here"),
+    (f.Metric("minimize", f.IsViolated("a b")), "'a b' cannot name a preference"),
 ]
 
 
@@ -374,33 +360,37 @@ def test_an_action_that_is_not_durative_has_no_duration(depot_kb: KnowledgeBase)
 
 def test_a_parameter_hides_no_object_of_its_name(depot_kb: KnowledgeBase) -> None:
     dto = PddlActionDto(
-        "act", [PddlObjectDto(PddlTypeDto("truck"), "t1")], [], [at(T1), at(Variable("T1"))], False
+        "act",
+        [PddlObjectDto(PddlTypeDto("truck"), "t1")],
+        [],
+        [at(T1), at(f.Variable("T1"))],
+        False,
     )
     depot_kb.actions.save(dto)
-    assert depot_kb.pddl.domain().actions[0].effect == (at(T1), at(Variable("t1")))
+    assert depot_kb.pddl.domain().actions[0].effect == (at(T1), at(f.Variable("t1")))
     check_text(depot_kb)
 
 
 def test_what_is_wrong_deep_within_is_said_briefly(depot_kb: KnowledgeBase) -> None:
-    sums: Any = IsViolated("p")
-    fluent: Any = Constant("nobody")
-    formula: Any = Atom("unknown")
-    for _ in range(MAX_NESTING - 4):
-        sums = Arithmetic("-", (sums,))
-        fluent = Fluent("home", (fluent,))
-        formula = Not(formula)
+    sums: Any = f.IsViolated("p")
+    fluent: Any = f.Constant("nobody")
+    formula: Any = f.Atom("unknown")
+    for _ in range(f.MAX_NESTING - 4):
+        sums = f.Arithmetic("-", (sums,))
+        fluent = f.Fluent("home", (fluent,))
+        formula = f.Not(formula)
     deep = [
         formula,
-        Comparison("<", sums, ZERO),
-        Forall((TRUCK,), Preference(None, formula)),
-        Exists((TRUCK,), Equal(fluent, P1)),
+        f.Comparison("<", sums, ZERO),
+        f.Forall((TRUCK,), f.Preference(None, formula)),
+        f.Exists((TRUCK,), f.Equal(fluent, P1)),
     ]
     for wrong in deep:
         saves: list[tuple[Any, Any]] = [
             (depot_kb.goals, wrong),
             (depot_kb.actions, PddlActionDto("act", [], [wrong], [], False)),
             (depot_kb.pddl.derived_predicates, wrong),
-            (depot_kb.pddl.derived_predicates, Derived("idle", (), wrong)),
+            (depot_kb.pddl.derived_predicates, f.Derived("idle", (), wrong)),
         ]
         for dao, given in saves:
             with nothing_changes(depot_kb), pytest.raises(InvalidKnowledgeError) as caught:
@@ -408,7 +398,7 @@ def test_what_is_wrong_deep_within_is_said_briefly(depot_kb: KnowledgeBase) -> N
             assert len(str(caught.value)) < 500
     ands: Any = IDLE
     for _ in range(100_000):
-        ands = And((ands,))
+        ands = f.And((ands,))
     # However deep, that is a conjunction of one.
     depot_kb.goals.save(ands)
     assert depot_kb.goals.get_all() == [IDLE]

@@ -16,21 +16,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from kant_sql.dto.formulas import (
-    AT_START,
-    And,
-    Assign,
-    Atom,
-    Forall,
-    Formula,
-    Node,
-    Preference,
-    Timed,
-    TypedName,
-    When,
-    children,
-    walk,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Predicate, Problem
@@ -113,15 +99,15 @@ def plain(pair: Pair, folder: Path) -> Plain:
 def _numbered(predicate: Predicate) -> Predicate:
     parameters = enumerate(predicate.parameters)
     return replace(
-        predicate, parameters=tuple(TypedName(f"a{n}", part.types) for n, part in parameters)
+        predicate, parameters=tuple(f.TypedName(f"a{n}", part.types) for n, part in parameters)
     )
 
 
-def _hard(formulas: Sequence[Formula]) -> tuple[Formula, ...]:
+def _hard(formulas: Sequence[f.Formula]) -> tuple[f.Formula, ...]:
     return tuple(
         formula
         for formula in formulas
-        if not any(isinstance(node, Preference) for node in walk(formula))
+        if not any(isinstance(node, f.Preference) for node in f.walk(formula))
     )
 
 
@@ -139,34 +125,34 @@ def _instant(action: Action) -> Action:
     )
 
 
-def _at_start(formula: Formula) -> list[Formula]:
+def _at_start(formula: f.Formula) -> list[f.Formula]:
     """What a condition or an effect says of the start."""
     match formula:
-        case Timed():
-            return [formula.formula] if formula.time == AT_START else []
-        case And():
+        case f.Timed():
+            return [formula.formula] if formula.time == f.AT_START else []
+        case f.And():
             return [part for each in formula.formulas for part in _at_start(each)]
-        case Forall():
+        case f.Forall():
             inner = _at_start(formula.formula)
-            return [Forall(formula.variables, And(tuple(inner)))] if inner else []
-        case When():
-            effect = And(tuple(_at_start(formula.effect)))
-            condition = And(tuple(_at_start(formula.condition)))
-            return [When(condition, effect)] if effect.formulas else []
-        case Assign():
+            return [f.Forall(formula.variables, f.And(tuple(inner)))] if inner else []
+        case f.When():
+            effect = f.And(tuple(_at_start(formula.effect)))
+            condition = f.And(tuple(_at_start(formula.condition)))
+            return [f.When(condition, effect)] if effect.formulas else []
+        case f.Assign():
             # A continuous effect.
             return []
     raise TypeError(f"no time: {formula}")
 
 
-def literals(effect: Node) -> Iterator[Atom]:
+def literals(effect: f.Node) -> Iterator[f.Atom]:
     """The atoms that an effect adds or deletes."""
-    if isinstance(effect, Atom):
+    if isinstance(effect, f.Atom):
         yield effect
-    elif isinstance(effect, When):
+    elif isinstance(effect, f.When):
         yield from literals(effect.effect)
-    elif not isinstance(effect, Assign):
-        for part in children(effect):
+    elif not isinstance(effect, f.Assign):
+        for part in f.children(effect):
             yield from literals(part)
 
 

@@ -6,31 +6,7 @@ from decimal import Decimal
 
 import pytest
 
-from kant_sql.dto.formulas import (
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    Modal,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TypedName,
-    Variable,
-    When,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.errors import PddlError
 from kant_sql.pddl import Action, Domain, Function, Predicate, read_domain
 
@@ -41,11 +17,11 @@ HEAD = """(define (domain Depot)
   (:predicates (at ?x - thing ?p - place) (in ?c - crate ?t - truck) (free) (over ?x - thing))
   (:functions (load ?t - truck) (total-cost) - number (home ?t - truck) - place)
 """
-X, P, T = Variable("x"), Variable("p"), Variable("t")
+X, P, T = f.Variable("x"), f.Variable("p"), f.Variable("t")
 
 
-def number(text: str) -> Number:
-    return Number(Decimal(text))
+def number(text: str) -> f.Number:
+    return f.Number(Decimal(text))
 
 
 def read(body: str) -> Domain:
@@ -58,11 +34,11 @@ def action(body: str, kind: str = "action") -> Action:
     return found
 
 
-def condition(formula: str) -> tuple[Formula, ...]:
+def condition(formula: str) -> tuple[f.Formula, ...]:
     return action(f":precondition {formula}").condition
 
 
-def effect(formula: str) -> tuple[Formula, ...]:
+def effect(formula: str) -> tuple[f.Formula, ...]:
     return action(f":effect {formula}").effect
 
 
@@ -71,8 +47,8 @@ def timed(condition: str, effect: str = "()", duration: str = "()") -> Action:
     return action(body, "durative-action")
 
 
-AT = Atom("at", (X, P))
-FREE = Atom("free")
+AT = f.Atom("at", (X, P))
+FREE = f.Atom("free")
 
 
 def test_declarations() -> None:
@@ -80,22 +56,22 @@ def test_declarations() -> None:
         name="Depot",
         requirements=(":ADL", ":fluents", ":durative-actions"),
         types=(
-            TypedName("truck", ("thing",)),
-            TypedName("Crate", ("thing",)),
-            TypedName("place"),
-            TypedName("thing"),
+            f.TypedName("truck", ("thing",)),
+            f.TypedName("Crate", ("thing",)),
+            f.TypedName("place"),
+            f.TypedName("thing"),
         ),
-        constants=(TypedName("Hub", ("place",)),),
+        constants=(f.TypedName("Hub", ("place",)),),
         predicates=(
-            Predicate("at", (TypedName("x", ("thing",)), TypedName("p", ("place",)))),
-            Predicate("in", (TypedName("c", ("Crate",)), TypedName("t", ("truck",)))),
+            Predicate("at", (f.TypedName("x", ("thing",)), f.TypedName("p", ("place",)))),
+            Predicate("in", (f.TypedName("c", ("Crate",)), f.TypedName("t", ("truck",)))),
             Predicate("free"),
-            Predicate("over", (TypedName("x", ("thing",)),)),
+            Predicate("over", (f.TypedName("x", ("thing",)),)),
         ),
         functions=(
-            Function("load", (TypedName("t", ("truck",)),)),
+            Function("load", (f.TypedName("t", ("truck",)),)),
             Function("total-cost"),
-            Function("home", (TypedName("t", ("truck",)),), ("place",)),
+            Function("home", (f.TypedName("t", ("truck",)),), ("place",)),
         ),
     )
 
@@ -104,8 +80,8 @@ def test_an_untyped_domain() -> None:
     domain = read_domain(
         "(define (domain d) (:constants c d) (:predicates (p ?a ?b)))", strict=True
     )
-    assert domain.predicates == (Predicate("p", (TypedName("a"), TypedName("b"))),)
-    assert domain.constants == (TypedName("c"), TypedName("d"))
+    assert domain.predicates == (Predicate("p", (f.TypedName("a"), f.TypedName("b"))),)
+    assert domain.constants == (f.TypedName("c"), f.TypedName("d"))
 
 
 def test_either() -> None:
@@ -113,9 +89,9 @@ def test_either() -> None:
       (:constants k - (either a C))
       (:predicates (p ?x ?y - (either a b) ?z)))"""
     domain = read_domain(text, strict=True)
-    assert domain.types[0] == TypedName("a", ("c", "d"))
-    assert domain.constants == (TypedName("k", ("a", "c")),)
-    assert domain.predicates[0].parameters[1] == TypedName("y", ("a", "b"))
+    assert domain.types[0] == f.TypedName("a", ("c", "d"))
+    assert domain.constants == (f.TypedName("k", ("a", "c")),)
+    assert domain.predicates[0].parameters[1] == f.TypedName("y", ("a", "b"))
 
 
 def test_an_action_without_anything() -> None:
@@ -133,7 +109,7 @@ def test_conjunctions_at_the_top_are_flat() -> None:
         FREE,
         AT,
         FREE,
-        Or((And((FREE,)),)),
+        f.Or((f.And((FREE,)),)),
     )
 
 
@@ -142,33 +118,33 @@ def test_conjunctions_at_the_top_are_flat() -> None:
     [
         ("(free)", FREE),
         ("(at ?x ?p)", AT),
-        ("(at ?x hub)", Atom("at", (X, Constant("Hub")))),
-        ("(AT ?X HUB)", Atom("at", (X, Constant("Hub")))),
-        ("(at ?x (home ?t))", Atom("at", (X, Fluent("home", (T,))))),
-        ("(over ?x)", Atom("over", (X,))),
-        ("(not (free))", Not(FREE)),
-        ("(or)", Or()),
-        ("(imply (free) (at ?x ?p))", Imply(FREE, AT)),
-        ("(= ?x ?t)", Equal(X, T)),
-        ("(= ?p (home ?t))", Equal(P, Fluent("home", (T,)))),
-        ("(= (home ?t) hub)", Equal(Fluent("home", (T,)), Constant("Hub"))),
-        ("(= (load ?t) 3)", Comparison("=", Fluent("load", (T,)), number("3"))),
-        ("(= 3 (load ?t))", Comparison("=", number("3"), Fluent("load", (T,)))),
-        ("(>= (total-cost) -2.50)", Comparison(">=", Fluent("total-cost"), number("-2.50"))),
+        ("(at ?x hub)", f.Atom("at", (X, f.Constant("Hub")))),
+        ("(AT ?X HUB)", f.Atom("at", (X, f.Constant("Hub")))),
+        ("(at ?x (home ?t))", f.Atom("at", (X, f.Fluent("home", (T,))))),
+        ("(over ?x)", f.Atom("over", (X,))),
+        ("(not (free))", f.Not(FREE)),
+        ("(or)", f.Or()),
+        ("(imply (free) (at ?x ?p))", f.Imply(FREE, AT)),
+        ("(= ?x ?t)", f.Equal(X, T)),
+        ("(= ?p (home ?t))", f.Equal(P, f.Fluent("home", (T,)))),
+        ("(= (home ?t) hub)", f.Equal(f.Fluent("home", (T,)), f.Constant("Hub"))),
+        ("(= (load ?t) 3)", f.Comparison("=", f.Fluent("load", (T,)), number("3"))),
+        ("(= 3 (load ?t))", f.Comparison("=", number("3"), f.Fluent("load", (T,)))),
+        ("(>= (total-cost) -2.50)", f.Comparison(">=", f.Fluent("total-cost"), number("-2.50"))),
         (
             "(< (- (load ?t)) (+ 1 2 (* 3 4)))",
-            Comparison(
+            f.Comparison(
                 "<",
-                Arithmetic("-", (Fluent("load", (T,)),)),
-                Arithmetic(
+                f.Arithmetic("-", (f.Fluent("load", (T,)),)),
+                f.Arithmetic(
                     "+",
-                    (number("1"), number("2"), Arithmetic("*", (number("3"), number("4")))),
+                    (number("1"), number("2"), f.Arithmetic("*", (number("3"), number("4")))),
                 ),
             ),
         ),
         (
             "(forall (?y - crate) (in ?y ?t))",
-            Forall((TypedName("y", ("Crate",)),), Atom("in", (Variable("y"), T))),
+            f.Forall((f.TypedName("y", ("Crate",)),), f.Atom("in", (f.Variable("y"), T))),
         ),
         (
             "(exists (?X - truck ?z - (either place crate)) (in ?y ?x))".replace("?y", "?t"),
@@ -176,17 +152,17 @@ def test_conjunctions_at_the_top_are_flat() -> None:
         ),
         (
             "(exists (?X - crate) (and (in ?x ?t)))",
-            Exists((TypedName("X", ("Crate",)),), And((Atom("in", (Variable("X"), T)),))),
+            f.Exists((f.TypedName("X", ("Crate",)),), f.And((f.Atom("in", (f.Variable("X"), T)),))),
         ),
-        ("(preference quick (free))", Preference("quick", FREE)),
-        ("(preference (free))", Preference(None, FREE)),
+        ("(preference quick (free))", f.Preference("quick", FREE)),
+        ("(preference (free))", f.Preference(None, FREE)),
         (
             "(forall (?y - crate) (preference (free)))",
-            Forall((TypedName("y", ("Crate",)),), Preference(None, FREE)),
+            f.Forall((f.TypedName("y", ("Crate",)),), f.Preference(None, FREE)),
         ),
     ],
 )
-def test_conditions(text: str, expected: Formula | None) -> None:
+def test_conditions(text: str, expected: f.Formula | None) -> None:
     if expected is None:
         with pytest.raises(PddlError, match="expected Crate as argument 1 of in"):
             condition(text)
@@ -198,26 +174,28 @@ def test_conditions(text: str, expected: Formula | None) -> None:
     ("text", "expected"),
     [
         ("(free)", FREE),
-        ("(not (at ?x ?p))", Not(AT)),
+        ("(not (at ?x ?p))", f.Not(AT)),
         (
             "(forall (?y - crate) (and (in ?y ?t) (free)))",
-            Forall((TypedName("y", ("Crate",)),), And((Atom("in", (Variable("y"), T)), FREE))),
+            f.Forall(
+                (f.TypedName("y", ("Crate",)),), f.And((f.Atom("in", (f.Variable("y"), T)), FREE))
+            ),
         ),
-        ("(when (free) (not (free)))", When(FREE, Not(FREE))),
-        ("(when () (free))", When(And(), FREE)),
-        ("(increase (total-cost) 1)", Assign("increase", Fluent("total-cost"), number("1"))),
+        ("(when (free) (not (free)))", f.When(FREE, f.Not(FREE))),
+        ("(when () (free))", f.When(f.And(), FREE)),
+        ("(increase (total-cost) 1)", f.Assign("increase", f.Fluent("total-cost"), number("1"))),
         (
             "(SCALE-UP (load ?t) (load ?t))",
-            Assign("scale-up", Fluent("load", (T,)), Fluent("load", (T,))),
+            f.Assign("scale-up", f.Fluent("load", (T,)), f.Fluent("load", (T,))),
         ),
-        ("(assign (home ?t) ?p)", Assign("assign", Fluent("home", (T,)), P)),
+        ("(assign (home ?t) ?p)", f.Assign("assign", f.Fluent("home", (T,)), P)),
         (
             "(assign (home ?t) (home ?t))",
-            Assign("assign", Fluent("home", (T,)), Fluent("home", (T,))),
+            f.Assign("assign", f.Fluent("home", (T,)), f.Fluent("home", (T,))),
         ),
     ],
 )
-def test_effects(text: str, expected: Formula) -> None:
+def test_effects(text: str, expected: f.Formula) -> None:
     assert effect(text) == (expected,)
 
 
@@ -230,21 +208,21 @@ def test_times() -> None:
         " (forall (?y - crate) (at start (free))) (increase (load ?t) (* #t 2)))",
     )
     assert found.condition == (
-        Timed("at start", AT),
-        Timed("over all", Atom("over", (X,))),
-        Forall((TypedName("y", ("Crate",)),), Timed("at end", FREE)),
-        Preference("n", Timed("at start", FREE)),
+        f.Timed("at start", AT),
+        f.Timed("over all", f.Atom("over", (X,))),
+        f.Forall((f.TypedName("y", ("Crate",)),), f.Timed("at end", FREE)),
+        f.Preference("n", f.Timed("at start", FREE)),
     )
     assert found.effect == (
-        Timed("at start", Not(AT)),
-        When(Timed("at end", FREE), Timed("at end", Atom("over", (X,)))),
-        When(Timed("at start", FREE), Timed("at end", FREE)),
-        Timed("at end", Assign("increase", Fluent("load", (T,)), Variable("duration"))),
-        Forall((TypedName("y", ("Crate",)),), Timed("at start", FREE)),
-        Assign(
+        f.Timed("at start", f.Not(AT)),
+        f.When(f.Timed("at end", FREE), f.Timed("at end", f.Atom("over", (X,)))),
+        f.When(f.Timed("at start", FREE), f.Timed("at end", FREE)),
+        f.Timed("at end", f.Assign("increase", f.Fluent("load", (T,)), f.Variable("duration"))),
+        f.Forall((f.TypedName("y", ("Crate",)),), f.Timed("at start", FREE)),
+        f.Assign(
             "increase",
-            Fluent("load", (T,)),
-            Arithmetic("*", (ContinuousTime(), number("2"))),
+            f.Fluent("load", (T,)),
+            f.Arithmetic("*", (f.ContinuousTime(), number("2"))),
         ),
     )
 
@@ -253,17 +231,17 @@ def test_times() -> None:
     ("text", "expected"),
     [
         ("()", ()),
-        ("(= ?duration 5)", (Comparison("=", Variable("duration"), number("5")),)),
+        ("(= ?duration 5)", (f.Comparison("=", f.Variable("duration"), number("5")),)),
         (
             "(and (>= ?duration (load ?t)) (at end (<= ?DURATION 9)))",
             (
-                Comparison(">=", Variable("duration"), Fluent("load", (T,))),
-                Timed("at end", Comparison("<=", Variable("duration"), number("9"))),
+                f.Comparison(">=", f.Variable("duration"), f.Fluent("load", (T,))),
+                f.Timed("at end", f.Comparison("<=", f.Variable("duration"), number("9"))),
             ),
         ),
     ],
 )
-def test_durations(text: str, expected: tuple[Formula, ...]) -> None:
+def test_durations(text: str, expected: tuple[f.Formula, ...]) -> None:
     assert timed("()", duration=text).duration == expected
 
 
@@ -271,7 +249,7 @@ def test_the_variable_duration_is_a_parameter_elsewhere() -> None:
     [found] = read(
         "(:action a :parameters (?duration - crate) :precondition (over ?duration))"
     ).actions
-    assert found.condition == (Atom("over", (Variable("duration"),)),)
+    assert found.condition == (f.Atom("over", (f.Variable("duration"),)),)
 
 
 @pytest.mark.parametrize("kind", ["process", "event"])
@@ -283,19 +261,19 @@ def test_processes_and_events(kind: str) -> None:
 def test_a_continuous_effect_of_a_process() -> None:
     text = "(:process e :parameters (?t - truck) :effect (decrease (load ?t) (* #T 1)))"
     [found] = read(text).actions[0].effect
-    assert isinstance(found, Assign)
-    assert found.value == Arithmetic("*", (ContinuousTime(), number("1")))
+    assert isinstance(found, f.Assign)
+    assert found.value == f.Arithmetic("*", (f.ContinuousTime(), number("1")))
 
 
 def test_derived_predicates() -> None:
     domain = read("(:derived (at ?y - crate ?P) (over ?Y)) (:derived (free) (exists () (free)))")
     assert domain.derived == (
-        Derived(
+        f.Derived(
             "at",
-            (TypedName("y", ("Crate",)), TypedName("P")),
-            Atom("over", (Variable("y"),)),
+            (f.TypedName("y", ("Crate",)), f.TypedName("P")),
+            f.Atom("over", (f.Variable("y"),)),
         ),
-        Derived("free", (), Exists((), FREE)),
+        f.Derived("free", (), f.Exists((), FREE)),
     )
 
 
@@ -308,26 +286,28 @@ def test_constraints() -> None:
         (:action a :parameters (?x) :precondition (within ?x)))""",
         strict=True,
     )
-    p = Atom("p")
+    p = f.Atom("p")
     assert domain.constraints == (
-        Modal("always", (), (p,)),
-        Forall(
-            (TypedName("x"),),
-            Preference("n", Modal("sometime-after", (), (p, Atom("within", (Variable("x"),))))),
+        f.Modal("always", (), (p,)),
+        f.Forall(
+            (f.TypedName("x"),),
+            f.Preference(
+                "n", f.Modal("sometime-after", (), (p, f.Atom("within", (f.Variable("x"),))))
+            ),
         ),
-        Timed("at end", p),
-        Modal("within", (number("5"),), (p,)),
-        Modal("hold-during", (number("1"), number("2.5")), (p,)),
-        Modal("always", (), (Modal("sometime", (), (p,)),)),
+        f.Timed("at end", p),
+        f.Modal("within", (number("5"),), (p,)),
+        f.Modal("hold-during", (number("1"), number("2.5")), (p,)),
+        f.Modal("always", (), (f.Modal("sometime", (), (p,)),)),
     )
-    assert domain.actions[0].condition == (Atom("within", (Variable("x"),)),)
+    assert domain.actions[0].condition == (f.Atom("within", (f.Variable("x"),)),)
 
 
 def test_a_variable_is_bound_anew_within_a_quantifier() -> None:
     text = "(and (exists (?X - place) (at ?t ?x)) (over ?x))"
     assert condition(text) == (
-        Exists((TypedName("X", ("place",)),), Atom("at", (T, Variable("X")))),
-        Atom("over", (X,)),
+        f.Exists((f.TypedName("X", ("place",)),), f.Atom("at", (T, f.Variable("X")))),
+        f.Atom("over", (X,)),
     )
 
 
@@ -339,11 +319,11 @@ def test_predicates_may_be_named_like_operators() -> None:
          :precondition (and (at start ?x) (always ?x) (not (preference ?x)))
          :effect (and (increase ?x) (at ?x start))))"""
     )
-    start, x = Constant("start"), Variable("x")
+    start, x = f.Constant("start"), f.Variable("x")
     [found] = domain.actions
-    assert found.condition[:2] == (Atom("at", (start, x)), Atom("always", (x,)))
-    assert found.condition[2] == Not(Atom("preference", (x,)))
-    assert found.effect == (Atom("increase", (x,)), Atom("at", (x, start)))
+    assert found.condition[:2] == (f.Atom("at", (start, x)), f.Atom("always", (x,)))
+    assert found.condition[2] == f.Not(f.Atom("preference", (x,)))
+    assert found.effect == (f.Atom("increase", (x,)), f.Atom("at", (x, start)))
 
 
 def test_subtypes_fit_and_so_does_one_of_either() -> None:

@@ -6,26 +6,7 @@ from decimal import Decimal
 
 import pytest
 
-from kant_sql.dto.formulas import (
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    Equal,
-    Fluent,
-    Forall,
-    IsViolated,
-    Metric,
-    Modal,
-    Not,
-    Number,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.errors import PddlError
 from kant_sql.pddl import Domain, FunctionValue, Problem, read, read_domain, read_problem
 
@@ -47,12 +28,12 @@ PROBLEM = """(define (problem P1)
   (:goal (and (at c hub) (preference Late (forall (?x - crate) (at ?x (home t1))))))
   (:constraints (and (preference late (sometime (free))) (at end (free))))
   (:metric MINIMIZE (+ (* 2 (is-violated LATE)) (is-violated tidy) (total-time) (fuel))))"""
-T1, T2, C, QUAY, HUB = (Constant(name) for name in ("t1", "T2", "c", "quay", "Hub"))
-FREE = Atom("free")
+T1, T2, C, QUAY, HUB = (f.Constant(name) for name in ("t1", "T2", "c", "quay", "Hub"))
+FREE = f.Atom("free")
 
 
-def number(text: str) -> Number:
-    return Number(Decimal(text))
+def number(text: str) -> f.Number:
+    return f.Number(Decimal(text))
 
 
 @pytest.fixture(scope="module")
@@ -70,43 +51,46 @@ def test_everything(domain: Domain) -> None:
         domain="Depot",
         requirements=(":adl",),
         objects=(
-            TypedName("t1", ("truck",)),
-            TypedName("T2", ("truck",)),
-            TypedName("c", ("crate",)),
-            TypedName("quay", ("place",)),
+            f.TypedName("t1", ("truck",)),
+            f.TypedName("T2", ("truck",)),
+            f.TypedName("c", ("crate",)),
+            f.TypedName("quay", ("place",)),
         ),
-        facts=(Atom("at", (T1, QUAY)), Atom("at", (T2, HUB)), FREE),
+        facts=(f.Atom("at", (T1, QUAY)), f.Atom("at", (T2, HUB)), FREE),
         values=(
-            FunctionValue(Fluent("load", (T1,)), number("2.50")),
-            FunctionValue(Fluent("fuel"), number("-3")),
-            FunctionValue(Fluent("home", (T2,)), HUB),
+            FunctionValue(f.Fluent("load", (T1,)), number("2.50")),
+            FunctionValue(f.Fluent("fuel"), number("-3")),
+            FunctionValue(f.Fluent("home", (T2,)), HUB),
         ),
-        literals=(Not(Atom("at", (C, QUAY))), Equal(T1, T2), Not(Equal(T1, C))),
+        literals=(f.Not(f.Atom("at", (C, QUAY))), f.Equal(T1, T2), f.Not(f.Equal(T1, C))),
         timed=(
-            TimedLiteral(number("10"), Atom("at", (C, QUAY))),
-            TimedLiteral(number("2.5"), Not(FREE)),
-            TimedLiteral(number("3"), Assign("assign", Fluent("fuel"), number("7"))),
+            f.TimedLiteral(number("10"), f.Atom("at", (C, QUAY))),
+            f.TimedLiteral(number("2.5"), f.Not(FREE)),
+            f.TimedLiteral(number("3"), f.Assign("assign", f.Fluent("fuel"), number("7"))),
         ),
         goal=(
-            Atom("at", (C, HUB)),
-            Preference(
+            f.Atom("at", (C, HUB)),
+            f.Preference(
                 "Late",
-                Forall(
-                    (TypedName("x", ("crate",)),),
-                    Atom("at", (Variable("x"), Fluent("home", (T1,)))),
+                f.Forall(
+                    (f.TypedName("x", ("crate",)),),
+                    f.Atom("at", (f.Variable("x"), f.Fluent("home", (T1,)))),
                 ),
             ),
         ),
-        constraints=(Preference("late", Modal("sometime", (), (FREE,))), Timed("at end", FREE)),
-        metric=Metric(
+        constraints=(
+            f.Preference("late", f.Modal("sometime", (), (FREE,))),
+            f.Timed("at end", FREE),
+        ),
+        metric=f.Metric(
             "minimize",
-            Arithmetic(
+            f.Arithmetic(
                 "+",
                 (
-                    Arithmetic("*", (number("2"), IsViolated("Late"))),
-                    IsViolated("Tidy"),
-                    Fluent("total-time"),
-                    Fluent("fuel"),
+                    f.Arithmetic("*", (number("2"), f.IsViolated("Late"))),
+                    f.IsViolated("Tidy"),
+                    f.Fluent("total-time"),
+                    f.Fluent("fuel"),
                 ),
             ),
         ),
@@ -121,14 +105,18 @@ def test_the_order_of_facts_is_kept(domain: Domain) -> None:
 def test_without_the_domain_names_are_guessed_by_their_place() -> None:
     found = read_problem(PROBLEM, strict=True)
     assert found.domain == "DEPOT"
-    hub = Constant("HUB")
-    assert found.facts == (Atom("at", (T1, QUAY)), Atom("at", (T2, hub)), FREE)
+    hub = f.Constant("HUB")
+    assert found.facts == (f.Atom("at", (T1, QUAY)), f.Atom("at", (T2, hub)), FREE)
     assert found.values == (
-        FunctionValue(Fluent("load", (T1,)), number("2.50")),
-        FunctionValue(Fluent("fuel"), number("-3")),
-        FunctionValue(Fluent("HOME", (T2,)), hub),
+        FunctionValue(f.Fluent("load", (T1,)), number("2.50")),
+        FunctionValue(f.Fluent("fuel"), number("-3")),
+        FunctionValue(f.Fluent("HOME", (T2,)), hub),
     )
-    assert found.literals == (Not(Atom("at", (C, QUAY))), Equal(T1, T2), Not(Equal(T1, C)))
+    assert found.literals == (
+        f.Not(f.Atom("at", (C, QUAY))),
+        f.Equal(T1, T2),
+        f.Not(f.Equal(T1, C)),
+    )
     assert len(found.timed) == 3
     assert found.metric is not None
 
@@ -136,17 +124,17 @@ def test_without_the_domain_names_are_guessed_by_their_place() -> None:
 @pytest.mark.parametrize(
     ("goal", "expected"),
     [
-        ("(= (f) 3)", Comparison("=", Fluent("f"), number("3"))),
-        ("(= (f) a)", Equal(Fluent("f"), Constant("a"))),
-        ("(= a (f))", Equal(Constant("a"), Fluent("f"))),
+        ("(= (f) 3)", f.Comparison("=", f.Fluent("f"), number("3"))),
+        ("(= (f) a)", f.Equal(f.Fluent("f"), f.Constant("a"))),
+        ("(= a (f))", f.Equal(f.Constant("a"), f.Fluent("f"))),
         (
             "(= (f) (+ (g) 1))",
-            Comparison("=", Fluent("f"), Arithmetic("+", (Fluent("g"), number("1")))),
+            f.Comparison("=", f.Fluent("f"), f.Arithmetic("+", (f.Fluent("g"), number("1")))),
         ),
-        ("(p (f a) b)", Atom("p", (Fluent("f", (Constant("a"),)), Constant("b")))),
-        ("(preference a b)", Atom("preference", (Constant("a"), Constant("b")))),
-        ("(preference a (p))", Preference("a", Atom("p"))),
-        ("(within a)", Atom("within", (Constant("a"),))),
+        ("(p (f a) b)", f.Atom("p", (f.Fluent("f", (f.Constant("a"),)), f.Constant("b")))),
+        ("(preference a b)", f.Atom("preference", (f.Constant("a"), f.Constant("b")))),
+        ("(preference a (p))", f.Preference("a", f.Atom("p"))),
+        ("(within a)", f.Atom("within", (f.Constant("a"),))),
     ],
 )
 def test_without_the_domain_equations_are_guessed(goal: str, expected: object) -> None:
@@ -166,7 +154,7 @@ def test_values_without_the_domain() -> None:
 @pytest.mark.parametrize("bare", ["total-time", "(total-time)", "Total-Time"])
 def test_total_time(domain: Domain, bare: str) -> None:
     found = read_problem(problem("", more=f"(:metric maximize {bare})"), domain=domain, strict=True)
-    assert found.metric == Metric("maximize", Fluent("total-time"))
+    assert found.metric == f.Metric("maximize", f.Fluent("total-time"))
 
 
 @pytest.mark.parametrize("name", ["10", "-1", "+1.5", "1e3", ".5", "#t", "#T", "-a", "--"])
@@ -182,7 +170,7 @@ def test_numbers_and_what_begins_with_a_dash_name_no_objects(domain: Domain, nam
 def test_names_may_begin_with_digits(domain: Domain) -> None:
     text = problem("(at 10-1 2b)", objects="(:objects 10-1 - crate 2b - place)")
     found = read_problem(text, domain=domain)
-    assert found.facts == (Atom("at", (Constant("10-1"), Constant("2b"))),)
+    assert found.facts == (f.Atom("at", (f.Constant("10-1"), f.Constant("2b"))),)
 
 
 def test_at_is_a_time_before_a_parenthesis(domain: Domain) -> None:

@@ -8,45 +8,22 @@ from decimal import Decimal
 import pytest
 from hypothesis import given
 
-from kant_sql.dto.formulas import (
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Fluent,
-    Formula,
-    IsViolated,
-    Metric,
-    Modal,
-    Not,
-    Number,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from kant_sql.pddl.writer import node_text, write, write_problem
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
 
 ROBOT, WP = ("robot",), ("wp",)
-R, FROM, TO = TypedName("r", ROBOT), TypedName("from", WP), TypedName("to", WP)
-FREE = Atom("free")
-BATTERY = Fluent("battery", (Variable("r"),))
-GROWS = Assign("increase", BATTERY, Number(Decimal(1)))
-HOLDS = Preference("p1", Atom("robot_at", (Constant("rb1"), Constant("wp2"))))
+R, FROM, TO = f.TypedName("r", ROBOT), f.TypedName("from", WP), f.TypedName("to", WP)
+FREE = f.Atom("free")
+BATTERY = f.Fluent("battery", (f.Variable("r"),))
+GROWS = f.Assign("increase", BATTERY, f.Number(Decimal(1)))
+HOLDS = f.Preference("p1", f.Atom("robot_at", (f.Constant("rb1"), f.Constant("wp2"))))
 
 
-def number(text: str) -> Number:
-    return Number(Decimal(text))
+def number(text: str) -> f.Number:
+    return f.Number(Decimal(text))
 
 
 def domain() -> Domain:
@@ -54,49 +31,58 @@ def domain() -> Domain:
         "durative-action",
         "move",
         (R, FROM, TO),
-        (Comparison("=", Variable("duration"), number("10")),),
-        (Timed("at start", Atom("robot_at", (Variable("r"), Variable("from")))),),
+        (f.Comparison("=", f.Variable("duration"), number("10")),),
+        (f.Timed("at start", f.Atom("robot_at", (f.Variable("r"), f.Variable("from")))),),
         (
-            Timed("at end", Not(FREE)),
-            Assign("decrease", BATTERY, Arithmetic("*", (ContinuousTime(), number("0.50")))),
+            f.Timed("at end", f.Not(FREE)),
+            f.Assign("decrease", BATTERY, f.Arithmetic("*", (f.ContinuousTime(), number("0.50")))),
         ),
     )
-    wait = Action("action", "wait", effect=(When(FREE, Not(FREE)),))
+    wait = Action("action", "wait", effect=(f.When(FREE, f.Not(FREE)),))
     return Domain(
         "Tiago",
         (":typing", ":fluents"),
-        (TypedName("robot"), TypedName("door", WP), TypedName("window", WP), TypedName("wp")),
-        (TypedName("d1", ("door",)), TypedName("d2", ("door",)), TypedName("w", ("robot", "wp"))),
-        (Predicate("robot_at", (R, TypedName("r", WP))), Predicate("free")),
+        (
+            f.TypedName("robot"),
+            f.TypedName("door", WP),
+            f.TypedName("window", WP),
+            f.TypedName("wp"),
+        ),
+        (
+            f.TypedName("d1", ("door",)),
+            f.TypedName("d2", ("door",)),
+            f.TypedName("w", ("robot", "wp")),
+        ),
+        (Predicate("robot_at", (R, f.TypedName("r", WP))), Predicate("free")),
         (
             Function("battery", (R,)),
             Function("home", (R,), WP),
             Function("total-cost"),
         ),
-        (Modal("always", (), (FREE,)),),
-        (Derived("free", (), And()),),
+        (f.Modal("always", (), (FREE,)),),
+        (f.Derived("free", (), f.And()),),
         (move, wait),
     )
 
 
 def problem() -> Problem:
-    rb1, wp2 = Constant("rb1"), Constant("wp2")
-    battery = Fluent("battery", (rb1,))
+    rb1, wp2 = f.Constant("rb1"), f.Constant("wp2")
+    battery = f.Fluent("battery", (rb1,))
     return Problem(
         "P",
         "Tiago",
         (),
-        (TypedName("rb1", ROBOT), TypedName("wp2", WP), TypedName("thing")),
-        (Atom("robot_at", (rb1, wp2)), FREE),
-        (Not(Atom("robot_at", (rb1, rb1))), Equal(rb1, rb1)),
-        (FunctionValue(battery, number("-1.50")), FunctionValue(Fluent("home", (rb1,)), wp2)),
+        (f.TypedName("rb1", ROBOT), f.TypedName("wp2", WP), f.TypedName("thing")),
+        (f.Atom("robot_at", (rb1, wp2)), FREE),
+        (f.Not(f.Atom("robot_at", (rb1, rb1))), f.Equal(rb1, rb1)),
+        (FunctionValue(battery, number("-1.50")), FunctionValue(f.Fluent("home", (rb1,)), wp2)),
         (
-            TimedLiteral(number("5"), Not(FREE)),
-            TimedLiteral(number("6"), Assign("assign", battery, number("1E+2"))),
+            f.TimedLiteral(number("5"), f.Not(FREE)),
+            f.TimedLiteral(number("6"), f.Assign("assign", battery, number("1E+2"))),
         ),
         (FREE, HOLDS),
-        (Timed("at end", FREE),),
-        Metric("minimize", IsViolated("p1")),
+        (f.Timed("at end", FREE),),
+        f.Metric("minimize", f.IsViolated("p1")),
     )
 
 
@@ -196,12 +182,12 @@ def test_an_empty_document_has_what_the_standard_requires() -> None:
     ("constraints", "text"),
     [
         ((), ":duration (and)"),
-        ((And(),), ":duration (and\n      (and)\n    )"),
-        ((Comparison("<=", Variable("duration"), number("5")),), ":duration (<= ?duration 5)"),
+        ((f.And(),), ":duration (and\n      (and)\n    )"),
+        ((f.Comparison("<=", f.Variable("duration"), number("5")),), ":duration (<= ?duration 5)"),
     ],
 )
 def test_a_duration_reads_back_with_as_many_conjuncts(
-    constraints: tuple[Formula, ...], text: str
+    constraints: tuple[f.Formula, ...], text: str
 ) -> None:
     action = Action("durative-action", "a", duration=constraints)
     assert f"    {text}\n" in write(Domain("d", actions=(action,)))
@@ -214,7 +200,7 @@ def test_processes_and_events_have_preconditions() -> None:
 
 
 def test_long_lists_are_broken_into_lines() -> None:
-    objects = tuple(TypedName(f"object-number-{i}", ROBOT) for i in range(200))
+    objects = tuple(f.TypedName(f"object-number-{i}", ROBOT) for i in range(200))
     lines = write(Problem("p", "d", objects=objects)).splitlines()
     listed = lines[lines.index("  (:objects") + 1 : lines.index("  )")]
     assert max(map(len, lines)) <= 100

@@ -13,34 +13,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Protocol, TypeVar
 
-from kant_sql.dto.formulas import (
-    AT_END,
-    AT_START,
-    OVER_ALL,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    Imply,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TypedName,
-    Variable,
-    When,
-    walk,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import ROOT_TYPE, fold
 
 # A predicate or a function, and its arguments.
@@ -86,13 +59,13 @@ class ActionLike(Protocol):
     @property
     def name(self) -> str: ...
     @property
-    def parameters(self) -> Sequence[TypedName]: ...
+    def parameters(self) -> Sequence[f.TypedName]: ...
     @property
-    def condition(self) -> Sequence[Node]: ...
+    def condition(self) -> Sequence[f.Node]: ...
     @property
-    def effect(self) -> Sequence[Node]: ...
+    def effect(self) -> Sequence[f.Node]: ...
     @property
-    def duration(self) -> Sequence[Node]: ...
+    def duration(self) -> Sequence[f.Node]: ...
 
 
 @dataclass(frozen=True)
@@ -109,7 +82,7 @@ class Theory:
     """The types with those above them, and the rules of derived predicates."""
 
     parents: Typing
-    rules: Sequence[Derived] = ()
+    rules: Sequence[f.Derived] = ()
 
     def is_below(self, lower: str, upper: str) -> bool:
         if lower == upper or upper == ROOT_TYPE:
@@ -119,7 +92,7 @@ class Theory:
     def fits(self, types: Iterable[str], wanted: Iterable[str]) -> bool:
         return any(self.is_below(fold(one), fold(other)) for one in types for other in wanted)
 
-    def strata(self) -> list[list[Derived]]:
+    def strata(self) -> list[list[f.Derived]]:
         """The rules in layers: each negates predicates of lower layers only."""
         level = {fold(rule.predicate): 0 for rule in self.rules}
         for _ in range(len(level) + 1):
@@ -130,40 +103,40 @@ class Theory:
                         level[head] = max(level[head], level[name] + (not positive))
         if level and max(level.values()) >= len(level):
             raise ValueError("the rules are not stratified")
-        layers: list[list[Derived]] = [[] for _ in level]
+        layers: list[list[f.Derived]] = [[] for _ in level]
         for rule in self.rules:
             layers[level[fold(rule.predicate)]].append(rule)
         return layers
 
 
-def is_continuous(effect: Node) -> bool:
+def is_continuous(effect: f.Node) -> bool:
     """Whether an effect takes place while time passes."""
-    return isinstance(effect, Assign) and any(
-        isinstance(node, ContinuousTime) for node in walk(effect.value)
+    return isinstance(effect, f.Assign) and any(
+        isinstance(node, f.ContinuousTime) for node in f.walk(effect.value)
     )
 
 
-def occurrences(formula: Node, positive: bool = True) -> Iterator[tuple[str, bool]]:
+def occurrences(formula: f.Node, positive: bool = True) -> Iterator[tuple[str, bool]]:
     """The predicates in a formula, each with whether it is there under no or two negations."""
     match formula:
-        case Atom():
+        case f.Atom():
             yield fold(formula.predicate), positive
-        case Not():
+        case f.Not():
             yield from occurrences(formula.formula, not positive)
-        case Imply():
+        case f.Imply():
             yield from occurrences(formula.condition, not positive)
             yield from occurrences(formula.formula, positive)
-        case And() | Or():
+        case f.And() | f.Or():
             for part in formula.formulas:
                 yield from occurrences(part, positive)
-        case Forall() | Exists():
+        case f.Forall() | f.Exists():
             yield from occurrences(formula.formula, positive)
 
 
-def of_time(condition: Node, time: str | None) -> Node:
+def of_time(condition: f.Node, time: str | None) -> f.Node:
     """What a condition says of a time; what it says of no time, it says of each."""
-    if isinstance(condition, Timed):
-        return condition.formula if condition.time == time else And()
+    if isinstance(condition, f.Timed):
+        return condition.formula if condition.time == time else f.And()
     return condition
 
 
@@ -184,7 +157,7 @@ class Evaluator:
             while new := {fact for rule in layer for fact in self._derived(rule)} - self.facts:
                 self.facts |= new
 
-    def _derived(self, rule: Derived) -> Iterator[Ground]:
+    def _derived(self, rule: f.Derived) -> Iterator[Ground]:
         for bound in self.bindings(rule.variables):
             if self.holds(rule.formula, bound):
                 yield (fold(rule.predicate), *bound.values())
@@ -194,39 +167,39 @@ class Evaluator:
         wanted = tuple(types)
         return [o for o, own in self.state.objects.items() if self.theory.fits(own, wanted)]
 
-    def bindings(self, variables: Iterable[TypedName]) -> Iterator[dict[str, str]]:
+    def bindings(self, variables: Iterable[f.TypedName]) -> Iterator[dict[str, str]]:
         """All values of variables, the last of them changing fastest."""
         listed = list(variables)
         names = [fold(variable.name) for variable in listed]
         for objects in itertools.product(*(self.range(variable.types) for variable in listed)):
             yield dict(zip(names, objects, strict=True))
 
-    def holds(self, formula: Node, bound: Bindings) -> bool:
+    def holds(self, formula: f.Node, bound: Bindings) -> bool:
         match formula:
-            case Atom() | Equal() | Comparison():
+            case f.Atom() | f.Equal() | f.Comparison():
                 return self._is_true(formula, bound)
-            case Not():
+            case f.Not():
                 return not self.holds(formula.formula, bound)
-            case And():
+            case f.And():
                 return all(self.holds(part, bound) for part in formula.formulas)
-            case Or():
+            case f.Or():
                 return any(self.holds(part, bound) for part in formula.formulas)
-            case Imply():
-                return self.holds(Or((Not(formula.condition), formula.formula)), bound)
-            case Forall():
-                return not self.holds(Exists(formula.variables, Not(formula.formula)), bound)
-            case Exists():
+            case f.Imply():
+                return self.holds(f.Or((f.Not(formula.condition), formula.formula)), bound)
+            case f.Forall():
+                return not self.holds(f.Exists(formula.variables, f.Not(formula.formula)), bound)
+            case f.Exists():
                 inner = self.bindings(formula.variables)
                 return any(self.holds(formula.formula, {**bound, **more}) for more in inner)
-            case Preference():
+            case f.Preference():
                 return True
         raise TypeError(f"no condition: {formula!r}")
 
-    def _is_true(self, formula: Atom | Equal | Comparison, bound: Bindings) -> bool:
+    def _is_true(self, formula: f.Atom | f.Equal | f.Comparison, bound: Bindings) -> bool:
         """Whether a formula without parts holds; none does where a fluent has no value."""
-        if isinstance(formula, Atom):
+        if isinstance(formula, f.Atom):
             return self.ground(formula.predicate, formula.terms, bound) in self.facts
-        if isinstance(formula, Equal):
+        if isinstance(formula, f.Equal):
             value = self.term(formula.left, bound)
             return value is not None and value == self.term(formula.right, bound)
         left = self.number(formula.left, bound, Fraction)
@@ -235,50 +208,50 @@ class Evaluator:
             return False
         return COMPARE[formula.operator](left, right)
 
-    def term(self, term: Node, bound: Bindings) -> str | None:
+    def term(self, term: f.Node, bound: Bindings) -> str | None:
         """The object that a term denotes; None for a fluent without a value."""
         match term:
-            case Variable():
+            case f.Variable():
                 return bound[fold(term.name)]
-            case Constant():
+            case f.Constant():
                 return fold(term.name)
-            case Fluent():
+            case f.Fluent():
                 value = self.value(term, bound)
                 assert value is None or isinstance(value, str)
                 return value
         raise TypeError(f"no term: {term!r}")
 
-    def value(self, fluent: Fluent, bound: Bindings) -> Fraction | str | None:
+    def value(self, fluent: f.Fluent, bound: Bindings) -> Fraction | str | None:
         key = self.ground(fluent.function, fluent.terms, bound)
         return None if key is None else self.state.values.get(key)
 
-    def ground(self, name: str, terms: Iterable[Node], bound: Bindings) -> Ground | None:
+    def ground(self, name: str, terms: Iterable[f.Node], bound: Bindings) -> Ground | None:
         objects = [self.term(term, bound) for term in terms]
         found = tuple(object_ for object_ in objects if object_ is not None)
         return (fold(name), *found) if len(found) == len(objects) else None
 
-    def number(self, expression: Node, bound: Bindings, kind: type[N]) -> N | None:
+    def number(self, expression: f.Node, bound: Bindings, kind: type[N]) -> N | None:
         """The value of an expression; None where a part has none or where it divides by 0."""
         match expression:
-            case Number():
+            case f.Number():
                 return kind(expression.value)
-            case Fluent():
+            case f.Fluent():
                 value = self.value(expression, bound)
                 return None if value is None else kind(value)
-            case Arithmetic():
+            case f.Arithmetic():
                 parts = [self.number(part, bound, kind) for part in expression.operands]
                 operands = [part for part in parts if part is not None]
                 if len(operands) < len(parts):
                     return None
                 return calculated(expression.operator, operands)
-            case Variable():
+            case f.Variable():
                 return None if self.duration is None else kind(self.duration)
-            case ContinuousTime():
+            case f.ContinuousTime():
                 return kind(self.passed)
         raise TypeError(f"no number: {expression!r}")
 
     def answers(
-        self, formula: Node, columns: Sequence[TypedName], fixed: Bindings | None = None
+        self, formula: f.Node, columns: Sequence[f.TypedName], fixed: Bindings | None = None
     ) -> list[tuple[str, ...]]:
         """The objects for which a condition holds, in the order of the columns."""
         given = fixed or {}
@@ -288,27 +261,27 @@ class Evaluator:
             if self.holds(formula, {**given, **bound})
         ]
 
-    def applicable(self, action: ActionLike, time: str = AT_START) -> list[tuple[str, ...]]:
+    def applicable(self, action: ActionLike, time: str = f.AT_START) -> list[tuple[str, ...]]:
         """The arguments for which the condition holds; of a durative action, that of a time."""
         parts = tuple(of_time(part, time) for part in action.condition)
-        return self.answers(And(parts), action.parameters)  # type: ignore[arg-type]
+        return self.answers(f.And(parts), action.parameters)  # type: ignore[arg-type]
 
     def apply(self, action: ActionLike, arguments: Sequence[str], time: str | None = None) -> State:
         """The state after an action that is applicable; after a time of a durative one."""
         return self.changed(action.effect, self._bound(action, arguments), time)
 
-    def changed(self, effects: Iterable[Node], bound: Bindings, time: str | None = None) -> State:
+    def changed(self, effects: Iterable[f.Node], bound: Bindings, time: str | None = None) -> State:
         """The state after effects; of a durative action, after those at a time.
 
         All is evaluated in the state before; what is deleted and added is added.
         """
         found = [change for effect in effects for change in self._changes(effect, bound, time)]
-        removed = {self._changed_fact(e.formula, b) for e, b in found if isinstance(e, Not)}
-        added = {self._changed_fact(e, b) for e, b in found if isinstance(e, Atom)}
+        removed = {self._changed_fact(e.formula, b) for e, b in found if isinstance(e, f.Not)}
+        added = {self._changed_fact(e, b) for e, b in found if isinstance(e, f.Atom)}
         values = dict(self.state.values)
         changes: dict[Ground, list[tuple[str, Fraction | str]]] = {}
         for effect, inner in found:
-            if isinstance(effect, Assign):
+            if isinstance(effect, f.Assign):
                 key, value = self._assignment(effect, inner)
                 changes.setdefault(key, []).append((effect.operator, value))
         for key, several in changes.items():
@@ -326,8 +299,8 @@ class Evaluator:
         bound = self._bound(action, arguments)
         limits = []
         for constraint in action.duration:
-            part = of_time(constraint, AT_START)
-            if isinstance(part, Comparison):
+            part = of_time(constraint, f.AT_START)
+            if isinstance(part, f.Comparison):
                 limit = self.number(part.right, bound, Fraction)
                 if limit is None:
                     return
@@ -343,27 +316,27 @@ class Evaluator:
         self, action: ActionLike, arguments: Sequence[str], given: Fraction | None = None
     ) -> Evaluator | None:
         """The state right after the start of a step, with its duration; None if it cannot begin."""
-        time = AT_START if action.duration else None
+        time = f.AT_START if action.duration else None
         here = self
         if action.duration:
             durations = [*self.lasting(action, arguments, given)]
             is_known = given is not None or any(
-                isinstance(part, Comparison) and part.operator == "=" for part in action.duration
+                isinstance(part, f.Comparison) and part.operator == "=" for part in action.duration
             )
-            needed = walk(*action.condition, *action.effect)
-            is_needed = any(part in (Variable("duration"), ContinuousTime()) for part in needed)
+            needed = f.walk(*action.condition, *action.effect)
+            is_needed = any(part in (f.Variable("duration"), f.ContinuousTime()) for part in needed)
             if not durations or (is_needed and not is_known):
                 return None
             here = Evaluator(self.theory, self.state, durations[0] if is_known else None)
         bound = self._bound(action, arguments)
-        if not here.meets(action, bound, AT_START):
+        if not here.meets(action, bound, f.AT_START):
             return None
         try:
             state = here.changed(action.effect, bound, time)
         except UndefinedEffectError:
             return None
         after = Evaluator(self.theory, state, here.duration)
-        return after if time is None or after.meets(action, bound, OVER_ALL) else None
+        return after if time is None or after.meets(action, bound, f.OVER_ALL) else None
 
     def ended(self, action: ActionLike, arguments: Sequence[str]) -> State | None:
         """The state after the end of a step, of whose duration nothing has happened yet."""
@@ -372,12 +345,12 @@ class Evaluator:
         try:
             for moment in moments:
                 then = self._moved(action, bound, moment * duration)
-                if not then.meets(action, bound, OVER_ALL):
+                if not then.meets(action, bound, f.OVER_ALL):
                     return None
             last = self._moved(action, bound, duration)
-            if not last.meets(action, bound, AT_END):
+            if not last.meets(action, bound, f.AT_END):
                 return None
-            return last.changed(action.effect, bound, AT_END)
+            return last.changed(action.effect, bound, f.AT_END)
         except UndefinedEffectError:
             return None
 
@@ -396,38 +369,38 @@ class Evaluator:
         return dict(zip(names, arguments, strict=True))
 
     def _changes(
-        self, effect: Node, bound: Bindings, time: str | None
-    ) -> Iterator[tuple[Node, Bindings]]:
+        self, effect: f.Node, bound: Bindings, time: str | None
+    ) -> Iterator[tuple[f.Node, Bindings]]:
         """The literals and assignments that an effect comes to, with their variables."""
         match effect:
-            case And():
+            case f.And():
                 for part in effect.formulas:
                     yield from self._changes(part, bound, time)
-            case Forall():
+            case f.Forall():
                 for more in self.bindings(effect.variables):
                     yield from self._changes(effect.formula, {**bound, **more}, time)
-            case When():
+            case f.When():
                 if self.holds(of_time(effect.condition, time), bound):
                     yield from self._changes(effect.effect, bound, time)
-            case Timed():
+            case f.Timed():
                 if effect.time == time:
                     yield from self._changes(effect.formula, bound, time)
             case _ if is_continuous(effect) is (time == "while"):
                 yield effect, bound
 
-    def _changed_fact(self, atom: Node, bound: Bindings) -> Ground:
-        assert isinstance(atom, Atom)
+    def _changed_fact(self, atom: f.Node, bound: Bindings) -> Ground:
+        assert isinstance(atom, f.Atom)
         found = self.ground(atom.predicate, atom.terms, bound)
         if found is None:
             raise UndefinedEffectError(f"an argument of {atom} has no value")
         return found
 
-    def _assignment(self, effect: Assign, bound: Bindings) -> tuple[Ground, Fraction | str]:
+    def _assignment(self, effect: f.Assign, bound: Bindings) -> tuple[Ground, Fraction | str]:
         key = self.ground(effect.fluent.function, effect.fluent.terms, bound)
         value: Fraction | str | None
-        if isinstance(effect.value, Variable | Constant):
+        if isinstance(effect.value, f.Variable | f.Constant):
             value = self.term(effect.value, bound)
-        elif isinstance(effect.value, Fluent):
+        elif isinstance(effect.value, f.Fluent):
             value = self.value(effect.value, bound)
         else:
             value = self.number(effect.value, bound, Fraction)

@@ -9,52 +9,30 @@ from typing import Any
 
 import pytest
 
-from kant_sql.dto.formulas import (
-    MAX_NESTING,
-    And,
-    Arithmetic,
-    Atom,
-    Branch,
-    Comparison,
-    Constant,
-    Exists,
-    Fluent,
-    Forall,
-    Imply,
-    Metric,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TypedName,
-    When,
-)
+from kant_sql.dto import formulas as f
 
-P, Q, ONE = Atom("p"), Atom("q", (Constant("a"),)), Number(1)
-VARIABLES = (TypedName("x", ("a", "b")),)
+P, Q, ONE = f.Atom("p"), f.Atom("q", (f.Constant("a"),)), f.Number(1)
+VARIABLES = (f.TypedName("x", ("a", "b")),)
 WRAP: dict[type, Callable[[Any], Any]] = {
-    Not: Not,
-    And: lambda node: And((P, node, Q)),
-    Or: lambda node: Or((node,)),
-    Imply: lambda node: Imply(node, Q),
-    Forall: lambda node: Forall(VARIABLES, node),
-    Exists: lambda node: Exists(VARIABLES, node),
-    Timed: lambda node: Timed("at end", node),
-    Preference: lambda node: Preference(None, node),
-    Modal: lambda node: Modal("within", (ONE,), (node,)),
-    When: lambda node: When(Q, node),
-    Arithmetic: lambda node: Arithmetic("+", (node, ONE)),
-    Fluent: lambda node: Fluent("f", (node, Constant("a"))),
+    f.Not: f.Not,
+    f.And: lambda node: f.And((P, node, Q)),
+    f.Or: lambda node: f.Or((node,)),
+    f.Imply: lambda node: f.Imply(node, Q),
+    f.Forall: lambda node: f.Forall(VARIABLES, node),
+    f.Exists: lambda node: f.Exists(VARIABLES, node),
+    f.Timed: lambda node: f.Timed("at end", node),
+    f.Preference: lambda node: f.Preference(None, node),
+    f.Modal: lambda node: f.Modal("within", (ONE,), (node,)),
+    f.When: lambda node: f.When(Q, node),
+    f.Arithmetic: lambda node: f.Arithmetic("+", (node, ONE)),
+    f.Fluent: lambda node: f.Fluent("f", (node, f.Constant("a"))),
 }
 
 
 # What may stand at the bottom, and another such node.
-LEAVES: dict[type, tuple[Node, Node]] = {
-    Arithmetic: (ONE, Number(2)),
-    Fluent: (Constant("a"), Constant("b")),
+LEAVES: dict[type, tuple[f.Node, f.Node]] = {
+    f.Arithmetic: (ONE, f.Number(2)),
+    f.Fluent: (f.Constant("a"), f.Constant("b")),
 }
 
 
@@ -66,24 +44,24 @@ def nested(kind: type, levels: int, leaf: int = 0) -> Any:
 
 
 def test_all_nodes_that_may_contain_their_like_are_here() -> None:
-    names = {each.__name__ for each in Branch.__subclasses__()}
+    names = {each.__name__ for each in f.Branch.__subclasses__()}
     assert names == {each.__name__ for each in WRAP}
 
 
 @pytest.mark.parametrize("kind", WRAP, ids=lambda kind: kind.__name__)
 def test_deep_nodes(kind: type) -> None:
     node, same, other = (
-        nested(kind, MAX_NESTING),
-        nested(kind, MAX_NESTING),
-        nested(kind, MAX_NESTING, 1),
+        nested(kind, f.MAX_NESTING),
+        nested(kind, f.MAX_NESTING),
+        nested(kind, f.MAX_NESTING, 1),
     )
     assert node == same
     assert hash(node) == hash(same)
     assert node != other
-    assert node != nested(kind, MAX_NESTING - 1)
+    assert node != nested(kind, f.MAX_NESTING - 1)
     assert len({node, same, other}) == 2
     assert str(node) == str(same) != str(other)
-    assert str(node).count("(") >= MAX_NESTING
+    assert str(node).count("(") >= f.MAX_NESTING
     assert repr(node) == repr(same) != repr(other)
     assert pickle.loads(pickle.dumps(node)) == node
     assert copy.copy(node) is copy.deepcopy(node) is node
@@ -102,8 +80,8 @@ def test_small_nodes_say_what_dataclasses_do(kind: type) -> None:
 
 
 def test_what_holds_deep_nodes() -> None:
-    total = nested(Arithmetic, MAX_NESTING)
-    for whole in (Metric("minimize", total), Comparison("<", total, ONE)):
+    total = nested(f.Arithmetic, f.MAX_NESTING)
+    for whole in (f.Metric("minimize", total), f.Comparison("<", total, ONE)):
         again = type(whole)(*(getattr(whole, name) for name in type(whole).__slots__))
         assert whole == again
         assert hash(whole) == hash(again)

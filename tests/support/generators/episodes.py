@@ -18,31 +18,7 @@ from typing import NoReturn, TypeVar, cast
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from kant_sql.dto.formulas import (
-    AT_END,
-    AT_START,
-    TIMES,
-    And,
-    Atom,
-    Comparison,
-    Constant,
-    Derived,
-    Exists,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    Node,
-    Not,
-    Number,
-    Or,
-    Term,
-    Timed,
-    TypedName,
-    Variable,
-    When,
-    children,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import ROOT_TYPE, fold
 from kant_sql.pddl.document import (
     ACTION,
@@ -79,7 +55,7 @@ class Question:
     """A condition with its free variables, some of which are bound."""
 
     columns: Scope
-    formula: Formula
+    formula: f.Formula
     fixed: dict[str, str]
 
     @property
@@ -92,9 +68,9 @@ class Question:
 class Change:
     """What differs between two states: facts, and values of fluents, None for none."""
 
-    added: tuple[Atom, ...]
-    removed: tuple[Atom, ...]
-    values: tuple[tuple[Fluent, Fraction | str | None], ...]
+    added: tuple[f.Atom, ...]
+    removed: tuple[f.Atom, ...]
+    values: tuple[tuple[f.Fluent, Fraction | str | None], ...]
 
     def of(self, state: State) -> State:
         """The state after the change of another."""
@@ -128,9 +104,9 @@ class Episode:
         return state_of(self.domain, self.problem)
 
 
-def ground(node: Atom | Fluent) -> Ground:
+def ground(node: f.Atom | f.Fluent) -> Ground:
     """A ground atom, or a ground fluent, as a key."""
-    name = node.predicate if isinstance(node, Atom) else node.function
+    name = node.predicate if isinstance(node, f.Atom) else node.function
     return (fold(name), *(fold(str(term)) for term in node.terms))
 
 
@@ -143,7 +119,7 @@ def theory_of(domain: Domain) -> Theory:
 def state_of(domain: Domain, problem: Problem) -> State:
     """The initial state of a problem."""
     values = {
-        ground(fluent): Fraction(value.value) if isinstance(value, Number) else fold(value.name)
+        ground(fluent): Fraction(value.value) if isinstance(value, f.Number) else fold(value.name)
         for fluent, value in problem.values
     }
     objects = {
@@ -178,37 +154,37 @@ class Conditions(Formulas):
         return (self.pick([*names, *names, ROOT_TYPE]),)
 
     def variables(self, names: Sequence[str]) -> Scope:
-        return tuple(TypedName(name, self.types()) for name in names)
+        return tuple(f.TypedName(name, self.types()) for name in names)
 
     def bound(self, least: int = 1) -> Scope:
         return self.variables(self.random.sample(VARIABLES, self.pick([1, 1, 2])))
 
-    def term(self, wanted: tuple[str, ...], scope: Scope, nested: int) -> Term | None:
+    def term(self, wanted: tuple[str, ...], scope: Scope, nested: int) -> f.Term | None:
         """Most terms are variables."""
-        fitting = [Variable(v.name) for v in scope if self.world.fits(v.types, wanted)]
+        fitting = [f.Variable(v.name) for v in scope if self.world.fits(v.types, wanted)]
         if fitting and self.random.random() < 0.8:
             return self.pick(fitting)
         return super().term(wanted, scope, nested)
 
-    def atom(self, scope: Scope, basic: bool = False, nested: int = 0) -> Atom:
+    def atom(self, scope: Scope, basic: bool = False, nested: int = 0) -> f.Atom:
         most = -1 if basic else self.layer - (not self.positive)
         known = [p for p in self.world.predicates if self.layers.get(fold(p.name), -1) <= most]
         for _ in range(3):
             predicate = self.pick(known)
             terms = self.arguments(predicate.parameters, scope, nested)
-            if terms and (not scope or any(isinstance(term, Variable) for term in terms)):
+            if terms and (not scope or any(isinstance(term, f.Variable) for term in terms)):
                 break
-        return Atom(predicate.name, terms) if terms else Atom(self.world.predicates[0].name)
+        return f.Atom(predicate.name, terms) if terms else f.Atom(self.world.predicates[0].name)
 
-    def literal(self, scope: Scope, basic: bool = False, nested: int = 0) -> Atom | Not:
+    def literal(self, scope: Scope, basic: bool = False, nested: int = 0) -> f.Atom | f.Not:
         if self.random.random() < 0.7:
             return self.atom(scope, basic, nested)
         self.positive = not self.positive
         atom = self.atom(scope, basic, nested)
         self.positive = not self.positive
-        return Not(atom)
+        return f.Not(atom)
 
-    def goal(self, scope: Scope, depth: int = DEPTH) -> Formula:
+    def goal(self, scope: Scope, depth: int = DEPTH) -> f.Formula:
         kinds = ["literal", "literal", "comparison", "not", "and", "and", "or", "imply", "all"]
         kind = self.pick(kinds) if depth else "literal"
         if kind == "comparison":
@@ -216,21 +192,21 @@ class Conditions(Formulas):
         if kind == "literal":
             return self.literal(scope, nested=self.pick([0, 0, 2]))
         if kind == "not":
-            return Not(self.opposite(scope, depth - 1))
+            return f.Not(self.opposite(scope, depth - 1))
         if kind == "imply":
-            return Imply(self.opposite(scope, depth - 1), self.goal(scope, depth - 1))
+            return f.Imply(self.opposite(scope, depth - 1), self.goal(scope, depth - 1))
         if kind == "all":
             parts = self.bound()
             inner = self.goal(bind(scope, parts), depth - 1)
-            return Exists(parts, inner) if self.random.random() < 0.7 else Forall(parts, inner)
+            return f.Exists(parts, inner) if self.random.random() < 0.7 else f.Forall(parts, inner)
         count = self.random.choices([2, 3, 1, 0], [20, 8, 1, 1])[0]
         made = tuple(self.goal(scope, depth - 1) for _ in range(count))
-        return And(made) if kind == "and" else Or(made)
+        return f.And(made) if kind == "and" else f.Or(made)
 
-    def number(self, least: int | None = None) -> Number:
-        return Number(Decimal(str(float(self.pick(NUMBERS)))))
+    def number(self, least: int | None = None) -> f.Number:
+        return f.Number(Decimal(str(float(self.pick(NUMBERS)))))
 
-    def opposite(self, scope: Scope, depth: int) -> Formula:
+    def opposite(self, scope: Scope, depth: int) -> f.Formula:
         """A condition under a negation."""
         self.positive = not self.positive
         made = self.goal(scope, depth)
@@ -242,23 +218,23 @@ class Conditions(Formulas):
         below = [name for name in self.world.parents if self.world.fits((name,), types)]
         return (self.pick(below),) if below and self.random.random() < 0.2 else types
 
-    def rule(self, predicate: Predicate) -> Derived:
+    def rule(self, predicate: Predicate) -> f.Derived:
         """A rule: any condition, or a join with some variables more, as in a transitive closure."""
         self.layer = self.layers[fold(predicate.name)]
         parts = tuple(
-            TypedName(f"v{number}", self.narrowed(part.types))
+            f.TypedName(f"v{number}", self.narrowed(part.types))
             for number, part in enumerate(predicate.parameters)
         )
         if self.random.random() < 0.6:
             more = self.variables(["w0", "w1"][: self.pick([1, 1, 2])])
             joined = tuple(self.atom((*parts, *more)) for _ in range(self.pick([2, 2, 3])))
-            body: Formula = Exists(more, And(joined))
+            body: f.Formula = f.Exists(more, f.And(joined))
             if self.flip():
-                body = Or((self.literal(parts), body))
+                body = f.Or((self.literal(parts), body))
         else:
             body = self.goal(parts, 2)
         self.layer = len(self.layers) + 1
-        return Derived(predicate.name, parts, body)
+        return f.Derived(predicate.name, parts, body)
 
     def action(self, name: str) -> Action:
         scope = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 3, 0])))
@@ -270,13 +246,13 @@ class Conditions(Formulas):
     def durative(self, name: str) -> Action:
         """A durative action, each of whose conditional effects has one time."""
         scope = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 3, 0])))
-        condition = tuple(Timed(self.pick(TIMES), self.goal(scope, 2)) for _ in range(3))
-        effect: list[Formula] = []
+        condition = tuple(f.Timed(self.pick(f.TIMES), self.goal(scope, 2)) for _ in range(3))
+        effect: list[f.Formula] = []
         for _ in range(self.between(1, 4)):
-            time = self.pick((AT_START, AT_END))
-            made: Formula = Timed(time, self.change(scope))
+            time = self.pick((f.AT_START, f.AT_END))
+            made: f.Formula = f.Timed(time, self.change(scope))
             if self.random.random() < 0.3:
-                made = When(Timed(time, self.goal(scope, 1)), made)
+                made = f.When(f.Timed(time, self.goal(scope, 1)), made)
             effect.append(made)
         changed = self.continuous(scope) if self.random.random() < 0.5 else None
         return Action(
@@ -288,10 +264,10 @@ class Conditions(Formulas):
             (*effect, *([] if changed is None else [changed])),
         )
 
-    def lasts(self, scope: Scope) -> Comparison:
+    def lasts(self, scope: Scope) -> f.Comparison:
         """A constraint on a duration, which may contradict another one."""
-        limit = self.expression(scope, 1) if self.random.random() < 0.3 else Number(5)
-        return Comparison(self.pick(["=", "=", "<=", ">="]), DURATION, limit)
+        limit = self.expression(scope, 1) if self.random.random() < 0.3 else f.Number(5)
+        return f.Comparison(self.pick(["=", "=", "<=", ">="]), DURATION, limit)
 
     def question(self) -> Question:
         columns = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 2, 0, 3])))
@@ -307,35 +283,39 @@ def _no_draw(*_: object, **__: object) -> NoReturn:
     raise AssertionError("an episode is made without draws")
 
 
-def free_variables(domain: Domain, formula: Formula) -> dict[str, list[tuple[str, ...]]]:
+def free_variables(domain: Domain, formula: f.Formula) -> dict[str, list[tuple[str, ...]]]:
     """The free variables, as they first occur, each with the types that its atoms allow."""
     declared = {fold(p.name): p for p in domain.predicates}
     functions = {fold(function.name): function for function in domain.functions}
     found: dict[str, list[tuple[str, ...]]] = {}
 
-    def visit(node: Node, bound: frozenset[str]) -> None:
+    def visit(node: f.Node, bound: frozenset[str]) -> None:
         parameters: Scope = ()
-        if isinstance(node, Atom):
+        if isinstance(node, f.Atom):
             parameters = declared[fold(node.predicate)].parameters
-        elif isinstance(node, Fluent):
+        elif isinstance(node, f.Fluent):
             parameters = functions[fold(node.function)].parameters
-        elif isinstance(node, Forall | Exists):
+        elif isinstance(node, f.Forall | f.Exists):
             bound |= {fold(variable.name) for variable in node.variables}
-        elif isinstance(node, Variable) and fold(node.name) not in bound:
+        elif isinstance(node, f.Variable) and fold(node.name) not in bound:
             found.setdefault(fold(node.name), [])
-        for number, part in enumerate(children(node)):
+        for number, part in enumerate(f.children(node)):
             visit(part, bound)
-            if parameters and isinstance(part, Variable) and fold(part.name) not in bound:
+            if parameters and isinstance(part, f.Variable) and fold(part.name) not in bound:
                 found[fold(part.name)].append(parameters[number].types)
 
     visit(formula, frozenset())
     return found
 
 
-def atoms_of(world: World, parameters: Scope) -> list[tuple[Constant, ...]]:
+def atoms_of(world: World, parameters: Scope) -> list[tuple[f.Constant, ...]]:
     """The arguments that a predicate or a function can have."""
     ranges = [
-        [Constant(thing.name) for thing in world.things if world.fits_any(thing.types, part.types)]
+        [
+            f.Constant(thing.name)
+            for thing in world.things
+            if world.fits_any(thing.types, part.types)
+        ]
         for part in parameters
     ]
     return list(itertools.islice(itertools.product(*ranges), MOST))
@@ -343,8 +323,8 @@ def atoms_of(world: World, parameters: Scope) -> list[tuple[Constant, ...]]:
 
 def changes(random: Random, world: World, begins: bool = False) -> Change:
     """Some facts and values; or what becomes of some, where the state has begun."""
-    added: list[Atom] = []
-    removed: list[Atom] = []
+    added: list[f.Atom] = []
+    removed: list[f.Atom] = []
     for predicate in world.predicates:
         # A fact of a derived predicate can be stored as well, but not in a problem.
         if fold(predicate.name) in world.derived and (begins or random.random() < 0.7):
@@ -352,10 +332,10 @@ def changes(random: Random, world: World, begins: bool = False) -> Change:
         share = random.choice([0.1, 0.3, 0.6]) if begins else 0.15
         for terms in atoms_of(world, predicate.parameters):
             if random.random() < share:
-                added.append(Atom(predicate.name, terms))
+                added.append(f.Atom(predicate.name, terms))
             elif not begins and random.random() < 0.3:
-                removed.append(Atom(predicate.name, terms))
-    values: list[tuple[Fluent, Fraction | str | None]] = []
+                removed.append(f.Atom(predicate.name, terms))
+    values: list[tuple[f.Fluent, Fraction | str | None]] = []
     for function in world.functions:
         allowed: list[Fraction | str | None] = [*NUMBERS]
         if function.types:
@@ -363,7 +343,7 @@ def changes(random: Random, world: World, begins: bool = False) -> Change:
             allowed = [fold(thing.name) for thing in fitting]
         for terms in atoms_of(world, function.parameters):
             if begins or random.random() < 0.3:
-                values.append((Fluent(function.name, terms), random.choice([*allowed, None])))
+                values.append((f.Fluent(function.name, terms), random.choice([*allowed, None])))
     return Change(tuple(added), tuple(removed), tuple(values))
 
 
@@ -411,7 +391,7 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
     rules = [words.rule(predicate) for predicate in ruled for _ in range(2)]
     domain = Domain(
         names[29],
-        types=tuple(TypedName(name, (above,)) for name, above in world.parents.items()),
+        types=tuple(f.TypedName(name, (above,)) for name, above in world.parents.items()),
         constants=words.world.things,
         predicates=world.predicates,
         functions=world.functions,
@@ -441,10 +421,10 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
     )
 
 
-def _value(fluent: Fluent, value: Fraction | str) -> FunctionValue:
+def _value(fluent: f.Fluent, value: Fraction | str) -> FunctionValue:
     if isinstance(value, str):
-        return FunctionValue(fluent, Constant(value))
-    return FunctionValue(fluent, Number(Decimal(str(float(value)))))
+        return FunctionValue(fluent, f.Constant(value))
+    return FunctionValue(fluent, f.Number(Decimal(str(float(value)))))
 
 
 EPISODES: SearchStrategy[Episode] = st.builds(episode, st.integers(0, 2**32 - 1))

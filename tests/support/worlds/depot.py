@@ -5,32 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 
 from kant_sql import KnowledgeBase
-from kant_sql.dto.formulas import (
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    Modal,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Term,
-    Timed,
-    TypedName,
-    Variable,
-    When,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.pddl import read_domain, read_problem
 from tests.support.reading import beside
 
@@ -49,11 +24,11 @@ PROBLEM = """
   (:init (at t1 p1) (= (fuel t1) 7.50) (= (home t1) hub))
   (:goal (and)))
 """
-TRUCK, PLACE = TypedName("t", ("truck",)), TypedName("p", ("place",))
-T, P, DURATION = Variable("t"), Variable("p"), Variable("duration")
-T1, T2, P1, P2, HUB = (Constant(name) for name in ("t1", "t2", "p1", "p2", "hub"))
-C1 = Constant("c1")
-IDLE = Atom("idle")
+TRUCK, PLACE = f.TypedName("t", ("truck",)), f.TypedName("p", ("place",))
+T, P, DURATION = f.Variable("t"), f.Variable("p"), f.Variable("duration")
+T1, T2, P1, P2, HUB = (f.Constant(name) for name in ("t1", "t2", "p1", "p2", "hub"))
+C1 = f.Constant("c1")
+IDLE = f.Atom("idle")
 
 
 def load(kb: KnowledgeBase, problem: str = PROBLEM) -> int:
@@ -64,32 +39,32 @@ def load(kb: KnowledgeBase, problem: str = PROBLEM) -> int:
     return kb.revision
 
 
-def at(truck: Term = T1, place: Term = P1) -> Atom:
-    return Atom("at", (truck, place))
+def at(truck: f.Term = T1, place: f.Term = P1) -> f.Atom:
+    return f.Atom("at", (truck, place))
 
 
-def fuel(truck: Term = T1) -> Fluent:
-    return Fluent("fuel", (truck,))
+def fuel(truck: f.Term = T1) -> f.Fluent:
+    return f.Fluent("fuel", (truck,))
 
 
-def home(truck: Term = T1) -> Fluent:
-    return Fluent("home", (truck,))
+def home(truck: f.Term = T1) -> f.Fluent:
+    return f.Fluent("home", (truck,))
 
 
-def distance(start: Term = P1, end: Term = P2) -> Fluent:
-    return Fluent("distance", (start, end))
+def distance(start: f.Term = P1, end: f.Term = P2) -> f.Fluent:
+    return f.Fluent("distance", (start, end))
 
 
-def number(text: str) -> Number:
-    return Number(Decimal(text))
+def number(text: str) -> f.Number:
+    return f.Number(Decimal(text))
 
 
-def calculated(operator: str, *operands: Expression) -> Arithmetic:
-    return Arithmetic(operator, operands)
+def calculated(operator: str, *operands: f.Expression) -> f.Arithmetic:
+    return f.Arithmetic(operator, operands)
 
 
-def over(*formulas: Formula) -> tuple[Formula, ...]:
-    return tuple(Timed("over all", formula) for formula in formulas)
+def over(*formulas: f.Formula) -> tuple[f.Formula, ...]:
+    return tuple(f.Timed("over all", formula) for formula in formulas)
 
 
 def again(kb: KnowledgeBase) -> KnowledgeBase:
@@ -105,108 +80,112 @@ def check_text(kb: KnowledgeBase) -> None:
 
 
 # Formulas without free variables, by what they are.
-CONDITIONS: dict[str, Formula] = {
-    "a literal": Not(at()),
+CONDITIONS: dict[str, f.Formula] = {
+    "a literal": f.Not(at()),
     "a constant": at(T1, HUB),
     "no arguments": IDLE,
-    "or": Or((at(), Not(IDLE))),
-    "empty or": Or(()),
-    "imply": Imply(IDLE, at()),
-    "not of a conjunction": Not(And((IDLE, at()))),
-    "and within or": Or((And((IDLE, at())), And(()))),
-    "forall": Forall((TRUCK, PLACE), at(T, P)),
-    "exists": Exists((TRUCK,), at(T, P1)),
-    "either": Exists((TypedName("w", ("place", "crane")),), Atom("open", (Variable("w"),))),
-    "shadowed": Forall((TRUCK,), Or((at(T), Exists((TRUCK,), at(T, P2))))),
-    "any object": Forall((TypedName("x"),), Equal(Variable("x"), T1)),
-    "equality": Equal(T1, T2),
-    "inequality": Forall((TRUCK,), Imply(Not(Equal(T, T1)), Not(at(T)))),
-    "object fluent": Equal(home(), HUB),
+    "or": f.Or((at(), f.Not(IDLE))),
+    "empty or": f.Or(()),
+    "imply": f.Imply(IDLE, at()),
+    "not of a conjunction": f.Not(f.And((IDLE, at()))),
+    "and within or": f.Or((f.And((IDLE, at())), f.And(()))),
+    "forall": f.Forall((TRUCK, PLACE), at(T, P)),
+    "exists": f.Exists((TRUCK,), at(T, P1)),
+    "either": f.Exists((f.TypedName("w", ("place", "crane")),), f.Atom("open", (f.Variable("w"),))),
+    "shadowed": f.Forall((TRUCK,), f.Or((at(T), f.Exists((TRUCK,), at(T, P2))))),
+    "any object": f.Forall((f.TypedName("x"),), f.Equal(f.Variable("x"), T1)),
+    "equality": f.Equal(T1, T2),
+    "inequality": f.Forall((TRUCK,), f.Imply(f.Not(f.Equal(T, T1)), f.Not(at(T)))),
+    "object fluent": f.Equal(home(), HUB),
     "fluent as a term": at(T1, home(T2)),
-    "fluent of a bound variable": Exists((TRUCK,), at(T, home(T))),
-    "numbers": Comparison(">=", fuel(), number("2.50")),
-    "numbers the other way": Comparison("<", number("-0.5"), fuel()),
-    "equal numbers": Comparison("=", fuel(), fuel(T2)),
-    "arithmetic": Comparison(
+    "fluent of a bound variable": f.Exists((TRUCK,), at(T, home(T))),
+    "numbers": f.Comparison(">=", fuel(), number("2.50")),
+    "numbers the other way": f.Comparison("<", number("-0.5"), fuel()),
+    "equal numbers": f.Comparison("=", fuel(), fuel(T2)),
+    "arithmetic": f.Comparison(
         "<=",
         calculated("+", fuel(), calculated("*", number("2"), distance()), number("1")),
         calculated("-", calculated("/", fuel(T2), number("3"))),
     ),
-    "distance from a fluent": Comparison(
+    "distance from a fluent": f.Comparison(
         ">", distance(home(), P1), calculated("-", fuel(), fuel())
     ),
-    "preference": Preference("p1", at()),
-    "nameless preference": Preference(None, Or((IDLE,))),
-    "preferences for all": Forall((TRUCK,), Preference("each", at(T))),
+    "preference": f.Preference("p1", at()),
+    "nameless preference": f.Preference(None, f.Or((IDLE,))),
+    "preferences for all": f.Forall((TRUCK,), f.Preference("each", at(T))),
 }
 
 # What may be an effect of an action that is not durative, with ?t and ?p.
-EFFECTS: dict[str, Formula] = {
+EFFECTS: dict[str, f.Formula] = {
     "add": at(T, P),
-    "delete": Not(at(T, P)),
-    "forall": Forall((TypedName("q", ("place",)),), Not(at(T, Variable("q")))),
-    "when": When(Comparison(">", fuel(T), number("0")), And((at(T, P), Not(IDLE)))),
-    "forall when": Forall(
-        (TypedName("q", ("place",)),),
-        When(Equal(Variable("q"), home(T)), Atom("linked", (P, Variable("q")))),
+    "delete": f.Not(at(T, P)),
+    "forall": f.Forall((f.TypedName("q", ("place",)),), f.Not(at(T, f.Variable("q")))),
+    "when": f.When(f.Comparison(">", fuel(T), number("0")), f.And((at(T, P), f.Not(IDLE)))),
+    "forall when": f.Forall(
+        (f.TypedName("q", ("place",)),),
+        f.When(f.Equal(f.Variable("q"), home(T)), f.Atom("linked", (P, f.Variable("q")))),
     ),
-    "assign": Assign("assign", fuel(T), number("10.0")),
-    "increase": Assign("increase", Fluent("total-cost"), distance(P, home(T))),
-    "decrease": Assign("decrease", fuel(T), calculated("/", distance(HUB, P), number("2"))),
-    "scale-up": Assign("scale-up", fuel(T), number("2")),
-    "scale-down": Assign("scale-down", fuel(T), fuel(T1)),
-    "object fluent": Assign("assign", home(T), P),
-    "object fluent of another": Assign("assign", home(T), home(T1)),
+    "assign": f.Assign("assign", fuel(T), number("10.0")),
+    "increase": f.Assign("increase", f.Fluent("total-cost"), distance(P, home(T))),
+    "decrease": f.Assign("decrease", fuel(T), calculated("/", distance(HUB, P), number("2"))),
+    "scale-up": f.Assign("scale-up", fuel(T), number("2")),
+    "scale-down": f.Assign("scale-down", fuel(T), fuel(T1)),
+    "object fluent": f.Assign("assign", home(T), P),
+    "object fluent of another": f.Assign("assign", home(T), home(T1)),
 }
 
 # What may be an effect of a durative action.
-TIMED_EFFECTS: dict[str, Formula] = {
-    "at start": Timed("at start", Not(at(T, P))),
-    "at end": Timed("at end", And((at(T, P), Assign("increase", fuel(T), DURATION)))),
-    "forall": Forall((TypedName("q", ("place",)),), Timed("at end", at(T, Variable("q")))),
-    "when": When(Timed("at start", IDLE), Timed("at end", at(T, P))),
-    "when at end": Timed("at end", When(IDLE, Not(at(T, P)))),
-    "continuous": Assign("decrease", fuel(T), ContinuousTime()),
-    "at a rate": Assign("increase", fuel(T), calculated("*", ContinuousTime(), distance(P, HUB))),
+TIMED_EFFECTS: dict[str, f.Formula] = {
+    "at start": f.Timed("at start", f.Not(at(T, P))),
+    "at end": f.Timed("at end", f.And((at(T, P), f.Assign("increase", fuel(T), DURATION)))),
+    "forall": f.Forall((f.TypedName("q", ("place",)),), f.Timed("at end", at(T, f.Variable("q")))),
+    "when": f.When(f.Timed("at start", IDLE), f.Timed("at end", at(T, P))),
+    "when at end": f.Timed("at end", f.When(IDLE, f.Not(at(T, P)))),
+    "continuous": f.Assign("decrease", fuel(T), f.ContinuousTime()),
+    "at a rate": f.Assign(
+        "increase", fuel(T), calculated("*", f.ContinuousTime(), distance(P, HUB))
+    ),
 }
 
-DURATIONS: dict[str, tuple[Formula, ...]] = {
+DURATIONS: dict[str, tuple[f.Formula, ...]] = {
     "any": (),
-    "fixed": (Comparison("=", DURATION, number("5.25")),),
-    "of a function": (Comparison("=", DURATION, distance(P, HUB)),),
+    "fixed": (f.Comparison("=", DURATION, number("5.25")),),
+    "of a function": (f.Comparison("=", DURATION, distance(P, HUB)),),
     "calculated": (
-        Comparison(
+        f.Comparison(
             "=", DURATION, calculated("/", distance(P, home(T)), calculated("+", fuel(T), fuel(T1)))
         ),
     ),
-    "at most": (Comparison("<=", DURATION, number("3")),),
+    "at most": (f.Comparison("<=", DURATION, number("3")),),
     "between": (
-        Comparison(">=", DURATION, number("1")),
-        Comparison("<=", DURATION, fuel(T)),
+        f.Comparison(">=", DURATION, number("1")),
+        f.Comparison("<=", DURATION, fuel(T)),
     ),
     "at start and at end": (
-        Timed("at start", Comparison(">=", DURATION, number("1"))),
-        Timed("at end", Comparison("<=", DURATION, number("2"))),
+        f.Timed("at start", f.Comparison(">=", DURATION, number("1"))),
+        f.Timed("at end", f.Comparison("<=", DURATION, number("2"))),
     ),
 }
 
-CONSTRAINTS: dict[str, Formula] = {
-    "always": Modal("always", (), (Not(IDLE),)),
-    "sometime": Modal("sometime", (), (at(),)),
-    "at-most-once": Modal("at-most-once", (), (at(T1, HUB),)),
-    "sometime-before": Modal("sometime-before", (), (at(), at(T2))),
-    "sometime-after": Modal("sometime-after", (), (at(), Or((at(T2), IDLE)))),
-    "within": Modal("within", (number("7.5"),), (at(),)),
-    "hold-during": Modal("hold-during", (number("1"), number("2")), (IDLE,)),
-    "hold-after": Modal("hold-after", (number("20"),), (IDLE,)),
-    "always-within": Modal("always-within", (number("5"),), (at(), at(T1, P2))),
-    "at end": Timed("at end", Exists((TRUCK,), at(T))),
-    "forall": Forall((TRUCK,), Modal("sometime", (), (at(T, HUB),))),
-    "and within forall": Forall(
-        (TRUCK,), And((Modal("always", (), (at(T),)), Timed("at end", at(T))))
+CONSTRAINTS: dict[str, f.Formula] = {
+    "always": f.Modal("always", (), (f.Not(IDLE),)),
+    "sometime": f.Modal("sometime", (), (at(),)),
+    "at-most-once": f.Modal("at-most-once", (), (at(T1, HUB),)),
+    "sometime-before": f.Modal("sometime-before", (), (at(), at(T2))),
+    "sometime-after": f.Modal("sometime-after", (), (at(), f.Or((at(T2), IDLE)))),
+    "within": f.Modal("within", (number("7.5"),), (at(),)),
+    "hold-during": f.Modal("hold-during", (number("1"), number("2")), (IDLE,)),
+    "hold-after": f.Modal("hold-after", (number("20"),), (IDLE,)),
+    "always-within": f.Modal("always-within", (number("5"),), (at(), at(T1, P2))),
+    "at end": f.Timed("at end", f.Exists((TRUCK,), at(T))),
+    "forall": f.Forall((TRUCK,), f.Modal("sometime", (), (at(T, HUB),))),
+    "and within forall": f.Forall(
+        (TRUCK,), f.And((f.Modal("always", (), (at(T),)), f.Timed("at end", at(T))))
     ),
-    "nested": Modal("always", (), (Modal("sometime-after", (), (at(), IDLE)),)),
-    "with numbers": Modal("always", (), (Comparison(">", fuel(), number("0")),)),
-    "preference": Preference("calm", Modal("always", (), (IDLE,))),
-    "preferences for all": Forall((TRUCK,), Preference("back", Modal("sometime", (), (at(T),)))),
+    "nested": f.Modal("always", (), (f.Modal("sometime-after", (), (at(), IDLE)),)),
+    "with numbers": f.Modal("always", (), (f.Comparison(">", fuel(), number("0")),)),
+    "preference": f.Preference("calm", f.Modal("always", (), (IDLE,))),
+    "preferences for all": f.Forall(
+        (TRUCK,), f.Preference("back", f.Modal("sometime", (), (at(T),)))
+    ),
 }
