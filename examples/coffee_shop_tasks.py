@@ -76,7 +76,7 @@ def replace(
 def plan(robot: Robot, *actions: str) -> Ways:
     """Read the goals, the actions and the connections, as a planner does."""
     planner = robot.planner
-    planner.propositions.get_goals()
+    planner.goals.get_propositions()
     for name in actions:
         planner.actions.get(name)
     return [
@@ -87,8 +87,8 @@ def plan(robot: Robot, *actions: str) -> Ways:
 
 def reach(robot: Robot, wanted: PddlPropositionDto) -> None:
     """Delete a reached goal."""
-    if wanted in robot.mission.propositions.get_goals():
-        robot.mission.propositions.delete(wanted)
+    if wanted in robot.mission.goals.get_propositions():
+        robot.mission.goals.delete(wanted)
 
 
 def navigate(robot: Robot, ways: Ways, destination: PddlObjectDto) -> None:
@@ -123,9 +123,10 @@ def route(ways: Ways, start: PddlObjectDto, end: PddlObjectDto) -> list[PddlObje
 def reset(robot: Robot) -> None:
     """Delete everything; the history stays."""
     mission = robot.mission
-    for dao in (mission.propositions, mission.actions, mission.predicates, mission.objects):
+    mission.propositions.delete_all()
+    mission.goals.delete_all()
+    for dao in (mission.actions, mission.predicates, mission.objects, mission.types):
         dao.delete_all()
-    mission.types.delete_all()
 
 
 def load(robot: Robot) -> None:
@@ -148,7 +149,7 @@ def check_tables(robot: Robot) -> None:
     for name, status in SEEN.items():
         table = BY_NAME[name]
         wanted = goal(world.CHECKED, table)
-        robot.mission.propositions.save(wanted)
+        robot.mission.goals.save(wanted)
         ways = plan(robot, "navigation", "check_table")
         navigate(robot, ways, table)
         replace(
@@ -170,7 +171,7 @@ def serve_orders(robot: Robot) -> None:
         taken += [fact(world.ORDERED, order, item) for item in items]
         replace(robot.waiter_ui, f"a guest at {table_name} has ordered", [], taken)
         for item in items:
-            robot.mission.propositions.save(goal(world.DELIVERED, order, item))
+            robot.mission.goals.save(goal(world.DELIVERED, order, item))
         ways = plan(robot, "navigation", "pick_item", "deliver_item")
         makers = robot.planner.propositions.get_by_predicate("made_at")
         for item in items:
@@ -213,7 +214,7 @@ def guide_persons(robot: Robot) -> None:
         tables = robot.planner.propositions.get_by_predicate("table_is")
         table = next(seen.objects[0] for seen in tables if seen.objects[1] == world.FREE)
         wanted = goal(world.SEATED, guest, table)
-        robot.mission.propositions.save(wanted)
+        robot.mission.goals.save(wanted)
         ways = plan(robot, "navigation", "greet_person", "guide_person")
         navigate(robot, ways, door)
         robot.guidance.propositions.save(fact(world.GREETED, guest))

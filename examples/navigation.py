@@ -40,20 +40,20 @@ navigation = PddlActionDto(
 
 def walk_through(factory: DaoFactory) -> None:
     """Save what the robot knows, read it, drive, and look back."""
-    propositions = factory.create_pddl_proposition_dao()
+    propositions, goals = factory.create_pddl_proposition_dao(), factory.create_goal_dao()
     actions = factory.create_pddl_action_dao()
     here, there = (PddlPropositionDto(robot_at, [rb1, place]) for place in (wp1, wp2))
 
     propositions.delete_all()  # left by an earlier run; the history keeps it
     # The first save also saves the missing types, predicate and objects.
     propositions.save(here)
-    propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
+    goals.save(there)
     actions.save(navigation)
     before = factory.revision
 
     print("Objects:", *factory.create_pddl_object_dao().get_all(), sep="\n  ")
-    print("Facts:", *propositions.get_no_goals(), sep="\n  ")
-    print("Goals:", *propositions.get_goals(), sep="\n  ")
+    print("Facts:", *propositions.get_all(), sep="\n  ")
+    print("Goals:", *goals.get_all(), sep="\n  ")
     print(actions.get("navigation"))
 
     with factory.transaction(actor="executive", reason="navigation to wp2 finished"):
@@ -61,8 +61,8 @@ def walk_through(factory: DaoFactory) -> None:
         propositions.save(there)
 
     past = factory.at(before).create_pddl_proposition_dao()
-    print("Facts now:", *propositions.get_no_goals(), sep="\n  ")
-    print(f"Facts at revision {before}:", *past.get_no_goals(), sep="\n  ")
+    print("Facts now:", *propositions.get_all(), sep="\n  ")
+    print(f"Facts at revision {before}:", *past.get_all(), sep="\n  ")
     print("All that happened:")
     for entry in KnowledgeBase(factory).log():
         print(f"  {entry.revision.number} {entry.revision.actor}: {entry.revision.reason or '-'}")

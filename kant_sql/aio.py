@@ -25,6 +25,8 @@ from .dao.interfaces import (
     Dao,
     FactLike,
     FormulaDao,
+    GoalDao,
+    GoalLike,
     MetricDao,
     NamedDao,
     PddlFunctionValueDao,
@@ -34,7 +36,7 @@ from .dao.interfaces import (
     ValueLike,
 )
 from .dto import Dto, PddlFunctionValueDto, PddlObjectDto, PddlPropositionDto
-from .dto.formulas import Node
+from .dto.formulas import Formula, Node
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
 from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
@@ -59,6 +61,7 @@ __all__ = [
     "AsyncDao",
     "AsyncFormulaDao",
     "AsyncFunctionValueDao",
+    "AsyncGoalDao",
     "AsyncKnowledgeBase",
     "AsyncKnowledgeStore",
     "AsyncMetricDao",
@@ -627,9 +630,6 @@ class AsyncPropositionDao(AsyncDao[PddlPropositionDto, FactLike]):
 
     get_by_predicate = _read(PddlPropositionDao.get_by_predicate)
     get_by_object = _read(PddlPropositionDao.get_by_object)
-    get_facts = _read(PddlPropositionDao.get_facts)
-    get_goals = _read(PddlPropositionDao.get_goals)
-    get_no_goals = _read(PddlPropositionDao.get_no_goals)
 
 
 class AsyncFunctionValueDao(AsyncDao[PddlFunctionValueDto, ValueLike]):
@@ -649,6 +649,12 @@ class AsyncFormulaDao(_AsyncElements[N, Given]):
     """`FormulaDao` for asyncio: the DAOs of goals, constraints, derived predicates and so on."""
 
     save = _write(FormulaDao[N, Given].save)
+
+
+class AsyncGoalDao(AsyncFormulaDao[Formula, GoalLike]):
+    """`GoalDao` for asyncio."""
+
+    get_propositions = _read(GoalDao.get_propositions)
 
 
 class AsyncMetricDao(_Part):
@@ -760,7 +766,7 @@ class AsyncKnowledgeBase(_Part):
         self.function_values = AsyncFunctionValueDao(door, of=kb.function_values)
         self.propositions = AsyncPropositionDao(door, of=kb.propositions)
         self.actions = AsyncNamedDao(door, of=kb.actions)
-        self.goals = AsyncFormulaDao(door, of=kb.goals)
+        self.goals = AsyncGoalDao(door, of=kb.goals)
         self.plans = AsyncPlanDao(door, of=kb.plans)
         self.pddl = AsyncPddlParts(door, of=kb.pddl)
         self.store = AsyncOperations(door, of=kb.store)

@@ -32,7 +32,7 @@ from typing_extensions import override
 
 from .arguments import URL_VARIABLE, expect, shown
 from .dao.base import redefining_references
-from .dao.interfaces import Dao, NamedDao, PddlPropositionDao
+from .dao.interfaces import AnyDao, Dao, GoalDao, NamedDao, PddlPropositionDao
 from .dto import (
     Dto,
     PddlActionDto,
@@ -44,6 +44,7 @@ from .dto import (
     PddlTypeDto,
 )
 from .dto.elements import NamedDto
+from .dto.lexical import fold
 from .errors import (
     ConflictError,
     DependantsError,
@@ -104,7 +105,7 @@ class CompatDao(Generic[D]):
 
     def _save(self, dto: D) -> bool:
         """Save an element; return False when it is stored already, or is ill-typed."""
-        return self._put(self._dao.insert, dto)
+        return self._put(self._of(dto).insert, dto)
 
     def _update(self, dto: D) -> bool:
         """Save an element that is stored; return False when it is not, or is ill-typed."""
@@ -112,16 +113,20 @@ class CompatDao(Generic[D]):
 
     def save(self, dto: D) -> bool:
         """Insert or update an element; return False when it is ill-typed."""
-        return self._put(self._dao.save, dto)
+        return self._put(self._of(dto).save, dto)
 
     def delete(self, dto: D) -> bool:
         """Delete an element and everything that depends on it; return False when it is absent."""
-        return _answered(lambda: self._dao.delete(dto))
+        return _answered(lambda: self._of(dto).delete(dto))
 
     def delete_all(self) -> bool:
         """Delete all elements of the kind and everything that depends on them; return True."""
         self._dao.delete_all()
         return True
+
+    def _of(self, dto: D) -> AnyDao[Any, Any]:
+        """Return the DAO that takes an element."""
+        return self._dao
 
     def _put(self, call: Callable[[D], bool], dto: D) -> bool:
         def work() -> bool:
@@ -141,13 +146,13 @@ class CompatDao(Generic[D]):
         with self._factory.transaction():
             self._forget(dto)
             with redefining_references():
-                self._write(self._dao.save, dto)
+                self._write(self._of(dto).save, dto)
             # Now all that the element says has to agree with what is stored.
-            return self._write(self._dao.save, dto)
+            return self._write(self._of(dto).save, dto)
 
     def _forget(self, dto: D) -> None:
         """Retract an element that others cannot depend on, so that it is not a user of anything."""
-        self._dao.delete(dto)
+        self._of(dto).delete(dto)
 
 
 class CompatNamedDao(CompatDao[N]):
@@ -237,26 +242,55 @@ class CompatObjectDao(CompatDefinitionDao[PddlObjectDto]):
 
 
 class CompatPropositionDao(CompatDao[PddlPropositionDto]):
-    """The DAO of propositions; it returns False for ill-typed knowledge."""
+    """The DAO of facts and goals; it returns False for ill-typed knowledge."""
 
-    def __init__(self, dao: PddlPropositionDao, factory: _SqlDaoFactory) -> None:
-        super().__init__(dao, factory)
-        self._propositions = dao
+    def __init__(self, facts: PddlPropositionDao, goals: GoalDao, factory: _SqlDaoFactory) -> None:
+        super().__init__(facts, factory)
+        self._facts = facts
+        self._goals = goals
+
+    @override
+    def get_all(self) -> list[PddlPropositionDto]:
+        """Read the facts, then the goals."""
+        return [*self.get_no_goals(), *self.get_goals()]
 
     def get_by_predicate(self, predicate_name: str) -> list[PddlPropositionDto]:
         """Read the facts and the goals of one predicate."""
         try:
-            return self._propositions.get_by_predicate(predicate_name)
+            facts = self._facts.get_by_predicate(predicate_name)
         except UnknownNameError:
             return []
+        name = fold(predicate_name)
+        return facts + [goal for goal in self.get_goals() if fold(goal.predicate.name) == name]
 
     def get_goals(self) -> list[PddlPropositionDto]:
         """Read the goals."""
-        return self._propositions.get_goals()
+        return self._goals.get_propositions()
 
     def get_no_goals(self) -> list[PddlPropositionDto]:
         """Read the facts."""
-        return self._propositions.get_no_goals()
+        return self._facts.get_all()
+
+    @override
+    def _update(self, dto: PddlPropositionDto) -> bool:
+        """Save a proposition that is stored; return False when it is not, or is ill-typed."""
+        if self._of(dto) is self._dao:
+            return super()._update(dto)
+        with self._factory.transaction():
+            stored = {fold(str(goal)) for goal in self.get_goals()}
+            return fold(str(dto)) in stored and self.save(dto)
+
+    @override
+    def delete_all(self) -> bool:
+        """Delete all facts and goals; return True."""
+        with self._factory.transaction():
+            self._goals.delete_all(self.get_goals())
+            return super().delete_all()
+
+    @override
+    def _of(self, dto: PddlPropositionDto) -> AnyDao[Any, Any]:
+        # A program without types may give anything.
+        return self._goals if getattr(dto, "is_goal", False) is True else self._dao
 
 
 class DaoFactory:
@@ -333,7 +367,8 @@ class DaoFactory:
 
     def create_pddl_proposition_dao(self) -> CompatPropositionDao:
         """Create the DAO of propositions."""
-        return CompatPropositionDao(self._factory.create_pddl_proposition_dao(), self._factory)
+        facts = self._factory.create_pddl_proposition_dao()
+        return CompatPropositionDao(facts, self._factory.create_goal_dao(), self._factory)
 
     def create_pddl_action_dao(self) -> CompatNamedDao[PddlActionDto]:
         """Create the DAO of actions."""

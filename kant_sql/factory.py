@@ -162,7 +162,7 @@ class DaoFactory(ABC):
 
     @abstractmethod
     def create_pddl_proposition_dao(self) -> daos.PddlPropositionDao:
-        """Create the DAO of facts and goals."""
+        """Create the DAO of facts."""
 
     @abstractmethod
     def create_pddl_action_dao(self) -> daos.PddlActionDao:

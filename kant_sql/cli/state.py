@@ -133,9 +133,9 @@ class Selection(NamedTuple):
 def _read_part(state: KnowledgeBase, selection: Selection) -> Elements:
     """Read the selected elements, by the sections that can have any."""
     dao, predicate, objects = state.propositions, selection.predicate, selection.objects
-    atoms = dao.get_no_goals() if predicate is None else dao.get_by_predicate(predicate)
+    facts = dao.get_all() if predicate is None else dao.get_by_predicate(predicate)
     part: dict[str, Sequence[Any]] = {"objects": [], "facts": [], "function_values": []}
-    part["facts"] = [one for one in atoms if not one.is_goal and _names_one(one.objects, objects)]
+    part["facts"] = [one for one in facts if _names_one(one.objects, objects)]
     part["goals"] = []
     if selection.facts:
         return part
@@ -314,9 +314,7 @@ _SECTIONS = (
     ElementTable("predicates", "predicate", _predicate),
     ElementTable("functions", "function", _function),
     ElementTable("derived_predicates", "derived predicate"),
-    ElementTable(
-        "facts", "fact", _proposition, read=lambda state: state.propositions.get_no_goals()
-    ),
+    ElementTable("facts", "fact", _proposition, read=lambda state: state.propositions.get_all()),
     ElementTable("function_values", "function value", _function_value),
     ElementTable("initial_literals", "initial literal"),
     ElementTable("timed_initial_literals", "timed initial literal"),

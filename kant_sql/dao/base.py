@@ -76,8 +76,8 @@ BATCH = 5_000
 # What returns lists, and what one item of them is called in a notebook.
 _LISTS = {
     **dict.fromkeys(("get_all", "get_by_type"), "element"),
-    **dict.fromkeys(("get_by_predicate", "get_by_object", "get_facts", "get_no_goals"), "fact"),
-    **{"get_goals": "goal", "get_by_function": "value"},
+    **dict.fromkeys(("get_by_predicate", "get_by_object"), "fact"),
+    **{"get_propositions": "goal", "get_by_function": "value"},
 }
 
 
@@ -138,6 +138,17 @@ def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:
         yield batch
 
 
+@contextmanager
+def saving(transaction: Transaction, dtos: Iterable[Any]) -> Iterator[None]:
+    """Save a batch of what applies to objects; their names are looked up at once."""
+    names = (object_.name for dto in dtos for object_ in dto.objects)
+    # What has no name is refused in its turn.
+    transaction.look_up("object", {name for name in names if isinstance(name, str)})
+    with transaction.batch():
+        yield
+    transaction.spill()
+
+
 Given = TypeVar("Given", FactLike, ValueLike)
 
 
@@ -196,13 +207,8 @@ class SqlGroundDao(SqlDao, Dao[Any, Given]):
             for batch in batches(dtos):
                 for dto in batch:
                     self._check(dto)
-                given = (dto for dto in batch if not isinstance(dto, str | Node))
-                names = (object_.name for dto in given for object_ in dto.objects)
-                # What has no name is refused in its turn.
-                transaction.look_up("object", {name for name in names if isinstance(name, str)})
-                with transaction.batch():
+                with saving(transaction, [dto for dto in batch if not isinstance(dto, str | Node)]):
                     changed += self._save_batch(transaction, batch)
-                transaction.spill()
         return changed
 
     @override

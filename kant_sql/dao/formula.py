@@ -45,8 +45,7 @@ from ..pddl.writer import node_text
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import SqlDao, batches, identify
-from .dependants import propositions_on, retract
+from .base import SqlDao, batches, identify, saving
 from .interfaces import (
     ConstraintDao,
     DerivedPredicateDao,
@@ -57,7 +56,7 @@ from .interfaces import (
     MetricDao,
     TimedInitialLiteralDao,
 )
-from .proposition import GOALS, References, check_dto, existing_key, key_of_atom
+from .proposition import GOALS, check_dto, existing_key, hold_all, key_of_atom, retract_all
 from .text import TextReader, expect_text
 from .type import TYPES
 
@@ -678,7 +677,13 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
 
     @override
     def insert(self, formula: Given) -> bool:
-        return self.save_all([formula]) > 0
+        self._check_writable()
+        self._check(formula)
+
+        def insert(transaction: Transaction) -> bool:
+            return not self._holds(transaction, formula) and self._save(transaction, [formula]) > 0
+
+        return self._open_store.write(insert)
 
     @override
     def save_all(self, formulas: Iterable[Given]) -> int:
@@ -688,7 +693,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
             for batch in batches(formulas):
                 for formula in batch:
                     self._check(formula)
-                    changed += self._put_given(transaction, formula)
+                changed += self._save(transaction, batch)
         return changed
 
     @override
@@ -710,6 +715,14 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
             f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
             f"{type(formula).__name__}: {shown(formula)}"
         )
+
+    def _holds(self, transaction: Transaction, formula: Given) -> bool:
+        """Return whether it is stored, where that cannot be seen by saving it."""
+        return False
+
+    def _save(self, transaction: Transaction, formulas: Iterable[Given]) -> int:
+        """Save formulas that were checked; return the number of changes."""
+        return sum(self._put_given(transaction, formula) for formula in formulas)
 
     def _put_given(self, transaction: Transaction, formula: Any) -> bool:
         """Save a node or a text; return whether that is a change."""
@@ -773,12 +786,10 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedP
     section = DERIVED_PREDICATE
     node_classes = (f.Derived,)
 
-    @override
-    def save_all(self, formulas: Iterable[f.Derived | str]) -> int:
-        with self._open_store.transaction() as transaction:
-            changed = super().save_all(formulas)
-            if changed:
-                check_stratified(transaction.definitions)
+    def _save(self, transaction: Transaction, formulas: Iterable[f.Derived | str]) -> int:
+        changed = super()._save(transaction, formulas)
+        if changed:
+            check_stratified(transaction.definitions)
         return changed
 
 
@@ -842,23 +853,35 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
     def get_all(self) -> list[f.Formula]:
         return self._open_store.read(read_goals, self._at)
 
+    @override
+    def get_propositions(self) -> list[PddlPropositionDto]:
+        return self._open_store.read(GOALS.answer, self._at)
+
     def _check(self, formula: object) -> None:
         if isinstance(formula, PddlPropositionDto):
             check_dto(formula)
         else:
             super()._check(formula)
 
-    def _put_given(self, transaction: Transaction, formula: Any) -> bool:
+    def _holds(self, transaction: Transaction, formula: GoalLike) -> bool:
         if not isinstance(formula, PddlPropositionDto):
-            return super()._put_given(transaction, formula)
-        key, text = References(transaction).resolve(formula)
-        return transaction.propositions.hold_all({key._replace(is_goal=True): text}) > 0
+            return False
+        key = existing_key(transaction, formula, is_goal=True)
+        found = None if key is None else transaction.propositions.find([key]).get(key)
+        return found is not None and transaction.propositions.holds(found)
+
+    def _save(self, transaction: Transaction, formulas: Iterable[GoalLike]) -> int:
+        given = [*formulas]
+        dtos = [each for each in given if isinstance(each, PddlPropositionDto)]
+        with saving(transaction, dtos):
+            changed = hold_all(transaction, dtos, are_goals=True)
+        others = (each for each in given if not isinstance(each, PddlPropositionDto))
+        return changed + super()._save(transaction, others)
 
     def _remove_given(self, transaction: Transaction, formula: Any) -> bool:
         if not isinstance(formula, PddlPropositionDto):
             return super()._remove_given(transaction, formula)
-        key = existing_key(transaction, formula)
-        return self._retract(transaction, None if key is None else key._replace(is_goal=True))
+        return self._retract(transaction, existing_key(transaction, formula, is_goal=True))
 
     def _put(self, transaction: Transaction, formula: f.Formula) -> bool:
         if not (isinstance(formula, f.Atom) and is_ground(formula)):
@@ -880,9 +903,7 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
         return found is not None and transaction.propositions.set(found, False)
 
     def _remove_all(self, transaction: Transaction) -> int:
-        atoms = [atom for atom in propositions_on(transaction, None) if atom.key.is_goal]
-        retract(transaction, atoms)
-        return len(atoms) + super()._remove_all(transaction)
+        return retract_all(transaction, are_goals=True) + super()._remove_all(transaction)
 
 
 class SqlMetricDao(SqlDao, MetricDao):

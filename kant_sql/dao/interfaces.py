@@ -324,12 +324,11 @@ class PddlEventDao(NamedDao[PddlEventDto]):
 
 
 class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
-    """Reads, saves and deletes propositions: facts and goals.
+    """Reads, saves and deletes facts; goals have a DAO of their own, `kb.goals`.
 
     A fact is given as PDDL text such as `(robot_at rb1 wp1)`, as a ground `Atom`, or as a DTO. Text
     and atoms name what is known; a DTO also says the types, and what it refers to is saved when it
-    is missing. A goal is given as a DTO with `is_goal`, or saved by `kb.goals`. There is nothing to
-    update: `update` returns whether the proposition holds.
+    is missing. There is nothing to update: `update` returns whether the fact holds.
 
     Examples:
         >>> kb.objects.save(wp2)
@@ -345,7 +344,7 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
 
     @abstractmethod
     def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
-        """Save a fact or a goal.
+        """Save a fact.
 
         Args:
             dto: PDDL text or an atom of a fact, or a DTO; or a list of these, which are saved in
@@ -357,18 +356,19 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
         Raises:
             PddlError: the text is not a fact, or names an unknown element; with the position, and a
                 similar name.
-            InvalidKnowledgeError, ConflictError: as `Dao.save`.
+            InvalidKnowledgeError: it is a goal, which `kb.goals` takes; or as `Dao.save`.
+            ConflictError: as `Dao.save`.
         """
 
     @abstractmethod
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
-        """Read the facts and the goals of one predicate.
+        """Read the facts of one predicate.
 
         Args:
             name: the predicate's name, in any case.
 
         Returns:
-            The propositions; none for a predicate that was deleted.
+            The facts; none for a predicate that was deleted.
 
         Raises:
             UnknownNameError: there never was such a predicate.
@@ -380,13 +380,13 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
 
     @abstractmethod
     def get_by_object(self, name: str) -> list[PddlPropositionDto]:
-        """Read the facts and the goals that mention an object.
+        """Read the facts that mention an object.
 
         Args:
             name: the object's name, in any case.
 
         Returns:
-            The propositions; none for an object that was deleted.
+            The facts; none for an object that was deleted.
 
         Raises:
             UnknownNameError: there never was such an object.
@@ -394,35 +394,6 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
         Examples:
             >>> print(*kb.propositions.get_by_object("wp1"))
             (robot_at rb1 wp1)
-        """
-
-    @abstractmethod
-    def get_facts(self) -> list[PddlPropositionDto]:
-        """Read the facts.
-
-        Returns:
-            The propositions without `is_goal`.
-        """
-
-    @abstractmethod
-    def get_goals(self) -> list[PddlPropositionDto]:
-        """Read the goals.
-
-        Returns:
-            The propositions with `is_goal`.
-
-        Examples:
-            >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2], is_goal=True))
-            >>> print(*kb.propositions.get_goals())
-            (robot_at rb1 wp2)
-        """
-
-    @abstractmethod
-    def get_no_goals(self) -> list[PddlPropositionDto]:
-        """Read the facts: the paper's name of `get_facts`.
-
-        Returns:
-            The propositions without `is_goal`.
         """
 
 
@@ -635,14 +606,26 @@ class InitialLiteralDao(FormulaDao[Not | Equal, Not | Equal | str]):
 class GoalDao(FormulaDao[Formula, GoalLike]):
     """Reads, saves and deletes goals of any form, ground atoms among them.
 
-    A conjunction is stored as its conjuncts, and a ground atom as a proposition with `is_goal`:
-    `PddlPropositionDao.get_goals` returns it, too. A `PddlPropositionDto` stands for a goal here,
+    A conjunction is stored as its conjuncts. A `PddlPropositionDto` stands for a goal here,
     whatever its `is_goal`; what it refers to is saved when it is missing.
 
     Examples:
         >>> kb.goals.save(["(not (robot_at rb1 wp1))", PddlPropositionDto(robot_at, [rb1, wp2])])
         True
     """
+
+    @abstractmethod
+    def get_propositions(self) -> list[PddlPropositionDto]:
+        """Read the goals that are ground atoms, as DTOs with `is_goal`.
+
+        Returns:
+            The propositions, in the order of their first assertion.
+
+        Examples:
+            >>> _ = kb.goals.save(["(not (robot_at rb1 wp1))", "(robot_at rb1 wp1)"])
+            >>> print(*kb.goals.get_propositions())
+            (robot_at rb1 wp1)
+        """
 
 
 class ConstraintDao(FormulaDao[Formula, Formula | str]):

@@ -1,9 +1,9 @@
-"""Propositions: the DAO of facts and goals, and what propositions refer to."""
+"""Propositions: the DAO of facts, and what facts and goals refer to."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from sqlalchemy import ColumnElement, bindparam, case, false, literal_column, or_, select
 from typing_extensions import override
@@ -12,7 +12,7 @@ from ..arguments import expect, expect_list, flag
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
 from ..dto.formulas import Atom, Node
-from ..errors import ArityError, TypeMismatchError, all_readable
+from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, all_readable
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
 from ..pddl.given import read_fact
@@ -92,10 +92,14 @@ class References(Arguments):
 
     role = "a proposition"
 
+    def __init__(self, transaction: Transaction, are_goals: bool) -> None:
+        super().__init__(transaction)
+        self._are_goals = are_goals
+
     def resolve(self, given: FactLike) -> tuple[AtomKey, str]:
         """Check a proposition; save what a DTO refers to when it is missing."""
         if isinstance(given, str | Node):
-            atom, is_goal = self.read(read_fact, given), False
+            atom = self.read(read_fact, given)
             predicate = PREDICATES.ensure(self._transaction, atom.predicate, self.role)
             objects = self.check(atom, predicate, [str(term) for term in atom.terms])
         else:
@@ -103,10 +107,15 @@ class References(Arguments):
             self._text = None
             predicate = PREDICATES.ensure(self._transaction, given.predicate, self.role)
             objects = self.check(given, predicate, given.objects)
-            is_goal = flag(given.is_goal, "is_goal of a proposition")
         ids = " ".join([str(object_.id) for object_ in objects])
         text = atom_text(predicate.name, [object_.name for object_ in objects])
-        return AtomKey(is_goal, predicate.id, ids), text
+        return AtomKey(self._are_goals, predicate.id, ids), text
+
+
+def hold_all(transaction: Transaction, given: Iterable[FactLike], *, are_goals: bool) -> int:
+    """Save propositions; return the number of changes."""
+    resolve = References(transaction, are_goals).resolve
+    return transaction.propositions.hold_all(dict(map(resolve, given)))
 
 
 _COLUMNS = (
@@ -121,8 +130,10 @@ _NOW, _THEN = PropositionVersionRow.until.is_(None), held_then(PropositionVersio
 class PropositionReading(Reading):
     """A query of propositions, with a statement for the present and one for the past."""
 
+    are_goals = False
+
     @classmethod
-    def of_versions(cls, *conditions: ColumnElement[bool]) -> PropositionReading:
+    def of_versions(cls, *conditions: ColumnElement[bool]) -> Self:
         """Ask for the propositions of the versions that are open."""
         versions = select(PropositionVersionRow.proposition_id).where(
             PropositionVersionRow.kb_id == KB, *conditions
@@ -136,7 +147,7 @@ class PropositionReading(Reading):
         return cls(now, then, literal_column("''"), false())
 
     @classmethod
-    def of_object(cls) -> PropositionReading:
+    def of_object(cls) -> Self:
         """Ask for the propositions that mention an object: of each, one version is looked up."""
         mentioning = select(PropositionArgumentRow.proposition_id).where(
             PropositionArgumentRow.kb_id == KB,
@@ -165,7 +176,14 @@ class PropositionReading(Reading):
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
         """Run it on a state."""
         build = DtoBuilder(view.definitions).propositions
-        return all_readable("proposition", self.rows(view, **parameters), build)
+        found = [row for row in self.rows(view, **parameters) if bool(row[3]) is self.are_goals]
+        return all_readable("proposition", found, build)
+
+
+class GoalReading(PropositionReading):
+    """A query of goals."""
+
+    are_goals = True
 
 
 _ALL = PropositionReading.of_versions()
@@ -173,14 +191,14 @@ _OF_OBJECT = PropositionReading.of_object()
 _OF_PREDICATE = PropositionReading.of_versions(
     PropositionVersionRow.predicate_id == bindparam("predicate")
 )
-GOALS = PropositionReading.of_versions(table_of(PropositionVersionRow).c.is_goal)
+GOALS = GoalReading.of_versions(table_of(PropositionVersionRow).c.is_goal)
 
 
-def existing_key(transaction: Transaction, given: FactLike) -> AtomKey | None:
+def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) -> AtomKey | None:
     """Find the key of a proposition from names alone; text must name what was known once."""
     if isinstance(given, str | Node):
         atom = TextReader(transaction).read_stored(read_fact, given)
-        return None if atom is None else key_of_atom(transaction, atom, False)
+        return None if atom is None else key_of_atom(transaction, atom, is_goal)
     dto = given
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")
     definitions = transaction.definitions.current()
@@ -188,12 +206,13 @@ def existing_key(transaction: Transaction, given: FactLike) -> AtomKey | None:
     ids = definitions.arguments([object_.name for object_ in dto.objects])
     if predicate is None or ids is None:
         return None
-    return AtomKey(flag(dto.is_goal, "is_goal of a proposition"), predicate.id, ids)
+    return AtomKey(is_goal, predicate.id, ids)
 
 
 def check_dto(dto: PddlPropositionDto) -> None:
-    """Refuse a proposition whose objects are none."""
+    """Refuse a proposition whose fields have wrong types."""
     expect_list(dto.objects, PddlObjectDto, "the list of objects of a proposition")
+    flag(dto.is_goal, "is_goal of a proposition")
 
 
 def key_of_atom(transaction: Transaction, atom: Atom, is_goal: bool) -> AtomKey | None:
@@ -201,6 +220,13 @@ def key_of_atom(transaction: Transaction, atom: Atom, is_goal: bool) -> AtomKey 
     predicate = transaction.definitions.predicates.named(atom.predicate)
     ids = transaction.definitions.arguments(map(str, atom.terms))
     return None if predicate is None or ids is None else AtomKey(is_goal, predicate.id, ids)
+
+
+def retract_all(transaction: Transaction, *, are_goals: bool) -> int:
+    """Delete all facts, or all goals that are propositions; return their number."""
+    atoms = [atom for atom in propositions_on(transaction, None) if atom.key.is_goal is are_goals]
+    retract(transaction, atoms)
+    return len(atoms)
 
 
 class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
@@ -220,18 +246,6 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     def get_by_object(self, name: str) -> list[PddlPropositionDto]:
         return self._of_named("object", name, lambda view, id_: _OF_OBJECT.answer(view, object=id_))
 
-    @override
-    def get_goals(self) -> list[PddlPropositionDto]:
-        return self._open_store.read(GOALS.answer, self._at)
-
-    @override
-    def get_facts(self) -> list[PddlPropositionDto]:
-        return [dto for dto in self.get_all() if not dto.is_goal]
-
-    @override
-    def get_no_goals(self) -> list[PddlPropositionDto]:
-        return self.get_facts()
-
     # Here, so that `help` shows what is given.
     @override
     def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
@@ -245,23 +259,25 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
         self._check_writable()
         if isinstance(dto, PddlPropositionDto):
             check_dto(dto)
+            if dto.is_goal:
+                raise InvalidKnowledgeError(
+                    f"{dto} is a goal (is_goal=True), and kb.propositions takes facts; give goals "
+                    f"to kb.goals: kb.goals.save('{dto}')"
+                )
         else:
             expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[FactLike]) -> int:
-        resolve = References(transaction).resolve
-        return transaction.propositions.hold_all(dict(map(resolve, dtos)))
+        return hold_all(transaction, dtos, are_goals=False)
 
     def _holds(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)
         return atom is not None and transaction.propositions.holds(atom)
 
     def _remove_all(self, transaction: Transaction) -> int:
-        atoms = propositions_on(transaction, None)
-        retract(transaction, atoms)
-        return len(atoms)
+        return retract_all(transaction, are_goals=False)
 
     @staticmethod
     def _find(transaction: Transaction, dto: FactLike) -> Any:
-        key = existing_key(transaction, dto)
+        key = existing_key(transaction, dto, is_goal=False)
         return None if key is None else transaction.propositions.find([key]).get(key)

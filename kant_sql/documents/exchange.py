@@ -133,7 +133,7 @@ def load_problem(
         >>> loaded = kb.load_problem('''(define (problem patrol) (:domain tiago)
         ...   (:objects rb1 - robot wp1 wp2 - wp)
         ...   (:init (robot_at rb1 wp2)) (:goal (robot_at rb1 wp1)))''')
-        >>> print(*kb.propositions.get_no_goals())
+        >>> print(*kb.propositions.get_all())
         (robot_at rb1 wp2)
     """
     store = state.store

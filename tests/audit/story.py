@@ -231,9 +231,7 @@ def _midday(story: Teller) -> None:
     with story.at("09:40", "perception", "guest left", observed="09:39:55"):  # 15
         story.say("- waiting t2")
     with story.at("10:00", "operator", "guest left"):  # 16
-        story.kb.propositions.delete(
-            PddlPropositionDto(_PREDICATES["served"], [_OBJECTS["t2"]], is_goal=True)
-        )
+        story.kb.goals.delete("(served t2)")
     for number, time in enumerate(("00", "00.4", "00.9", "01.5", "02")):  # 17 to 21
         with story.at(f"11:00:{time}", "door_sensor"):
             story.say("- open front" if number % 2 else "open front")
@@ -278,8 +276,8 @@ def record_store(url: str) -> str:
         robot, place = PddlTypeDto("robot"), PddlTypeDto("place")
         robot_at = PddlPredicateDto("robot_at", [robot, place])
         objects = [PddlObjectDto(robot, "rb1"), PddlObjectDto(place, "t2")]
-        for is_goal in (False, True):
-            other.propositions.save(PddlPropositionDto(robot_at, objects, is_goal))
+        other.propositions.save(PddlPropositionDto(robot_at, objects))
+        other.goals.save(PddlPropositionDto(robot_at, objects))
     with kant_sql.connect(url, knowledge_base="courier") as kb:
         record(kb)
     return url

@@ -91,7 +91,7 @@ def record(url: str) -> str:
     places = [PddlObjectDto(WAYPOINT, f"wp{number}") for number in range(10)]
     for name, length in LENGTHS.items():
         with kant_sql.connect(url, knowledge_base=name, actor="test") as kb:
-            kb.propositions.save(PddlPropositionDto(ROBOT_AT, [RB1, places[0]], is_goal=True))
+            kb.goals.save(PddlPropositionDto(ROBOT_AT, [RB1, places[0]], is_goal=True))
             for here, there in itertools.islice(
                 itertools.pairwise(itertools.cycle(places)), length
             ):

@@ -51,7 +51,8 @@ LIVE_ATOMS = (
     " JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id"
     " WHERE v.kb_id = ? AND v.until IS NULL"
 )
-OF_PREDICATE = LIVE_ATOMS + " AND v.predicate_id = ?"
+OF_KIND = " AND v.is_goal = ?"
+OF_PREDICATE = LIVE_ATOMS + " AND v.is_goal = false AND v.predicate_id = ?"
 GOALS = LIVE_ATOMS + " AND v.is_goal = true"
 DEFINITION = (
     "SELECT v.text FROM {0} e JOIN {0}_version v ON v.kb_id = e.kb_id AND v.{0}_id = e.id"
@@ -273,11 +274,11 @@ class Bare:
                 constant = None if is_parameter else self.id("object", term.name)
                 terms.append((*key, position, place, parameter, constant, None, None, None))
 
-    def delete_all_propositions(self) -> None:
-        """Let nothing hold."""
-        live = self.run(LIVE_ATOMS, (self.kb,)).fetchall()
+    def delete_all_atoms(self, are_goals: bool) -> None:
+        """Retract all facts, or all goals."""
+        live = self.run(LIVE_ATOMS + OF_KIND, (self.kb, are_goals)).fetchall()
         self.changes += [("-", "goal" if is_goal else "fact", text) for is_goal, text in live]
-        self.run(RETRACT_FACTS, (*[self.number] * 5, self.kb))
+        self.run(RETRACT_FACTS + " AND is_goal = ?", (*[self.number] * 5, self.kb, are_goals))
 
     def delete_all(self, kind: str) -> None:
         """Undefine all elements of a kind."""
@@ -293,9 +294,9 @@ class Bare:
         return self.run(DEFINITION.format(kind), (self.kb, name.lower())).fetchall()
 
     def get_by_predicate(self, name: str) -> list[Row]:
-        """Read the facts and goals of a predicate."""
+        """Read the facts of a predicate."""
         return self.run(OF_PREDICATE, (self.kb, self.id("predicate", name))).fetchall()
 
-    def get_goals(self) -> list[Row]:
+    def get_propositions(self) -> list[Row]:
         """Read the goals."""
         return self.run(GOALS, (self.kb,)).fetchall()

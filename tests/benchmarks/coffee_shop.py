@@ -115,10 +115,12 @@ def bare_steps(steps: list[Step], bares: dict[str, Bare]) -> Ready:
     """Bind recorded steps to the bare driver's functions."""
 
     def change(bare: Bare, call: Call) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        is_atom = call.dao in ("propositions", "goals")
         if call.method != "delete_all":
-            return getattr(bare, f"{call.method}_{call.dao.removesuffix('s')}"), call.arguments
-        if call.dao == "propositions":
-            return bare.delete_all_propositions, ()
+            kind = "proposition" if is_atom else call.dao.removesuffix("s")
+            return getattr(bare, f"{call.method}_{kind}"), call.arguments
+        if is_atom:
+            return bare.delete_all_atoms, (call.dao == "goals",)
         return bare.delete_all, (KINDS[call.dao],)
 
     def bind(bare: Bare, step: Step) -> Callable[[], Any]:

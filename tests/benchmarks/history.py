@@ -59,7 +59,7 @@ def save_present(kb: KnowledgeBase) -> None:
     kb.propositions.save_all(fact("near", *places) for places in near)
     kb.propositions.save_all(fact("lit", place) for place in range(LIT))
     kb.propositions.save_all(fact("visited", 0, place) for place in range(0, HOT, 10))
-    kb.propositions.save_all(fact("visited", 0, place, is_goal=True) for place in range(GOALS))
+    kb.goals.save_all(fact("visited", 0, place, is_goal=True) for place in range(GOALS))
 
 
 class Past(NamedTuple):
@@ -159,8 +159,8 @@ def move_in_turn(subject: Subject, number: int) -> None:
 
 def save_goal(subject: Subject, number: int) -> None:
     goal = fact("visited", 0, number % GOALS, is_goal=True)
-    assert subject.kb.propositions.delete(goal)
-    assert subject.kb.propositions.insert(goal)
+    assert subject.kb.goals.delete(goal)
+    assert subject.kb.goals.insert(goal)
 
 
 def save_new(subject: Subject, number: int) -> None:
@@ -188,7 +188,7 @@ OPERATIONS: dict[str, tuple[int, Callable[[Subject, int], Any]]] = {
         200,
         lambda subject, _: subject.kb.propositions.get_by_predicate("visited"),
     ),
-    "get_goals": (200, lambda subject, _: subject.kb.propositions.get_goals()),
+    "get_goals": (200, lambda subject, _: subject.kb.goals.get_propositions()),
     "open and get_by_predicate": (20, lambda subject, _: open_and_read(subject)),
     "delete and insert a fact": (300, move),
     "the same, two writers in turn": (300, move_in_turn),

@@ -245,8 +245,7 @@ def filled(url: str) -> Iterator[KnowledgeBase]:
         goal = PddlPropositionDto(
             seen, [PddlObjectDto(thing, "thing0"), PddlObjectDto(place, "place0")]
         )
-        goal.is_goal = True
-        kb.propositions.save(goal)
+        kb.goals.save(goal)
         yield kb
 
 
@@ -267,7 +266,7 @@ def reads(kb: KnowledgeBase, bare: BareReader) -> list[Read]:
         (
             "get_goals",
             [""],
-            lambda _: kb.propositions.get_goals(),
+            lambda _: kb.goals.get_propositions(),
             lambda _: bare.get_goals(),
             CALLS,
         ),

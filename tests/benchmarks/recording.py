@@ -7,16 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from kant_sql import KnowledgeBase
-from kant_sql.dao.interfaces import (
-    PddlActionDao,
-    PddlObjectDao,
-    PddlPredicateDao,
-    PddlPropositionDao,
-    PddlTypeDao,
-)
 from kant_sql.factory import SqliteDaoFactory
 from kant_sql.plans import RecordedStep
 
@@ -66,6 +59,19 @@ class RecordedDao:
         return call
 
 
+def _recorded(kind: str, name: str) -> Any:
+    """A factory method whose DAO is recorded under a name."""
+    method = "create_goal_dao" if kind == "goal" else f"create_pddl_{kind}_dao"
+
+    def create(factory: RecordingFactory) -> RecordedDao:
+        dao = getattr(super(RecordingFactory, factory), method)()
+        return RecordedDao(dao, name, factory._note)
+
+    # Front doors ask by name.
+    create.__name__ = method
+    return create
+
+
 class RecordingFactory(SqliteDaoFactory):
     """Creates DAOs that note what they are called for."""
 
@@ -81,25 +87,12 @@ class RecordingFactory(SqliteDaoFactory):
         else:
             self._calls.append(call)
 
-    def create_pddl_type_dao(self) -> PddlTypeDao:
-        dao = super().create_pddl_type_dao()
-        return cast(PddlTypeDao, RecordedDao(dao, "types", self._note))
-
-    def create_pddl_object_dao(self) -> PddlObjectDao:
-        dao = super().create_pddl_object_dao()
-        return cast(PddlObjectDao, RecordedDao(dao, "objects", self._note))
-
-    def create_pddl_predicate_dao(self) -> PddlPredicateDao:
-        dao = super().create_pddl_predicate_dao()
-        return cast(PddlPredicateDao, RecordedDao(dao, "predicates", self._note))
-
-    def create_pddl_proposition_dao(self) -> PddlPropositionDao:
-        dao = super().create_pddl_proposition_dao()
-        return cast(PddlPropositionDao, RecordedDao(dao, "propositions", self._note))
-
-    def create_pddl_action_dao(self) -> PddlActionDao:
-        dao = super().create_pddl_action_dao()
-        return cast(PddlActionDao, RecordedDao(dao, "actions", self._note))
+    create_pddl_type_dao = _recorded("type", "types")
+    create_pddl_object_dao = _recorded("object", "objects")
+    create_pddl_predicate_dao = _recorded("predicate", "predicates")
+    create_pddl_proposition_dao = _recorded("proposition", "propositions")
+    create_pddl_action_dao = _recorded("action", "actions")
+    create_goal_dao = _recorded("goal", "goals")
 
     @contextmanager
     def transaction(

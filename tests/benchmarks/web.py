@@ -46,7 +46,7 @@ def plans(url: str) -> None:
         assert robot_at is not None
         assert robot is not None
         assert place is not None
-        kb.propositions.save(PddlPropositionDto(robot_at, [robot, place], is_goal=True))
+        kb.goals.save(PddlPropositionDto(robot_at, [robot, place], is_goal=True))
         for number in range(PLANS):
             steps = [PlanStep(None, "wait", (f"robot{n % 10}",), None) for n in range(STEPS)]
             with kb.transaction(reason=f"goal {number}"):

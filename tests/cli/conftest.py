@@ -31,7 +31,7 @@ def write_history(url: str) -> None:
             kb.propositions.delete(robot_at())
             kb.propositions.save(robot_at(place=WP2))
         with kb.transaction():
-            kb.propositions.save(robot_at(is_goal=True))
+            kb.goals.save(robot_at(is_goal=True))
             kb.objects.save(PddlObjectDto(PddlTypeDto("drone", parent=ROBOT), "d1"))
             kb.actions.save(navigation())
 

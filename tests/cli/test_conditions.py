@@ -208,9 +208,7 @@ def test_reached_goals_are_exit_code_0(own_breakfast: str) -> None:
 
 def test_a_fact_that_was_retracted_names_the_revision(own_breakfast: str) -> None:
     with kant_sql.connect(own_breakfast, actor="cat") as kb, kb.transaction(reason="it fell"):
-        [plate] = [
-            fact for fact in kb.propositions.get_no_goals() if str(fact) == "(lies plate table1)"
-        ]
+        [plate] = [fact for fact in kb.propositions.get_all() if str(fact) == "(lies plate table1)"]
         kb.propositions.delete(plate)
     assert "  retracted in revision 3" in run("goals", own_breakfast).stdout
     parts = document("goals", own_breakfast, code=1)["unsatisfied"]

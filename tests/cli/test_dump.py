@@ -84,7 +84,7 @@ def test_both_are_of_one_state_whatever_is_written_meanwhile(
     def write_after(kb: kant_sql.KnowledgeBase) -> str:
         text = domain_pddl(kb)
         with kant_sql.connect(own_store, knowledge_base="tiago") as other:
-            other.propositions.save(robot_at(place=WP2, is_goal=True))
+            other.goals.save(robot_at(place=WP2, is_goal=True))
         return text
 
     monkeypatch.setattr(kind, "domain_pddl", write_after)

@@ -187,7 +187,7 @@ def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
             assert time.monotonic() - began < 5
             assert [type(end) for end in ends] == [TransactionOpenError] * 2
             async with kb.transaction(actor="inner"):
-                await kb.propositions.save(robot_at(is_goal=True))
+                await kb.goals.save(robot_at(is_goal=True))
         assert [actor for actor, _ in await written(kb)] == ["parent"]
         assert len(await kb.propositions.get_all()) == 2
 
@@ -398,7 +398,7 @@ def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
 
             async def block() -> None:
                 async with door.transaction():
-                    await door.propositions.save(robot_at(is_goal=True))
+                    await door.goals.save(robot_at(is_goal=True))
                     entered.set()
                     await leave.wait()
 

@@ -113,7 +113,7 @@ def test_what_was_archived_is_in_the_tables_of_the_archive(
     kb: KnowledgeBase, connect: Connect, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     fill(kb)
-    kb.propositions.save(robot_at(is_goal=True))
+    kb.goals.save(robot_at(is_goal=True))
     target = f"sqlite:///{tmp_path_factory.mktemp('archive') / 'old.db'}"
     before = kb.store.to_arrow("fact")
     kb.store.archive(4, to=target)

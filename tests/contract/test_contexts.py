@@ -90,7 +90,7 @@ def test_a_task_started_in_a_block_does_not_inherit_it(kb: KnowledgeBase) -> Non
         with kb.transaction(actor="parent"):
             kb.propositions.save(robot_at())
             await asyncio.gather(child(), asyncio.create_task(child()))
-            kb.propositions.save(robot_at(is_goal=True))
+            kb.goals.save(robot_at(is_goal=True))
 
     asyncio.run(main())
     assert len(written(kb)[-1][1]) == 2

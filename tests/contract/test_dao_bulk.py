@@ -23,6 +23,7 @@ from kant_sql import (
 from kant_sql.dao import base
 from kant_sql.errors import TypeMismatchError
 from kant_sql.store import transaction as propositions
+from tests.support.atoms import Atoms
 from tests.support.parts import dao_of
 from tests.support.reading import (
     Undone,
@@ -91,7 +92,7 @@ def test_a_generator_is_saved_in_one_revision(fresh_kb: KnowledgeBase) -> None:
 def test_duplicates_count_once(fresh_kb: KnowledgeBase, tight: None) -> None:
     shouted = PddlPropositionDto(PddlPredicateDto("NEAR", NEAR.types), near(1).objects)
     given = [near(1), shouted, near(2), near(1), near(3), near(2), *many(6), near(0)]
-    assert fresh_kb.propositions.save_all(given) == 6
+    assert Atoms(fresh_kb).save_all(given) == 6
     assert facts(fresh_kb) == texts(*range(6))
     assert len(last_changes(fresh_kb)) == 6 + 6 + 1 + 1
 
@@ -287,12 +288,12 @@ def test_facts_of_many_predicates_and_goals_can_be_mixed(fresh_kb: KnowledgeBase
         for predicate in predicates
         for is_goal in (False, True)
     ]
-    assert fresh_kb.propositions.save_all(given) == 40
-    assert len(fresh_kb.propositions.get_goals()) == len(fresh_kb.propositions.get_no_goals()) == 20
-    assert fresh_kb.propositions.save_all(reversed(given)) == 0
+    assert Atoms(fresh_kb).save_all(given) == 40
+    assert len(fresh_kb.goals.get_propositions()) == len(fresh_kb.propositions.get_all()) == 20
+    assert Atoms(fresh_kb).save_all(reversed(given)) == 0
     assert fresh_kb.predicates.delete(predicates[0]) is True
-    assert fresh_kb.propositions.save_all(given) == 8
-    assert fresh_kb.propositions.get_all() == given
+    assert Atoms(fresh_kb).save_all(given) == 8
+    assert Atoms(fresh_kb).get_all() == sorted(given, key=lambda dto: dto.is_goal)
 
 
 @pytest.mark.usefixtures("tight")

@@ -12,6 +12,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
+from tests.support.atoms import Atoms
 from tests.support.reading import facts, last_changes, nothing_changes, refuses, state, versions
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
 
@@ -101,7 +102,7 @@ def test_what_refers_to_a_type_with_another_parent_is_refused_naming_both(
 def test_redefining_an_object_with_dependants_is_refused_with_the_list(
     fresh_kb: KnowledgeBase,
 ) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
     fresh_kb.actions.save(go_home())
     home = PddlObjectDto(ROBOT, "wp1")
     for call in (
@@ -135,7 +136,7 @@ def test_the_message_shows_some_dependants_and_the_error_has_all(
 def test_redefining_an_object_with_cascade_retracts_its_dependants_in_the_same_revision(
     fresh_kb: KnowledgeBase,
 ) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
     fresh_kb.actions.save(go_home())
     before = fresh_kb.revision
     assert fresh_kb.objects.save(PddlObjectDto(ROBOT, "wp1"), cascade=True) is True
@@ -148,7 +149,7 @@ def test_redefining_an_object_with_cascade_retracts_its_dependants_in_the_same_r
 def test_deleting_an_object_deletes_what_mentions_it_in_one_revision(
     fresh_kb: KnowledgeBase,
 ) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
     fresh_kb.actions.save(go_home())
     before = fresh_kb.revision
     assert fresh_kb.objects.delete(PddlObjectDto(PddlTypeDto("any"), "WP1")) is True
@@ -164,7 +165,7 @@ def test_deleting_an_object_deletes_what_mentions_it_in_one_revision(
 
 
 def test_deleting_all_objects_deletes_all_facts_about_any(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
     before = fresh_kb.revision
     assert fresh_kb.objects.delete_all() == 3
     assert fresh_kb.revision == before + 1

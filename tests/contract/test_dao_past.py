@@ -17,6 +17,7 @@ from kant_sql import (
     ReadOnlyError,
     UnknownRevisionError,
 )
+from tests.support.atoms import Atoms
 from tests.support.parts import dao_of
 from tests.support.reading import State, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
@@ -35,7 +36,7 @@ from tests.support.worlds.robots import (
 HISTORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.propositions.save(robot_at()),
     lambda kb: kb.actions.save(navigation()),
-    lambda kb: kb.propositions.save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: Atoms(kb).save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
     lambda kb: kb.propositions.delete(robot_at()),
     lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
     lambda kb: kb.predicates.save(PddlPredicateDto("robot_at", [WAYPOINT])),
@@ -100,13 +101,9 @@ def test_each_dao_reads_the_past(fresh_kb: KnowledgeBase, states: list[State]) -
     assert past.objects.get("wp2") == WP2
     assert past.predicates.get("robot_at") == ROBOT_AT
     assert past.actions.get("navigation") == navigation()
-    assert past.propositions.get_by_predicate("robot_at") == [
-        robot_at(),
-        robot_at(is_goal=True),
-        robot_at(RB1, WP2),
-    ]
-    assert past.propositions.get_goals() == [robot_at(is_goal=True)]
-    assert past.propositions.get_no_goals() == [robot_at(), robot_at(RB1, WP2)]
+    assert past.propositions.get_by_predicate("robot_at") == [robot_at(), robot_at(RB1, WP2)]
+    assert past.goals.get_propositions() == [robot_at(is_goal=True)]
+    assert past.propositions.get_all() == [robot_at(), robot_at(RB1, WP2)]
     assert fresh_kb.at(1).actions.get("navigation") is None
     assert fresh_kb.at(0).propositions.get_by_predicate("robot_at") == []
     assert [revision.number for revision in past.store.revisions()] == [1, 2, 3]

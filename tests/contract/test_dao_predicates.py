@@ -14,6 +14,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.errors import ArityError
+from tests.support.atoms import Atoms
 from tests.support.reading import (
     facts,
     last_changes,
@@ -130,7 +131,7 @@ def test_what_refers_to_a_parameter_type_with_another_parent_is_refused_naming_b
 def test_redefining_a_predicate_with_dependants_is_refused_with_the_list(
     fresh_kb: KnowledgeBase,
 ) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
     fresh_kb.actions.save(navigation())
     for call in (
         lambda: fresh_kb.predicates.save(SWAPPED),
@@ -153,7 +154,7 @@ def test_redefining_a_predicate_with_dependants_is_refused_with_the_list(
 def test_redefining_a_predicate_with_cascade_retracts_its_dependants_in_the_same_revision(
     fresh_kb: KnowledgeBase,
 ) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
     fresh_kb.actions.save(navigation())
     before = fresh_kb.revision
     assert fresh_kb.predicates.save(SWAPPED, cascade=True) is True
@@ -181,7 +182,7 @@ def test_deleting_a_predicate_deletes_what_uses_it_in_one_revision(
     fresh_kb: KnowledgeBase,
 ) -> None:
     raining = PddlPropositionDto(Predicate("raining"))
-    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True), raining])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True), raining])
     fresh_kb.actions.save(navigation())
     before = fresh_kb.revision
     assert fresh_kb.predicates.delete(Predicate("Robot_At")) is True
@@ -199,7 +200,7 @@ def test_deleting_a_predicate_deletes_what_uses_it_in_one_revision(
 def test_deleting_all_predicates_deletes_all_facts_goals_and_actions_on_them(
     fresh_kb: KnowledgeBase,
 ) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
     fresh_kb.actions.save(navigation())
     before = fresh_kb.revision
     assert fresh_kb.predicates.delete_all() == 1

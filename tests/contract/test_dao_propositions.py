@@ -6,6 +6,7 @@ import pytest
 
 from kant_sql import (
     ConflictError,
+    InvalidKnowledgeError,
     KnowledgeBase,
     PddlObjectDto,
     PddlPredicateDto,
@@ -14,6 +15,7 @@ from kant_sql import (
     UnknownNameError,
 )
 from kant_sql.errors import ArityError, TypeMismatchError
+from tests.support.atoms import Atoms
 from tests.support.reading import (
     facts,
     last_changes,
@@ -67,24 +69,48 @@ def test_what_a_fact_refers_to_is_saved_along_when_it_is_missing(fresh_kb: Knowl
 
 def test_a_proposition_is_a_fact_and_a_goal_at_once(fresh_kb: KnowledgeBase) -> None:
     fact, goal = robot_at(), robot_at(is_goal=True)
-    propositions = fresh_kb.propositions
+    propositions, goals = fresh_kb.propositions, fresh_kb.goals
     assert propositions.insert(fact) is True
-    assert propositions.insert(goal) is True
-    assert propositions.get_all() == [fact, goal]
-    assert propositions.get_no_goals() == [fact]
-    assert propositions.get_goals() == [goal]
-    assert propositions.get_by_predicate("robot_at") == [fact, goal]
+    assert goals.insert(goal) is True
+    assert propositions.get_all() == [fact]
+    assert goals.get_propositions() == [goal]
+    assert propositions.get_by_predicate("robot_at") == [fact]
+    assert propositions.get_by_object("rb1") == [fact]
     assert last_changes(fresh_kb) == ["+ goal (robot_at rb1 wp1)"]
     assert propositions.delete(fact) is True
-    assert propositions.get_all() == [goal]
+    assert propositions.get_all() == []
     assert propositions.delete(fact) is False
-    assert propositions.delete(goal) is True
+    assert goals.get_propositions() == [goal]
+    assert goals.delete(goal) is True
+
+
+@pytest.mark.parametrize("method", ["save", "insert", "update", "delete", "save_all", "delete_all"])
+def test_a_goal_given_to_the_facts_is_refused_saying_where_to_give_it(
+    fresh_kb: KnowledgeBase, method: str
+) -> None:
+    fresh_kb.propositions.save(robot_at())
+    goal = robot_at(is_goal=True)
+    call = getattr(fresh_kb.propositions, method)
+    given = [robot_at(RB1, WP2), goal] if method.endswith("_all") else goal
+    caught = refuses(fresh_kb, InvalidKnowledgeError, lambda: call(given))
+    assert str(caught.value) == (
+        "(robot_at rb1 wp1) is a goal (is_goal=True), and kb.propositions takes facts; give goals "
+        "to kb.goals: kb.goals.save('(robot_at rb1 wp1)')"
+    )
+
+
+def test_a_goal_is_inserted_once_with_whichever_definition(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.goals.insert(robot_at()) is True
+    other = Proposition(PddlPredicateDto("robot_at", [WAYPOINT, ROBOT]), [RB1, WP1])
+    with nothing_changes(fresh_kb):
+        assert fresh_kb.goals.insert(robot_at(is_goal=True)) is False
+        assert fresh_kb.goals.insert(other) is False
 
 
 def test_propositions_are_read_by_predicate_in_any_spelling(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save_all([robot_at(), RAINING, robot_at(RB1, WP2, is_goal=True)])
+    Atoms(fresh_kb).save_all([robot_at(), RAINING, robot_at(RB1, WP2, is_goal=True)])
     by_predicate = fresh_kb.propositions.get_by_predicate
-    assert by_predicate("ROBOT_AT") == [robot_at(), robot_at(RB1, WP2, is_goal=True)]
+    assert by_predicate("ROBOT_AT") == [robot_at()]
     assert by_predicate("raining") == [RAINING]
     for unknown in ("robot", "%"):
         with pytest.raises(UnknownNameError):
@@ -102,8 +128,7 @@ def test_insert_refuses_what_holds_and_update_what_does_not(fresh_kb: KnowledgeB
         assert propositions.insert(robot_at()) is False
         assert propositions.update(robot_at()) is True
         assert propositions.save(robot_at()) is True
-        assert propositions.update(robot_at(is_goal=True)) is False
-        assert propositions.delete(robot_at(is_goal=True)) is False
+        assert fresh_kb.goals.delete(robot_at(is_goal=True)) is False
         assert propositions.delete(Proposition(PddlPredicateDto("unknown"))) is False
         assert propositions.delete(robot_at(RB1, waypoint(99))) is False
         assert propositions.delete(Proposition(ROBOT_AT, [RB1])) is False
@@ -203,14 +228,16 @@ def test_a_fact_that_comes_and_goes_has_one_identity_and_a_version_for_each_time
     assert len(rows(fresh_kb, "SELECT * FROM proposition WHERE kb_id = :kb")) == 1
 
 
-def test_delete_all_retracts_facts_and_goals_and_keeps_the_rest(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save_all([robot_at(), robot_at(is_goal=True), RAINING])
+def test_delete_all_retracts_facts_and_keeps_the_rest(fresh_kb: KnowledgeBase) -> None:
+    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True), RAINING])
     before = state(fresh_kb)
-    assert fresh_kb.propositions.delete_all() == 3
+    assert fresh_kb.propositions.delete_all() == 2
+    assert state(fresh_kb) == {**before, "facts": []}
+    assert fresh_kb.goals.delete_all() == 1
     assert state(fresh_kb) == {**before, "facts": [], "goals": []}
-    assert fresh_kb.revision == 2
+    assert fresh_kb.revision == 3
     with nothing_changes(fresh_kb):
-        assert fresh_kb.propositions.delete_all() == 0
+        assert fresh_kb.propositions.delete_all() == fresh_kb.goals.delete_all() == 0
 
 
 def test_propositions_are_read_in_the_order_in_which_they_were_first_known(

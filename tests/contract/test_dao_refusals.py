@@ -20,6 +20,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.errors import ArityError, InvalidNameError, TypeCycleError, TypeMismatchError
+from tests.support.atoms import Atoms
 from tests.support.reading import Undone, last_changes, refuses, state, versions
 from tests.support.worlds.robots import RB1, ROBOT, WP1, WP2, navigation, robot_at, waypoint
 
@@ -102,7 +103,7 @@ ALL = pytest.mark.parametrize("refused", REFUSED.values(), ids=REFUSED)
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base with a fact, a goal and an action that use its definitions."""
     with fresh_kb.transaction():
-        fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
+        Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
         fresh_kb.actions.save(navigation())
     return fresh_kb
 
@@ -190,6 +191,6 @@ def forget_all_and(kb: KnowledgeBase, call: Callable[[KnowledgeBase], object]) -
     kb.types.delete_all()
     assert kb.propositions.get_all() == []
     kb.objects.save_all([RB1, WP1])
-    kb.propositions.save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
+    Atoms(kb).save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
     kb.actions.save(navigation())
     call(kb)

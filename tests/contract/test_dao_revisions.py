@@ -187,7 +187,7 @@ def test_the_log_is_newest_first_and_in_the_order_of_the_hash(fresh_kb: Knowledg
     fresh_kb.propositions.save(robot_at())
     with fresh_kb.transaction():
         fresh_kb.propositions.delete(robot_at())
-        fresh_kb.propositions.save(robot_at(is_goal=True))
+        fresh_kb.goals.save(robot_at(is_goal=True))
         fresh_kb.types.save(PddlTypeDto("ärger"))
         fresh_kb.types.save(PddlTypeDto("zebra"))
         fresh_kb.types.save(PddlTypeDto("Zebra2"))

@@ -145,7 +145,7 @@ def test_the_same_beside_another_change_leaves_no_trace_of_it_either(
         kb.propositions.save(robot_at())
         kb.propositions.delete(robot_at(RB1, WP2))
         between(kb)
-        kb.propositions.save(robot_at(is_goal=True))
+        kb.goals.save(robot_at(is_goal=True))
     assert last_changes(kb) == ["+ goal (robot_at rb1 wp1)"]
     assert versions(kb, "proposition") == [
         ("(robot_at rb1 wp1)", 1, None),

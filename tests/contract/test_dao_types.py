@@ -77,7 +77,7 @@ def traffic(kb: KnowledgeBase) -> None:
     taxi = PddlObjectDto(Type("taxi"), "t1")
     drives = PddlPredicateDto("drives", [Type("vehicle")])
     kb.propositions.save(PddlPropositionDto(drives, [taxi]))
-    kb.propositions.save(PddlPropositionDto(drives, [taxi], is_goal=True))
+    kb.goals.save(PddlPropositionDto(drives, [taxi], is_goal=True))
     c = PddlObjectDto(Type("car"), "c")
     effect = PddlConditionEffectDto(drives, [c], PddlConditionEffectDto.AT_END)
     kb.actions.save(PddlActionDto("start", [c], [], [effect]))

@@ -475,11 +475,11 @@ def test_the_order_of_goals_is_kept(depot_kb: KnowledgeBase) -> None:
         depot_kb.load_problem(problem("(at t1 p1)", f"(and {' '.join(order)})"))
         assert [str(goal) for goal in depot_kb.pddl.problem().goal] == order
         assert [str(goal) for goal in again(depot_kb).pddl.problem().goal] == order
-        literals = [str(goal) for goal in depot_kb.propositions.get_goals()]
+        literals = [str(goal) for goal in depot_kb.goals.get_propositions()]
         assert sorted(literals) == ["(at t1 p2)", "(at t2 p2)", "(idle)"]
     # Whoever adds one later adds it at the end.
     depot_kb.goals.save(Exists((TRUCK,), at(T, HUB)))
-    depot_kb.propositions.delete(PddlPropositionDto(PddlPredicateDto("idle"), [], True))
+    depot_kb.goals.delete(PddlPropositionDto(PddlPredicateDto("idle"), [], True))
     found = [str(goal) for goal in depot_kb.pddl.problem().goal]
     left = ["(at t2 p2)", "(or (idle))", "(at t1 p2)", "(not (at t1 p1))"]
     assert found == [*left, "(exists (?t - truck) (at ?t hub))"]

@@ -61,7 +61,7 @@ def last_hash(url: str, name: str = "tiago") -> str | None:
 def write_history(kb: KnowledgeBase) -> None:
     """Change every kind of element, in every way."""
     kb.propositions.save(robot_at())
-    kb.propositions.save(robot_at(is_goal=True))
+    kb.goals.save(robot_at(is_goal=True))
     kb.actions.save(navigation())
     kb.actions.save(PddlActionDto("navigation", durative=False))
     with kb.transaction(actor='exec "\\" \x01\t', reason="one\ntwo\r\u2028 \x7f"):

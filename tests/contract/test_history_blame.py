@@ -43,7 +43,7 @@ def test_what_does_not_hold_is_nobody_s(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_what_holds_comes_before_what_is_wanted(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at(is_goal=True))
+    fresh_kb.goals.save(robot_at(is_goal=True))
     text = "(robot_at rb1 wp1)"
     for kind in ("goal", "fact"):
         blamed = fresh_kb.blame(text)

@@ -17,6 +17,7 @@ from kant_sql import (
     UnknownRevisionError,
 )
 from kant_sql.dto.formulas import Comparison, Metric
+from tests.support.atoms import Atoms
 from tests.support.reading import undone
 from tests.support.statements import count
 from tests.support.worlds.depot import fuel, load, number
@@ -35,7 +36,7 @@ BATTERY = PddlFunctionDto("battery", [ROBOT])
 STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.propositions.save(robot_at()),
     lambda kb: kb.actions.save(navigation()),
-    lambda kb: kb.propositions.save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: Atoms(kb).save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
     lambda kb: kb.propositions.delete(robot_at()),
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=5),

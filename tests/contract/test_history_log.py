@@ -143,7 +143,7 @@ def test_of_an_element_only_its_own_changes_are_told(told: KnowledgeBase) -> Non
 
 def test_what_several_things_are_called_is_told_together(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
-    fresh_kb.propositions.save(robot_at(is_goal=True))
+    fresh_kb.goals.save(robot_at(is_goal=True))
     fresh_kb.propositions.delete(robot_at())
     assert lines(fresh_kb.log(element="(robot_at rb1 wp1)")) == [
         (3, ["- fact (robot_at rb1 wp1)"]),

@@ -27,6 +27,7 @@ from kant_sql.dto.formulas import Comparison, Derived, Exists, Metric, Modal, No
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.sql.changes import Change
+from tests.support.atoms import Atoms
 from tests.support.chain import check_chain
 from tests.support.generators.documents import domains_and_problems
 from tests.support.generators.programs import Program, programs, run
@@ -98,7 +99,7 @@ def check_is_as_at(kb: KnowledgeBase, revision: int) -> None:
 
 STORY: list[Callable[[KnowledgeBase], object]] = [
     load,
-    lambda kb: kb.propositions.save_all([robot_at(), robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: Atoms(kb).save_all([robot_at(), robot_at(is_goal=True), robot_at(RB1, WP2)]),
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
     lambda kb: kb.function_values.set(AT_DOCK, objects=[RB1], value=WP1),
     lambda kb: kb.actions.save(navigation()),
@@ -223,7 +224,7 @@ def test_within_a_transaction_it_undoes_what_that_has_done(fresh_kb: KnowledgeBa
     with fresh_kb.transaction():
         fresh_kb.types.delete_all()
         fresh_kb.propositions.get_all()
-        fresh_kb.propositions.save(robot_at(RB1, WP2, is_goal=True))
+        fresh_kb.goals.save(robot_at(RB1, WP2, is_goal=True))
         fresh_kb.restore(head)
     assert fresh_kb.revision == head
     check_is_as_at(fresh_kb, head)
@@ -249,9 +250,10 @@ def test_many_facts_are_written_as_they_come(
     monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", spill_at)
     monkeypatch.setattr("kant_sql.dao.base.BATCH", 5)
     facts = [robot_at(RB1, waypoint(each), each % 2 == 0) for each in range(20)]
-    fresh_kb.propositions.save_all(facts)
-    fresh_kb.propositions.delete_all()
-    fresh_kb.propositions.save_all(facts[5:10])
+    atoms = Atoms(fresh_kb)
+    atoms.save_all(facts)
+    atoms.delete_all()
+    atoms.save_all(facts[5:10])
     fresh_kb.propositions.save_all(robot_at(RB1, waypoint(each)) for each in range(40, 60))
     for revision in (1, 2, 4, 3, 0):
         fresh_kb.restore(revision)
@@ -260,7 +262,7 @@ def test_many_facts_are_written_as_they_come(
         fresh_kb.restore(4)
         fresh_kb.restore(1)
         fresh_kb.restore(2)
-        fresh_kb.propositions.save(facts[0])
+        atoms.save(facts[0])
         fresh_kb.restore(3)
     check_is_as_at(fresh_kb, 3)
 
@@ -288,8 +290,8 @@ def test_the_chain_covers_it(shared_url: str, connect: Connect) -> None:
 @pytest.mark.parametrize("size", [10, 1_000])
 def test_statements_do_not_grow_with_facts(kb: KnowledgeBase, size: int) -> None:
     kb.propositions.save_all(robot_at(RB1, waypoint(each)) for each in range(size))
-    kb.propositions.save_all(robot_at(RB1, waypoint(each), True) for each in range(size))
-    kb.propositions.delete_all()
+    Atoms(kb).save_all(robot_at(RB1, waypoint(each), True) for each in range(size))
+    Atoms(kb).delete_all()
     assert count(lambda: kb.restore(1)) <= 12
     assert count(lambda: kb.restore(2)) <= 12
 

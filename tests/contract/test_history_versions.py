@@ -68,7 +68,7 @@ def kb_with_past(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A robot that goes, a battery that drains, and definitions that change."""
     kb = fresh_kb
     kb.propositions.save(robot_at())  # 1
-    kb.propositions.save(robot_at(is_goal=True))  # 2
+    kb.goals.save(robot_at(is_goal=True))  # 2
     with kb.transaction(actor="driver", reason="off it goes", source={"step": 3}):
         kb.propositions.delete(robot_at())  # 3
         kb.propositions.save(robot_at(RB1, WP2))
@@ -187,7 +187,7 @@ def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> Non
 
 
 def test_the_text_of_any_change_finds_what_it_is_of(depot_kb: KnowledgeBase) -> None:
-    depot_kb.propositions.save(robot_at(is_goal=True))
+    depot_kb.goals.save(robot_at(is_goal=True))
     depot_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
     depot_kb.goals.save(f.Comparison(">", fuel(), number("2.50")))
     depot_kb.goals.save(f.Equal(home(), HUB))

@@ -200,7 +200,7 @@ def test_lists_of_elements_failures_and_steps_are_tables(kb: KnowledgeBase) -> N
     )
     shown = {
         "(at a)": kb.propositions.get_all(),
-        "(at b)": kb.propositions.get_goals(),
+        "(at b)": kb.goals.get_propositions(),
         "b - wp": kb.objects.get_all(),
         "(= (fuel a) 2)": kb.function_values.get_all(),
         "(:action go": kb.actions.get_all(),

@@ -35,10 +35,10 @@ def catalog_of(url: str) -> Iterator[Catalog]:
 def test_it_says_who_changed_what_and_what_there_is(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     kb.propositions.save(robot_at())
-    kb.propositions.save(robot_at(is_goal=True))
+    kb.goals.save(robot_at(is_goal=True))
     source = {"topic": "/missions", "stamp": 2.0**60}
     with kb.transaction(actor="operator", reason="a new mission", source=source):
-        kb.propositions.save(robot_at(place=WP2, is_goal=True))
+        kb.goals.save(robot_at(place=WP2, is_goal=True))
     connect(shared_url, knowledge_base="never written")
     with catalog_of(shared_url) as catalog:
         [one], has_more = catalog.overview()

@@ -73,10 +73,10 @@ def test_a_conjunction_of_goals_is_each_of_them(depot_kb: KnowledgeBase) -> None
         "+ goal (not (idle))",
     ]
     # Ground atoms are propositions, as ever.
-    literals = depot_kb.propositions.get_goals()
+    literals = depot_kb.goals.get_propositions()
     assert [str(dto) for dto in literals] == ["(at t1 p1)", "(idle)"]
     assert depot_kb.goals.get_all() == [at(), IDLE, someone, Not(IDLE)]
-    depot_kb.propositions.delete(literals[0])
+    depot_kb.goals.delete(literals[0])
     assert at() not in depot_kb.pddl.problem().goal
     assert depot_kb.goals.delete(And((IDLE, at()))) is True
     assert depot_kb.goals.delete_all() == 2

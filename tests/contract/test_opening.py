@@ -204,7 +204,7 @@ def test_a_file_that_is_no_sound_database_is_refused(
 
     def use() -> None:
         with kant_sql.connect(sqlite_url(stored)) as kb:
-            kb.propositions.save(robot_at(is_goal=True))
+            kb.goals.save(robot_at(is_goal=True))
             kb.propositions.get_all()
 
     with pytest.raises(NotADatabaseError, match=f"{stored}: .*name an SQLite file") as caught:
@@ -264,7 +264,7 @@ def test_a_file_opened_read_only_can_be_read_and_not_written(
     assert kb.propositions.get_all() == kb.at(1).propositions.get_all() == [robot_at()]
     assert [entry.revision.number for entry in kb.log()] == [1]
     with pytest.raises(ReadOnlyStoreError, match="cannot be written"):
-        kb.propositions.save(robot_at(is_goal=True))
+        kb.goals.save(robot_at(is_goal=True))
     assert kb.propositions.get_all() == [robot_at()]
     assert stored.read_bytes() == before
 

@@ -112,7 +112,7 @@ def test_a_user_without_rights_is_told_so_and_reads_with_the_right_to_read(
     kb = connect(guarded)
     assert kb.propositions.get_all() == [robot_at()]
     with pytest.raises(ReadOnlyStoreError, match="permission denied"):
-        kb.propositions.save(robot_at(is_goal=True))
+        kb.goals.save(robot_at(is_goal=True))
     execute(owner, "REVOKE SELECT ON ALL TABLES IN SCHEMA public FROM guarded")
 
 
@@ -124,7 +124,7 @@ def test_a_server_that_only_reads_says_so(server: Server, connect: Connect) -> N
     kb = connect(url)
     assert kb.propositions.get_all() == [robot_at()]
     with pytest.raises(ReadOnlyStoreError, match="read-only transaction"):
-        kb.propositions.save(robot_at(is_goal=True))
+        kb.goals.save(robot_at(is_goal=True))
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ def story(shared_url: str, connect: Connect) -> KnowledgeBase:
 def test_each_state_holds_what_its_daos_read(story: KnowledgeBase) -> None:
     for revision in range(story.revision + 1):
         state = story.at(revision)
-        facts, goals = state.propositions.get_no_goals(), state.propositions.get_goals()
+        facts, goals = state.propositions.get_all(), state.goals.get_propositions()
         objects, values = state.objects.get_all(), state.function_values.get_all()
         read = len(objects), len(facts), len(goals), len(values)
         assert tuple(read_overview(state_of(state))) == read, revision

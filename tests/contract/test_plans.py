@@ -18,6 +18,7 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from tests.benchmarks.drivers import bare
 from tests.benchmarks.history import HOT, Past, define, fact, load
+from tests.support.atoms import Atoms
 from tests.support.servers import Server, is_old
 from tests.support.statements import Statement, explain, is_bracket, seen, work
 
@@ -47,13 +48,13 @@ READS: dict[str, tuple[Call, set[str]]] = {
         lambda kb: kb.at(kb.revision // 2).propositions.get_by_object("p0"),
         OF_KEY,
     ),
-    "get_goals": (lambda kb: kb.propositions.get_goals(), OF_GOALS),
+    "get_goals": (lambda kb: kb.goals.get_propositions(), OF_GOALS),
     "get_by_predicate of the past": (
         lambda kb: kb.at(kb.revision // 2).propositions.get_by_predicate("visited"),
         HISTORY,
     ),
     "get_goals of the past": (
-        lambda kb: kb.at(kb.revision // 2).propositions.get_goals(),
+        lambda kb: kb.at(kb.revision // 2).goals.get_propositions(),
         OF_GOALS,
     ),
 }
@@ -61,8 +62,8 @@ READS: dict[str, tuple[Call, set[str]]] = {
 
 def move(kb: KnowledgeBase, proposition: PddlPropositionDto) -> None:
     """Let a fact go and come again."""
-    assert kb.propositions.delete(proposition)
-    assert kb.propositions.insert(proposition)
+    assert Atoms(kb).delete(proposition)
+    assert Atoms(kb).insert(proposition)
 
 
 def make(kb: KnowledgeBase, proposition: PddlPropositionDto) -> None:
@@ -151,7 +152,7 @@ def fill(url: str) -> None:
     with kant_sql.connect(url) as kb:
         define(kb)
         kb.propositions.save_all(fact("lit", place) for place in range(LIT))
-        kb.propositions.save_all(fact("visited", 0, place, is_goal=True) for place in range(GOALS))
+        kb.goals.save_all(fact("visited", 0, place, is_goal=True) for place in range(GOALS))
     store = bare(url)
     load(store, Past("hot", HOT, False, 1), CLOSED)
     store.close()

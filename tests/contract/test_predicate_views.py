@@ -118,7 +118,7 @@ def story_url(shared_url: str, connect: Connect) -> str:
     with kb.transaction(actor="executive", reason="navigation finished"):
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
-    kb.propositions.save(robot_at(is_goal=True))
+    kb.goals.save(robot_at(is_goal=True))
     kb.close()
     return shared_url
 

@@ -598,7 +598,7 @@ def shown(changes: tuple[Change, ...] | None) -> list[str]:
 
 
 def state(kb: KnowledgeBase) -> list[str]:
-    return [*map(str, kb.propositions.get_no_goals()), *map(str, kb.function_values.get_all())]
+    return [*map(str, kb.propositions.get_all()), *map(str, kb.function_values.get_all())]
 
 
 def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None:

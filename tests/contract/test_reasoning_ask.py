@@ -135,7 +135,7 @@ def test_a_transaction_sees_its_pending_writes(fresh_kb: KnowledgeBase) -> None:
 
 def test_goals_are_no_facts(fresh_kb: KnowledgeBase) -> None:
     graph.load(fresh_kb)
-    assert [str(goal) for goal in fresh_kb.propositions.get_goals()]
+    assert [str(goal) for goal in fresh_kb.goals.get_propositions()]
     assert not fresh_kb.holds("(free)")
     assert not fresh_kb.holds("(robot_at rb1 w6)")
 

@@ -25,6 +25,7 @@ from kant_sql import (
 )
 from kant_sql.errors import ArchivedError, InvalidUrlError, TransactionOpenError
 from kant_sql.store import transaction as transactions
+from tests.support.atoms import Atoms
 from tests.support.corpus import Pair, needs_corpus, small_pairs
 from tests.support.reading import beside, facts, state, undone
 from tests.support.statements import count, fill
@@ -338,7 +339,7 @@ def test_the_difference_is_what_would_turn_one_into_the_other(
     fresh_kb: KnowledgeBase, branch_of: Branch
 ) -> None:
     kb = fresh_kb
-    kb.propositions.save_all([robot_at(), robot_at(is_goal=True)])
+    Atoms(kb).save_all([robot_at(), robot_at(is_goal=True)])
     kb.function_values.set(BATTERY, objects=[RB1], value=5)
     other = branch_of(kb)
     other.propositions.delete(robot_at())

@@ -85,7 +85,7 @@ def state_in(kb: KnowledgeBase) -> tuple[frozenset[Ground], dict[Ground, Fractio
     """The stored facts and values."""
     facts = frozenset(
         (fold(dto.predicate.name), *(fold(each.name) for each in dto.objects))
-        for dto in kb.propositions.get_no_goals()
+        for dto in kb.propositions.get_all()
     )
     values: dict[Ground, Fraction | str] = {}
     for dto in kb.function_values.get_all():

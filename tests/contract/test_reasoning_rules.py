@@ -460,6 +460,6 @@ def observed(kb: KnowledgeBase) -> list[tuple[Decimal, set[str]]]:
     for revision in kb.store.revisions():
         assert revision.observed_at is not None
         seconds = Decimal(str((revision.observed_at - BASE).total_seconds()))
-        past = kb.at(revision.number).propositions.get_no_goals()
+        past = kb.at(revision.number).propositions.get_all()
         states.append((seconds, {str(fact) for fact in past}))
     return states

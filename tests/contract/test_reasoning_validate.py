@@ -51,7 +51,7 @@ def rounds(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 
 def leave(kb: KnowledgeBase) -> None:
     """Have the robot leave home for the hall."""
-    facts = {str(fact): fact for fact in kb.propositions.get_no_goals()}
+    facts = {str(fact): fact for fact in kb.propositions.get_all()}
     here = facts["(At rb1 home)"]
     rb1, _ = here.objects
     hall = kb.objects.get("hall")

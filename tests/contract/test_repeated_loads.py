@@ -34,10 +34,10 @@ def test_a_problem_that_was_just_loaded_is_loaded_again(
         kb.load_domain(DOMAIN)
         kb.load_problem(FIRST)
         kb.load_problem(second, mode=mode)  # type: ignore[arg-type]
-    facts = {str(fact) for fact in kb.propositions.get_no_goals()}
+    facts = {str(fact) for fact in kb.propositions.get_all()}
     merged = {"(q a)"} if mode == "merge" else set()
     assert facts == {"(p a b)", "(p b c)", "(p c e)", "(q b)"} | merged
-    assert {str(goal) for goal in kb.propositions.get_goals()} == {"(q c)", "(q e)"}
+    assert {str(goal) for goal in kb.goals.get_propositions()} == {"(q c)", "(q e)"}
     values = {str(value) for value in kb.function_values.get_all()}
     assert values == {"(= (f a) 1)", "(= (f b) 3)" if mode == "replace" else "(= (f b) 2)"}
 
@@ -49,7 +49,7 @@ def test_a_load_that_fails_leaves_nothing_for_the_next(connect: Connect, url: st
         with pytest.raises(ZeroDivisionError):
             _load_in_vain(kb)
         kb.load_problem(SECOND)
-    assert {str(fact) for fact in kb.propositions.get_no_goals()} == {
+    assert {str(fact) for fact in kb.propositions.get_all()} == {
         "(p a b)",
         "(p b c)",
         "(p c e)",

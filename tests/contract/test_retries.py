@@ -219,7 +219,7 @@ def test_a_transaction_that_the_database_has_undone_cannot_be_committed(
             assert len(kb.propositions.get_all()) == 2
             with pytest.raises(StoreError, match="disk full"):
                 save_and_read()
-            kb.propositions.save(robot_at(is_goal=True))
+            kb.goals.save(robot_at(is_goal=True))
 
     with pytest.raises(StoreError):
         go_on()

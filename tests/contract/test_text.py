@@ -44,7 +44,7 @@ def world(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 
 
 def facts(kb: KnowledgeBase) -> list[str]:
-    return [str(dto) for dto in kb.propositions.get_facts()]
+    return [str(dto) for dto in kb.propositions.get_all()]
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_fact_is_saved_and_deleted_as_text_or_as_an_atom(
 
 
 def test_texts_atoms_and_dtos_are_saved_together(world: KnowledgeBase) -> None:
-    [dto] = world.propositions.get_facts()
+    [dto] = world.propositions.get_all()
     new = PddlObjectDto(dto.objects[1].type, "wp9")
     given: list[Any] = [
         "(idle)",
@@ -86,7 +86,7 @@ def test_texts_atoms_and_dtos_are_saved_together(world: KnowledgeBase) -> None:
 
 def test_within_a_transaction_text_names_what_is_pending(world: KnowledgeBase) -> None:
     with world.transaction():
-        [dto] = world.propositions.get_facts()
+        [dto] = world.propositions.get_all()
         world.objects.save(PddlObjectDto(dto.objects[1].type, "wp9"))
         world.propositions.save("(robot_at rb2 wp9)")
         assert world.propositions.delete("(robot_at rb2 wp9)") is True
@@ -188,7 +188,7 @@ def test_what_is_no_value_is_refused(
 
 def test_goals_are_given_as_text_nodes_and_dtos(world: KnowledgeBase) -> None:
     goals = world.goals
-    [dto] = world.propositions.get_facts()
+    [dto] = world.propositions.get_all()
     assert goals.save("(and (idle) (or (idle) (robot_at rb1 wp2)))") is True
     assert goals.insert(dto) is True
     assert goals.insert("(robot_at rb1 wp1)") is False
@@ -332,7 +332,7 @@ def test_a_name_that_never_was_is_refused_and_one_that_was_is_not(
 
 
 def test_what_a_dto_describes_may_be_saved_later(world: KnowledgeBase) -> None:
-    [dto] = world.propositions.get_facts()
+    [dto] = world.propositions.get_all()
     new = PddlObjectDto(dto.objects[0].type, "rb9")
     assert world.history(new) == []
     assert world.function_values.get("battery", objects=[new]) is None

@@ -13,6 +13,7 @@ import pytest
 
 from kant_sql import KnowledgeBase
 from kant_sql.store.ledger import PropositionLedger
+from tests.support.atoms import Atoms
 from tests.support.chain import check_chain, check_sqlite
 from tests.support.processes.workers import watch_with
 from tests.support.stores import Connect
@@ -75,7 +76,7 @@ def test_a_transaction_belongs_to_its_thread(url: str, connect: Connect) -> None
             entered.set()
             time.sleep(0.1)
             assert not left.is_set(), "the other thread has written into this transaction"
-            kb.propositions.save(robot_at(is_goal=True))
+            kb.goals.save(robot_at(is_goal=True))
 
     def second() -> None:
         entered.wait(60)
@@ -162,9 +163,9 @@ def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(
         kb.propositions.save(robot_at(place=WP2))
         assert len(kb.propositions.get_all()) == 2  # Now it has an id in the tables.
         kb.propositions.delete(robot_at(place=WP2))
-    kb.propositions.save(robot_at(is_goal=True))  # Now another one has this id.
+    kb.goals.save(robot_at(is_goal=True))  # Now another one has this id.
     kb.propositions.save(robot_at(place=WP2))
-    assert kb.propositions.get_all() == [robot_at(), robot_at(is_goal=True), robot_at(place=WP2)]
+    assert Atoms(kb).get_all() == [robot_at(), robot_at(place=WP2), robot_at(is_goal=True)]
     assert check(kb, url) == {"tiago": 4}
 
 

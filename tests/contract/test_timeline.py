@@ -255,7 +255,7 @@ def test_lanes_are_chosen_by_predicate_object_and_text(fresh_kb: KnowledgeBase) 
     kb = fresh_kb
     kb.propositions.save(robot_at())
     kb.propositions.save(robot_at(OTHER, waypoint(12)))
-    kb.propositions.save(robot_at(is_goal=True))
+    kb.goals.save(robot_at(is_goal=True))
     kb.function_values.set(BATTERY, objects=[RB1], value=9)
     kb.function_values.set(BATTERY, objects=[OTHER], value=9)
     named = PddlPredicateDto("größe", [PddlTypeDto("maß_%!")])

@@ -152,7 +152,7 @@ def test_help_shows_signature_and_docstring() -> None:
         for method, words in (
             (
                 kb.propositions.save,
-                ("save(dto: 'FactLike | Sequence[FactLike]')", "Save a fact or a goal"),
+                ("save(dto: 'FactLike | Sequence[FactLike]')", "Save a fact."),
             ),
             (kb.log, ("log(since: 'When | None' = None", "Read revisions and their changes")),
             (kb.load_domain, ("load_domain(*sources: 'Source'", "Load a domain")),

@@ -118,7 +118,7 @@ def test_the_initial_pddl_is_as_large_as_the_papers(ran: Ran) -> None:
 
 
 def test_all_tasks_are_done_in_the_end(ran: Ran) -> None:
-    assert ran.kb.propositions.get_goals() == []
+    assert ran.kb.goals.get_propositions() == []
     done = [
         len(ran.kb.propositions.get_by_predicate(name))
         for name in ("checked", "delivered", "seated", "ordered", "waiting")

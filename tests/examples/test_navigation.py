@@ -54,5 +54,5 @@ def test_a_second_run_on_the_same_store_ends_in_the_same_state(shared_url: str) 
     outputs = [run_example("navigation.py", shared_url).stdout for _ in range(2)]
     assert lines_below("Facts now:", outputs[0]) == lines_below("Facts now:", outputs[1])
     with kant_sql.connect(shared_url, knowledge_base="waypoints") as kb:
-        assert [str(fact) for fact in kb.propositions.get_no_goals()] == ["(robot_at rb1 wp2)"]
-        assert [str(goal) for goal in kb.propositions.get_goals()] == ["(robot_at rb1 wp2)"]
+        assert [str(fact) for fact in kb.propositions.get_all()] == ["(robot_at rb1 wp2)"]
+        assert [str(goal) for goal in kb.goals.get_propositions()] == ["(robot_at rb1 wp2)"]

@@ -62,9 +62,9 @@ def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None
     assert "The goals are reached." in done.stdout
     assert done.stdout.endswith(STORY)
     with kant_sql.connect(url, knowledge_base="delivery") as kb:
-        before = {str(fact) for fact in kb.at(1).propositions.get_no_goals()}
+        before = {str(fact) for fact in kb.at(1).propositions.get_all()}
         assert "(parcel_at letter hall)" in before
-        now = {str(fact) for fact in kb.propositions.get_no_goals()}
+        now = {str(fact) for fact in kb.propositions.get_all()}
         assert {"(parcel_at letter office)", "(robot_at dock)", "(gripper_free)"} <= now
 
 

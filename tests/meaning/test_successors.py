@@ -85,7 +85,7 @@ def facts(kb: KnowledgeBase, changed: frozenset[tuple[str, int]]) -> frozenset[G
     """The facts of what actions change."""
     return frozenset(
         (fold(dto.predicate.name), *(fold(each.name) for each in dto.objects))
-        for dto in kb.propositions.get_no_goals()
+        for dto in kb.propositions.get_all()
         if (fold(dto.predicate.name), len(dto.objects)) in changed
     )
 

@@ -68,8 +68,8 @@ def test_every_row_survives_each_step_up_and_down(old_url: str) -> None:
 
 def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Connect) -> None:
     kb = open_tiago(new_url, connect)
-    assert [str(dto) for dto in kb.at(2).propositions.get_no_goals()] == ["(at rb1 wp1)"]
-    assert [str(dto) for dto in kb.at(4).propositions.get_goals()] == ["(at rb1 wp2)"]
+    assert [str(dto) for dto in kb.at(2).propositions.get_all()] == ["(at rb1 wp1)"]
+    assert [str(dto) for dto in kb.at(4).goals.get_propositions()] == ["(at rb1 wp2)"]
     assert [str(dto) for dto in kb.propositions.get_all()] == ["(at rb1 wp2)"]
     assert [str(dto) for dto in kb.types.get_all()] == ["place", "robot", "dock - place"]
     assert [str(goal) for goal in kb.goals.get_all()] == ["(or (idle) (at rb1 Home))"]

@@ -145,8 +145,8 @@ def write_history(url: str, connect: Connect) -> None:
             kb.propositions.delete(robot_at())
             kb.propositions.save(robot_at())
         if number % 7 == 0:
-            kb.propositions.save(robot_at(place=WP2, is_goal=True))
-            kb.propositions.delete(robot_at(place=WP2, is_goal=True))
+            kb.goals.save(robot_at(place=WP2, is_goal=True))
+            kb.goals.delete(robot_at(place=WP2, is_goal=True))
     kb.close()
 
 

@@ -257,7 +257,7 @@ def _dao_calls(kb: KnowledgeBase) -> Iterator[Call]:
         if hasattr(dao, "get_all"):
             yield dao.get_all
     yield kb.pddl.metric.get
-    yield kb.propositions.get_goals
+    yield kb.goals.get_propositions
     yield lambda: kb.propositions.get_by_predicate("at")
     yield lambda: kb.actions.get("drive")
     yield lambda: kb.functions.get("fuel")

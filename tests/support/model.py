@@ -409,7 +409,10 @@ class ModelDao:
 
     def get_all(self) -> list[Any]:
         state, kind = self._model.state, self._kind
-        return [dto_of(state, kind, key) for key in state.known[kind] if key in state.held[kind]]
+        keys = [key for key in state.known[kind] if key in state.held[kind]]
+        if kind == "atom":
+            keys.sort(key=lambda key: key.is_goal)
+        return [dto_of(state, kind, key) for key in keys]
 
     def get_by_predicate(self, name: str) -> list[Any]:
         if fold(name) not in self._model.state.known["predicate"]:

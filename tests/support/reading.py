@@ -50,14 +50,14 @@ def state(kb: KnowledgeBase) -> State:
         "objects": [str(dto) for dto in kb.objects.get_all()],
         "predicates": [str(dto) for dto in kb.predicates.get_all()],
         "actions": [str(dto) for dto in kb.actions.get_all()],
-        "facts": [str(dto) for dto in kb.propositions.get_no_goals()],
-        "goals": [str(dto) for dto in kb.propositions.get_goals()],
+        "facts": [str(dto) for dto in kb.propositions.get_all()],
+        "goals": [str(dto) for dto in kb.goals.get_propositions()],
     }
 
 
 def facts(kb: KnowledgeBase) -> list[str]:
     """The facts that hold, sorted."""
-    return sorted(str(dto) for dto in kb.propositions.get_no_goals())
+    return sorted(str(dto) for dto in kb.propositions.get_all())
 
 
 def last_changes(kb: KnowledgeBase) -> list[str]:

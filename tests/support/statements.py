@@ -21,9 +21,7 @@ Call = Callable[[KnowledgeBase], Any]
 READS: dict[str, Call] = {
     "propositions.get_all": lambda kb: kb.propositions.get_all(),
     "propositions.get_by_predicate": lambda kb: kb.propositions.get_by_predicate("robot_at"),
-    "propositions.get_goals": lambda kb: kb.propositions.get_goals(),
-    "propositions.get_no_goals": lambda kb: kb.propositions.get_no_goals(),
-    "propositions.get_facts": lambda kb: kb.propositions.get_facts(),
+    "goals.get_propositions": lambda kb: kb.goals.get_propositions(),
     "propositions.get_by_object": lambda kb: kb.propositions.get_by_object("rb1"),
     "types.get": lambda kb: kb.types.get("wp"),
     "types.get_all": lambda kb: kb.types.get_all(),
@@ -77,12 +75,8 @@ def count(call: Callable[[], Any]) -> int:
 def fill(kb: KnowledgeBase, size: int) -> None:
     """Give a knowledge base an action, and so many facts and half as many goals."""
     kb.actions.save(navigation())
-    kb.propositions.save_all(
-        robot_at(RB1, waypoint(number), is_goal)
-        for number in range(size)
-        for is_goal in (False, True)
-        if not is_goal or number % 2 == 0
-    )
+    kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(size))
+    kb.goals.save_all(robot_at(RB1, waypoint(number), True) for number in range(0, size, 2))
 
 
 def fact(number: int) -> PddlPropositionDto:

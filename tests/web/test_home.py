@@ -32,8 +32,8 @@ def test_goals_are_counted_or_asked_for(shared_url: str, connect: Connect) -> No
     kb.propositions.save(robot_at())
     with TestClient(create_app(shared_url), base_url=BASE) as client:
         assert 'class="none">none' in client.get("/").text
-        kb.propositions.save(robot_at(is_goal=True))
-        kb.propositions.save(robot_at(place=WP2, is_goal=True))
+        kb.goals.save(robot_at(is_goal=True))
+        kb.goals.save(robot_at(place=WP2, is_goal=True))
         assert [(one["goals"], one["reached"]) for one in listed(client)] == [(2, 1)]
         assert "1 of 2" in client.get("/").text
         kb.goals.save("(not (robot_at rb1 wp2))")

@@ -187,7 +187,7 @@ def test_each_transition_is_a_change_of_the_history(story_url: str, tmp_path: Pa
         for each in found:
             state = kb.at(each.data["revision"])
             held = [
-                *(("fact", str(fact)) for fact in state.propositions.get_facts()),
+                *(("fact", str(fact)) for fact in state.propositions.get_all()),
                 *(("value", str(value)) for value in state.function_values.get_all()),
             ]
             texts = sorted(text for kind, text in held if topic_of(kind, text) == each.topic)

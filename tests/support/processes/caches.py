@@ -20,6 +20,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.errors import TypeMismatchError
+from tests.support.atoms import Atoms
 from tests.support.worlds.robots import (
     RB1,
     ROBOT,
@@ -46,7 +47,7 @@ def world(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     kb.propositions.save(robot_at(place=WP2))
     assert kb.propositions.delete(robot_at(place=WP2))
-    assert not kb.propositions.delete(robot_at(is_goal=True))
+    assert not kb.goals.delete(robot_at(is_goal=True))
     for dao, name in ((kb.types, "charger"), (kb.objects, "rb2"), (kb.predicates, "free")):
         assert dao.get(name) is None
 
@@ -157,12 +158,12 @@ def can_save_the_fact_again(kb: KnowledgeBase) -> None:
 
 
 def save_facts(kb: KnowledgeBase) -> None:
-    kb.propositions.save_all([robot_at(place=WP2), robot_at(is_goal=True)])
+    Atoms(kb).save_all([robot_at(place=WP2), robot_at(is_goal=True)])
 
 
 def knows_that_the_facts_hold(kb: KnowledgeBase) -> None:
     assert not kb.propositions.insert(robot_at(place=WP2))
-    assert kb.propositions.delete(robot_at(is_goal=True))
+    assert kb.goals.delete(robot_at(is_goal=True))
     assert kb.propositions.delete(robot_at(place=WP2))
     assert kb.propositions.get_all() == [robot_at()]
 

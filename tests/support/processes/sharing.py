@@ -48,7 +48,7 @@ def read_but_not_write(url: str) -> None:
     with kant_sql.connect(url) as kb:
         assert kb.propositions.get_all() == [robot_at()]
         with pytest.raises(ReadOnlyStoreError, match="cannot be written"):
-            kb.propositions.save(robot_at(is_goal=True))
+            kb.goals.save(robot_at(is_goal=True))
         assert kb.propositions.get_all() == [robot_at()]
 
 

@@ -17,6 +17,7 @@ from kant_sql import (
 )
 from kant_sql.dto.formulas import Or
 from kant_sql.plans import RecordedPlan
+from tests.support.atoms import Atoms
 from tests.support.worlds.depot import CONDITIONS, CONSTRAINTS
 
 NAME = "depot"
@@ -152,10 +153,10 @@ def _come_and_go(kb: KnowledgeBase) -> None:
     t9 = PddlObjectDto(PddlTypeDto("truck"), "t9")
     for truck in (t1, t9, t1):
         fact = PddlPropositionDto(at, [truck, p1], is_goal=truck is t9)
-        kb.propositions.save(fact)
+        Atoms(kb).save(fact)
         kb.function_values.set(fuel, objects=[truck.name], value=Decimal("5.25"))
         kb.function_values.set(fuel, objects=[truck.name], value=3)
-        kb.propositions.delete(fact)
+        Atoms(kb).delete(fact)
     kb.objects.delete(t9)
 
 
