@@ -16,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
 from functools import partial, update_wrapper
-from types import TracebackType
+from types import MethodType, TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
@@ -35,8 +35,19 @@ from .dao.interfaces import (
     RedefinableDao,
     ValueLike,
 )
-from .dto import Dto, PddlFunctionValueDto, PddlObjectDto, PddlPropositionDto
-from .dto.formulas import Formula, Node
+from .dto import (
+    Dto,
+    PddlActionDto,
+    PddlEventDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlProcessDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
+from .dto.formulas import Derived, Equal, Formula, Node, Not, TimedLiteral
 from .errors import ClosedError, StoreBusyError, TransactionCancelledError, TransactionOpenError
 from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
@@ -544,9 +555,10 @@ class _Entries(AsyncIterator[R]):
 class _Part:
     """A synchronous object, the front door or one of its DAOs, whose calls run in threads."""
 
-    def __init__(self, door: _Door, *, of: object) -> None:
+    def __init__(self, door: _Door, *, find: Callable[[], Any]) -> None:
         self._door = door
-        self._sync = of
+        # Asked by each call: it may be closed by then.
+        self._find = find
 
 
 class _Call(Generic[P, R]):
@@ -555,20 +567,19 @@ class _Call(Generic[P, R]):
     def __init__(
         self, method: Callable[Concatenate[S, P], T], run: Callable[[_Door, Callable[[], T]], R]
     ) -> None:
-        self._name: str = method.__name__
+        self._method: Callable[..., T] = method
         self._run: Callable[[_Door, Callable[[], T]], R] = run
         self.__doc__ = method.__doc__
 
     def __get__(self, part: _Part, owner: type[_Part] | None = None) -> Callable[P, R]:
         if part is None:
             return self  # type: ignore[unreachable]
-        method = getattr(part._sync, self._name)
+        name, run = self._method.__name__, self._run
 
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
-            return self._run(part._door, partial(method, *args, **kwargs))
+            return run(part._door, lambda: getattr(part._find(), name)(*args, **kwargs))
 
-        update_wrapper(call, method).__doc__ = self.__doc__
-        return call
+        return update_wrapper(call, MethodType(self._method, part))
 
 
 def _read(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
@@ -583,10 +594,21 @@ def _iterate(method: Callable[Concatenate[S, P], Iterable[R]]) -> _Call[P, Async
     return _Call(method, _Entries)
 
 
-class _AsyncElements(_Part, Generic[E, Given]):
-    def __init__(self, door: _Door, *, of: AnyDao[E, Given]) -> None:
-        super().__init__(door, of=of)
+class _Beside(Generic[T]):
+    """A part of a front door: that of the synchronous one at the same name, made on first use."""
 
+    def __init__(self, make: Callable[..., T]) -> None:
+        self._make = make
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, part: _Part, owner: type[_Part] | None = None) -> T:
+        made = self._make(part._door, find=lambda: getattr(part._find(), self._name))
+        return part.__dict__.setdefault(self._name, made)  # type: ignore[no-any-return]
+
+
+class _AsyncElements(_Part, Generic[E, Given]):
     get_all = _read(AnyDao[E, Given].get_all)
     insert = _write(AnyDao[E, Given].insert)
     save_all = _write(AnyDao[E, Given].save_all)
@@ -601,20 +623,16 @@ class AsyncDao(_AsyncElements[D, Given]):
     update = _write(Dao[D, Given].update)
 
 
-class AsyncNamedDao(AsyncDao[D, D]):
+class AsyncNamedDao(AsyncDao[D, D | str]):
     """`NamedDao` for asyncio: the DAOs of actions, processes and events."""
 
     get = _read(NamedDao[D].get)
-    delete = _write(NamedDao[D].delete)
-    delete_all = _write(NamedDao[D].delete_all)
 
 
-class AsyncRedefinableDao(_AsyncElements[D, D]):
+class AsyncRedefinableDao(_AsyncElements[D, D | str]):
     """`RedefinableDao` for asyncio: the DAOs of types, objects, predicates and functions."""
 
     get = _read(RedefinableDao[D].get)
-    delete = _write(RedefinableDao[D].delete)
-    delete_all = _write(RedefinableDao[D].delete_all)
     save = _write(RedefinableDao[D].save)
     update = _write(RedefinableDao[D].update)
 
@@ -676,6 +694,15 @@ class AsyncPlanDao(_Part):
 class AsyncPddlParts(_Part):
     """`PddlParts` for asyncio."""
 
+    processes = _Beside(AsyncNamedDao[PddlProcessDto])
+    events = _Beside(AsyncNamedDao[PddlEventDto])
+    derived_predicates = _Beside(AsyncFormulaDao[Derived, Derived | str])
+    timed_initial_literals = _Beside(AsyncFormulaDao[TimedLiteral, TimedLiteral | str])
+    initial_literals = _Beside(AsyncFormulaDao[Not | Equal, Not | Equal | str])
+    constraints = _Beside(AsyncFormulaDao[Formula, Formula | str])
+    domain_constraints = _Beside(AsyncFormulaDao[Formula, Formula | str])
+    metric = _Beside(AsyncMetricDao)
+
     metric_value = _read(PddlParts.metric_value)
     check_rules = _read(PddlParts.check_rules)
     broken_invariants = _read(PddlParts.broken_invariants)
@@ -685,17 +712,6 @@ class AsyncPddlParts(_Part):
     complete = _read(PddlParts.complete)
     to_unified_planning = _read(PddlParts.to_unified_planning)
     load_unified_planning = _write(PddlParts.load_unified_planning)
-
-    def __init__(self, door: _Door, *, of: PddlParts) -> None:
-        super().__init__(door, of=of)
-        self.processes = AsyncNamedDao(door, of=of.processes)
-        self.events = AsyncNamedDao(door, of=of.events)
-        self.derived_predicates = AsyncFormulaDao(door, of=of.derived_predicates)
-        self.timed_initial_literals = AsyncFormulaDao(door, of=of.timed_initial_literals)
-        self.initial_literals = AsyncFormulaDao(door, of=of.initial_literals)
-        self.constraints = AsyncFormulaDao(door, of=of.constraints)
-        self.domain_constraints = AsyncFormulaDao(door, of=of.domain_constraints)
-        self.metric = AsyncMetricDao(door, of=of.metric)
 
 
 class AsyncOperations(_Part):
@@ -713,11 +729,7 @@ class AsyncOperations(_Part):
     @property
     def factory(self) -> DaoFactory:
         """The factory of the synchronous DAOs, as `Operations.factory`."""
-        return factory_of(self._operations)
-
-    def __init__(self, door: _Door, *, of: Operations) -> None:
-        super().__init__(door, of=of)
-        self._operations = of
+        return factory_of(self._find())
 
 
 class AsyncKnowledgeBase(_Part):
@@ -726,6 +738,18 @@ class AsyncKnowledgeBase(_Part):
     Tasks, event loops and threads may share it. A transaction belongs to the task that opened it.
     Use it as an asynchronous context manager, or await `close`.
     """
+
+    types = _Beside(AsyncRedefinableDao[PddlTypeDto])
+    objects = _Beside(AsyncObjectDao)
+    predicates = _Beside(AsyncRedefinableDao[PddlPredicateDto])
+    functions = _Beside(AsyncRedefinableDao[PddlFunctionDto])
+    function_values = _Beside(AsyncFunctionValueDao)
+    propositions = _Beside(AsyncPropositionDao)
+    goals = _Beside(AsyncGoalDao)
+    actions = _Beside(AsyncNamedDao[PddlActionDto])
+    plans = _Beside(AsyncPlanDao)
+    pddl = _Beside(AsyncPddlParts)
+    store = _Beside(AsyncOperations)
 
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
     load_domain = _write(KnowledgeBase.load_domain)
@@ -757,19 +781,8 @@ class AsyncKnowledgeBase(_Part):
             door: the threads, shared with the views of the past.
             kb: the synchronous knowledge base.
         """
-        super().__init__(door, of=kb)
+        super().__init__(door, find=lambda: kb)
         self._kb = kb
-        self.types = AsyncRedefinableDao(door, of=kb.types)
-        self.objects = AsyncObjectDao(door, of=kb.objects)
-        self.predicates = AsyncRedefinableDao(door, of=kb.predicates)
-        self.functions = AsyncRedefinableDao(door, of=kb.functions)
-        self.function_values = AsyncFunctionValueDao(door, of=kb.function_values)
-        self.propositions = AsyncPropositionDao(door, of=kb.propositions)
-        self.actions = AsyncNamedDao(door, of=kb.actions)
-        self.goals = AsyncGoalDao(door, of=kb.goals)
-        self.plans = AsyncPlanDao(door, of=kb.plans)
-        self.pddl = AsyncPddlParts(door, of=kb.pddl)
-        self.store = AsyncOperations(door, of=kb.store)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {factory_of(self._kb).label}>"

@@ -36,6 +36,7 @@ from ..knowledge.formulas import typed_name
 from ..knowledge.trees import ParameterDefinition, Tree
 from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS
 from ..pddl.formulas import flatten
+from ..pddl.given import read_action
 from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
 from .formula import FormulaChecker, Symbol, TreeWriter
@@ -251,13 +252,15 @@ class ActionChecker:
 class _SqlActionDao(SqlNamedDao[A]):
     kind: ClassVar[str] = "action"
     keywords: ClassVar[tuple[str, ...]]
+    _reads = staticmethod(read_action)
+    _needs_names = True
 
     def _is_mine(self, definition: ActionDefinition) -> bool:
         return definition.kind in self.keywords
 
-    def _check(self, dto: A) -> None:
+    def _check(self, dto: object) -> None:
         super()._check(dto)
-        if dto.keyword not in self.keywords:
+        if isinstance(dto, PddlActionDto) and dto.keyword not in self.keywords:
             raise InvalidKnowledgeError(
                 f"{dto.name!r} is a {dto.keyword}, which has a DAO of its own; save it there"
             )

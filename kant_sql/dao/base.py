@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import contextmanager
 from contextvars import ContextVar
 from decimal import Decimal
-from functools import lru_cache, wraps
+from functools import lru_cache, partial, wraps
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -67,6 +67,7 @@ from ..store.transaction import Transaction
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import Dao, FactLike, NamedDao, ValueLike
 from .known import refuse_unknown
+from .text import TextReader
 
 T = TypeVar("T")
 
@@ -634,6 +635,9 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
 
     kind: ClassVar[str]
     dto_class: type[D]
+    # Reads the text of an element; `_needs_names` says that it uses names that must be known.
+    _reads: ClassVar[Callable[..., Any]]
+    _needs_names: ClassVar[bool] = False
     definer: ClassVar[Definer[Any, Any]]
 
     @override
@@ -653,30 +657,35 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return self._open_store.read_definitions(build, self._at)
 
     @override
-    def save(self, dto: D | Sequence[D], *, cascade: bool = False) -> bool:
+    def save(self, dto: D | str | Sequence[D | str], *, cascade: bool = False) -> bool:
         flag(cascade, "cascade", InvalidArgumentError)
         if is_many(dto):
             self._save_many(dto, cascade)
             return True
         one: Any = dto
         self._check(one)
-        self._open_store.write(lambda transaction: self._put(transaction, one, cascade))
+
+        def save(transaction: Transaction) -> bool:
+            return self._put(transaction, self._dto(TextReader(transaction), one), cascade)
+
+        self._open_store.write(save)
         return True
 
     @override
-    def insert(self, dto: D) -> bool:
+    def insert(self, dto: D | str) -> bool:
         return self._save_where(dto, False, False)
 
     @override
-    def update(self, dto: D, *, cascade: bool = False) -> bool:
+    def update(self, dto: D | str, *, cascade: bool = False) -> bool:
         return self._save_where(dto, True, cascade)
 
-    def _save_where(self, dto: D, is_stored: bool, cascade: bool) -> bool:
+    def _save_where(self, given: D | str, is_stored: bool, cascade: bool) -> bool:
         """Save what is stored already, or what is not; return whether it was so."""
-        self._check(dto)
+        self._check(given)
         flag(cascade, "cascade", InvalidArgumentError)
 
         def save(transaction: Transaction) -> bool:
+            dto = self._dto(TextReader(transaction), given)
             stored = self._named(transaction.definitions, dto.name)
             if (stored is not None) != is_stored:
                 return False
@@ -686,60 +695,76 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return self._open_store.write(save)
 
     @override
-    def save_all(self, dtos: Iterable[D]) -> int:
+    def save_all(self, dtos: Iterable[D | str]) -> int:
         return self._save_many(dtos, False)
 
-    def _save_many(self, dtos: Iterable[D], cascade: bool) -> int:
+    def _save_many(self, given: Iterable[D | str], cascade: bool) -> int:
         self._check_writable()
         changed = 0
         with self._open_store.transaction() as transaction:
-            for batch in batches(dtos):
-                for dto in batch:
-                    self._check(dto)
-                transaction.look_up(self.kind, (dto.name for dto in batch))
+            for batch in batches(given):
+                for each in batch:
+                    self._check(each)
+                text = TextReader(transaction)
+                dtos = [self._dto(text, each) for each in batch]
+                transaction.look_up(self.kind, (dto.name for dto in dtos))
                 with transaction.batch():
-                    changed += sum(self._put(transaction, dto, cascade) for dto in batch)
+                    changed += sum(self._put(transaction, dto, cascade) for dto in dtos)
         return changed
 
     @override
     def delete(self, dto: D | str) -> bool:
-        self._check_writable()
-        name = self._name(dto)
-        return self._open_store.write(lambda transaction: self._delete(transaction, [name])) > 0
+        if not isinstance(dto, str):
+            self._check(dto)
+        return self.delete_all([dto]) > 0
 
     @override
     def delete_all(self, dtos: Iterable[D | str] | None = None) -> int:
         self._check_writable()
-        names = None
+        given = None
         if dtos is not None:
-            given = iterate(dtos, "what delete_all takes", "an iterable of DTOs and names")
-            names = [self._name(dto) for dto in given]
-        return self._open_store.write(lambda transaction: self._delete(transaction, names))
+            given = [*iterate(dtos, "what delete_all takes", "an iterable of DTOs and names")]
+            for each in given:
+                self._check(each)
+        return self._open_store.write(lambda transaction: self._delete(transaction, given))
 
-    def _delete(self, transaction: Transaction, names: Iterable[str] | None) -> int:
-        """Delete the elements of some names, or all; return how many there were."""
+    def _delete(self, transaction: Transaction, given: Iterable[D | str] | None) -> int:
+        """Delete some elements, or all; return how many there were."""
         definitions = transaction.definitions
-        if names is None:
+        if given is None:
             found = self._all(definitions)
         else:
-            named = (self._named(definitions, name) for name in names)
-            found = [definition for definition in named if definition is not None]
-        ids = {definition.id for definition in found}
+            names = map(partial(self._name, TextReader(transaction)), given)
+            found = [self._named(definitions, name) for name in names if name is not None]
+        ids = {definition.id for definition in found if definition is not None}
         if ids:
             self._remove(transaction, list(ids))
         return len(ids)
 
-    def _name(self, dto: D | str) -> str:
-        """Return the name of the element to delete."""
-        if isinstance(dto, str):
-            return dto
-        self._check(dto)
-        return dto.name
+    def _name(self, text: TextReader, given: D | str) -> str | None:
+        """Return the name of the element to delete; None for a text that names what is gone."""
+        if isinstance(given, str):
+            if given.lstrip()[:1] != "(" and " - " not in given:
+                return given
+            found = text.read_stored(self._reads, given, needs_names=self._needs_names)
+            return None if found is None else str(found.name)
+        return given.name
 
-    def _check(self, dto: D) -> None:
+    def _dto(self, text: TextReader, given: D | str) -> D:
+        """Return a DTO, which may be given as text."""
+        if not isinstance(given, str):
+            return given
+        dto: D = text.read(self._reads, given, needs_names=self._needs_names)
+        self._check(dto)
+        return dto
+
+    def _check(self, dto: object) -> None:
         self._check_writable()
-        refuse_many(dto)
-        expect(dto, self.dto_class, f"what the {self.kind} DAO takes")
+        if not isinstance(dto, str):
+            refuse_many(dto)
+            expected = f"a {self.dto_class.__name__}, or its text"
+            role = f"what the {self.kind} DAO takes"
+            expect(dto, self.dto_class, role, expected=expected)
 
     def _named(self, definitions: Definitions, name: str) -> Any:
         definition = definitions.elements(self.kind).named(name)

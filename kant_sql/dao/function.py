@@ -9,6 +9,7 @@ from ..arguments import expect_list
 from ..dto import PddlEitherTypeDto, PddlFunctionDto, PddlTypeDto
 from ..dto.lexical import function_kind
 from ..knowledge.definitions import FunctionDefinition
+from ..pddl.given import read_function
 from ..store.transaction import Transaction
 from .base import Definer, SqlNamedDao
 from .interfaces import PddlFunctionDao
@@ -87,4 +88,5 @@ class SqlFunctionDao(SqlNamedDao[PddlFunctionDto], PddlFunctionDao):
 
     kind: ClassVar[str] = "function"
     dto_class = PddlFunctionDto
+    _reads = staticmethod(read_function)
     definer = FUNCTIONS

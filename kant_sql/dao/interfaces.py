@@ -122,7 +122,8 @@ class AnyDao(ABC, Generic[E, Given]):
         """Delete an element and everything that depends on it, in one revision.
 
         Args:
-            dto: the element; only its identity counts, for example an object's name.
+            dto: the element; only its identity counts, for example an object's name, which may also
+                be given alone, in any case.
 
         Returns:
             False when it is not stored.
@@ -168,8 +169,12 @@ class Dao(AnyDao[D, Given]):
         """
 
 
-class NamedDao(Dao[D, D]):
-    """Reads, saves and deletes one kind of named element."""
+class NamedDao(Dao[D, D | str]):
+    """Reads, saves and deletes one kind of named element.
+
+    An element is given as a DTO or as the PDDL text that `str` of the DTO writes; `delete` and
+    `delete_all` take its name, too.
+    """
 
     @abstractmethod
     def get(self, name: str) -> D | None:
@@ -188,42 +193,16 @@ class NamedDao(Dao[D, D]):
             True
         """
 
-    @abstractmethod
-    def delete(self, dto: D | str) -> bool:
-        """Delete an element and everything that depends on it, in one revision.
-
-        Args:
-            dto: the element, of which only the name counts, or its name, in any case.
-
-        Returns:
-            False when it is not stored.
-
-        Examples:
-            >>> kb.objects.delete("rb1")
-            True
-        """
-
-    @abstractmethod
-    def delete_all(self, dtos: Iterable[D | str] | None = None) -> int:
-        """Delete elements of the kind and everything that depends on them, in one revision.
-
-        Args:
-            dtos: the elements, or their names; None for all of the kind.
-
-        Returns:
-            The number of elements of the kind that were deleted.
-        """
-
 
 class RedefinableDao(NamedDao[D]):
     """Reads, saves and deletes one kind of named element that others can depend on."""
 
     @abstractmethod
-    def save(self, dto: D | Sequence[D], *, cascade: bool = False) -> bool:
+    def save(self, dto: D | str | Sequence[D | str], *, cascade: bool = False) -> bool:
         """Insert or redefine an element, and insert the elements it refers to if they are missing.
 
         Args:
-            dto: the element, or a list of elements, which are saved in one revision.
+            dto: the element, a DTO or text; or a list of elements, which are saved in one revision.
             cascade: retract the live facts and actions that depend on the present definition, in
                 the same revision, instead of refusing.
 
@@ -232,12 +211,13 @@ class RedefinableDao(NamedDao[D]):
 
         Raises:
             InvalidKnowledgeError: it is not well-formed.
+            PddlError: a text cannot be read; with the position.
             ConflictError: it refers to an element that is stored with another definition.
             DependantsError: live facts or actions depend on the present definition, and `cascade`
                 is False.
 
         Examples:
-            >>> wider = PddlPredicateDto("robot_at", [robot, wp, wp])
+            >>> wider = "(robot_at ?r - robot ?from - wp ?to - wp)"
             >>> kb.predicates.save(wider)
             Traceback (most recent call last):
             kant_sql.errors.DependantsError: ...
@@ -248,7 +228,7 @@ class RedefinableDao(NamedDao[D]):
         """
 
     @abstractmethod
-    def update(self, dto: D, *, cascade: bool = False) -> bool:
+    def update(self, dto: D | str, *, cascade: bool = False) -> bool:
         """Redefine an element that is stored.
 
         Args:
@@ -259,12 +239,12 @@ class RedefinableDao(NamedDao[D]):
             False when it is not stored; then nothing changes.
 
         Raises:
-            InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
+            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`.
         """
 
 
 class PddlTypeDao(RedefinableDao[PddlTypeDto]):
-    """Reads, saves and deletes types.
+    """Reads, saves and deletes types; `room - place` is the text of one.
 
     Deleting a type deletes its subtypes, their objects, the predicates and actions with parameters
     of these types, and the facts and goals of those.
@@ -272,13 +252,23 @@ class PddlTypeDao(RedefinableDao[PddlTypeDto]):
     `save` takes the DTO as the whole definition: without a parent, the type is a child of `object`.
     A type that another element refers to is found by name, and its parent is compared only if it is
     given.
+
+    Examples:
+        >>> kb.types.save(["room - place", "tiago - robot"])
+        True
+        >>> print(*kb.types.get_all(), sep=", ")
+        robot, wp, place, room - place, tiago - robot
     """
 
 
 class PddlObjectDao(RedefinableDao[PddlObjectDto]):
-    """Reads, saves and deletes objects.
+    """Reads, saves and deletes objects; `rb1 - robot` is the text of one.
 
     Deleting an object deletes the facts, goals and actions that refer to it.
+
+    Examples:
+        >>> kb.objects.save("rb2 - robot")
+        True
     """
 
     @abstractmethod
@@ -301,7 +291,7 @@ class PddlObjectDao(RedefinableDao[PddlObjectDto]):
 
 
 class PddlPredicateDao(RedefinableDao[PddlPredicateDto]):
-    """Reads, saves and deletes predicates.
+    """Reads, saves and deletes predicates; `(robot_at ?r - robot ?w - wp)` is the text of one.
 
     Deleting a predicate deletes its facts and goals, and the actions that refer to it.
     """
@@ -311,7 +301,12 @@ class PddlActionDao(NamedDao[PddlActionDto]):
     """Reads, saves and deletes actions; nothing depends on them.
 
     A condition or an effect is a literal, or a node of `kant_sql.pddl`. Saving a literal inserts
-    the elements it refers to if they are missing; the names in a node must be known.
+    the elements it refers to if they are missing; the names in a node or a text must be known.
+
+    Examples:
+        >>> kb.actions.save("(:action leave :parameters (?r - robot ?w - wp) "
+        ...     ":precondition (robot_at ?r ?w) :effect (not (robot_at ?r ?w)))")
+        True
     """
 
 
@@ -403,7 +398,7 @@ Number = int | float | Decimal
 
 
 class PddlFunctionDao(RedefinableDao[PddlFunctionDto]):
-    """Reads, saves and deletes functions.
+    """Reads, saves and deletes functions; `(battery ?r - robot) - number` is the text of one.
 
     Deleting a function deletes its values, and the actions and formulas that refer to it. A new
     name for a parameter is a change but not a redefinition: nothing depends on it.
@@ -424,7 +419,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
     unsets a fluent, whatever the value, which text may leave out: `(battery rb1)`.
 
     Examples:
-        >>> kb.functions.save(PddlFunctionDto("battery", [robot]))
+        >>> kb.functions.save("(battery ?r - robot) - number")
         True
         >>> kb.function_values.save("(= (battery rb1) 80)")
         True

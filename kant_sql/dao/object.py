@@ -12,6 +12,7 @@ from ..dto import PddlObjectDto, PddlTypeDto
 from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import Definitions, ObjectDefinition
+from ..pddl.given import read_object
 from ..store.transaction import Transaction
 from .base import Definer, DtoBuilder, SqlNamedDao
 from .interfaces import PddlObjectDao
@@ -63,6 +64,7 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
 
     kind: ClassVar[str] = "object"
     dto_class = PddlObjectDto
+    _reads = staticmethod(read_object)
     definer = OBJECTS
 
     @override

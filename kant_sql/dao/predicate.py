@@ -12,6 +12,7 @@ from ..errors import ArityError, InvalidKnowledgeError
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.trees import ParameterDefinition
+from ..pddl.given import read_predicate
 from ..store.transaction import Transaction
 from .base import Definer, SqlNamedDao
 from .interfaces import PddlPredicateDao
@@ -153,4 +154,5 @@ class SqlPredicateDao(SqlNamedDao[PddlPredicateDto], PddlPredicateDao):
 
     kind: ClassVar[str] = "predicate"
     dto_class = PddlPredicateDto
+    _reads = staticmethod(read_predicate)
     definer = PREDICATES

@@ -1,4 +1,4 @@
-"""Facts, values and formulas that a caller gives as PDDL text, or as nodes."""
+"""What a caller gives as PDDL text, or as nodes."""
 
 from __future__ import annotations
 
@@ -38,20 +38,24 @@ class TextReader:
         self._transaction = transaction
         self._symbols: SymbolTable | None = None
 
-    def read(self, read: Callable[..., T], given: str | Node) -> T:
-        """Read it with one of the functions of `pddl.given`."""
+    def read(self, read: Callable[..., T], given: str | Node, *, needs_names: bool = True) -> T:
+        """Read it with one of the functions of `pddl.given`, most of which need known names."""
+        if not needs_names:
+            return read(str(given))
         if self._symbols is None:
             self._symbols = symbols_of(self._transaction.definitions)
         return read(str(given), symbols=self._symbols)
 
-    def read_stored(self, read: Callable[..., T], given: str | Node) -> T | None:
+    def read_stored(
+        self, read: Callable[..., T], given: str | Node, *, needs_names: bool = True
+    ) -> T | None:
         """Read what may be stored; None if it names something that holds no more.
 
         Raises:
             PddlError: the text is wrong, or it names an element that never existed.
         """
         try:
-            return self.read(read, given)
+            return self.read(read, given, needs_names=needs_names)
         except PddlError:
             if self._names_what_was(str(given)):
                 return None

@@ -11,6 +11,7 @@ from ..dto.lexical import ROOT_TYPE, check_name, fold
 from ..errors import InvalidKnowledgeError, TypeCycleError
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import Definitions, TypeDefinition
+from ..pddl.given import read_type
 from ..store.transaction import Transaction
 from .base import Definer, SqlNamedDao
 from .dependants import Scope, of_types
@@ -191,4 +192,5 @@ class SqlTypeDao(SqlNamedDao[PddlTypeDto], PddlTypeDao):
 
     kind: ClassVar[str] = "type"
     dto_class = PddlTypeDto
+    _reads = staticmethod(read_type)
     definer = TYPES

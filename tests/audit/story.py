@@ -147,7 +147,9 @@ class Teller:
             )
             done = self.kb.propositions.delete(fact) if sign == "-" else None
             assert done is not False, change
-            if sign != "-":
+            if sign == "!":
+                self.kb.goals.save(fact)
+            elif sign == "+":
                 self.kb.propositions.save(fact)
 
     def set_battery(self, robot: str, value: str) -> None:

@@ -116,7 +116,7 @@ def test_types_are_those_of_the_synchronous_methods() -> None:
         async for entry in kb.changes(0):
             assert_type(entry, LogEntry)
         with pytest.raises(InvalidKnowledgeError):
-            await kb.types.save("a")  # type: ignore[arg-type]
+            await kb.types.save(5)  # type: ignore[arg-type]
         with pytest.raises(TypeError):
             await kb.restore(1, "reason")  # type: ignore[call-arg]
         with pytest.raises(TypeError):
@@ -189,7 +189,8 @@ def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
             async with kb.transaction(actor="inner"):
                 await kb.goals.save(robot_at(is_goal=True))
         assert [actor for actor, _ in await written(kb)] == ["parent"]
-        assert len(await kb.propositions.get_all()) == 2
+        assert await kb.propositions.get_all() == [robot_at()]
+        assert await kb.goals.get_propositions() == [robot_at(is_goal=True)]
 
     run(url, test)
 

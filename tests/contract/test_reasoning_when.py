@@ -158,7 +158,7 @@ def test_nodes_are_conditions_too(day: KnowledgeBase) -> None:
 
 
 def test_a_goal_is_no_fact(day: KnowledgeBase) -> None:
-    day.propositions.save(PddlPropositionDto(AT, [RB1, HALL], True))
+    day.goals.save(PddlPropositionDto(AT, [RB1, HALL], True))
     assert numbers(day.when("(robot_at rb1 hall)")) == [(1, 5)]
     assert numbers(day.when("(not (robot_at rb1 hall))")) == [(5, None)]
 

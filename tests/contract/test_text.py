@@ -19,7 +19,9 @@ from kant_sql import (
 )
 from kant_sql.dto.formulas import Atom, Comparison, Constant, Fluent, Not, Number, Or, Variable
 from kant_sql.errors import TypeMismatchError
-from tests.support.reading import last_changes, nothing_changes
+from tests.support.parts import dao_of
+from tests.support.reading import last_changes, nothing_changes, refuses
+from tests.support.worlds.robots import navigation, robot_at
 
 pytestmark = pytest.mark.every_backend
 
@@ -253,13 +255,13 @@ def test_objects_are_found_by_type_with_those_of_its_subtypes(world: KnowledgeBa
     assert (names("wp", world.at(1)), names("wp", world.at(0))) == ([], [])
 
 
-def test_facts_and_goals_are_found_by_an_object(world: KnowledgeBase) -> None:
+def test_facts_are_found_by_an_object(world: KnowledgeBase) -> None:
     def of(name: str, kb: KnowledgeBase = world) -> list[str]:
         return [str(dto) for dto in kb.propositions.get_by_object(name)]
 
     world.propositions.save_all(["(between wp1 wp2 wp1)", "(robot_at rb2 wp2)", "(idle)"])
     world.goals.save("(robot_at rb1 wp1)")
-    every = ["(robot_at rb1 wp1)", "(between wp1 wp2 wp1)", "(robot_at rb1 wp1)"]
+    every = ["(robot_at rb1 wp1)", "(between wp1 wp2 wp1)"]
     assert of("WP1") == every
     assert of("dock1") == []
     for _ in range(3):
@@ -268,7 +270,7 @@ def test_facts_and_goals_are_found_by_an_object(world: KnowledgeBase) -> None:
     before = world.revision
     with world.transaction():
         world.propositions.delete("(between wp1 wp2 wp1)")
-        assert of("wp1") == ["(robot_at rb1 wp1)"] * 2
+        assert of("wp1") == ["(robot_at rb1 wp1)"]
         world.objects.delete(world.objects.get("rb1"))  # type: ignore[arg-type]
         assert (of("wp1"), of("rb1")) == ([], [])
     assert of("rb1") == []
@@ -345,3 +347,83 @@ def test_what_a_dto_describes_may_be_saved_later(world: KnowledgeBase) -> None:
 def test_a_mismatch_of_types_is_one_error(world: KnowledgeBase) -> None:
     with pytest.raises((PddlError, TypeMismatchError)):
         world.goals.save("(robot_at wp1 rb1)")
+
+
+# Declarations: their text does what their DTO does.
+
+NAVIGATION = str(navigation())
+DECLARED: dict[str, tuple[str, str, str]] = {
+    # The DAO: a text, the name, another text of that name.
+    "types": ("room - place", "ROOM", "room - floor"),
+    "objects": ("rb9 - robot", "RB9", "rb9 - waypoint"),
+    "predicates": ("(near ?a - robot ?b - robot)", "NEAR", "(near ?a - robot)"),
+    "functions": ("(load ?r - robot) - number", "LOAD", "(load) - robot"),
+    "actions": (NAVIGATION, "NAVIGATION", "(:action navigation :parameters (?r - robot))"),
+    "processes": ("(:process drain :parameters (?r - robot))", "DRAIN", "(:process drain)"),
+    "events": ("(:event crash :parameters (?r - robot))", "CRASH", "(:event crash)"),
+}
+
+
+@pytest.fixture
+def declared(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    fresh_kb.propositions.save(robot_at())
+    return fresh_kb
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_a_declaration_is_given_as_text_wherever_its_dto_is(
+    declared: KnowledgeBase, name: str
+) -> None:
+    dao, (text, called, other) = dao_of(declared, name), DECLARED[name]
+    assert dao.update(text) is False
+    assert dao.insert(text) is True
+    assert dao.insert(text) is False
+    dto = dao.get(called)
+    assert dto is not None
+    with nothing_changes(declared):
+        assert dao.save(text) is dao.save([text, dto]) is dao.save(str(dto)) is True
+        assert dao.save_all([text, dto]) == 0
+        assert dao.update(text) is True
+    assert dao.update(other) is True
+    assert str(dao.get(called)) != str(dto)
+    assert dao.save_all(iter([text])) == 1
+    assert str(dao.get(called)) == str(dto)
+    assert dao.delete(text) is True
+    assert dao.delete(text) is dao.delete(called) is False
+    dao.save(text)
+    assert dao.delete(called) is True
+    dao.save(text)
+    assert dao.delete_all([text, dto, called]) == 1
+    assert dao.get(called) is None
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_a_declaration_that_cannot_be_read_is_refused_with_its_position(
+    declared: KnowledgeBase, name: str
+) -> None:
+    dao = dao_of(declared, name)
+    for wrong in (f"{DECLARED[name][0]} (x", "", "(", ")"):
+        for call in (dao.save, dao.insert, dao.update):
+            caught = refuses(declared, PddlError, call, wrong)
+            assert str(caught.value).startswith("<string>:")
+        refuses(declared, PddlError, dao.save_all, [DECLARED[name][0], wrong])
+
+
+def test_what_a_declaration_refers_to_is_saved_when_it_is_missing(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.objects.save("rb1 - robot")
+    fresh_kb.predicates.save("(robot_at ?r - robot ?p - (either room place))")
+    fresh_kb.functions.save(["(battery ?r - robot)", "(home ?r - robot) - place"])
+    assert [str(dto) for dto in fresh_kb.types.get_all()] == ["robot", "room", "place"]
+    assert [str(dto) for dto in fresh_kb.functions.get_all()] == [
+        "(battery ?r - robot)",
+        "(home ?r - robot) - place",
+    ]
+    fresh_kb.types.save("robot - machine", cascade=True)
+    assert str(fresh_kb.types.get("robot")) == "robot - machine"
+    caught = refuses(fresh_kb, PddlError, fresh_kb.actions.save, "(:action a :effect (lit))")
+    assert "the predicate 'lit'" in str(caught.value)
+
+
+def test_the_text_of_an_action_is_of_its_own_dao(declared: KnowledgeBase) -> None:
+    refuses(declared, InvalidKnowledgeError, declared.pddl.events.save, NAVIGATION)
+    refuses(declared, InvalidKnowledgeError, declared.actions.save, "(:event crash)")

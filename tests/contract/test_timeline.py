@@ -34,6 +34,7 @@ from kant_sql import (
 from kant_sql.history import gantt, timeline
 from kant_sql.sql import lanes
 from tests.support.archives import target_url
+from tests.support.atoms import Atoms
 from tests.support.profile import PROFILE
 from tests.support.servers import Server
 from tests.support.statements import Statement, count, explain, seen
@@ -55,9 +56,9 @@ def live(kb: KnowledgeBase, revisions: int, seed: int) -> None:
                 robot = chance.choice([RB1, OTHER])
                 fact = robot_at(robot, waypoint(chance.randrange(4)), chance.random() < 0.2)
                 if chance.random() < 0.6:
-                    kb.propositions.save(fact)
+                    Atoms(kb).save(fact)
                 else:
-                    kb.propositions.delete(fact)
+                    Atoms(kb).delete(fact)
             if chance.random() < 0.7:
                 kb.function_values.set(BATTERY, objects=[RB1], value=chance.randrange(100))
             if chance.random() < 0.2:
@@ -632,7 +633,7 @@ def test_statements_do_not_grow_with_what_happened(kb: KnowledgeBase, size: int)
         with kb.transaction():
             kb.propositions.save_all(robot_at(RB1, waypoint(9 + n)) for n in range(size // 10 + 1))
             kb.function_values.set(BATTERY, objects=[RB1], value=number)
-            kb.propositions.save(robot_at(RB1, waypoint(9 + number % 3), True))
+            kb.goals.save(robot_at(RB1, waypoint(9 + number % 3), True))
         kb.propositions.delete_all()
     kb.plans.record(TOUR)
     calls = (partial(kb.timeline, slices=2), partial(kb.timeline, object="rb1", text="w", lanes=3))

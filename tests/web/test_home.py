@@ -64,7 +64,7 @@ def test_the_head_the_goals_and_whether_all_hold_take_a_statement_each(
     kb.propositions.save(robot_at())
     kb.goals.save("(or (robot_at rb1 wp1) (robot_at rb1 wp1))")
     places = [waypoint(number) for number in range(goals)]
-    kb.propositions.save_all([robot_at(place=place, is_goal=True) for place in places])
+    kb.goals.save_all([robot_at(place=place, is_goal=True) for place in places])
     assert not is_goal_reached(state_of(kb))
     assert count(lambda: is_goal_reached(state_of(kb))) == 3
 
