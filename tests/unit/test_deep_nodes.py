@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable
+from decimal import Decimal
 from typing import Any
 
 import pytest
@@ -70,7 +71,7 @@ def test_deep_nodes(kind: type) -> None:
 @pytest.mark.parametrize("kind", WRAP, ids=lambda kind: kind.__name__)
 def test_small_nodes_say_what_dataclasses_do(kind: type) -> None:
     node = nested(kind, 2)
-    assert eval(repr(node), {**globals(), "Decimal": __import__("decimal").Decimal}) == node
+    assert eval(repr(node), {**vars(f), "Decimal": Decimal}) == node
     assert pickle.loads(pickle.dumps(node)) == node
     assert node != P
     assert node.__eq__(P) is NotImplemented
