@@ -10,7 +10,6 @@ import re
 import shlex
 import signal
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from tests.support.processes.commands import (
     run,
     start,
 )
+from tests.support.processes.workers import wait_for
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")
@@ -462,11 +462,8 @@ def test_a_load_that_is_stopped_leaves_no_new_file(tmp_path: Path, number: signa
     program = PROGRAM if number == signal.SIGHUP else ()
     words = "load", f"sqlite:///{tmp_path}/new.db", f"{tmp_path}/large.pddl"
     process = start(*words, program=program)
-    deadline = time.monotonic() + CHILD_TIMEOUT
-    while not (tmp_path / "new.db").exists():
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+    wait_for(lambda: (tmp_path / "new.db").exists() or process.poll() is not None)
+    assert process.poll() is None
     process.send_signal(number)
     output, error = process.communicate(timeout=CHILD_TIMEOUT)
     assert (process.returncode, output, error) == (128 + number, b"", b"")

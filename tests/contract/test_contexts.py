@@ -21,12 +21,14 @@ from hypothesis import strategies as st
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import TransactionOpenError
+from kant_sql.sql.dialects.base import Backend
 from kant_sql.store.ownership import OPEN
 from tests.support.profile import PROFILE, hunting
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
-PROMPTLY = 2.0
+# Who waits for another waits longer.
+PROMPTLY = Backend.patience / 2
 
 
 class Failed(Exception):

@@ -128,11 +128,11 @@ def test_a_server_that_only_reads_says_so(server: Server, connect: Connect) -> N
 
 
 @pytest.fixture
-def closed_port() -> int:
+def closed_port() -> Iterator[int]:
+    """A port that is taken, so that nobody else can listen on it."""
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))
-        port: int = taken.getsockname()[1]
-    return port
+        yield taken.getsockname()[1]
 
 
 @pytest.fixture

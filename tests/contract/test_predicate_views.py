@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
-import os
 import re
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import psycopg
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,14 +28,13 @@ from kant_sql.sql.predicate_views import (
     view_names,
 )
 from kant_sql.sql.schema import create_roles
-from tests.support.pages import opened
+from tests.support.pages import opened, rows_of
 from tests.support.profile import PROFILE, hunting
 from tests.support.servers import Server
 from tests.support.statements import count
-from tests.support.stores import Connect
+from tests.support.stores import Connect, make_store_url
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at, waypoint
 
-_numbers = itertools.count(1)
 REST = (
     *("since", "since_at", "until", "until_at"),
     *("asserted_by", "asserted_reason", "retracted_by", "retracted_reason"),
@@ -51,11 +46,6 @@ HOSTILE = [
     *("drop,table", "/*", "*/", "--", "\\", "{}", "[x]", "é", "e\u0301", "ß", "SS", "机器人", "🤖"),
     *("x" * 255, "x" * 254 + "y", "é" * 255, "🤖" * 255, "a" * 58, "a" * 59, "robot@home"),
 ]
-
-
-def ask(url: str, sql: str) -> list[tuple[Any, ...]]:
-    with opened(url) as store:
-        return store.execute(sql, {})
 
 
 def names(views: list[PredicateView]) -> list[str]:
@@ -78,37 +68,10 @@ def save(kb: KnowledgeBase, predicate: PddlPredicateDto, *objects: PddlObjectDto
     kb.propositions.save(PddlPropositionDto(predicate, objects))
 
 
-@pytest.fixture(scope="module")
-def empty_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A file with the tables, to be copied: to migrate takes longer than most tests."""
-    path = tmp_path_factory.mktemp("empty") / "store.db"
-    kant_sql.upgrade(f"sqlite:///{path}")
-    return path
-
-
-@pytest.fixture(scope="module")
-def empty_database(server: Server) -> str:
-    """The name of a database with the tables, to be copied."""
-    url = server.new_store()
-    return str(make_url(url).database)
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=["sqlite-file", "postgresql"])
 def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """The URL of a store of its own for each test, on each backend that has views to keep."""
-    if request.param == "sqlite":
-        shutil.copy(request.getfixturevalue("empty_file"), tmp_path / "store.db")
-        return f"sqlite:///{tmp_path / 'store.db'}"
-    return copied(request.getfixturevalue("server"), request.getfixturevalue("empty_database"))
-
-
-def copied(server: Server, template: str) -> str:
-    """Copy a database; give the URL of the copy."""
-    name = f"views_{os.getpid()}_{next(_numbers)}"
-    url = server.url.render_as_string(hide_password=False)
-    with psycopg.connect(url, autocommit=True) as connection:
-        connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"'.encode())
-    return server.url.set(database=name).render_as_string(hide_password=False)
+    """The URL of a store on each backend that has views to keep."""
+    return make_store_url(request, request.param, tmp_path)
 
 
 @pytest.fixture
@@ -129,32 +92,32 @@ def test_each_predicate_has_a_view_of_its_facts_and_one_of_its_goals(story_url: 
     assert fact.columns == goal.columns == ("robot", "wp", *REST)
     columns = "robot, wp, since, until, asserted_by, asserted_reason, retracted_by"
     facts = f"SELECT {columns}, retracted_reason FROM fact_robot_at ORDER BY since"
-    assert ask(story_url, facts) == [
+    assert rows_of(story_url, facts) == [
         ("rb1", "wp1", 1, 2, "perception", None, "executive", "navigation finished"),
         ("rb1", "wp2", 2, None, "executive", "navigation finished", None, None),
     ]
-    assert ask(story_url, f"SELECT {columns} FROM goal_robot_at WHERE until IS NULL") == [
+    assert rows_of(story_url, f"SELECT {columns} FROM goal_robot_at WHERE until IS NULL") == [
         ("rb1", "wp1", 3, None, "perception", None, None)
     ]
 
 
 def test_times_are_those_of_the_revisions(story_url: str) -> None:
     update_views(story_url)
-    times = dict(ask(story_url, "SELECT number, committed_at FROM revision"))
-    assert ask(story_url, "SELECT since_at, until_at FROM fact_robot_at ORDER BY since") == [
+    times = dict(rows_of(story_url, "SELECT number, committed_at FROM revision"))
+    assert rows_of(story_url, "SELECT since_at, until_at FROM fact_robot_at ORDER BY since") == [
         (times[1], times[2]),
         (times[2], None),
     ]
     later = f"SELECT since FROM fact_robot_at WHERE since_at > '{times[1]}'"
-    assert ask(story_url, later) == [(2,)]
+    assert rows_of(story_url, later) == [(2,)]
 
 
 def test_seconds_are_those_of_the_audit(story_url: str) -> None:
     update_views(story_url)
     columns = "since, since_epoch, until_epoch, duration"
-    rows = ask(story_url, f"SELECT {columns} FROM fact_robot_at ORDER BY since")
+    rows = rows_of(story_url, f"SELECT {columns} FROM fact_robot_at ORDER BY since")
     question = f"SELECT {columns} FROM audit_fact WHERE kind = 'fact' ORDER BY since"
-    assert [*map(repr, rows)] == [*map(repr, ask(story_url, question))]
+    assert [*map(repr, rows)] == [*map(repr, rows_of(story_url, question))]
     (first, second) = rows
     assert first[3] == pytest.approx(first[2] - first[1], abs=1e-5)
     assert second[1] == first[2]
@@ -171,10 +134,10 @@ def test_an_argument_keeps_the_name_of_a_column_that_came_later(
     view = update_views(shared_url)[0]
     assert view.columns[:3] == ("duration", "since_epoch", "duration_2")
     assert view.columns[-3:] == ("since_epoch_2", "until_epoch", "duration_3")
-    assert ask(shared_url, f"SELECT {', '.join(view.columns[:3])} FROM fact_held") == [
+    assert rows_of(shared_url, f"SELECT {', '.join(view.columns[:3])} FROM fact_held") == [
         ("wp1", "wp2", "wp1")
     ]
-    assert ask(shared_url, "SELECT duration_3, until_epoch FROM fact_held") == [(None, None)]
+    assert rows_of(shared_url, "SELECT duration_3, until_epoch FROM fact_held") == [(None, None)]
 
 
 def test_views_without_these_columns_are_replaced(story_url: str) -> None:
@@ -186,7 +149,7 @@ def test_views_without_these_columns_are_replaced(story_url: str) -> None:
         "fact_robot_at": "replaced",
         "goal_robot_at": "replaced",
     }
-    assert len(ask(story_url, "SELECT duration FROM fact_robot_at")) == 2
+    assert len(rows_of(story_url, "SELECT duration FROM fact_robot_at")) == 2
 
 
 def forget_last_columns(url: str, name: str) -> None:
@@ -230,7 +193,7 @@ def test_what_is_up_to_date_is_left_alone(story_url: str, connect: Connect) -> N
         **{"fact_robot_at": "replaced", "fact_idle": "created"},
         **{"goal_robot_at": "replaced", "goal_idle": "created"},
     }
-    assert ask(story_url, "SELECT who, where_ FROM fact_robot_at WHERE until IS NULL") == [
+    assert rows_of(story_url, "SELECT who, where_ FROM fact_robot_at WHERE until IS NULL") == [
         ("rb1", "wp2")
     ]
 
@@ -242,7 +205,7 @@ def test_a_predicate_that_had_more_parameters_shows_them(shared_url: str, connec
     save(kb, PddlPredicateDto("at", [WAYPOINT], parameter_names=["place"]), WP2)
     kb.predicates.delete(PddlPredicateDto("at"))
     update_views(shared_url)
-    assert ask(shared_url, "SELECT place, to_ FROM fact_at ORDER BY since") == [
+    assert rows_of(shared_url, "SELECT place, to_ FROM fact_at ORDER BY since") == [
         ("rb1", None),
         ("rb1", "wp1"),
         ("wp2", None),
@@ -275,7 +238,7 @@ def test_a_predicate_of_very_many_parameters(shared_url: str, connect: Connect) 
     kb = connect(shared_url)
     save(kb, PddlPredicateDto("wide", [WAYPOINT] * 90), *[WP1] * 89, WP2)
     update_views(shared_url)
-    assert ask(shared_url, "SELECT wp, wp_89, wp_90 FROM fact_wide") == [("wp1", "wp1", "wp2")]
+    assert rows_of(shared_url, "SELECT wp, wp_89, wp_90 FROM fact_wide") == [("wp1", "wp1", "wp2")]
 
 
 def test_the_first_knowledge_base_has_the_plain_names_for_ever(
@@ -284,11 +247,11 @@ def test_the_first_knowledge_base_has_the_plain_names_for_ever(
     for name, place in (("tiago", WP1), ("T-2", WP2), ("T 2", WP1)):
         connect(shared_url, knowledge_base=name).propositions.save(robot_at(place=place))
         update_views(shared_url)
-        assert ask(shared_url, "SELECT wp FROM fact_robot_at") == [("wp1",)]
+        assert rows_of(shared_url, "SELECT wp FROM fact_robot_at") == [("wp1",)]
     first, second, third = (view for view in update_views(shared_url) if view.kind == "fact")
     assert (first.knowledge_base, second.name) == ("tiago", "fact__t_2__robot_at")
     assert re.fullmatch("fact__t_2_[0-9a-f]{8}__robot_at", third.name)
-    assert ask(shared_url, "SELECT wp FROM fact__t_2__robot_at") == [("wp2",)]
+    assert rows_of(shared_url, "SELECT wp FROM fact__t_2__robot_at") == [("wp2",)]
 
 
 def test_names_that_come_to_the_same_are_told_apart_by_age(
@@ -301,8 +264,8 @@ def test_names_that_come_to_the_same_are_told_apart_by_age(
     older, younger, *_ = update_views(shared_url)
     assert (older.name, older.change) == ("fact_a_b", "unchanged")
     assert re.fullmatch("fact_a_b_[0-9a-f]{8}", younger.name)
-    assert ask(shared_url, "SELECT robot FROM fact_a_b") == [("rb1",)]
-    assert ask(shared_url, f"SELECT wp FROM {younger.name}") == [("wp1",)]
+    assert rows_of(shared_url, "SELECT robot FROM fact_a_b") == [("rb1",)]
+    assert rows_of(shared_url, f"SELECT wp FROM {younger.name}") == [("wp1",)]
 
 
 @pytest.mark.parametrize(
@@ -313,36 +276,36 @@ def test_names_that_come_to_the_same_are_told_apart_by_age(
 def test_what_others_made_is_never_replaced_or_dropped(
     shared_url: str, connect: Connect, theirs: str
 ) -> None:
-    ask(shared_url, theirs)
-    before = ask(shared_url, "SELECT * FROM fact_a_b")
+    rows_of(shared_url, theirs)
+    before = rows_of(shared_url, "SELECT * FROM fact_a_b")
     kb = connect(shared_url)
     for name in ("a-b", "a_b"):
         kb.predicates.save(PddlPredicateDto(name))
     first, second = names(update_views(shared_url))[:2]
     drop_views(shared_url)
-    assert ask(shared_url, "SELECT * FROM fact_a_b") == before
-    ask(shared_url, f"DROP {theirs.split()[1]} fact_a_b")
+    assert rows_of(shared_url, "SELECT * FROM fact_a_b") == before
+    rows_of(shared_url, f"DROP {theirs.split()[1]} fact_a_b")
     # What `fact_a_b` means, and what the other names mean, is not what was in the way.
     assert names(update_views(shared_url))[:2] == ["fact_a_b", second]
     assert first != second
 
 
 def test_an_index_in_the_way_is_no_place_for_a_view(shared_url: str, connect: Connect) -> None:
-    ask(shared_url, "CREATE INDEX fact_a ON object (name)")
+    rows_of(shared_url, "CREATE INDEX fact_a ON object (name)")
     connect(shared_url).predicates.save(PddlPredicateDto("a"))
     assert re.fullmatch("fact_a_[0-9a-f]{8}", names(update_views(shared_url))[0])
 
 
 def test_drop_leaves_nothing_but_what_others_made(story_url: str, connect: Connect) -> None:
     connect(story_url, knowledge_base="other").propositions.save(robot_at())
-    ask(story_url, "CREATE VIEW mine AS SELECT 1 AS x")
+    rows_of(story_url, "CREATE VIEW mine AS SELECT 1 AS x")
     update_views(story_url)
     gone = drop_views(story_url, knowledge_base="tiago")
     assert changes(gone) == {"fact_robot_at": "dropped", "goal_robot_at": "dropped"}
     assert {(view.knowledge_base, view.predicate) for view in gone} == {("tiago", "robot_at")}
     assert names(drop_views(story_url)) == ["fact__other__robot_at", "goal__other__robot_at"]
     assert drop_views(story_url) == []
-    assert ask(story_url, "SELECT x FROM mine") == [(1,)]
+    assert rows_of(story_url, "SELECT x FROM mine") == [(1,)]
 
 
 def test_one_knowledge_base_can_be_chosen(story_url: str, connect: Connect) -> None:
@@ -362,7 +325,7 @@ def test_the_sql_of_a_dry_run_makes_the_same_views(story_url: str) -> None:
     assert changes(update_views(story_url, dry_run=True)) == changes(planned)
     for view in planned:
         for statement in view.statements:
-            ask(story_url, statement)
+            rows_of(story_url, statement)
     assert set(changes(update_views(story_url)).values()) == {"unchanged"}
     assert len(drop_views(story_url, dry_run=True)) == len(drop_views(story_url)) == 2
 
@@ -520,7 +483,7 @@ def test_migrations_take_them_out_of_the_way(
     story_url: str, caplog: pytest.LogCaptureFixture, version: str
 ) -> None:
     whole = update_views(story_url)
-    ask(story_url, "CREATE VIEW mine AS SELECT 1 AS x")
+    rows_of(story_url, "CREATE VIEW mine AS SELECT 1 AS x")
 
     def of_schema() -> list[logging.LogRecord]:
         return [one for one in caplog.records if one.name == "kant_sql.schema"]
@@ -533,7 +496,7 @@ def test_migrations_take_them_out_of_the_way(
     assert "2 views" in record.getMessage()
     assert "kant-sql views" in record.getMessage()
     kant_sql.upgrade(story_url)
-    assert ask(story_url, "SELECT x FROM mine") == [(1,)]
+    assert rows_of(story_url, "SELECT x FROM mine") == [(1,)]
     again = update_views(story_url)
     assert again == ([] if version == "base" else whole)
 
@@ -542,10 +505,10 @@ def test_a_view_that_others_made_of_one_is_not_dropped(story_url: str) -> None:
     update_views(story_url)
     if make_url(story_url).get_backend_name() == "sqlite":
         pytest.skip("SQLite lets a view outlive what it is of")
-    ask(story_url, "CREATE VIEW mine AS SELECT robot FROM fact_robot_at")
+    rows_of(story_url, "CREATE VIEW mine AS SELECT robot FROM fact_robot_at")
     with pytest.raises(StoreError, match="view mine depends on view fact_robot_at"):
         drop_views(story_url)
-    assert ask(story_url, "SELECT count(*) FROM mine") == [(2,)]
+    assert rows_of(story_url, "SELECT count(*) FROM mine") == [(2,)]
 
 
 PLANS = {
@@ -562,7 +525,7 @@ def test_sqlite_answers_by_indexes(tmp_path: Path, connect: Connect) -> None:
     connect(url).propositions.save(robot_at())
     update_views(url)
     for question, index in PLANS.items():
-        plan = [str(row[3]) for row in ask(url, f"EXPLAIN QUERY PLAN {question}")]
+        plan = [str(row[3]) for row in rows_of(url, f"EXPLAIN QUERY PLAN {question}")]
         assert f"INDEX ix_proposition_version_{index}" in plan[0], question
         steps = [step for step in plan if step.startswith(("SCAN", "SEARCH"))]
         assert len(steps) > 1
@@ -576,25 +539,21 @@ def rows_read(node: dict[str, Any]) -> float:
     return float(own + sum(map(rows_read, node.get("Plans", ()))))
 
 
-def test_postgresql_needs_no_statistics(
-    server: Server, empty_database: str, connect: Connect
-) -> None:
-    url, size = copied(server, empty_database), 1_000
-    tables = ask(url, "SELECT tablename FROM pg_tables WHERE schemaname = 'public'")
+def test_postgresql_needs_no_statistics(server: Server, connect: Connect) -> None:
+    url, size = server.new_store(), 1_000
+    tables = rows_of(url, "SELECT tablename FROM pg_tables WHERE schemaname = 'public'")
     for (table,) in tables:
-        ask(url, f"ALTER TABLE {table} SET (autovacuum_enabled = off)")
+        rows_of(url, f"ALTER TABLE {table} SET (autovacuum_enabled = off)")
     kb = connect(url)
     kb.propositions.save_all(robot_at(place=waypoint(number)) for number in range(size))
     update_views(url)
     for question in ("count(*) FROM fact_robot_at", "* FROM fact_robot_at WHERE wp < 'wp9'"):
-        ((plan,),) = ask(url, f"EXPLAIN (ANALYZE, FORMAT JSON) SELECT {question}")
+        ((plan,),) = rows_of(url, f"EXPLAIN (ANALYZE, FORMAT JSON) SELECT {question}")
         assert rows_read(plan[0]["Plan"]) < 100 * size
 
 
-def test_whoever_may_audit_may_read_them(
-    server: Server, empty_database: str, connect: Connect
-) -> None:
-    url = copied(server, empty_database)
+def test_whoever_may_audit_may_read_them(server: Server, connect: Connect) -> None:
+    url = server.new_store()
     kb = connect(url)
     kb.propositions.save(robot_at())
     create_roles(url)
@@ -603,4 +562,4 @@ def test_whoever_may_audit_may_read_them(
     assert changes(update_views(url))["fact_robot_at"] == "replaced"
     for right, expected in (("SELECT", True), ("UPDATE", False)):
         sql = f"SELECT has_table_privilege('kant_sql_auditor', 'fact_robot_at', '{right}')"
-        assert ask(url, sql) == [(expected,)]
+        assert rows_of(url, sql) == [(expected,)]

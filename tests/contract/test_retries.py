@@ -28,6 +28,7 @@ from tests.support.faults import (
     on_server,
     one_call,
 )
+from tests.support.processes.workers import PATIENCE
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at, waypoint
 
@@ -60,7 +61,7 @@ def test_a_writer_waits_for_another_that_is_soon_done(
         time.sleep(0.25)
         assert not outcome.done()
         let_go()
-        assert outcome.result(5) is True
+        assert outcome.result(PATIENCE) is True
     assert kb.revision == 2
 
 

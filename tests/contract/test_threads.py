@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase
+from kant_sql.sql.dialects.base import Backend
 from kant_sql.store.ledger import PropositionLedger
 from tests.support.atoms import Atoms
 from tests.support.chain import check_chain, check_sqlite
@@ -22,7 +23,8 @@ from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 
 THREADS = 8
 TIMES = 6
-PROMPTLY = 2.0
+# Who waits for another waits longer.
+PROMPTLY = Backend.patience / 2
 
 
 def in_threads(*calls: Callable[[], Any]) -> list[Any]:

@@ -18,7 +18,7 @@ from tests.support.archives import intact, rows_of, target_url
 from tests.support.chain import check_chain
 from tests.support.processes.commands import PROGRAM, start
 from tests.support.processes.crashes import all_told, die_after, write_for_ever
-from tests.support.processes.workers import PATIENCE, PROCESSES, killed_later
+from tests.support.processes.workers import PATIENCE, PROCESSES, killed_later, wait_for
 from tests.support.replicas import equal_histories
 from tests.support.servers import MortalServer
 from tests.support.stores import CITUS, Connect, make_store_url
@@ -99,9 +99,7 @@ def following(source: str, target: str, said: Path) -> Iterator[None]:
         # Not one that another process has forked: that one would be killed in its place.
         process = start(*words, program=PROGRAM, stdout=output, stderr=output)
     try:
-        end = time.monotonic() + PATIENCE
-        while b"event=pushed" not in said.read_bytes() and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_for(lambda: b"event=pushed" in said.read_bytes())
         yield
         assert process.poll() is None, said.read_text()
     finally:
@@ -160,10 +158,10 @@ def _write_for(kb: kant_sql.KnowledgeBase, duration: float) -> None:
 
 def _wait_until_same(kb: kant_sql.KnowledgeBase, target: str) -> None:
     """Wait for the follower, which comes back by itself."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
+
+    def is_same() -> bool:
         with suppress(StoreError), kant_sql.connect(target, knowledge_base="tiago") as replica:
-            if replica.revision == kb.revision:
-                return
-        time.sleep(0.1)
-    pytest.fail("the follower did not come back")
+            return replica.revision == kb.revision
+        return False
+
+    wait_for(is_same)

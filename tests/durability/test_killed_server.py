@@ -39,6 +39,7 @@ def test_a_killed_server_loses_nothing_that_was_acknowledged(
     acknowledged: list[Acknowledged] = []
     for _ in range(KILLS):
         with killed_later(write_for_ever, mortal_url) as told:
+            acknowledged.append(told.recv())
             assert told.poll(PATIENCE)
             time.sleep(random.uniform(0, 0.3))
             mortal_server.kill()

@@ -13,7 +13,7 @@ import kant_sql
 from tests.support.chain import check_chain
 from tests.support.processes import sharing
 from tests.support.processes.crashes import Acknowledged, all_told, check_all, write_for_ever
-from tests.support.processes.workers import killed_later
+from tests.support.processes.workers import PATIENCE, killed_later
 from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds import counter
@@ -30,7 +30,8 @@ def test_a_killed_writer_loses_nothing_that_was_acknowledged(
     acknowledged: list[Acknowledged] = []
     for _ in range(KILLS):
         with killed_later(write_for_ever, shared_url) as told:
-            assert told.poll(30)
+            acknowledged.append(told.recv())
+            assert told.poll(PATIENCE)
             time.sleep(random.uniform(0, 0.15))
         acknowledged += all_told(told)
         check_all(kb, shared_url, acknowledged)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -16,7 +15,7 @@ import kant_sql
 from kant_sql import DivergedError, KnowledgeBase
 from kant_sql.sql.predicate_views import update_views
 from tests.support.clusters import DATABASE, Cluster, Node, run_program, system_user
-from tests.support.processes.workers import PATIENCE
+from tests.support.processes.workers import wait_for
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at, waypoint
 
@@ -44,9 +43,7 @@ def writing(url: str, first: int = 1_000) -> Iterator[Callable[[], int]]:
     thread = threading.Thread(target=write)
     thread.start()
     try:
-        end = time.monotonic() + PATIENCE
-        while last[0] < 20 and not failures and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_for(lambda: last[0] >= 20 or failures)
         yield lambda: last[0]
     finally:
         done.set()

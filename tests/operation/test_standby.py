@@ -69,6 +69,7 @@ def test_what_a_synchronous_standby_has_acknowledged_survives_its_primary(
     url = either(primary, standby)
     with killed_later(write_for_ever, url) as told:
         assert told.poll(PATIENCE)
+        primary.wait_for("SELECT max(revision) > 8 FROM head", DATABASE)
         time.sleep(random.uniform(0.3, 0.8))
         primary.kill()
         standby.promote()

@@ -6,7 +6,7 @@ import logging
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar, NamedTuple
 
@@ -22,7 +22,7 @@ from kant_sql.sql.dialects.postgresql_sharing import (
     SharedListening,
     channel,
 )
-from tests.support.processes.workers import PATIENCE
+from tests.support.processes.workers import PATIENCE, wait_for
 
 MOMENT = 0.1
 
@@ -125,13 +125,6 @@ def listeners_on(line: Line, number: int = 1) -> tuple[SharedListening, list[Sha
 def thread_of(shared: SharedListening) -> ListenerThread:
     assert shared._current is not None
     return shared._current
-
-
-def wait_for(is_so: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not is_so():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 # Where it cannot listen.

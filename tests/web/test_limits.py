@@ -5,7 +5,6 @@ from __future__ import annotations
 import http.client
 import socket
 import threading
-import time
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
@@ -22,6 +21,7 @@ from kant_sql.sql.query import raw
 from kant_sql.web import stores
 from kant_sql.web.application import create_app
 from kant_sql.web.registry import Pages
+from tests.support.processes.workers import wait_for
 from tests.support.serving import running
 
 SLOW = raw(
@@ -90,14 +90,11 @@ def test_the_database_server_ends_it_too(postgresql_story: str) -> None:
         running(postgresql_story, pages=slow.pages) as address,
     ):
 
-        def wait_for(count: int) -> None:
-            deadline = time.monotonic() + SOON
-            while observer.execute(running_now).fetchone() != (count,):
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
+        def is_asked(count: int) -> bool:
+            return observer.execute(running_now).fetchone() == (count,)
 
-        leave_during(address, "/api/slow?kb=courier", lambda: wait_for(1))
-        wait_for(0)
+        leave_during(address, "/api/slow?kb=courier", lambda: wait_for(lambda: is_asked(1)))
+        wait_for(lambda: is_asked(0))
 
 
 def test_a_server_that_stops_waits_for_no_question(story_url: str) -> None:

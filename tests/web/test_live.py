@@ -8,7 +8,7 @@ import socket
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ import pytest
 from kant_sql import KnowledgeBase
 from kant_sql.web import live
 from tests.support.faults import terminate
+from tests.support.processes.workers import wait_for
 from tests.support.servers import MortalServer
 from tests.support.serving import running
 from tests.support.stores import Connect, new_file_store
@@ -130,13 +131,6 @@ def test_a_knowledge_base_that_does_not_exist_is_refused(
 
 def watchers() -> int:
     return sum(thread.name == live.THREAD for thread in threading.enumerate())
-
-
-def wait_for(is_so: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + SOON
-    while not is_so():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_all_readers_share_one_thread_which_ends_after_the_last(

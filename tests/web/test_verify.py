@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -19,18 +18,12 @@ from kant_sql.knowledge_base import Operations
 from kant_sql.operations import parse_anchor
 from kant_sql.web import verifying
 from kant_sql.web.application import create_app
+from tests.support.processes.workers import wait_for
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at
 
 BASE = "http://127.0.0.1"
 SOON = 20.0
-
-
-def wait_for(is_so: Callable[[], object]) -> None:
-    deadline = time.monotonic() + SOON
-    while not is_so():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def result_of(client: TestClient, kb: str = "courier") -> dict[str, Any]:

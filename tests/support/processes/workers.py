@@ -32,6 +32,14 @@ STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 Call = tuple[Any, ...]
 
 
+def wait_for(is_so: Callable[[], object]) -> None:
+    """Wait until something is so, which comes soon."""
+    end = time.monotonic() + PATIENCE
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
 def in_processes(*calls: Call) -> list[Any]:
     """Run calls at the same moment, each in a process of its own.
 
