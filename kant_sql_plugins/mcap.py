@@ -16,7 +16,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import chain, groupby
 from os import PathLike
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+from sqlalchemy import BigInteger, bindparam, text
 
 from kant_sql.arguments import expect_list, shown
 from kant_sql.dao.interfaces import Progress
@@ -26,6 +28,7 @@ from kant_sql.errors import (
     InvalidArgumentError,
     StoreIntegrityError,
     UnknownNameError,
+    reading_rows,
 )
 from kant_sql.export.files import Exported, bound, check_target, encoded, folder_name, new_folder
 from kant_sql.export.snapshot import (
@@ -38,14 +41,9 @@ from kant_sql.export.snapshot import (
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.moment_text import When
 from kant_sql.pddl.cursor import hint
-from kant_sql.sql.audit_views import (
-    AuditedChange,
-    names_ever,
-    step_texts,
-    stream_changes,
-    stream_state,
-    time_of_revision,
-)
+from kant_sql.sql.audit_views import BOUNDS
+from kant_sql.sql.dialects.base import Row, Session
+from kant_sql.sql.query import Query
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -124,7 +122,7 @@ def export_transitions(
     _import_mcap()
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
         states = snapshot.chosen(knowledge_base)
-        chosen.check([names_ever(snapshot.session, snapshot.ids[state.name]) for state in states])
+        chosen.check([_names_ever(snapshot.session, snapshot.ids[state.name]) for state in states])
         whole, done = sum(state.revision for state in states), 0
         for state in states:
             window = snapshot.window(state, first, last) or (1, state.revision)
@@ -206,9 +204,9 @@ class _Lane:
         self.channel = channel  # its number
         self.type = type_  # the JSON type of its value
         self.holds: dict[str, str] = {}  # the values that hold now, each with its text
-        self.last: AuditedChange | None = None  # the change that made it so
+        self.last: _AuditedChange | None = None  # the change that made it so
 
-    def take(self, change: AuditedChange, value: str) -> None:
+    def take(self, change: _AuditedChange, value: str) -> None:
         """Apply a change."""
         if change.sign == "+":
             self.holds[value] = change.text
@@ -261,15 +259,15 @@ class _Recording:
         facts = {key: str(value) for key, value in state._asdict().items()}
         self._writer.add_metadata("kant_sql", facts)
         if self._chosen.is_all:
-            self._steps = step_texts(session, kb_id)
+            self._steps = _step_texts(session, kb_id)
         # Of what was before, a part may be in the archive.
         low = max(window[0], state.archived + 1 if state.archived else 1)
-        before = time_of_revision(session, kb_id, low - 1)
+        before = _time_of_revision(session, kb_id, low - 1)
         if before is not None:
-            for change in stream_state(session, kb_id, low):
+            for change in _stream_state(session, kb_id, low):
                 self._take(change)
             self._write(self._lanes.values(), before)
-        changes = stream_changes(session, kb_id, low, window[1])
+        changes = _stream_changes(session, kb_id, low, window[1])
         for revision, group in groupby(changes, key=lambda change: change.revision):
             touched: dict[int, _Lane] = {}
             for change in group:
@@ -278,7 +276,7 @@ class _Recording:
             yield revision
         self._writer.finish()  # type: ignore[no-untyped-call]
 
-    def _take(self, change: AuditedChange) -> list[_Lane]:
+    def _take(self, change: _AuditedChange) -> list[_Lane]:
         """Apply a change to its lanes."""
         if change.kind == STEP:
             return self._take_step(change)
@@ -291,7 +289,7 @@ class _Recording:
             found.append(lane)
         return found
 
-    def _take_step(self, change: AuditedChange) -> list[_Lane]:
+    def _take_step(self, change: _AuditedChange) -> list[_Lane]:
         """Apply what becomes of a step: of ended ones, the last is kept until another starts."""
         if change.sign == "-" or not self._chosen.is_all:
             return []
@@ -343,7 +341,7 @@ class _Recording:
             self.messages += 1
 
 
-def _read(change: AuditedChange) -> tuple[str, list[str]]:
+def _read(change: _AuditedChange) -> tuple[str, list[str]]:
     """Return the value that a change is about, and the words of its fact or fluent."""
     found = _VALUE.fullmatch(change.text) if change.kind == "value" else None
     if found is not None:
@@ -371,3 +369,93 @@ def _schema(type_: str) -> dict[str, object]:
         },
         "required": ["text", "revision"],
     }
+
+
+# What the export reads of the audit.
+
+_WHO = "committed_at, observed_at, actor, reason, source"
+_CHANGES = Query(
+    text(
+        f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
+        " WHERE kb_id = :kb AND kind IN ('fact', 'value', 'plan step')"
+        " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
+    ).bindparams(*BOUNDS)
+)
+_STATE = {
+    view: Query(
+        text(
+            f"SELECT v.since, '+', {kind}, v.text, v.since_at, v.since_observed_at, v.asserted_by,"
+            f" v.asserted_reason, r.source FROM {view} AS v LEFT JOIN audit_revision AS r"
+            " ON r.kb_id = v.kb_id AND r.revision = v.since"
+            " WHERE v.kb_id = :kb AND v.since < :low"
+            f" AND COALESCE(v.until >= :low, TRUE){condition} ORDER BY v.since, v.text"
+        ).bindparams(BOUNDS[0])
+    )
+    for view, kind, condition in (
+        ("audit_fact", "v.kind", " AND v.kind = 'fact'"),
+        ("audit_value", "'value'", ""),
+        ("audit_plan_step_status", "'plan step'", " AND v.status = 'started'"),
+    )
+}
+_STEP_TEXTS = Query(text("SELECT plan_id, position, text FROM plan_step WHERE kb_id = :kb"))
+_NAMES = Query(
+    text(
+        "SELECT DISTINCT name FROM audit_definition WHERE kb_id = :kb"
+        " AND kind IN ('predicate', 'function') ORDER BY name"
+    )
+)
+_TIME_OF = Query(
+    text(
+        "SELECT committed_at FROM audit_revision WHERE kb_id = :kb AND revision = :revision"
+    ).bindparams(bindparam("revision", type_=BigInteger))
+)
+
+
+class _AuditedChange(NamedTuple):
+    """A change of a fact or a value, and the revision that made it; the source is JSON text."""
+
+    revision: int
+    sign: str
+    kind: str
+    text: str
+    committed_at: datetime
+    observed_at: datetime | None
+    actor: str | None
+    reason: str | None
+    source: str | None
+
+
+def _stream_changes(session: Session, kb_id: int, low: int, high: int) -> Iterator[_AuditedChange]:
+    """Read changes of facts, values and steps, oldest first; of a revision, what it ended first."""
+    return _audited(session, session.stream(_CHANGES, kb=kb_id, low=low, high=high))
+
+
+def _stream_state(session: Session, kb_id: int, low: int) -> Iterator[_AuditedChange]:
+    """Read which revisions asserted facts and values that held before one, or started steps."""
+    for query in _STATE.values():
+        yield from _audited(session, session.stream(query, kb=kb_id, low=low))
+
+
+def _audited(session: Session, rows: Iterable[Row]) -> Iterator[_AuditedChange]:
+    for row in rows:
+        with reading_rows("audit_change", f"revision {row[0]!r}"):
+            change = _AuditedChange._make(row)
+            observed = change.observed_at and session.to_time(change.observed_at)
+            committed = session.to_time(change.committed_at)
+        yield change._replace(committed_at=committed, observed_at=observed)
+
+
+def _step_texts(session: Session, kb_id: int) -> dict[tuple[int, int], str]:
+    """Read the actions of all steps, by plan and position."""
+    return {(row[0], row[1]): row[2] for row in session.rows(_STEP_TEXTS, kb=kb_id)}
+
+
+def _names_ever(session: Session, kb_id: int) -> list[str]:
+    """List the predicates and functions that a knowledge base ever had."""
+    return [row[0] for row in session.rows(_NAMES, kb=kb_id)]
+
+
+def _time_of_revision(session: Session, kb_id: int, revision: int) -> datetime | None:
+    """Return when a revision was committed; None without it."""
+    row = session.first(_TIME_OF, kb=kb_id, revision=revision)
+    return None if row is None else session.to_time(row[0])

@@ -237,7 +237,7 @@ AUDIT_VIEWS = {
     )
 }
 
-_BOUNDS = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
+BOUNDS = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
 
 
 def find_audit_view(name: object) -> AuditView:
@@ -282,7 +282,7 @@ def _rows_of(view: AuditView, source: Any, windowed: bool) -> Query:
     columns: list[Any] = [column(each) for each in view.columns]
     rows = select(*columns).select_from(source).where(column("kb_id") == KB)
     if windowed and view.window is not None:
-        rows = rows.where(text(f"({view.window})").bindparams(*_BOUNDS))
+        rows = rows.where(text(f"({view.window})").bindparams(*BOUNDS))
     return Query(rows.order_by(*map(column, view.order)))
 
 
@@ -305,110 +305,6 @@ def last_revision_before(
     query = _UP_TO if inclusive else _BEFORE
     row = session.first(query, kb=kb_id, moment=session.from_time(moment.astimezone(UTC)))
     return 0 if row is None or row[0] is None else int(row[0])
-
-
-_WHO = "committed_at, observed_at, actor, reason, source"
-_CHANGES = Query(
-    text(
-        f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
-        " WHERE kb_id = :kb AND kind IN ('fact', 'value', 'plan step')"
-        " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
-    ).bindparams(*_BOUNDS)
-)
-_STATE = {
-    view: Query(
-        text(
-            f"SELECT v.since, '+', {kind}, v.text, v.since_at, v.since_observed_at, v.asserted_by,"
-            f" v.asserted_reason, r.source FROM {view} AS v LEFT JOIN audit_revision AS r"
-            " ON r.kb_id = v.kb_id AND r.revision = v.since"
-            " WHERE v.kb_id = :kb AND v.since < :low"
-            f" AND COALESCE(v.until >= :low, TRUE){condition} ORDER BY v.since, v.text"
-        ).bindparams(_BOUNDS[0])
-    )
-    for view, kind, condition in (
-        ("audit_fact", "v.kind", " AND v.kind = 'fact'"),
-        ("audit_value", "'value'", ""),
-        ("audit_plan_step_status", "'plan step'", " AND v.status = 'started'"),
-    )
-}
-_STEP_TEXTS = Query(text("SELECT plan_id, position, text FROM plan_step WHERE kb_id = :kb"))
-_NAMES = Query(
-    text(
-        "SELECT DISTINCT name FROM audit_definition WHERE kb_id = :kb"
-        " AND kind IN ('predicate', 'function') ORDER BY name"
-    )
-)
-_TIME_OF = Query(
-    text(
-        "SELECT committed_at FROM audit_revision WHERE kb_id = :kb AND revision = :revision"
-    ).bindparams(bindparam("revision", type_=BigInteger))
-)
-
-
-class AuditedChange(NamedTuple):
-    """A change of a fact or a value, and the revision that made it.
-
-    Attributes:
-        revision: the number of the revision.
-        sign: `+` or `-`.
-        kind: `fact` or `value`.
-        text: canonical PDDL.
-        committed_at: when the revision was committed.
-        observed_at: when it was sensed.
-        actor: who wrote.
-        reason: why.
-        source: what the writer gave, as JSON text.
-    """
-
-    revision: int
-    sign: str
-    kind: str
-    text: str
-    committed_at: datetime
-    observed_at: datetime | None
-    actor: str | None
-    reason: str | None
-    source: str | None
-
-
-def stream_changes(session: Session, kb_id: int, low: int, high: int) -> Iterator[AuditedChange]:
-    """Read changes of facts, values and steps, oldest first; of a revision, what it ended first."""
-    return _audited(session, session.stream(_CHANGES, kb=kb_id, low=low, high=high))
-
-
-def stream_state(session: Session, kb_id: int, low: int) -> Iterator[AuditedChange]:
-    """Read which revisions asserted facts and values that held before one, or started steps."""
-    for query in _STATE.values():
-        yield from _audited(session, session.stream(query, kb=kb_id, low=low))
-
-
-def _audited(session: Session, rows: Iterable[Row]) -> Iterator[AuditedChange]:
-    for row in rows:
-        with reading_rows("audit_change", f"revision {row[0]!r}"):
-            number, sign, kind, said, committed_at, observed_at, *who = row
-            actor, reason, source = who
-            observed = None if observed_at is None else session.to_time(observed_at)
-            committed = session.to_time(committed_at)
-            change = AuditedChange(
-                number, sign, kind, said, committed, observed, actor, reason, source
-            )
-        yield change
-
-
-def step_texts(session: Session, kb_id: int) -> dict[tuple[int, int], str]:
-    """Read the actions of all steps, by plan and position."""
-    return {(row[0], row[1]): row[2] for row in session.rows(_STEP_TEXTS, kb=kb_id)}
-
-
-def names_ever(session: Session, kb_id: int) -> list[str]:
-    """List the predicates and functions that a knowledge base ever had."""
-    return [row[0] for row in session.rows(_NAMES, kb=kb_id)]
-
-
-def time_of_revision(session: Session, kb_id: int, revision: int) -> datetime | None:
-    """Return when a revision was committed; None without it."""
-    row = session.first(_TIME_OF, kb=kb_id, revision=revision)
-    return None if row is None else session.to_time(row[0])
 
 
 # A batch ends with the first of these: so many rows, or characters.

@@ -42,9 +42,6 @@ DROPPED_VIEWS = "dropped_views"
 VERSIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007")
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
-_VIEW_CHANGES = re.compile(
-    r"^(CREATE|CREATE OR REPLACE|DROP) VIEW (\w+)(?: AS(.*?))?;$", re.MULTILINE | re.DOTALL
-)
 # Alembic's context is a module global: one migration at a time in a process. What a migration has
 # open is not for a child process, either.
 _MIGRATING = unforked()
@@ -173,19 +170,6 @@ def upgrade_sql(url: str, out: TextIO) -> None:
     config.attributes["url"] = url
     with _MIGRATING:
         command.upgrade(config, "head", sql=True)
-
-
-def view_queries(url: str) -> dict[str, str]:
-    """Return the views that the migrations create, in order, each with its query."""
-    out = io.StringIO()
-    upgrade_sql(url, out)
-    found: dict[str, str] = {}
-    for change, name, query in _VIEW_CHANGES.findall(out.getvalue()):
-        if change == "DROP":
-            del found[name]
-        else:
-            found[name] = query
-    return found
 
 
 def alembic_config(out: TextIO | None = None) -> Config:

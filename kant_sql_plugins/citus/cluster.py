@@ -48,14 +48,9 @@ _TABLES = text(
 
 
 class Layout(NamedTuple):
-    """Where the tables are.
+    """Where the tables are: on the coordinator alone, on each node, in shards as `head`, or else.
 
-    Attributes:
-        local: tables that are on the coordinator alone.
-        reference: reference tables.
-        colocated: tables that are distributed as `head` is.
-        others: tables that are distributed in another way.
-        shards: how many shards `head` has; 0 where it is not distributed.
+    `shards` is how many `head` has; 0 where it is not distributed.
     """
 
     local: frozenset[str]
@@ -79,11 +74,8 @@ class Layout(NamedTuple):
 class CitusNodes(NamedTuple):
     """The settings of a connection to a node of a cluster that the other nodes need, too.
 
-    `SET LOCAL` is sent to another node with the statement that begins its transaction there.
-
-    Attributes:
-        search_path: the schemas in which names are looked up.
-        synchronous_commit: what a commit waits for, where it is not the servers' own setting.
+    `SET LOCAL` is sent to another node with the statement that begins its transaction there. None
+    stands for the servers' own setting of what a commit waits for.
     """
 
     search_path: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -16,10 +17,10 @@ from kant_sql.errors import InvalidArgumentError, StoreError
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import retrying
 from kant_sql.sql.dialects.postgresql import PostgresqlBackend
-from kant_sql.sql.dialects.postgresql_roles import around, lock_tables, run_all
+from kant_sql.sql.dialects.postgresql_roles import RoleMaker, lock_tables, run_all
 from kant_sql.sql.dialects.postgresql_structure import SCHEMA_OF_TABLES, Qualifier
 from kant_sql.sql.predicate_views import CHANGES_AT_ONCE, recreated_views, update_views
-from kant_sql.sql.schema import check, view_queries
+from kant_sql.sql.schema import check, upgrade_sql
 from kant_sql.sql.tables import Base
 
 from .cluster import FIRST, KEY, REFERENCE_TABLES, SEQUENTIAL, own_tables, read_layout
@@ -105,6 +106,11 @@ _WRITERS = text(
 )
 
 
+_VIEW_CHANGES = re.compile(
+    r"^(CREATE|CREATE OR REPLACE|DROP) VIEW (\w+)(?: AS(.*?))?;$", re.MULTILINE | re.DOTALL
+)
+
+
 class Distribution(NamedTuple):
     """The distribution of a store's tables over the nodes of a Citus cluster.
 
@@ -124,14 +130,7 @@ class Distribution(NamedTuple):
 
 
 class ClusterNode(NamedTuple):
-    """A server of the cluster.
-
-    Attributes:
-        group: 0 for the coordinator.
-        address: host and port.
-        is_active: whether it takes part and has the metadata.
-        holds_shards: whether new shards may be on it.
-    """
+    """A server of the cluster: group 0 is the coordinator."""
 
     group: int
     address: str
@@ -176,7 +175,7 @@ def distribute(
                 "distributes tables"
             )
         check(url)
-        views = view_queries(url)
+        views = _view_queries(url)
         generated = recreated_views(url)
 
         def run() -> Distribution:
@@ -218,7 +217,7 @@ def _run(
             generated = sorted(
                 backend.views.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
             )
-            withdrawn, made = around(connection, has_writers=undo)
+            withdrawn, made = _around(connection, has_writers=undo)
             drops = (backend.views.drop(name) for name in generated)
             statements = (*withdrawn, *drops, *wanted.statements, *made)
             if not dry_run:
@@ -227,6 +226,27 @@ def _run(
             return wanted._replace(statements=statements)
     except DBAPIError as error:
         raise backend.of_driver(error) from error
+
+
+def _view_queries(url: str) -> dict[str, str]:
+    """Return the views that the migrations create, in order, each with its query."""
+    out = io.StringIO()
+    upgrade_sql(url, out)
+    found: dict[str, str] = {}
+    for change, name, query in _VIEW_CHANGES.findall(out.getvalue()):
+        if change == "DROP":
+            del found[name]
+        else:
+            found[name] = query
+    return found
+
+
+def _around(connection: Connection, has_writers: bool) -> tuple[list[str], list[str]]:
+    """Write what drops policies and auditors' own views, and what creates them again."""
+    maker = RoleMaker(connection, has_writers=has_writers)
+    scopes = maker.scopes() if maker.in_force else []
+    withdrawn = [*maker.withdraw()] if maker.is_in_the_way else []
+    return withdrawn, [*maker.make(scopes)] if scopes else []
 
 
 class Distributor:

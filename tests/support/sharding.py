@@ -93,6 +93,7 @@ def import_all() -> None:
     for module in pkgutil.walk_packages(kant_sql.__path__, "kant_sql."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
+    importlib.import_module("kant_sql_plugins.mcap")
 
 
 def every_query() -> list[tuple[str, Query]]:
@@ -108,7 +109,7 @@ def every_insert() -> list[Insert]:
 def _constants(kind: type[T]) -> Iterator[tuple[str, T]]:
     import_all()
     found: set[int] = set()
-    for module in [name for name in sys.modules if name.split(".")[0] == "kant_sql"]:
+    for module in [name for name in sys.modules if name.startswith("kant_sql")]:
         for name, value in [*vars(sys.modules[module]).items()]:
             for each in _within(value, kind, DEEPEST):
                 if id(each) not in found:

@@ -149,14 +149,7 @@ FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
 
 
 class Right(NamedTuple):
-    """A right of writers on a table.
-
-    Attributes:
-        verb: `insert`, `update` or `delete`.
-        columns: the columns that it is limited to; empty for whole rows.
-        using: the condition on the old row.
-        check: the condition on the new row.
-    """
+    """A right of writers: on some columns, with conditions on the old and the new row."""
 
     verb: str
     columns: tuple[str, ...] = ()
@@ -660,14 +653,6 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
         lock_tables(connection)
         run_all(connection, statements)
     return maker.roles_of(wanted, statements, maker.revocations(by_caller=False))
-
-
-def around(connection: Connection, has_writers: bool) -> tuple[list[str], list[str]]:
-    """Write what drops policies and auditors' own views, and what creates them again."""
-    maker = RoleMaker(connection, has_writers=has_writers)
-    scopes = maker.scopes() if maker.in_force else []
-    withdrawn = [*maker.withdraw()] if maker.is_in_the_way else []
-    return withdrawn, [*maker.make(scopes)] if scopes else []
 
 
 @contextmanager
