@@ -35,13 +35,7 @@ _TO_JSON = json.JSONEncoder(separators=(",", ":")).encode
 class Question:
     """Statements about one state.
 
-    Args:
-        words: the dialect's.
-        definitions: what is defined in the state.
-        is_past: whether the state is that of a revision, not the present.
-        numbers: what comes with each evaluation, as parameters: a duration.
-        size: returns how many facts of a predicate hold, about; None where that is not known.
-        rules: the rules of derived predicates; by default those that are defined.
+    `numbers` are parameters that come with each evaluation: a duration.
     """
 
     def __init__(

@@ -60,9 +60,15 @@ _COMPLETE = Query(
 )
 
 
+@contextmanager
+def _opened(url: str) -> Iterator[Session]:
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        yield session
+
+
 def complete_verifications(url: str) -> dict[str, datetime]:
     """Read when each knowledge base was last verified from revision 1 on."""
-    with closing(create_backend(url)) as backend, backend.open_session() as session:
+    with _opened(url) as session:
         found = {}
         for name, raw in session.rows(_COMPLETE):
             # What cannot be read cannot have been kept.
@@ -73,7 +79,7 @@ def complete_verifications(url: str) -> dict[str, datetime]:
 
 def revision_counts(url: str) -> dict[str, int]:
     """Count the revisions of each knowledge base, whatever the version of the tables."""
-    with closing(create_backend(url)) as backend, backend.open_session() as session:
+    with _opened(url) as session:
         return dict(session.rows(_REVISIONS))
 
 
@@ -102,7 +108,7 @@ def written_names(url: str) -> list[str]:
 def every_name(url: str) -> list[str]:
     """List the knowledge bases of a store, those without a revision or a head, too."""
     check(url)
-    with closing(create_backend(url)) as backend, backend.open_session() as session:
+    with _opened(url) as session:
         return [name for (name,) in session.rows(_EVERY_NAME)]
 
 

@@ -96,13 +96,7 @@ def in_range(column: Any) -> ColumnElement[bool]:
 
 
 class ChangeEnd(NamedTuple):
-    """Where versions begin or end: changes of the revision in a column.
-
-    Attributes:
-        source: the versions.
-        revision: the column.
-        retracted: 1 where they end, else 0.
-    """
+    """Where versions begin or end (`retracted` is 1): changes of the revision in a column."""
 
     source: VersionColumns
     revision: Any
@@ -280,12 +274,7 @@ _BOUND: Any = literal_column(str(COUNTED_CHANGES))
 
 
 class ChangesPage(NamedTuple):
-    """A page of changes.
-
-    Attributes:
-        changes: each with its revision.
-        next: the offset of the next page; None after the last.
-    """
+    """A page of changes, each with its revision, and the offset of the next page."""
 
     changes: list[tuple[int, Change]]
     next: int | None

@@ -168,14 +168,8 @@ def _without_repeats(parts: Sequence[Part]) -> Sequence[Part]:
 class ConditionWriter(ABC):
     """Writes the conditions of one statement.
 
-    Args:
-        words: the dialect's.
-        definitions: what is defined in the state.
-        is_past: whether the state is that of the parameter `at`, not the present.
-        size: estimates of how many facts hold; None where that is not known.
-
-    Attributes:
-        asked: how often what is being written is evaluated, about.
+    A past state is that of the parameter `at`. `asked` is how often what is being written is
+    evaluated, about.
     """
 
     def __init__(
@@ -358,6 +352,14 @@ class ConditionWriter(ABC):
         among = self.words.in_list.format(f"{atom}.arguments", self.list_parameter(keys))
         where = [*self.atom(atom, predicate), among, self.atom_holds(atom)]
         return f"(SELECT count(*) FROM proposition AS {atom} WHERE {' AND '.join(where)})"
+
+    def argument(self, alias: str, of: str, position: int, table: str = "proposition") -> list[str]:
+        """Write that a row is the argument at a position of an identity, given by its id."""
+        return [
+            f"{alias}.kb_id = :kb",
+            f"{alias}.{table}_id = {of}",
+            f"{alias}.position = {position}",
+        ]
 
     def atom(self, alias: str, predicate: int, column: str = "predicate_id") -> list[str]:
         """Write that an interned atom is a fact of a predicate."""

@@ -279,15 +279,9 @@ class Catalog:
     def overview(
         self, *, after: str | None = None, part: str | None = None, limit: int = PAGE
     ) -> tuple[list[Inventory], bool]:
-        """Read a page of the knowledge bases that have a revision, oldest first.
+        """Read a page of the knowledge bases that have a revision, oldest first; are there more?
 
-        Args:
-            after: the last name of the page before.
-            part: what the names contain, in any case.
-            limit: how many at most.
-
-        Returns:
-            The page, and whether there are more.
+        `after` is the last name of the page before, and names contain `part`, in any case.
         """
 
         def read(session: Session) -> tuple[list[Inventory], bool]:

@@ -41,12 +41,7 @@ def _fit(have: tuple[TypeSet, ...], types: TypeSet) -> bool:
 
 
 class _Join:
-    """One join in the making.
-
-    Args:
-        writer: writes what is not a join.
-        places: the variables that are bound outside.
-    """
+    """One join in the making; `places` has the variables that are bound outside."""
 
     def __init__(self, writer: JoinWriter, places: Places) -> None:
         self._writer = writer
@@ -252,11 +247,7 @@ class _Join:
         selection.tables += [tables[n] for n in further if n not in first]
         selection.where += writer.versions(version, fact.predicate)
         for position, alias in arguments.items():
-            selection.where += [
-                f"{alias}.kb_id = :kb",
-                f"{alias}.proposition_id = {version}.proposition_id",
-                f"{alias}.position = {position}",
-            ]
+            selection.where += writer.argument(alias, f"{version}.proposition_id", position)
         return columns + [f"{alias}.object_id" for alias in arguments.values()]
 
     def _past_facts(self, fact: HoldsFact) -> list[str]:
@@ -280,11 +271,7 @@ class _Join:
         atom = writer.alias("p")
         for n, alias in aliases.items():
             selection.tables.append(f"proposition_argument AS {alias}")
-            selection.where += [
-                f"{alias}.kb_id = :kb",
-                f"{alias}.proposition_id = {atom}.id",
-                f"{alias}.position = {n}",
-            ]
+            selection.where += writer.argument(alias, f"{atom}.id", n)
         selection.tables.insert(len(selection.tables) - arity + 1, f"proposition AS {atom}")
         # As a sum it is not a condition of an index: without statistics PostgreSQL reads all of
         # the predicate's atoms for each one that it looks up by its id.
@@ -373,11 +360,8 @@ class _Join:
             for position, term in enumerate(fact.terms):
                 argument = writer.alias("a")
                 selection.tables.append(f"function_value_argument AS {argument}")
-                selection.where += [
-                    f"{argument}.kb_id = :kb",
-                    f"{argument}.function_value_id = {version}.function_value_id",
-                    f"{argument}.position = {position}",
-                ]
+                fluent = f"{version}.function_value_id"
+                selection.where += writer.argument(argument, fluent, position, "function_value")
                 parameter = function.parameters[position]
                 self._match([term], [f"{argument}.object_id"], [parameter])
         value = ParameterDefinition("value", function.type_ids)

@@ -18,7 +18,7 @@ from sqlalchemy import literal_column, select, text, union_all
 from ..knowledge.canonical import time_text
 from .dialects.base import Row, Session
 from .dialects.containing import pattern_of
-from .dialects.words import NESTED_LOOPS, NestedLoops, id_rows
+from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
 from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from .query import Query, first_rows, integer
 from .rows import FACT, GOAL, KB, VALUE
@@ -34,15 +34,7 @@ Ids = list[int] | None
 
 
 class LaneSource(NamedTuple):
-    """Where the lanes of one kind are stored.
-
-    Attributes:
-        identity: the table of what a lane is of.
-        owner: the column of its versions that names it.
-        group: the column of its predicate or its function.
-        named: the table of predicates or functions.
-        only: a further condition on the identity `p`.
-    """
+    """Where the lanes of one kind are stored; `only` is a further condition on the identity `p`."""
 
     identity: str
     owner: str
@@ -54,6 +46,10 @@ class LaneSource(NamedTuple):
     def version(self) -> str:
         """The table of versions."""
         return f"{self.identity}_version"
+
+    def walk(self, alias: str, identity: str) -> Walk:
+        """The versions of one lane."""
+        return Walk(alias, self.version, self.owner, identity)
 
     @property
     def has_values(self) -> bool:
@@ -108,13 +104,7 @@ LANE_SOURCES = {
 
 
 class LaneFilter(NamedTuple):
-    """Which lanes are wanted; None for all.
-
-    Attributes:
-        predicate: the key of the predicate or the function.
-        object: the key of an object among the arguments.
-        text: a part of the text, in any case.
-    """
+    """The keys of a predicate or function and of an argument, and a part of the text; or None."""
 
     predicate: str | None = None
     object: str | None = None
@@ -129,12 +119,7 @@ class LanePlace(NamedTuple):
 
 
 class FoundLane(NamedTuple):
-    """A lane that has a version in a window.
-
-    Attributes:
-        id: the id of what it is of.
-        began: how many versions began within the window, up to a limit.
-    """
+    """A lane that has a version in a window; `began` is how many began there, up to a limit."""
 
     id: int
     place: LanePlace
@@ -144,19 +129,19 @@ class FoundLane(NamedTuple):
 
 def _began(loops: NestedLoops, source: LaneSource, owner: str, after: str, upto: str) -> str:
     """Write how many versions began after a revision, up to another one and up to a limit."""
-    one = "v", source.version, source.owner, owner, after, upto, ":enough", "v.since"
-    return f"(SELECT count(*) FROM ({loops.part(*one)}) AS few)"
+    part = loops.part(source.walk("v", owner), after, upto, ":enough", "v.since")
+    return f"(SELECT count(*) FROM ({part}) AS few)"
 
 
 def _until(loops: NestedLoops, source: LaneSource, identity: str, is_changed: bool) -> str:
     """Write until when the last version of a window holds; 0 if it holds through the window."""
     until = f"coalesce(l.until, {_ENDLESS})"
     if is_changed:
-        earlier = "e", source.version, source.owner, identity, "0", "l.since - 1", "1", "1"
-        is_first = f"l.since <= :settled AND NOT EXISTS ({loops.part(*earlier)})"
+        earlier = loops.part(source.walk("e", identity), "0", "l.since - 1", "1", "1")
+        is_first = f"l.since <= :settled AND NOT EXISTS ({earlier})"
         is_same = f"{until} > :high AND (l.since <= :low OR {is_first})"
         until = f"CASE WHEN {is_same} THEN 0 ELSE {until} END"
-    return loops.last("l", source.version, source.owner, identity, ":high", until)
+    return loops.last(source.walk("l", identity), ":high", until)
 
 
 def _places_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter) -> str:
@@ -292,17 +277,7 @@ def count_unchanged(
 ) -> tuple[int, bool]:
     """Count the lanes that `settled` of `find_lanes` leaves out, in one statement.
 
-    Args:
-        session: the session.
-        kb_id: the knowledge base.
-        kinds: their kinds.
-        wanted: which lanes.
-        bounds: the state that the window begins with, and its last revision.
-        settled: the revision.
-        most: how many lanes of each kind are looked at.
-
-    Returns:
-        How many there are, and whether there were more to look at.
+    At most `most` lanes of each kind are looked at; the flag says whether there were more.
     """
     query = _unchanged(session.backend.dialect.name, tuple(kinds), _has(wanted))
     given = _given(session, wanted)
@@ -326,11 +301,7 @@ def find_lanes(
     """Find the lanes of a kind that have a version in a window, in three statements at most.
 
     Args:
-        kb_id: the knowledge base.
-        wanted: which lanes.
-        after: those that come after this place.
         bounds: the state that the window begins with, and its last revision.
-        most: how many lanes.
         enough: how many versions of a lane are counted.
         settled: leave out what held through the window, or was there by this revision for the
             first time and held to the end; None for nothing.
@@ -369,15 +340,7 @@ class LaneSpan(NamedTuple):
 
 
 class FoundVersion(NamedTuple):
-    """A version of a lane.
-
-    Attributes:
-        span: the place of the span that it was read for.
-        since: its first revision.
-        until: the revision that ended it.
-        value: its value as text, if it has one.
-        number: its value as a number, if it is one.
-    """
+    """A version of a lane, with its value as text and as a number, for a span by its place."""
 
     span: int
     since: int
@@ -395,10 +358,10 @@ _VALUE_OF = (
 @cache
 def _spans(dialect: str, kind: str) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    one = source.version, source.owner, "wanted.id0"
-    first = f"coalesce({loops.last('l', *one, 'wanted.id1', 'l.since')}, 0)"
+    before = loops.last(source.walk("l", "wanted.id0"), "wanted.id1", "l.since")
+    walked = loops.walk(source.walk("v", "wanted.id0"), f"coalesce({before}, 0)", "wanted.id2")
     columns = f"wanted.place, v.since, v.until{_VALUE_OF if source.has_values else ''}"
-    tables = f"{loops.rows('spans', 3)} AS wanted{loops.walk('v', *one, first, 'wanted.id2')}"
+    tables = f"{loops.rows('spans', 3)} AS wanted{walked}"
     held = "v.until IS NULL OR v.until > wanted.id1"
     return Query(text(f"SELECT {columns} FROM {tables} WHERE {held}"))
 
@@ -413,16 +376,7 @@ def read_spans(
 
 
 class Cell(NamedTuple):
-    """What began of a lane in a slice.
-
-    Attributes:
-        lane: the place of the lane.
-        slice: the place of the slice.
-        began: how many versions began there, up to a limit.
-        least: the least number that they had, as far as they were counted.
-        largest: the largest one.
-        last: the number at the slice's end.
-    """
+    """What began of a lane in a slice, as far as it was counted; the last number is at its end."""
 
     lane: int
     slice: int
@@ -434,9 +388,10 @@ class Cell(NamedTuple):
 
 def _number_of(source: LaneSource, loops: NestedLoops) -> str:
     """Write the least, the largest and the last number of a cell."""
-    one = "v", source.version, source.owner, "wanted.id0", "slice.id0", "slice.id1", ":enough"
-    few = f"(SELECT {{}}(few.number) FROM ({loops.part(*one, 'v.number')}) AS few)"
-    last = loops.last("l", source.version, source.owner, "wanted.id0", "slice.id1", "l.number")
+    own = source.walk("v", "wanted.id0")
+    part = loops.part(own, "slice.id0", "slice.id1", ":enough", "v.number")
+    few = f"(SELECT {{}}(few.number) FROM ({part}) AS few)"
+    last = loops.last(source.walk("l", "wanted.id0"), "slice.id1", "l.number")
     return f", {few.format('min')}, {few.format('max')}, {last}"
 
 
@@ -465,12 +420,7 @@ def count_cells(
 ) -> list[Cell]:
     """Count what began of some lanes in each of some slices, in one statement.
 
-    Args:
-        kb_id: the knowledge base.
-        kind: the kind of the lanes.
-        lanes: the ids of what they are of.
-        slices: the revision before each slice, and its last one.
-        enough: how many versions of a cell are counted.
+    A slice is the revision before it, and its last one.
     """
     rows = session.rows(
         _cells(session.backend.dialect.name, kind),

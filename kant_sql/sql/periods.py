@@ -30,7 +30,7 @@ from sqlalchemy import (
 from ..errors import reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE
 from .dialects.base import Row, Session
-from .dialects.words import NESTED_LOOPS, NestedLoops, id_rows
+from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
 from .intervals import forks_at
 from .query import Query, found_rows, in_list, in_rows, integer
 from .rows import KB
@@ -40,12 +40,7 @@ AFTER, LOW, HIGH = integer("after"), integer("low"), integer("high")
 
 
 class Pattern(NamedTuple):
-    """The facts of a predicate, or the values of a function, with objects at some positions.
-
-    Attributes:
-        owner: the id of the predicate or the function.
-        objects: the id of the object at each position; None for any.
-    """
+    """The facts of a predicate, or the values of a function, with objects at some positions."""
 
     owner: int
     objects: tuple[int | None, ...]
@@ -69,12 +64,7 @@ class Pattern(NamedTuple):
 
 
 class FoundFact(NamedTuple):
-    """A proposition, or a fluent, that was known at some time.
-
-    Attributes:
-        objects: the ids of its objects.
-        versions: how often it was asserted in the range, where the pattern is ground; else 0.
-    """
+    """A proposition, or a fluent; of a ground pattern, how often it was asserted in the range."""
 
     id: int
     objects: tuple[int, ...]
@@ -149,12 +139,9 @@ def find_facts(
 
 
 class Overlap(NamedTuple):
-    """An interval in which some facts held together.
+    """An interval in which the facts of a combination, by its place, held together.
 
-    Attributes:
-        place: which of the combinations of facts.
-        since: its first revision; the one before the range if they held there, too.
-        until: the first revision after it; the one after the range if they held to its end.
+    Its bounds are outside of the range, by one, where they held beyond it.
     """
 
     place: int
@@ -169,9 +156,9 @@ def _overlaps_text(loops: NestedLoops, count: int) -> str:
     since, until = ":before", ":after"
     tables, where = f"{loops.rows('facts', count)} AS wanted", []
     for n in range(count):
-        one = f"v{n}", _VERSION, "proposition_id", f"wanted.id{n}"
-        last = loops.last(f"l{n}", *one[1:], since, f"l{n}.since")
-        tables += loops.range(*one, f"coalesce({last}, 0)", f"{until} - 1")
+        one = Walk(f"v{n}", _VERSION, "proposition_id", f"wanted.id{n}")
+        last = loops.last(one._replace(alias=f"l{n}"), since, f"l{n}.since")
+        tables += loops.range(one, f"coalesce({last}, 0)", f"{until} - 1")
         where.append(f"(v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))")
         since = f"{loops.larger}({since}, v{n}.since)"
         until = f"{loops.smaller}({until}, coalesce(v{n}.until, :after))"
@@ -186,14 +173,7 @@ def _overlaps(dialect: str, count: int) -> Query:
 def find_overlaps(
     session: Session, kb_id: int, facts: Sequence[Sequence[int]], low: int, high: int
 ) -> list[Overlap]:
-    """Find the intervals in which facts held together, within a range, in one statement.
-
-    Args:
-        kb_id: the knowledge base.
-        facts: combinations of as many propositions, by their ids.
-        low: the first revision of the range.
-        high: its last one.
-    """
+    """Find the intervals in which combinations of as many facts held together in a range."""
     query = _overlaps(session.backend.dialect.name, len(facts[0]))
     bounds = {"before": low - 1, "low": low, "after": high + 1}
     rows = session.rows(query, kb=kb_id, facts=json.dumps(facts), **bounds)
@@ -288,15 +268,7 @@ NARROW = 10
 
 
 class Touch(NamedTuple):
-    """A fact or a value that began or ended to hold.
-
-    Attributes:
-        is_end: whether it ended there.
-        is_fact: whether it is a fact.
-        owner: the id of its predicate or function.
-        objects: the ids of its objects.
-        value: the number as text, or the id of the object, that a fluent is.
-    """
+    """A fact or a value (a number as text, or an object's id) that began or ended to hold."""
 
     revision: int
     is_end: bool
@@ -307,14 +279,7 @@ class Touch(NamedTuple):
 
 
 class Subjects(NamedTuple):
-    """The facts and values that matter.
-
-    Attributes:
-        predicates: the predicates of which all facts matter.
-        facts: the ids of further propositions.
-        functions: the functions of which all values matter.
-        values: the ids of further fluents.
-    """
+    """Predicates and functions of which everything matters, and the ids of what else does."""
 
     predicates: tuple[int, ...] = ()
     facts: tuple[int, ...] = ()
@@ -343,17 +308,7 @@ def subjects_of(
 
 
 class _Part(NamedTuple):
-    """The versions of facts or of values, by owner or by id.
-
-    Attributes:
-        table: the table of versions.
-        identity: the table of identities.
-        id: the column of the identity.
-        owner: the column of the predicate or the function.
-        columns: whether they are facts, and the columns of values.
-        condition: on which versions count.
-        by_owner: whether they are found by owner.
-    """
+    """The versions of facts or of values, with their columns and condition, by owner or by id."""
 
     table: str
     identity: str
@@ -489,14 +444,7 @@ def _touch(row: Any) -> Touch:
 
 
 class Meaning(NamedTuple):
-    """The definitions that matter.
-
-    Attributes:
-        predicates: the ids of predicates.
-        functions: the ids of functions.
-        objects: the ids of objects; None for all.
-        has_rules: whether rules of derived predicates matter.
-    """
+    """The ids of definitions that matter; None for all objects."""
 
     predicates: tuple[int, ...]
     functions: tuple[int, ...]

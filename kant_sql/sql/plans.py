@@ -51,16 +51,7 @@ STEP_STATEMENTS = VersionTable(
 
 
 class StepDefinition(NamedTuple):
-    """A step of a plan.
-
-    Attributes:
-        start: seconds from the plan's beginning, as exact decimal text; None in a plan without
-            times.
-        duration: seconds, as exact decimal text; None for an instant.
-        action_id: its action.
-        object_ids: the action's arguments, in order.
-        text: the action with its arguments, for example `(move rb1 wp1 wp2)`.
-    """
+    """A step of a plan; times are exact decimal text, and the text is `(move rb1 wp1 wp2)`."""
 
     start: str | None
     duration: str | None
@@ -70,20 +61,7 @@ class StepDefinition(NamedTuple):
 
 
 class PlanDefinition(NamedTuple):
-    """A plan as it is recorded.
-
-    Attributes:
-        revision: the state that it was planned from.
-        problem_hash: the SHA-256 of what the planner was given.
-        planner: who found it.
-        planner_version: which version of that.
-        objective: what it was to make small or large.
-        value: what the objective comes to, as exact decimal text.
-        status: what the planner said of it.
-        domain_pddl: the domain that the planner was given, if it is kept.
-        problem_pddl: the problem that the planner was given, if it is kept.
-        steps: its steps, in order.
-    """
+    """A plan as it is recorded: `RecordedPlan` says what the fields mean."""
 
     id: int
     revision: int

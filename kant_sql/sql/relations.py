@@ -196,11 +196,7 @@ class ConditionCompiler(JoinWriter):
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
         for n in range(len(columns), arity):
             selection.tables.append(f"proposition_argument AS a{n}")
-            selection.where += [
-                f"a{n}.kb_id = :kb",
-                f"a{n}.proposition_id = v0.proposition_id",
-                f"a{n}.position = {n}",
-            ]
+            selection.where += self.argument(f"a{n}", "v0.proposition_id", n)
             columns.append(f"a{n}.object_id")
         selection.where += [f"{columns[n]} = {place}" for n, place in given.items()]
         sql = selection.text(", ".join(columns) or "1")

@@ -239,12 +239,6 @@ class Kind:
 
     Each field of a definition is the identity's id or name, a column of that name in the version
     table, or a list in a table of its own.
-
-    Attributes:
-        identity: the identity table.
-        version: the version table and those below it.
-        columns: the columns of a version that are fields of the definition.
-        lists: the tables below the version table.
     """
 
     def __init__(
@@ -375,12 +369,7 @@ PROPOSITION = "proposition"
 class VersionColumns(NamedTuple):
     """The columns that describe the versions of one kind of knowledge.
 
-    Attributes:
-        identity: the columns of the identity table.
-        version: the columns of the version table.
-        owner: the column of the version table that names the identity.
-        kind: the kind in change lines, of a row of the version table.
-        text: the canonical PDDL text, of a row of the version table.
+    `owner` names the identity; `kind` and `text` are those of change lines.
     """
 
     identity: Any

@@ -8,7 +8,6 @@ restored from the copy made when the savepoint was set.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import TracebackType
 from typing import Any
 
 from ..sql.dialects.base import Session
@@ -99,10 +98,7 @@ class Journal:
 class JournalScope:
     """A part of a transaction that is rolled back alone if it fails.
 
-    Attributes:
-        start: where the journal's entries of it begin.
-        savepoint: the database's savepoint; None until something is written within it.
-        copies: the tables as they were at the savepoint, by address.
+    The savepoint is set when something is written within it, and the tables are copied then.
     """
 
     __slots__ = ("_journal", "copies", "savepoint", "start")
@@ -116,12 +112,7 @@ class JournalScope:
     def __enter__(self) -> None:
         self._journal.enter(self)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._journal.exit(self, kind is not None)
 
 

@@ -57,13 +57,7 @@ V = TypeVar("V")
 class WriteContext:
     """What the ledgers of a transaction need of it.
 
-    Attributes:
-        session: the connection.
-        kb_id: the knowledge base.
-        head: the head row as it was locked.
-        number: the revision that is being made.
-        next_id: the id that the next element gets.
-        journal: rolls memory back.
+    `head` is the row as it was locked, `number` the revision that is being made.
     """
 
     __slots__ = ("head", "journal", "kb_id", "next_id", "number", "session")
@@ -88,12 +82,7 @@ class WriteContext:
 
 
 class PendingChanges(ABC):
-    """What a transaction has changed of one kind of knowledge.
-
-    Attributes:
-        defines: whether it changes what is defined.
-        pending: what is not written yet.
-    """
+    """What a transaction has changed of one kind of knowledge; `pending` is not written yet."""
 
     defines: ClassVar[bool] = False
     pending: dict[Any, Any]
@@ -108,12 +97,7 @@ class PendingChanges(ABC):
 
 
 class Ledger(PendingChanges, Generic[K, V]):
-    """What a transaction changes in one version table: by key, the open version or None.
-
-    Attributes:
-        changes: what holds now, of all that the transaction has set.
-        pending: the keys that were set since the last write.
-    """
+    """What a transaction changes in one version table: by key, the open version or None."""
 
     versions: VersionTable
 
@@ -324,8 +308,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
     def publish(self, revision: int) -> None:
         """Share what the transaction has found and made with later ones, after it has ended well.
 
-        Args:
-            revision: the one that it has made, or the one that it began at.
+        The revision is the one that it has made, or the one that it began at.
         """
         head, known, before = self.context.head, self._known, self._before
         if revision != head.revision:
@@ -453,9 +436,7 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
         """Assert propositions, with statements only for each predicate; count those that are new.
 
-        Args:
-            texts: their canonical texts.
-            old: those that may be known already; by default, all of them.
+        `old` are those that may be known already; by default, all of them.
         """
         found = self.find(texts if old is None else old)
         self.load(found.values())
@@ -591,9 +572,7 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
     ) -> int:
         """Set values, with statements only for each function; count the changes.
 
-        Args:
-            values: for each fluent its key, its canonical text and its value.
-            old: the fluents that may be known already; by default, all of them.
+        `old` are the fluents that may be known already; by default, all of them.
         """
         found = self.find({key for key, _, _ in values} if old is None else old)
         self.load(found.values())

@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 
 
 class Block:
-    """A transaction that is open, and where it was opened.
-
-    Attributes:
-        store: the store that it is of; None when it has ended.
-        transaction: the transaction; None when it has ended.
-    """
+    """A transaction that is open, and where it was opened; None in its place when it has ended."""
 
     def __init__(self, store: object, queue: Hashable, transaction: Transaction) -> None:
         """Open it."""

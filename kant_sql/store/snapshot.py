@@ -29,9 +29,7 @@ class View(NamedTuple):
     """A consistent state to read from: now, or as it was at a revision.
 
     Attributes:
-        session: the session, in a transaction.
         kb_id: the knowledge base; None when it has not been written to yet.
-        definitions: what is defined in that state.
         at: the revision; None for now.
         definition_revision: the revision that last changed a definition, where it still has to be
             compared with the head in the statement that reads; else None.

@@ -327,12 +327,10 @@ class Session(ABC):
         """Make later commits of this session survive a power cut."""
         self.define(self.backend.durable)
 
-    @abstractmethod
-    def replan(self) -> None:
+    def replan(self) -> None:  # noqa: B027 (only servers cache plans)
         """Discard cached plans before a large write."""
 
-    @abstractmethod
-    def lock_definitions(self) -> None:
+    def lock_definitions(self) -> None:  # noqa: B027 (an exclusive transaction needs none)
         """Lock the schema against other changes, in a write transaction."""
 
     @abstractmethod
@@ -625,8 +623,7 @@ class Backend(ABC):
         """Drop what belongs to roles for the length of a migration, and create it again."""
         return nullcontext()
 
-    @abstractmethod
-    def renew(self) -> None:
+    def renew(self) -> None:  # noqa: B027 (connections to a file are not lost)
         """Distrust existing connections, after one was lost."""
 
     @abstractmethod
@@ -641,9 +638,9 @@ class Backend(ABC):
     def translate(self, error: Exception) -> StoreError:
         """Translate a driver's error."""
 
-    @abstractmethod
     def translate_connect(self, error: Exception) -> StoreError:
         """Translate a driver's failure to connect."""
+        return self.translate(error)
 
     @abstractmethod
     def queue(self, knowledge_base: str) -> Hashable:
@@ -653,9 +650,10 @@ class Backend(ABC):
     def write_lock(self, knowledge_base: str) -> WriterLock | None:
         """Return what this process's writers of a knowledge base queue on, if on anything."""
 
-    @abstractmethod
     def is_empty(self, session: Session) -> bool:
         """Return whether the store is new, so that opening it creates the tables."""
+        # On a server, nothing is created unasked.
+        return False
 
     @abstractmethod
     def listener(self) -> Listener:

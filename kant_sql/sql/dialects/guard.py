@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from ...limits import Limit, questions_of
@@ -13,10 +12,7 @@ from ...limits import Limit, questions_of
 class StatementGuard:
     """The statements of one session while it obeys a limit: a `with` block around each.
 
-    Attributes:
-        cursor: the session's own cursor.
-        is_running: whether a statement runs.
-        was_stopped: whether the database was asked to end one.
+    `was_stopped` is whether the database was asked to end one.
     """
 
     __slots__ = ("_deadline", "_questions", "_stop", "cursor", "is_running", "limit", "was_stopped")
@@ -50,21 +46,12 @@ class StatementGuard:
         self._questions.begin(self)
         self._deadline = time.monotonic() + self.limit.seconds
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._questions.end(self)
 
 
 class GuardedCursor:
-    """A driver's cursor whose statements, and the fetching of their rows, obey a limit.
-
-    Attributes:
-        rowcount: how many rows the last statement changed.
-    """
+    """A driver's cursor whose statements, and the fetching of their rows, obey a limit."""
 
     rowcount: int
 

@@ -668,10 +668,8 @@ def _milliseconds(seconds: float) -> int | None:
 class PostgresqlBackend(Backend):
     """A PostgreSQL database.
 
-    Attributes:
-        listening: the engine of listeners' connections.
-        listen_pause: for how long LISTEN is not tried.
-        cluster: the plugin of an extension that puts tables on several servers, if there is one.
+    Listeners have an engine of their own. `cluster` is the plugin of an extension that puts tables
+    on several servers, if there is one.
     """
 
     listening: Engine
@@ -829,10 +827,6 @@ class PostgresqlBackend(Backend):
         """Return the turn where connections are few; else the server has the only queue."""
         return None if self._turns is None else self._turns.of(knowledge_base)
 
-    def is_empty(self, session: Session) -> bool:
-        """Return False: on a server, nothing is created unasked."""
-        return False
-
     @contextmanager
     def migration_connection(self) -> Iterator[Connection]:
         """Open a connection that holds the lock of all schema changes of this database."""
@@ -924,8 +918,7 @@ class PostgresqlBackend(Backend):
         if state == "53100":
             return StoreFullError(
                 f"{self.label}: {text}; nothing was written: free space on the server's disk, "
-                "and try "
-                "again"
+                "and try again"
             )
         if _CROWDED.search(text):
             return self._is_crowded(text)

@@ -106,11 +106,7 @@ class CannotListenError(Exception):
 
 
 class ListeningBackend(Protocol):
-    """Where listeners get their connections.
-
-    Attributes:
-        is_closed: whether it was closed.
-    """
+    """Where listeners get their connections."""
 
     is_closed: bool
 
@@ -212,11 +208,7 @@ class _Turn:
 class _Channel:
     """What is heard of one knowledge base.
 
-    Attributes:
-        watchers: how many wait for it.
-        is_heard: whether the server notifies of it already.
-        error: the driver's error that ended it.
-        left_at: when the last watcher left.
+    The server notifies of it already if `is_heard`; `error` is the driver's that ended it.
     """
 
     def __init__(self) -> None:

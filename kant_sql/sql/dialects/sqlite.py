@@ -334,12 +334,6 @@ class SqliteSession(Session):
         """Return the connection to the pool."""
         super().close()
 
-    def replan(self) -> None:
-        """Do nothing: plans are not cached."""
-
-    def lock_definitions(self) -> None:
-        """Do nothing: a write transaction is exclusive."""
-
     def list_value(self, values: Sequence[int] | Sequence[str]) -> Any:
         """Return the form that `json_each` reads."""
         return _TO_JSON(values)
@@ -755,9 +749,8 @@ class SqliteBackend(Backend):
             return
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
             raise StoreUnreachableError(
-                f"{self.label}: this is not a regular file, so it cannot be a store; give the "
-                "path of "
-                "an SQLite file"
+                f"{self.label}: this is not a regular file, so it cannot be a store; give the path "
+                "of an SQLite file"
             )
 
     def copy_to(self, file: Path, progress: Callable[[int, int], None] | None) -> None:
@@ -894,9 +887,6 @@ class SqliteBackend(Backend):
         """Return the queue of this process's writers: SQLite itself only polls."""
         return None if self.in_memory else self._write_lock
 
-    def renew(self) -> None:
-        """Do nothing: connections to a file are not lost."""
-
     def exists(self) -> bool:
         """Return whether the file exists; a store in memory always does."""
         if self.in_memory:
@@ -907,7 +897,7 @@ class SqliteBackend(Backend):
             return False
         except OSError:
             # SQLite reports better what is wrong with it.
-            return True
+            pass
         return True
 
     def remove(self, mark: Query) -> bool:
@@ -1005,7 +995,3 @@ class SqliteBackend(Backend):
         if isinstance(error, sqlite3.IntegrityError):
             return StoreIntegrityError(f"{label}: {text}; nothing was written")
         return StoreError(f"{label}: {type(error).__name__}: {text}")
-
-    def translate_connect(self, error: Exception) -> StoreError:
-        """Translate a failure to open the file."""
-        return self.translate(error)

@@ -61,13 +61,8 @@ class Contents:
     """What a file held without its log when this process last compared it.
 
     All backends of the process share it: each checkpoint requires a comparison, for which SQLite
-    parses the whole schema, about 4 ms.
-
-    Attributes:
-        changed: the file's modification time then, in nanoseconds.
-        size: its size then, in bytes.
-        due: the latest time of the next comparison, on the monotonic clock; None if the file has
-            not changed since the last.
+    parses the whole schema, about 4 ms. `due` is the latest time of the next comparison, on the
+    monotonic clock; None if the file has not changed since the last.
     """
 
     def __init__(self) -> None:
@@ -150,12 +145,7 @@ def _read(path: str, start: int, size: int) -> bytes:
 
 
 class StoreFile:
-    """The file that the connections of one backend have open. Threads share it.
-
-    Attributes:
-        path: the file's absolute path, so that the working directory may change.
-        is_long: whether the log exceeded its limit after the last commit.
-    """
+    """The file that the connections of one backend have open. Threads share it."""
 
     def __init__(self, path: str, label: str) -> None:
         self.path = os.path.abspath(path)

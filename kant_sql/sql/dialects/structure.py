@@ -26,13 +26,7 @@ _ON = re.compile(r' ON (?:ONLY )?(?:public\.)?"?(\w+)')
 
 
 class Statement(NamedTuple):
-    """A part of a schema.
-
-    Attributes:
-        relation: the table or view that it creates or belongs to; None for neither.
-        head: the beginning of the text: what is created, unique in a schema.
-        text: all of it; a comment where there is no statement of its own.
-    """
+    """A part of a schema: `head` is what it creates, and `relation` that or what it belongs to."""
 
     relation: str | None
     head: str
@@ -70,14 +64,7 @@ def parenthesized(head: str, parts: Sequence[str]) -> str:
 
 
 class Mark(NamedTuple):
-    """What a generated view bears.
-
-    Attributes:
-        kb_id: its knowledge base.
-        predicate_id: its predicate.
-        kind: what it shows of the predicate.
-        digest: the digest of its definition.
-    """
+    """What a generated view bears: what it shows of a predicate, and its definition's digest."""
 
     kb_id: int
     predicate_id: int

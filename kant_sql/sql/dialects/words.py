@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal
-from functools import partial
 from typing import NamedTuple
+
+from typing_extensions import override
 
 from ...dto.lexical import EXACT_DECIMALS
 
@@ -209,150 +211,164 @@ OPERATORS = {"sqlite": "GLOB", "postgresql": "~"}
 _ENDLESS = "20000"
 
 
-class NestedLoops(NamedTuple):
+class Walk(NamedTuple):
+    """The versions of one identity: an alias, their table, and what its column equals."""
+
+    alias: str
+    table: str
+    column: str
+    identity: str
+
+    @property
+    def key(self) -> str:
+        """The end of the primary key."""
+        return f"{self.alias}.{self.column}, {self.alias}.since"
+
+    def where(self, wanted: str, conditions: str) -> str:
+        """Write a query of a knowledge base's rows."""
+        alias = self.alias
+        rows = f"SELECT {wanted} FROM {self.table} AS {alias} WHERE {alias}.kb_id = :kb"
+        return f"{rows} AND {conditions}"
+
+    @property
+    def own(self) -> str:
+        """The condition that a row is of the identity."""
+        return f"{self.alias}.{self.column} = {self.identity}"
+
+
+class NestedLoops(ABC):
     """How one dialect writes a join whose order is fixed.
 
     SQLite keeps the order of a CROSS JOIN. PostgreSQL keeps that of lateral subqueries that it
     cannot pull up; without statistics it would otherwise hash millions of versions for a few ids.
 
     Attributes:
-        rows: the same relation, with columns `id0`, `id1` ...
-        loop: writes an inner loop: its alias, its table and its conditions.
-        last: writes the subquery of the last row up to a revision: an alias, its table, the column
-            of the identity, that identity, the revision, and what it gives of that row.
-        part: writes the query of the rows that began after a revision and up to another one, at
-            most so many: an alias, its table, the column of the identity, that identity, the two
-            revisions, the number, and what it gives of each row.
-        walk: writes an inner loop over such rows; the first revision is included.
-        range: writes the same loop, however many rows it has.
-        times: the relation of a parameter that holds times as JSON texts, with columns `place`,
-            from 0, and `moment`.
         larger: the function of the largest of some numbers.
         smaller: the function of the smallest.
         contains: the operator between a text and a pattern; see `containing.py`.
     """
 
-    rows: Callable[[str, int], str]
-    loop: Callable[[str, str, str], str]
-    last: Callable[[str, str, str, str, str, str], str]
-    part: Callable[[str, str, str, str, str, str, str, str], str]
-    walk: Callable[[str, str, str, str, str, str], str]
-    range: Callable[[str, str, str, str, str, str], str]
-    times: Callable[[str], str]
     larger: str
     smaller: str
     contains: str
 
+    @abstractmethod
+    def rows(self, parameter: str, columns: int) -> str:
+        """Write the relation of rows of ids, as JSON, with `place`, from 0, `id0`, `id1` ..."""
 
-def _sqlite_loop(alias: str, table: str, conditions: str) -> str:
-    return f" CROSS JOIN {table} AS {alias} ON {conditions}"
+    @abstractmethod
+    def times(self, parameter: str) -> str:
+        """Write the relation of times, as JSON texts, with columns `place` and `moment`."""
 
+    @abstractmethod
+    def loop(self, alias: str, table: str, conditions: str) -> str:
+        """Write an inner loop."""
 
-def _postgresql_loop(alias: str, table: str, conditions: str) -> str:
-    inner = f"SELECT * FROM {table} AS {alias} WHERE {conditions} OFFSET 0"
-    return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+    @abstractmethod
+    def last(self, walk: Walk, revision: str, wanted: str) -> str:
+        """Write the subquery of the last row up to a revision."""
 
+    @abstractmethod
+    def part(self, walk: Walk, after: str, upto: str, number: str, wanted: str) -> str:
+        """Write the query of rows that began after a revision, up to another one."""
 
-def _sqlite_last(
-    alias: str, table: str, column: str, identity: str, revision: str, wanted: str
-) -> str:
-    return (
-        f"(SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb AND"
-        f" {alias}.{column} = {identity} AND {alias}.since <= {revision}"
-        f" ORDER BY {alias}.since DESC LIMIT 1)"
-    )
+    @abstractmethod
+    def walk(self, walk: Walk, first: str, upto: str) -> str:
+        """Write an inner loop over the few rows that began from one revision up to another."""
 
-
-def _postgresql_last(
-    alias: str, table: str, column: str, identity: str, revision: str, wanted: str
-) -> str:
-    # Only the primary key has this order: sorted by revision alone, the planner may go through all
-    # versions of the knowledge base, backwards, to find one of the identity.
-    key = f"{alias}.{column}, {alias}.since"
-    found = (
-        f"SELECT {alias}.* FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
-        f" AND ({key}) <= ({identity}, {revision})"
-        f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
-    )
-    return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {alias}.{column} = {identity})"
+    @abstractmethod
+    def range(self, walk: Walk, first: str, upto: str) -> str:
+        """Write the same loop, however many rows it has."""
 
 
-def _sqlite_part(
-    alias: str,
-    table: str,
-    column: str,
-    identity: str,
-    after: str,
-    upto: str,
-    number: str,
-    wanted: str,
-) -> str:
-    return (
-        f"SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
-        f" AND {alias}.{column} = {identity} AND {alias}.since > {after}"
-        f" AND {alias}.since <= {upto} LIMIT {number}"
-    )
+class _SqliteLoops(NestedLoops):
+    larger, smaller, contains = "max", "min", OPERATORS["sqlite"]
+
+    @override
+    def rows(self, parameter: str, columns: int) -> str:
+        return _sqlite_rows(parameter, columns, "id")
+
+    @override
+    def times(self, parameter: str) -> str:
+        return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
+
+    @override
+    def loop(self, alias: str, table: str, conditions: str) -> str:
+        return f" CROSS JOIN {table} AS {alias} ON {conditions}"
+
+    @override
+    def last(self, walk: Walk, revision: str, wanted: str) -> str:
+        since = f"{walk.alias}.since"
+        found = walk.where(wanted, f"{walk.own} AND {since} <= {revision}")
+        return f"({found} ORDER BY {since} DESC LIMIT 1)"
+
+    @override
+    def part(self, walk: Walk, after: str, upto: str, number: str, wanted: str) -> str:
+        since = f"{walk.alias}.since"
+        began = f"{walk.own} AND {since} > {after} AND {since} <= {upto}"
+        return f"{walk.where(wanted, began)} LIMIT {number}"
+
+    @override
+    def walk(self, walk: Walk, first: str, upto: str) -> str:
+        since = f"{walk.alias}.since"
+        began = f"{walk.own} AND {since} >= {first} AND {since} <= {upto}"
+        return self.loop(walk.alias, walk.table, f"{walk.alias}.kb_id = :kb AND {began}")
+
+    @override
+    def range(self, walk: Walk, first: str, upto: str) -> str:
+        return self.walk(walk, first, upto)
 
 
-# If nearly all versions are of one identity, the planner takes the index of revisions for as good
-# as the primary key, and reads what began of all others. Only the primary key has this order.
-def _postgresql_key_range(
-    alias: str, table: str, column: str, begin: str, end: str, number: str, wanted: str
-) -> str:
-    key = f"{alias}.{column}, {alias}.since"
-    return (
-        f"SELECT {wanted} FROM {table} AS {alias} WHERE {alias}.kb_id = :kb"
-        f" AND ({key}) {begin} AND ({key}) <= {end} ORDER BY {key} LIMIT {number}"
-    )
+class _PostgresqlLoops(NestedLoops):
+    larger, smaller, contains = "greatest", "least", OPERATORS["postgresql"]
+
+    @override
+    def rows(self, parameter: str, columns: int) -> str:
+        return _postgresql_rows(parameter, columns, "id")
+
+    @override
+    def times(self, parameter: str) -> str:
+        texts = f"json_array_elements_text(CAST(:{parameter} AS json)) WITH ORDINALITY"
+        moment = "CAST(value AS timestamptz) AS moment"
+        return f"(SELECT place - 1 AS place, {moment} FROM {texts} AS listed (value, place))"
+
+    @override
+    def loop(self, alias: str, table: str, conditions: str) -> str:
+        inner = f"SELECT * FROM {table} AS {alias} WHERE {conditions} OFFSET 0"
+        return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+
+    @override
+    def last(self, walk: Walk, revision: str, wanted: str) -> str:
+        # Only the primary key has this order: sorted by revision alone, the planner may go through
+        # all versions of the knowledge base, backwards, to find one of the identity.
+        alias, key = walk.alias, walk.key
+        found = walk.where(f"{alias}.*", f"({key}) <= ({walk.identity}, {revision})")
+        found += f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
+        return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {walk.own})"
+
+    @override
+    def part(self, walk: Walk, after: str, upto: str, number: str, wanted: str) -> str:
+        # If nearly all versions are of one identity, the planner takes the index of revisions for
+        # as good as the primary key, and reads what began of all others.
+        return f"{_between(walk, '>', after, upto, wanted)} ORDER BY {walk.key} LIMIT {number}"
+
+    @override
+    def walk(self, walk: Walk, first: str, upto: str) -> str:
+        inner = _between(walk, ">=", first, upto, f"{walk.alias}.*")
+        inner += f" ORDER BY {walk.key} LIMIT {_ENDLESS}"
+        return f" CROSS JOIN LATERAL ({inner}) AS {walk.alias}"
+
+    @override
+    def range(self, walk: Walk, first: str, upto: str) -> str:
+        # Rows are compared, too: by an index of revisions alone, it would read all of them.
+        inner = _between(walk, ">=", first, upto, "*")
+        return f" CROSS JOIN LATERAL ({inner} OFFSET 0) AS {walk.alias}"
 
 
-def _postgresql_part(
-    alias: str,
-    table: str,
-    column: str,
-    identity: str,
-    after: str,
-    upto: str,
-    number: str,
-    wanted: str,
-) -> str:
-    begin, end = f"> ({identity}, {after})", f"({identity}, {upto})"
-    return _postgresql_key_range(alias, table, column, begin, end, number, wanted)
-
-
-def _sqlite_walk(alias: str, table: str, column: str, identity: str, first: str, upto: str) -> str:
-    conditions = (
-        f"{alias}.kb_id = :kb AND {alias}.{column} = {identity}"
-        f" AND {alias}.since >= {first} AND {alias}.since <= {upto}"
-    )
-    return _sqlite_loop(alias, table, conditions)
-
-
-def _postgresql_walk(
-    alias: str, table: str, column: str, identity: str, first: str, upto: str
-) -> str:
-    begin, end = f">= ({identity}, {first})", f"({identity}, {upto})"
-    inner = _postgresql_key_range(alias, table, column, begin, end, _ENDLESS, f"{alias}.*")
-    return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
-
-
-# Rows are compared as in a walk: by an index of revisions alone, a planner would read all of them.
-def _postgresql_range(
-    alias: str, table: str, column: str, identity: str, first: str, upto: str
-) -> str:
-    key = f"({alias}.{column}, {alias}.since)"
-    conditions = f"{alias}.kb_id = :kb AND {key} >= ({identity}, {first})"
-    return _postgresql_loop(alias, table, f"{conditions} AND {key} <= ({identity}, {upto})")
-
-
-def _sqlite_times(parameter: str) -> str:
-    return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
-
-
-def _postgresql_times(parameter: str) -> str:
-    texts = f"json_array_elements_text(CAST(:{parameter} AS json)) WITH ORDINALITY"
-    moment = "CAST(value AS timestamptz) AS moment"
-    return f"(SELECT place - 1 AS place, {moment} FROM {texts} AS listed (value, place))"
+def _between(walk: Walk, begin: str, first: str, upto: str, wanted: str) -> str:
+    """Write the query of a range of the primary key."""
+    key, own = walk.key, walk.identity
+    return walk.where(wanted, f"({key}) {begin} ({own}, {first}) AND ({key}) <= ({own}, {upto})")
 
 
 def id_rows(ids: Iterable[int]) -> str:
@@ -360,29 +376,7 @@ def id_rows(ids: Iterable[int]) -> str:
     return json.dumps([[id_] for id_ in ids])
 
 
-NESTED_LOOPS = {
-    "sqlite": NestedLoops(
-        partial(_sqlite_rows, name="id"),
-        _sqlite_loop,
-        _sqlite_last,
-        _sqlite_part,
-        _sqlite_walk,
-        _sqlite_walk,
-        _sqlite_times,
-        "max",
-        "min",
-        OPERATORS["sqlite"],
-    ),
-    "postgresql": NestedLoops(
-        partial(_postgresql_rows, name="id"),
-        _postgresql_loop,
-        _postgresql_last,
-        _postgresql_part,
-        _postgresql_walk,
-        _postgresql_range,
-        _postgresql_times,
-        "greatest",
-        "least",
-        OPERATORS["postgresql"],
-    ),
+NESTED_LOOPS: dict[str, NestedLoops] = {
+    "sqlite": _SqliteLoops(),
+    "postgresql": _PostgresqlLoops(),
 }
