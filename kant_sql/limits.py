@@ -158,12 +158,8 @@ def questions_of(limit: Limit) -> Questions:
     return limit._questions
 
 
-_LIMIT: ContextVar[Limit | None] = ContextVar("kant_sql_limit", default=None)
-
-
-def current_limit() -> Limit | None:
-    """Return the limit of this context."""
-    return _LIMIT.get()
+# What the questions of this context obey.
+LIMIT: ContextVar[Limit | None] = ContextVar("kant_sql_limit", default=None)
 
 
 @contextmanager
@@ -196,7 +192,7 @@ def limited(seconds: float | None = None) -> Iterator[Limit]:
             ...
         kant_sql.errors.QuestionCancelledError: this question was cancelled by Limit.cancel(), ...
     """
-    limit = Limit(seconds, outer=_LIMIT.get())
+    limit = Limit(seconds, outer=LIMIT.get())
     with obeying(limit):
         yield limit
 
@@ -204,11 +200,11 @@ def limited(seconds: float | None = None) -> Iterator[Limit]:
 @contextmanager
 def obeying(limit: Limit) -> Iterator[None]:
     """Let the questions asked within a `with` block obey a limit that was made before."""
-    token = _LIMIT.set(limit)
+    token = LIMIT.set(limit)
     try:
         yield
     finally:
-        _LIMIT.reset(token)
+        LIMIT.reset(token)
 
 
 def is_endless(seconds: float) -> bool:

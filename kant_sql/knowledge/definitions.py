@@ -61,6 +61,12 @@ class Elements(Generic[D]):
             return self._delta[id_]
         return self._base.get(id_)  # type: ignore[arg-type]
 
+    def names(self, ids: Iterable[int]) -> dict[int, str]:
+        """Return the names that live references have."""
+        changed, base = self._delta, self._base
+        found = {id_: changed[id_] if id_ in changed else base.get(id_) for id_ in ids}
+        return {id_: (element or self.live(id_)).name for id_, element in found.items()}
+
     def live(self, id_: int) -> D:
         """Return the definition that a live reference has."""
         definition = self.get(id_)
@@ -126,6 +132,10 @@ class PendingElements(Elements[D]):
             if id_ in changes:
                 return changes[id_]
         return self._base.get(id_)  # type: ignore[arg-type]
+
+    def names(self, ids: Iterable[int]) -> dict[int, str]:
+        """Return the names that live references have, pending ones included."""
+        return {id_: self.live(id_).name for id_ in ids}
 
     def named(self, name: str) -> D | None:
         """Return a definition with its pending changes, by name."""

@@ -22,6 +22,7 @@ from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .ask import (
+    OF_ANSWERS,
     Binding,
     asked,
     check_fit,
@@ -233,7 +234,7 @@ def _instances(
         slots = {action.parameters[n].slot: place for n, place in places.items()}
         statement = question(view).answers(promise.listed, free, slots, is_limited)
         action.kept[key] = statement
-    rows = asked(view, statement, given, lambda row: row[1:3])[1:]
+    rows = asked(view, statement, given, OF_ANSWERS)[1:]
     live = definitions.objects.live
     chosen = {n: live(given[f"b{n}"]).name for n in places}
     order = [n for n in range(len(names)) if n not in places]

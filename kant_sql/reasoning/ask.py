@@ -153,7 +153,7 @@ def prepare(
     bindings: Mapping[str, Binding],
 ) -> Prepared:
     """Read and resolve a condition, or find it among those of the snapshot."""
-    text = text_of(condition, EXAMPLE)
+    text = condition if isinstance(condition, str) else text_of(condition, EXAMPLE)
     if parameters is not None:
         expect(parameters, str, "the parameters", InvalidArgumentError)
     key = (text, parameters, *sorted(bindings))
@@ -214,7 +214,7 @@ def given_variable(keyword: str, variables: Sequence[str]) -> str:
 
 
 def asked(
-    view: View, statement: ConditionStatement, given: Mapping[str, Any], head: Callable[[Row], Row]
+    view: View, statement: ConditionStatement, given: Mapping[str, Any], guards: slice
 ) -> list[Row]:
     """Run a statement whose first row has the head's guards, and compare these."""
     if statement.steps and view.definition_revision is not None:
@@ -223,7 +223,7 @@ def asked(
     rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
     if not rows or view.kb_id is None:
         return rows
-    definition_revision, archived = head(rows[0])
+    definition_revision, archived = rows[0][guards]
     if view.definition_revision not in (None, definition_revision):
         raise DefinitionsMovedError
     if view.at is not None:
@@ -231,9 +231,8 @@ def asked(
     return rows
 
 
-def first_two(row: Row) -> Row:
-    """Return the guards of a row of truths."""
-    return row[:GUARDS]
+# Where the guards are: in a row of truths, and in the row before the answers.
+OF_TRUTHS, OF_ANSWERS = slice(0, GUARDS), slice(1, 1 + GUARDS)
 
 
 def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
@@ -274,7 +273,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
             prepared = prepare(view.definitions, condition, None, bindings)
             values = prepared.values(view.definitions, bindings)
         statement = prepared.statement(view, "truth", lambda asked: _truth(asked, prepared))
-        [row] = asked(view, statement, values, first_two)
+        [row] = asked(view, statement, values, OF_TRUTHS)
         return bool(row[GUARDS])
 
     return state.store.read(work, state.at)
@@ -471,11 +470,10 @@ class _Asking:
             return question.answers(part, columns, prepared.places, is_limited)
 
         statement = prepared.statement(view, f"answers {is_limited}", write)
-        rows = asked(view, statement, given, lambda row: row[1:3])
+        rows = asked(view, statement, given, OF_ANSWERS)
         # Without a head there is no row of it.
         found = [row[1 : len(prepared.columns) + 1] for row in rows[view.kb_id is not None :]]
-        live = view.definitions.objects.live
-        names = {id_: live(id_).name for id_ in set().union(*found)}
+        names = view.definitions.objects.names(set().union(*found))
         return [tuple(map(names.__getitem__, ids)) for ids in found]
 
     def sql(self, view: View) -> str:

@@ -44,9 +44,10 @@ from .after import After, weakened
 from .arithmetic import EXACT, Exact, decimal_of
 from .ask import (
     EXAMPLE,
+    OF_ANSWERS,
+    OF_TRUTHS,
     Binding,
     asked,
-    first_two,
     given_numbers,
     given_variable,
     question,
@@ -149,7 +150,7 @@ class Explainer(Explaining):
             false.update(at for key, places in keys.items() if key not in held for at in places)
         if others:
             statement = self._question().truths([parts[position] for position in others], {})
-            [row] = asked(self._view, statement, self._numbers, first_two)
+            [row] = asked(self._view, statement, self._numbers, OF_TRUTHS)
             truths = zip(others, row[GUARDS:], strict=True)
             false.update(position for position, holds in truths if not holds)
         return [nodes[position] for position in sorted(false)]
@@ -180,7 +181,7 @@ class Explainer(Explaining):
         ]
         statement = self._question().answers(part, columns, {}, True)
         given = {**self._numbers, "most": MAX_INSTANCES}
-        rows = asked(self._view, statement, given, lambda row: row[1:3])[1:]
+        rows = asked(self._view, statement, given, OF_ANSWERS)[1:]
         live = self._view.definitions.objects.live
         return [[live(id_).name for id_ in row[1 : len(columns) + 1]] for row in rows]
 
@@ -336,7 +337,7 @@ def is_goal_reached(state: State) -> bool:
         resolver = Resolver(view.definitions)
         part = all_of(resolver.part(goal) for goal in _hard_goals(view))
         check_levels(part)
-        [row] = asked(view, question(view).truths([part], {}), {}, first_two)
+        [row] = asked(view, question(view).truths([part], {}), {}, OF_TRUTHS)
         return bool(row[GUARDS])
 
     return state.store.read_in_snapshot(work, state.at)
@@ -422,5 +423,5 @@ def _violations(view: View, name: str) -> int:
         check_levels(part)
         columns = [Column(str(number), each) for number, each in enumerate(bound)]
         statement = question(view).answers(Lacks(part), columns, {}, False)
-        count += len(asked(view, statement, {}, lambda row: row[1:3])) - 1
+        count += len(asked(view, statement, {}, OF_ANSWERS)) - 1
     return count

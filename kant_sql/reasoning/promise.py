@@ -49,7 +49,7 @@ from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, OpaqueError, heads_of, is_linear, mapped, with_quantities
 from .arithmetic import EXACT, Exact
-from .ask import asked, first_two, given_numbers, question, statement_key
+from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
@@ -355,7 +355,7 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
         statement = question(view, numbers).truths([part], step.places)
         action.kept[key] = statement
     given = {**step.values, **given_numbers(numbers)}
-    [row] = asked(view, statement, given, first_two)
+    [row] = asked(view, statement, given, OF_TRUTHS)
     return bool(row[GUARDS])
 
 

@@ -46,17 +46,20 @@ class Query:
     """A statement with named parameters, compiled once for each dialect.
 
     A long one is given as what builds it: most processes never ask for it.
+
+    Attributes:
+        texts: its SQL, by the names of the dialects that it was compiled for.
     """
 
-    __slots__ = ("_statement", "_texts")
+    __slots__ = ("_statement", "texts")
 
     def __init__(self, statement: Executable | Callable[[], Executable]) -> None:
         self._statement = statement
-        self._texts: dict[str, str] = {}
+        self.texts: dict[str, str] = {}
 
     def text(self, dialect: Dialect) -> str:
         """Return the statement's SQL."""
-        text = self._texts.get(dialect.name)
+        text = self.texts.get(dialect.name)
         if text is None:
             given: Any = self._statement
             statement: Any = given if isinstance(given, Executable) else given()
@@ -64,7 +67,7 @@ class Query:
             constants = {key for key, value in compiled.params.items() if value is not None}
             # Only the text is kept: a constant must be a named parameter, or literal SQL.
             assert not constants, f"constants in {compiled}: {constants}"
-            text = self._texts[dialect.name] = str(compiled)
+            text = self.texts[dialect.name] = str(compiled)
         return text
 
 

@@ -85,7 +85,7 @@ def sound_statements(
     yield
     if request.node.name.startswith(OWN_SQL):
         return
-    run = {query._texts.get("sqlite", "") for query in made_queries}
+    run = {query.texts.get("sqlite", "") for query in made_queries}
     assert not [text for text in run if loses_bound(analyzed, text)]
     texts = {query.text(DIALECT) for query in made_queries}
     faults = {text: tables for text in texts if (tables := unbound(text))}

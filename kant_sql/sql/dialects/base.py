@@ -33,7 +33,7 @@ from ...errors import (
     StoreUnreachableError,
     printable,
 )
-from ...limits import PATIENCE, Limit, current_limit, is_endless
+from ...limits import LIMIT, PATIENCE, Limit, is_endless
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .guard import GuardedCursor, StatementGuard
 from .structure import IndexFault, Statement, ViewDialect
@@ -179,10 +179,12 @@ class Session(ABC):
 
     Attributes:
         backend: the database.
+        keeps_limit: whether the connection keeps a question's limit until it is told another.
         is_abandoned: whether the connection belongs to the parent process, after a fork.
     """
 
     placeholder = "?"
+    keeps_limit = False
 
     def __init__(self, backend: Backend, connection: PoolProxiedConnection) -> None:
         self.backend = backend
@@ -224,18 +226,18 @@ class Session(ABC):
 
     def rows(self, query: Query, **parameters: Any) -> list[Row]:
         """Run a query and fetch all rows."""
-        self._execute(query.text(self._dialect), parameters)
+        self._execute(query, parameters)
         return self._fetch()
 
     def first(self, query: Query, **parameters: Any) -> Row | None:
         """Run a query and fetch its first row."""
-        self._execute(query.text(self._dialect), parameters)
+        self._execute(query, parameters)
         rows = self._fetch()
         return rows[0] if rows else None
 
     def run(self, query: Query, **parameters: Any) -> int:
         """Run a statement without rows; return how many it changed."""
-        self._execute(query.text(self._dialect), parameters)
+        self._execute(query, parameters)
         return self._cursor.rowcount
 
     def run_many(self, query: Query, parameters: Sequence[dict[str, Any]]) -> int:
@@ -397,7 +399,10 @@ class Session(ABC):
         except self.backend.driver_errors as error:
             raise self.translate(error) from error
 
-    def _execute(self, sql: str, parameters: Any = ()) -> None:
+    def _execute(self, statement: str | Query, parameters: Any = ()) -> None:
+        sql = statement
+        if not isinstance(sql, str):
+            sql = sql.texts.get(self._dialect.name) or sql.text(self._dialect)
         if logger.isEnabledFor(logging.DEBUG):
             self._logged(self._cursor.execute, sql, parameters)
             return
@@ -475,6 +480,8 @@ class Backend(ABC):
         self.is_read_only = read_only
         self.most_connections = connections
         self.engine = self.create_engine()
+        # With the driver's parameter style.
+        self.dialect: Dialect = self.engine.dialect
         self.driver_errors: tuple[type[Exception], ...] = (
             self.engine.dialect.loaded_dbapi.Error,
             # A driver refuses text or numbers that its protocol cannot carry.
@@ -485,11 +492,6 @@ class Backend(ABC):
         self.sharers: weakref.WeakSet[Shared] = weakref.WeakSet()
         self.when_closed: list[Callable[[], None]] = []
         _BACKENDS.add(self)
-
-    @property
-    def dialect(self) -> Dialect:
-        """The SQLAlchemy dialect, with the driver's parameter style."""
-        return self.engine.dialect
 
     @property
     def label(self) -> str:
@@ -512,18 +514,19 @@ class Backend(ABC):
 
     def reader(self) -> Session:
         """Take a connection for questions, which obey the limit of this context."""
-        return self.session(current_limit())
+        return self.session(LIMIT.get())
 
     def session(self, limit: Limit | None = None) -> Session:
         """Take a connection: without a limit for writing, or for what no limit concerns."""
         if limit is not None:
             limit.check()
         session = self.connected()
-        try:
-            session.obey(limit)
-        except BaseException:
-            session.close()
-            raise
+        if limit is not None or session.keeps_limit:
+            try:
+                session.obey(limit)
+            except BaseException:
+                session.close()
+                raise
         return session
 
     def connected(self) -> Session:

@@ -319,6 +319,7 @@ class PostgresqlSession(Session):
     """A session on PostgreSQL."""
 
     placeholder = "%s"
+    keeps_limit = True
     _is_replanned = False
 
     def obey(self, limit: Limit | None) -> None:
@@ -583,9 +584,9 @@ class PooledSession(PostgresqlSession):
         # In one message.
         super()._execute(f"{text}{local(settings)}{durable}")
 
-    def _execute(self, sql: str, parameters: Any = ()) -> None:
+    def _execute(self, statement: str | Query, parameters: Any = ()) -> None:
         self._enclose()
-        super()._execute(sql, parameters)
+        super()._execute(statement, parameters)
 
     def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
         self._enclose()

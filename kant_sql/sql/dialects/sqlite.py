@@ -327,9 +327,6 @@ class SqliteSession(Session):
             with suppress(*self.backend.driver_errors):
                 cursor.close()
 
-    def resume(self) -> None:
-        """Start another call on a kept session."""
-
     def discard(self) -> None:
         """Return the connection to the pool."""
         super().close()
@@ -441,7 +438,7 @@ class MemorySession(SqliteSession):
         self.resume()
 
     def resume(self) -> None:
-        """Note whether this thread has a transaction open."""
+        """Start another call; note whether this thread has a transaction open."""
         self._is_nested = self.in_transaction()
 
     def begin(self, write: bool) -> None:
@@ -839,16 +836,17 @@ class SqliteBackend(Backend):
         """Take a connection; in memory, wait for this thread's turn."""
         if self._is_torn:
             self._refuse_torn()
-        if not self.in_memory:
+        if self.in_memory:
+            self._take_turn()
+        else:
             if self.is_closed:
                 self.refuse_closed()
             self.file.check()
-            return self._resumed() or super().connected()
-        self._take_turn()
         try:
             return self._resumed() or super().connected()
         except BaseException:
-            self.turns.end()
+            if self.in_memory:
+                self.turns.end()
             raise
 
     def _refuse_torn(self) -> None:
@@ -869,7 +867,8 @@ class SqliteBackend(Backend):
             # Another thread took it.
             return None
         self.sessions[session] = threading.get_ident()
-        session.resume()
+        if isinstance(session, MemorySession):
+            session.resume()
         return session
 
     def _take_turn(self) -> None:
