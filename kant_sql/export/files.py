@@ -6,12 +6,11 @@ import json
 import os
 import shutil
 import tempfile
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from hashlib import file_digest, sha256
-from itertools import accumulate
+from itertools import accumulate, product
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Protocol
@@ -97,19 +96,7 @@ class PluggedFormat(Protocol):
         replace: bool = False,
         progress: Progress | None = None,
     ) -> Exported:
-        """Write a folder, as `export_store` does.
-
-        Args:
-            url: the database URL.
-            to: the folder; it is created if it is missing.
-            knowledge_base: the only one to write; None for all of the store.
-            names: the names of predicates and functions; None for all, unless elements are given.
-            elements: facts and fluents, as `(robot_at rb1 wp1)` and `(battery rb1)`.
-            since: begin with the state before this revision or aware time.
-            until: end with this revision or aware time.
-            replace: whether to replace an earlier export in the folder.
-            progress: called with the amount of work done, and the amount in total.
-        """
+        """Write a folder, as `export_store` does: of some predicates and functions, or elements."""
 
 
 PLUGGED_FORMATS: Plugins[PluggedFormat] = Plugins("kant_sql.export_formats")
@@ -149,80 +136,44 @@ def encoded(name: str) -> str:
     )
 
 
-class Sink(ABC):
-    """Writes the rows of a view to a file."""
-
-    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
-        self._file = file
-        self._schema = schema
-
-    @abstractmethod
-    def write(self, batch: pyarrow.RecordBatch) -> None:
-        """Write rows."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Write what comes last."""
+Write = Callable[["pyarrow.RecordBatch"], None]
 
 
-class ParquetSink(Sink):
-    """Writes Parquet."""
+@contextmanager
+def _parquet(file: BinaryIO, schema: pyarrow.Schema) -> Iterator[Write]:
+    arrow = import_arrow()
+    from pyarrow import parquet
 
-    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
-        arrow = import_arrow()
-        from pyarrow import parquet
-
-        # Readers of partitions have the name as a dictionary, too, and refuse to mix both.
-        names = arrow.dictionary(arrow.int32(), arrow.string())
-        super().__init__(file, schema.set(0, arrow.field(schema.field(0).name, names)))
-        self._writer = parquet.ParquetWriter(file, self._schema, compression="zstd")
-
-    def write(self, batch: pyarrow.RecordBatch) -> None:
-        """Write rows, as a row group."""
-        self._writer.write_batch(batch.cast(self._schema))
-
-    def close(self) -> None:
-        """Write the footer."""
-        self._writer.close()
+    # Readers of partitions have the name as a dictionary, too, and refuse to mix both.
+    names = arrow.dictionary(arrow.int32(), arrow.string())
+    schema = schema.set(0, arrow.field(schema.field(0).name, names))
+    with parquet.ParquetWriter(file, schema, compression="zstd") as writer:
+        yield lambda batch: writer.write_batch(batch.cast(schema))
 
 
-class CsvSink(Sink):
-    """Writes CSV: texts in quotes, nothing at all for NULL, times as in the audit."""
+@contextmanager
+def _csv(file: BinaryIO, schema: pyarrow.Schema) -> Iterator[Write]:
+    """Write texts in quotes, nothing at all for NULL, times as in the audit."""
+    from pyarrow import csv
 
-    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
-        super().__init__(file, schema)
-        from pyarrow import csv
-
-        self._writer = csv.CSVWriter(file, _with_text_times(schema))
-
-    def write(self, batch: pyarrow.RecordBatch) -> None:
-        """Write rows."""
-        self._writer.write_batch(_text_times(batch))
-
-    def close(self) -> None:
-        """Write what is buffered."""
-        self._writer.close()
+    with csv.CSVWriter(file, _with_text_times(schema)) as writer:
+        yield lambda batch: writer.write_batch(_text_times(batch))
 
 
-class JsonLinesSink(Sink):
-    """Writes a JSON document per row, with every column."""
+@contextmanager
+def _json_lines(file: BinaryIO, _: pyarrow.Schema) -> Iterator[Write]:
+    """Write a JSON document per row, with every column."""
+    encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
 
-    def __init__(self, file: BinaryIO, schema: pyarrow.Schema) -> None:
-        super().__init__(file, schema)
-        self._encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
-
-    def write(self, batch: pyarrow.RecordBatch) -> None:
-        """Write rows."""
-        names = batch.schema.names
+    def write(batch: pyarrow.RecordBatch) -> None:
         columns = [_finite(column).to_pylist() for column in _text_times(batch).columns]
         for row in zip(*columns, strict=True):
-            self._file.write(f"{self._encode(dict(zip(names, row, strict=True)))}\n".encode())
+            file.write(f"{encode(dict(zip(batch.schema.names, row, strict=True)))}\n".encode())
 
-    def close(self) -> None:
-        """Do nothing: each row is written."""
+    yield write
 
 
-SINKS: dict[str, type[Sink]] = {"parquet": ParquetSink, "csv": CsvSink, "jsonl": JsonLinesSink}
+WRITERS = {"parquet": _parquet, "csv": _csv, "jsonl": _json_lines}
 
 
 def _with_text_times(schema: Any) -> Any:
@@ -407,11 +358,11 @@ def export_store(
     import_arrow()
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
         states = snapshot.chosen(knowledge_base)
-        windows = [snapshot.window(state, first, last) for state in states]
-        work = _Work(snapshot, folder, format, progress, sum(s.revision for s in states))
-        for state, window in zip(states, windows, strict=True):
-            for view in chosen:
-                work.write(view, state, window, len(chosen))
+        windows = [(state, snapshot.window(state, first, last)) for state in states]
+        whole = sum(state.revision for state in states) * len(chosen)
+        for done in _write_views(snapshot, folder, format, windows, chosen):
+            if progress is not None:
+                progress(done, whole)
         files = tuple(folder.files)
         exported = Exported(
             str(target), format, snapshot.label, bound(first), bound(last), tuple(states), files
@@ -439,43 +390,27 @@ def _chosen_views(names: Sequence[str] | None) -> list[AuditView]:
     return [*{view.name: view for view in found}.values()]
 
 
-class _Work:
-    """Writes views, and tells how much of all is done: revisions, once for each view."""
-
-    def __init__(
-        self,
-        snapshot: StoreSnapshot,
-        folder: Folder,
-        format: str,
-        progress: Progress | None,
-        revisions: int,
-    ) -> None:
-        self._snapshot = snapshot
-        self._folder = folder
-        self._format = format
-        self._progress = progress
-        self._revisions = revisions
-        self._done = 0
-
-    def write(
-        self, view: AuditView, state: KnowledgeBaseState, window: Window | None, views: int
-    ) -> None:
-        """Write what a view has of a knowledge base to a file."""
-        path = f"{view.name}/{folder_name(state.name)}/{view.name}.{self._format}"
-        whole = self._revisions * views
-        with self._folder.new_file(path, state, view.name) as made:
-            sink: Sink = SINKS[self._format](made.file, arrow_schema(view))
-            with closing(sink):
-                for batch in self._snapshot.batches(view, state, window):
-                    sink.write(batch)
-                    made.rows += batch.num_rows
-                    self._tell(self._done + _revision_of(view, batch), whole)
-        self._done += state.revision
-        self._tell(self._done, whole)
-
-    def _tell(self, done: int, whole: int) -> None:
-        if self._progress is not None:
-            self._progress(done, whole)
+def _write_views(
+    snapshot: StoreSnapshot,
+    folder: Folder,
+    format: str,
+    windows: Iterable[tuple[KnowledgeBaseState, Window | None]],
+    views: Iterable[AuditView],
+) -> Iterator[int]:
+    """Write views to files; yield how much of all is done: revisions, once for each view."""
+    done = 0
+    for (state, window), view in product(windows, views):
+        path = f"{view.name}/{folder_name(state.name)}/{view.name}.{format}"
+        with (
+            folder.new_file(path, state, view.name) as made,
+            WRITERS[format](made.file, arrow_schema(view)) as write,
+        ):
+            for batch in snapshot.batches(view, state, window):
+                write(batch)
+                made.rows += batch.num_rows
+                yield done + _revision_of(view, batch)
+        done += state.revision
+        yield done
 
 
 def _revision_of(view: AuditView, batch: pyarrow.RecordBatch) -> int:

@@ -25,7 +25,7 @@ import kant_sql
 from kant_sql import InvalidArgumentError, KantSqlError, UnknownRevisionError
 from kant_sql.errors import ExtraMissingError, SchemaMissingError
 from kant_sql.export import FORMATS, Exported, export_store, open_reader
-from kant_sql.export.files import MANIFEST, folder_name
+from kant_sql.export.files import MANIFEST, WRITERS, folder_name
 from kant_sql.json_values import json_value
 from kant_sql.sql import audit_views
 from kant_sql.sql.audit_views import AUDIT_VIEWS
@@ -138,10 +138,8 @@ def test_json_lines_have_every_column_with_its_type(story_url: str, tmp_path: Pa
 
 def test_a_number_too_large_for_a_double_is_null_in_json(tmp_path: Path) -> None:
     table = pyarrow.record_batch({"number": [1.5, float("inf"), None, float("nan")]})
-    from kant_sql.export.files import JsonLinesSink
-
-    with (tmp_path / "x").open("wb") as file:
-        JsonLinesSink(file, table.schema).write(table)
+    with (tmp_path / "x").open("wb") as file, WRITERS["jsonl"](file, table.schema) as write:
+        write(table)
     found = [json.loads(line)["number"] for line in (tmp_path / "x").read_text().splitlines()]
     assert found == [1.5, None, None, None]
 
