@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from typing_extensions import override
 
@@ -20,7 +20,7 @@ from .dao import interfaces as daos
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.moments import head_revision, state_at
-from .moment_text import When
+from .moment_text import When, read_when
 from .plans import PlanDao, RecordedStep
 from .plugins import Plugins
 from .sql.dialects import BACKENDS, create_backend, dialect_name
@@ -73,7 +73,7 @@ class DaoFactory(ABC):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
-        observed_at: datetime | None = None,
+        observed_at: datetime | str | None = None,
         plan_step: RecordedStep | None = None,
     ) -> AbstractContextManager[None]:
         """Make many calls one revision.
@@ -92,8 +92,8 @@ class DaoFactory(ABC):
             source: where the knowledge comes from, as JSON values: a sensor, a plan's step.
             expected_revision: the revision that the caller has read, for optimistic locking; a
                 nested block compares it with the revision that the outer one began from.
-            observed_at: when the knowledge was sensed, an aware time; stored beside the time of
-                the commit.
+            observed_at: when the knowledge was sensed, an aware time or a text of one, such as
+                `2 minutes ago`; stored beside the time of the commit.
             plan_step: the running step of a recorded plan; the revision links to it.
 
         Returns:
@@ -105,8 +105,9 @@ class DaoFactory(ABC):
             TransactionOpenError: on entry, when another task or context has a transaction open in
                 this thread.
             ConnectionLostError: the connection was lost; nothing of the block was written.
-            InvalidMetadataError: actor, reason or source cannot be stored, or observed_at has no
-                zone.
+            InvalidMetadataError: actor, reason or source cannot be stored, or observed_at is not a
+                time with a zone.
+            InvalidArgumentError: a text is not a time.
             PlanError: the step is not of a plan of this knowledge base.
 
         Examples:
@@ -309,7 +310,7 @@ class SqlDaoFactory(DaoFactory):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
-        observed_at: datetime | None = None,
+        observed_at: datetime | str | None = None,
         plan_step: RecordedStep | None = None,
     ) -> Iterator[None]:
         refuse_past(self._open_store, self._at)
@@ -320,7 +321,9 @@ class SqlDaoFactory(DaoFactory):
             from .plans.dao import check_step, place_of
 
             step = place_of(plan_step)
-        own = (actor, reason, source, expected_revision, observed_at, step)
+        # The number of a revision is refused there.
+        seen: Any = read_when(observed_at)
+        own = (actor, reason, source, expected_revision, seen, step)
         with self._open_store.transaction(*own) as transaction:
             if plan_step is not None:
                 check_step(transaction, plan_step)

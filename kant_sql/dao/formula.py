@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_ar
 
 from typing_extensions import override
 
-from ..arguments import is_many, iterate, refuse_many, shown
+from ..arguments import is_many, iterate, shown
 from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, check_name, decimal_text, fold
@@ -40,7 +40,14 @@ from ..knowledge.rules import check_stratified
 from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
 from ..pddl.document import DURATIVE_ACTION, PROCESS
 from ..pddl.formulas import flatten
-from ..pddl.given import read_constraints, read_goal
+from ..pddl.given import (
+    read_constraints,
+    read_derived,
+    read_goal,
+    read_initial_literal,
+    read_metric,
+    read_timed_literal,
+)
 from ..pddl.writer import node_text
 from ..store.caches import AtomKey
 from ..store.snapshot import View
@@ -661,9 +668,9 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
 
     section: ClassVar[str]
     node_classes: tuple[type, ...] = (f.Node,)
-    # Reads such a formula from text, where it can be told from others of its form.
-    _reads: ClassVar[Callable[..., Any] | None] = None
-    example: ClassVar[str] = ""
+    # Reads such a formula from text.
+    _reads: ClassVar[Callable[..., Any]]
+    example: ClassVar[str]
 
     @override
     def get_all(self) -> list[N]:
@@ -704,17 +711,13 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
 
     def _check(self, formula: object) -> None:
         """Refuse what is not a formula of the section."""
-        refuse_many(formula)
-        if isinstance(formula, self.node_classes):
-            return
-        if self._reads is not None:
-            expect_text(formula, f"the {self.section} DAO", f"a {self.section}", self.example)
-            return
-        names = " or ".join(each.__name__ for each in self.node_classes)
-        raise InvalidKnowledgeError(
-            f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
-            f"{type(formula).__name__}: {shown(formula)}"
-        )
+        if isinstance(formula, f.Node) and not isinstance(formula, self.node_classes):
+            names = " or ".join(each.__name__ for each in self.node_classes)
+            raise InvalidKnowledgeError(
+                f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
+                f"{type(formula).__name__}: {shown(formula)}"
+            )
+        expect_text(formula, f"the {self.section} DAO", f"a {self.section}", self.example)
 
     def _holds(self, transaction: Transaction, formula: Given) -> bool:
         """Return whether it is stored, where that cannot be seen by saving it."""
@@ -728,7 +731,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
         """Save a node or a text; return whether that is a change."""
         node: N = formula
         if isinstance(formula, str):
-            node = TextReader(transaction).read(self._reader(), formula)
+            node = TextReader(transaction).read(self._reads, formula)
         made = []
         for part in self._parts(node):
             if node is formula:
@@ -740,15 +743,11 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
         """Delete a node or a text; return whether it was stored."""
         node: N | None = formula
         if isinstance(formula, str):
-            node = TextReader(transaction).read_stored(self._reader(), formula)
+            node = TextReader(transaction).read_stored(self._reads, formula)
         if node is None:
             return False
         gone = [self._remove(transaction, part) for part in self._parts(node)]
         return any(gone)
-
-    def _reader(self) -> Callable[..., Any]:
-        assert self._reads is not None
-        return self._reads
 
     @override
     def delete_all(self, formulas: Iterable[Given] | None = None) -> int:
@@ -785,6 +784,8 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedP
 
     section = DERIVED_PREDICATE
     node_classes = (f.Derived,)
+    _reads = staticmethod(read_derived)
+    example = "(:derived (reachable ?p - place) (connected dock ?p))"
 
     def _save(self, transaction: Transaction, formulas: Iterable[f.Derived | str]) -> int:
         changed = super()._save(transaction, formulas)
@@ -800,6 +801,8 @@ class SqlTimedInitialLiteralDao(
 
     section = TIMED
     node_classes = (f.TimedLiteral,)
+    _reads = staticmethod(read_timed_literal)
+    example = "(at 10 (open door1))"
 
 
 class SqlInitialLiteralDao(
@@ -809,6 +812,8 @@ class SqlInitialLiteralDao(
 
     section = INITIAL
     node_classes = (f.Not, f.Equal)
+    _reads = staticmethod(read_initial_literal)
+    example = "(not (open door1))"
 
 
 class _SqlConjunctionDao(SqlFormulaDao[f.Formula, Given]):
@@ -918,14 +923,20 @@ class SqlMetricDao(SqlDao, MetricDao):
         return self._open_store.read_definitions(read, self._at)
 
     @override
-    def set(self, metric: f.Metric | None) -> bool:
+    def set(self, metric: f.Metric | str | None) -> bool:
         self._check_writable()
-        if metric is not None and not isinstance(metric, f.Metric):
+        if metric is not None and not isinstance(metric, f.Metric | str):
             raise InvalidKnowledgeError(
-                f"the metric is a node Metric of kant_sql.pddl, or None, not "
+                f"the metric is PDDL text, a node Metric of kant_sql.pddl, or None, not "
                 f"{type(metric).__name__}: {shown(metric)}"
             )
-        return self._open_store.write(lambda transaction: put_metric(transaction, metric))
+
+        def set_(transaction: Transaction) -> bool:
+            if isinstance(metric, str):
+                return put_metric(transaction, TextReader(transaction).read(read_metric, metric))
+            return put_metric(transaction, metric)
+
+        return self._open_store.write(set_)
 
 
 def put_metric(transaction: Transaction, metric: f.Metric | None) -> bool:

@@ -557,10 +557,10 @@ N = TypeVar("N", bound=Node)
 
 
 class FormulaDao(AnyDao[N, Given]):
-    """Reads, saves and deletes formulas of one section: nodes of `kant_sql.pddl`.
+    """Reads, saves and deletes formulas of one section: nodes of `kant_sql.pddl`, or PDDL text.
 
     The predicates, functions, types and objects that a formula names must be known. Deleting one of
-    them deletes the formula. A goal or a constraint is also given as PDDL text.
+    them deletes the formula.
     """
 
     @abstractmethod
@@ -568,8 +568,7 @@ class FormulaDao(AnyDao[N, Given]):
         """Save a formula; a conjunction of goals or constraints is saved as its conjuncts.
 
         Args:
-            formula: a node; a goal or a constraint also as PDDL text; or a list of these, which
-                are saved in one revision.
+            formula: a node, or PDDL text; or a list of these, which are saved in one revision.
 
         Returns:
             True; a formula that cannot be saved raises.
@@ -642,15 +641,16 @@ class MetricDao(ABC):
         """
 
     @abstractmethod
-    def set(self, metric: Metric | None) -> bool:
+    def set(self, metric: Metric | str | None) -> bool:
         """Set the metric, or remove it.
 
         Args:
-            metric: the metric, or None.
+            metric: a node, or PDDL text such as `(:metric minimize (total-time))`; None for none.
 
         Returns:
             Whether the metric changed.
 
         Raises:
+            PddlError: a text cannot be read; with the position.
             InvalidKnowledgeError: it is not well-formed, or a name is not known.
         """

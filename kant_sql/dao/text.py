@@ -67,7 +67,7 @@ class TextReader:
         words = {
             word
             for word in tokenize(fold(text))
-            if is_word(word) and word[0] != "?" and not NUMBER.fullmatch(word)
+            if is_word(word) and word[0] not in "?:" and not NUMBER.fullmatch(word)
         }
         words -= _KEYWORDS
         gone = {

@@ -25,11 +25,12 @@ from ..dto.elements import (
 from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from .cursor import END, VARIABLES, Cursor, Diagnostics, Section, hint
-from .declarations import ActionReader, DeclarationReader
+from .declarations import ActionReader, DeclarationReader, RuleReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
 from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, FormulaReader
 from .lexer import STRING, Text
+from .problem import InitialStateReader, metric_of
 from .symbols import ANY, BoundVariable, Entity, SymbolTable, Types
 
 T = TypeVar("T")
@@ -211,6 +212,63 @@ def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
 def read_goal(text: str, *, symbols: SymbolTable) -> f.Formula:
     """Read a goal without free variables, with preferences, as in `(:goal ...)`."""
     return ConditionReader(symbols, text, "the goal", "()").whole(PREFERENCES)
+
+
+def _refuse_more(reader: Cursor) -> None:
+    """Refuse a text that goes on."""
+    if reader.tokens[reader.at]:
+        reader.fail(f"the end of the text after {reader.nesting}")
+
+
+def read_metric(text: str, *, symbols: SymbolTable) -> f.Metric:
+    """Read a metric such as `(:metric minimize (total-time))`."""
+    reader = FormulaReader(Diagnostics(strict=False), _section(text), symbols, "the metric")
+    if reader.peek_head("a metric such as (:metric ...)", ":metric").lower() != ":metric":
+        reader.fail(":metric", at=1)
+    _refuse_unclosed(reader)
+    metric = metric_of(reader)
+    _refuse_more(reader)
+    return metric
+
+
+def read_derived(text: str, *, symbols: SymbolTable) -> f.Derived:
+    """Read a rule such as `(:derived (reachable ?p - place) (connected dock ?p))`."""
+    section = _section(text, "the rule")
+    reader = RuleReader(Diagnostics(strict=False), section, symbols, "the rule")
+    if reader.peek_head("a rule such as (:derived ...)", ":derived").lower() != ":derived":
+        reader.fail(":derived", at=1)
+    _refuse_unclosed(reader)
+    rule = reader.rule(section)
+    reader.nesting = "the rule"
+    _refuse_more(reader)
+    return rule
+
+
+def _read_initial(text: str, symbols: SymbolTable) -> InitialStateReader:
+    section = _section(text, "the initial state")
+    reader = InitialStateReader(Diagnostics(strict=False), section, symbols)
+    _refuse_unclosed(reader)
+    return reader
+
+
+def read_initial_literal(text: str, *, symbols: SymbolTable) -> f.Not | f.Equal:
+    """Read a literal of the initial state that is not a fact, such as `(not (open door1))`."""
+    reader = _read_initial(text, symbols)
+    literals = reader.one().literals
+    if not literals:
+        reader.fail("a literal such as (not (open door1)); kb.propositions takes facts", at=0)
+    _refuse_more(reader)
+    return literals[0]
+
+
+def read_timed_literal(text: str, *, symbols: SymbolTable) -> f.TimedLiteral:
+    """Read a timed initial literal such as `(at 10 (open door1))`."""
+    reader = _read_initial(text, symbols)
+    timed = reader.one().timed
+    if not timed:
+        reader.fail("a timed literal such as (at 10 (open door1))", at=0)
+    _refuse_more(reader)
+    return timed[0]
 
 
 def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:

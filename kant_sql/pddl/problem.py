@@ -167,6 +167,12 @@ class InitialStateReader(FormulaReader):
         self.at += 1
         self.tokens[self._count :] = self._blocks.rest() + self._ends
 
+    def one(self) -> InitialState:
+        """Read one element."""
+        self._lists = 0
+        self._element()
+        return self.state()
+
     def state(self) -> InitialState:
         """Return the initial state."""
         literals = tuple([one for one, place in self._literals.items() if self._agrees(one, place)])
@@ -398,6 +404,18 @@ class InitialStateReader(FormulaReader):
 _OPTIMIZATIONS = ("minimize", "maximize")
 
 
+def metric_of(reader: FormulaReader) -> f.Metric:
+    """Read a metric behind its keyword."""
+    reader.metric = True
+    reader.at = 2
+    word = reader.word("minimize or maximize")
+    if word.lower() not in _OPTIMIZATIONS:
+        reader.fail(f"minimize or maximize{hint(word, list(_OPTIMIZATIONS))}", at=2)
+    found = f.Metric(word.lower(), reader.expression())
+    reader.expect(")", "')' after the metric")
+    return found
+
+
 class ProblemReader:
     """A reader of one problem; without a domain, it skips the checks that need it."""
 
@@ -521,13 +539,7 @@ class ProblemReader:
         metric: f.Metric | None = None
         for section in self._sections(":metric"):
             reader = FormulaReader(self._diagnostics, section, self._symbols, section.keyword)
-            reader.metric = True
-            reader.at = 2
-            word = reader.word("minimize or maximize")
-            if word.lower() not in _OPTIMIZATIONS:
-                reader.fail(f"minimize or maximize{hint(word, list(_OPTIMIZATIONS))}", at=2)
-            found = f.Metric(word.lower(), reader.expression())
-            reader.expect(")", "')' after the metric")
+            found = metric_of(reader)
             if metric is not None and metric != found:
                 reader.fail("one metric", f"another one, {shown(found)}", 0)
             metric = found

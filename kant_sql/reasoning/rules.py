@@ -38,7 +38,7 @@ from .sweep import Range, Sweep, Visit, read_range
 from .trajectory import Moment, Rule, rules_of
 from .verdicts import Verdict, Verdicts
 
-Rules = Source | f.Formula | Sequence[f.Formula]
+Rules = Source | f.Formula | Sequence[f.Formula | str]
 COMMITTED, OBSERVED = "committed", "observed"
 _MICROSECOND = timedelta(microseconds=1)
 

@@ -101,7 +101,7 @@ class RecordingFactory(SqliteDaoFactory):
         reason: str | None = None,
         source: object | None = None,
         expected_revision: int | None = None,
-        observed_at: datetime | None = None,
+        observed_at: datetime | str | None = None,
         plan_step: RecordedStep | None = None,
     ) -> Iterator[None]:
         given = (actor, source, expected_revision, observed_at, plan_step)

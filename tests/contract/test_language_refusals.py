@@ -336,7 +336,7 @@ def test_a_formula_of_another_sort_is_refused(depot_kb: KnowledgeBase) -> None:
 
 
 NO_METRICS: list[tuple[Any, str]] = [
-    (IDLE, "the metric is a node Metric of kant_sql.pddl, or None, not Atom"),
+    (IDLE, "the metric is PDDL text, a node Metric of kant_sql.pddl, or None, not Atom"),
     (f.Metric("optimise", ZERO), "'optimise' is neither minimize nor maximize"),
     (f.Metric("minimize", f.Fluent("speed")), "function 'speed'"),
     (f.Metric("minimize", DURATION), "?duration is not a number here"),

@@ -227,7 +227,14 @@ def test_constraints_are_given_as_text(world: KnowledgeBase) -> None:
         ("goals", 5, r"takes a goal, for example '\(robot_at rb1 wp1\)', not int"),
         ("pddl.constraints", "(idle)", "in the constraints"),
         ("pddl.constraints", None, "takes a constraint, for example"),
-        ("pddl.derived_predicates", "(idle)", "is a node Derived of kant_sql.pddl, not str"),
+        ("pddl.derived_predicates", "(idle)", "expected :derived"),
+        ("pddl.derived_predicates", "(:derived (idle) (idle)) (idle)", "the end of the text"),
+        ("pddl.derived_predicates", "(:derived (far ?x) (idle))", "far"),
+        ("pddl.initial_literals", "(idle)", "kb.propositions takes facts"),
+        ("pddl.initial_literals", "(not (idle)) (idle)", "the end of the text"),
+        ("pddl.timed_initial_literals", "(idle)", "a timed literal such as"),
+        ("pddl.timed_initial_literals", "(at 5 (robot_at rb1 wp11))", "did you mean wp1"),
+        ("pddl.timed_initial_literals", 5, "takes a timed, for example"),
     ],
 )
 def test_what_is_no_formula_of_the_section_is_refused(
@@ -427,3 +434,41 @@ def test_what_a_declaration_refers_to_is_saved_when_it_is_missing(fresh_kb: Know
 def test_the_text_of_an_action_is_of_its_own_dao(declared: KnowledgeBase) -> None:
     refuses(declared, InvalidKnowledgeError, declared.pddl.events.save, NAVIGATION)
     refuses(declared, InvalidKnowledgeError, declared.actions.save, "(:event crash)")
+
+
+@pytest.mark.parametrize(
+    ("dao", "text", "other"),
+    [
+        ("derived_predicates", "(:derived (idle) (robot_at rb1 wp1))", "(:derived (idle) (idle))"),
+        ("initial_literals", "(not (robot_at rb2 wp1))", "(= rb1 rb2)"),
+        ("timed_initial_literals", "(at 5 (idle))", "(at 7.5 (= (battery rb1) 3))"),
+    ],
+)
+def test_a_formula_of_a_rarer_section_is_given_as_text(
+    world: KnowledgeBase, dao: str, text: str, other: str
+) -> None:
+    of = dao_of(world, dao)
+    assert of.insert(text) is True
+    assert of.insert(text) is False
+    assert of.save([text, other]) is True
+    assert len(of.get_all()) == 2
+    with nothing_changes(world):
+        assert of.save_all([*of.get_all(), text, *map(str, of.get_all())]) == 0
+    assert of.delete(text) is True
+    assert of.delete(text) is False
+    assert of.delete_all([other, text]) == 1
+
+
+def test_the_metric_is_given_as_text(world: KnowledgeBase) -> None:
+    metric = world.pddl.metric
+    assert metric.set("(:metric maximize (battery rb1))") is True
+    assert str(metric.get()) == "(:metric maximize (battery rb1))"
+    assert metric.set("( :METRIC MAXIMIZE (Battery RB1))") is False
+    for wrong in (
+        "(battery rb1)",
+        "(:metric maximize (batery rb1))",
+        "(:metric maximize 1) x",
+        "(",
+    ):
+        refuses(world, PddlError, metric.set, wrong)
+    assert metric.set(None) is True
