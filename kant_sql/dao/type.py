@@ -141,7 +141,7 @@ def plain_types(dtos: object) -> Hashable:
     """Return `plain_type` of each type in a list; None if one of them is None."""
     if type(dtos) is not list:
         return None
-    found = tuple([plain_type(dto) for dto in dtos])
+    found = tuple(map(plain_type, dtos))
     return None if None in found else found
 
 

@@ -77,12 +77,6 @@ class InternCache(Generic[K, A, H]):
                 self.held, self.revision = {}, revision
             return self.held
 
-    def know(self, identities: Mapping[K, A]) -> None:
-        """Remember identities; they never change."""
-        self.identities.update(identities)
-        if len(self.identities) > self._most:
-            self.identities.clear()
-
     def advance(self, before: int, after: int) -> None:
         """Keep what held at a revision for one that changed nothing of it."""
         if before != after:
@@ -91,9 +85,18 @@ class InternCache(Generic[K, A, H]):
                     self.revision = after
 
     def learn(
-        self, held: dict[int, H], before: int, after: int, news: Mapping[int, H] | None
+        self,
+        identities: Mapping[K, A],
+        held: dict[int, H],
+        before: int,
+        after: int,
+        news: Mapping[int, H] | None,
     ) -> None:
         """Share what a writer has found and made with later writers."""
+        # Identities never change.
+        self.identities.update(identities)
+        if len(self.identities) > self._most:
+            self.identities.clear()
         with self._lock:
             # The head lock is released: another writer may have published first.
             if held is self.held and before == self.revision:

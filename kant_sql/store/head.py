@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, func, select, update
+from sqlalchemy import bindparam, func, select
 
 from ..errors import (
     UNREADABLE,
@@ -43,19 +43,6 @@ _HASH = Query(
 )
 _LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
 _NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
-_MOVE = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(
-        revision=bindparam("number"),
-        definition_revision=bindparam("definitions"),
-        next_id=bindparam("next"),
-        hash=bindparam("digest"),
-        committed_at=bindparam("time"),
-    )
-)
-
-
 _NEW_KB = Insert(table_of(KnowledgeBaseRow), "id", "name")
 _NEW_HEAD = Insert(table_of(HeadRow), "kb_id", *EMPTY_HEAD)
 
@@ -144,7 +131,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
         error = ValueError(f"column hash has {digest!r}, which is not a hash")
         raise unreadable("head", whose(session, kb_id), error) from error
-    committed_at = None if moment is None else to_time_of_head(session, kb_id, moment)
+    committed_at = to_time_of_head(session, kb_id, moment)
     now = session.now(clock)
     return Head(revision, definition_revision, next_id, digest, committed_at, archived, origin, now)
 
@@ -185,18 +172,3 @@ def check_last(session: Session, kb_id: int, head: Head) -> None:
     if head.revision and hash_of(session, kb_id, head.revision) is None:
         name = read_name(session, kb_id)
         raise missing_revision(session.backend.label, name, head.revision)
-
-
-def move_head(
-    session: Session, kb_id: int, made: Committed, definition_revision: int, next_id: int
-) -> None:
-    """Move the head to a new revision."""
-    session.run(
-        _MOVE,
-        kb=kb_id,
-        number=made.number,
-        definitions=definition_revision,
-        next=next_id,
-        digest=made.hash,
-        time=made.moment,
-    )

@@ -88,7 +88,7 @@ class PendingChanges(ABC):
     pending: dict[Any, Any]
 
     @abstractmethod
-    def lines(self) -> Iterator[Change]:
+    def lines(self) -> list[Change]:
         """Return what the revision changes, if nothing of it was forgotten."""
 
     @abstractmethod
@@ -126,15 +126,17 @@ class Ledger(PendingChanges, Generic[K, V]):
         self.assign(self.changes, key, value)
         self.assign(self.pending, key, None)
 
-    def lines(self) -> Iterator[Change]:
-        """Yield what the revision changes: one line for each end of an interval."""
+    def lines(self) -> list[Change]:
+        """Return what the revision changes: one line for each end of an interval."""
+        lines = []
         for key, now in self.changes.items():
             before = self._origin(key)
             if now != before:
                 if before is not None:
-                    yield Change(RETRACTED, *self._line(key, before))
+                    lines.append(Change(RETRACTED, *self._line(key, before)))
                 if now is not None:
-                    yield Change(ASSERTED, *self._line(key, now))
+                    lines.append(Change(ASSERTED, *self._line(key, now)))
+        return lines
 
     def write(self) -> None:
         """Write what is pending."""
@@ -275,7 +277,8 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             return self.changes[id_]
         if id_ not in self._before:
             self.load((identity,))
-        return self.now(id_)
+            return self.now(id_)
+        return self._before[id_]
 
     def note(self, before: Mapping[int, V | None]) -> None:
         """Keep what the tables say of elements that the transaction has not touched."""
@@ -312,15 +315,13 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         """
         head, known, before = self.context.head, self._known, self._before
         if revision != head.revision:
-            now = self.now
-            news = {id_: now(id_) for id_ in before}
+            news = {**before, **self.changes}
         else:
             # The writes were rolled back, so the allocated ids are unused.
             known = {key: each for key, each in known.items() if each.id < head.next_id}
             news = {id_: held for id_, held in before.items() if id_ < head.next_id}
-        self._cache.know(known)
         after = None if self.was_spilled else news
-        self._cache.learn(self._cached, head.revision, revision, after)
+        self._cache.learn(known, self._cached, head.revision, revision, after)
 
     @abstractmethod
     def _find(self, group: Any, arguments: list[str]) -> Iterator[tuple[I, V | None]]:
@@ -413,8 +414,8 @@ class DefinitionLedger(Ledger[int, Definition]):
 
 def _first_two(arguments: str) -> tuple[int | None, int | None]:
     """Return the ids of the first two arguments of a key; None where it has fewer."""
-    ids = [int(id_) for id_ in arguments.split(" ", 2)[:2]] if arguments else []
-    return ids[0] if ids else None, ids[1] if len(ids) > 1 else None
+    ids = arguments.split(" ", 2)
+    return int(ids[0]) if arguments else None, int(ids[1]) if len(ids) > 1 else None
 
 
 class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
@@ -440,10 +441,12 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         """
         found = self.find(texts if old is None else old)
         self.load(found.values())
-        new = {key: text for key, text in texts.items() if key not in found}
-        if new:
+        changed = sum([self.set(atom, True) for atom in found.values()])
+        if len(found) < len(texts):
+            new = {key: text for key, text in texts.items() if key not in found}
             self.add_all(new)
-        return len(new) + sum([self.set(atom, True) for atom in found.values()])
+            changed += len(new)
+        return changed
 
     def add_all(self, texts: Mapping[AtomKey, str]) -> None:
         """Assert propositions that were never known before."""
@@ -710,9 +713,9 @@ class Records(PendingChanges):
         assign(self._lines, change, None)
         assign(self.pending, change, tuple(rows))
 
-    def lines(self) -> Iterator[Change]:
-        """Yield what the transaction has recorded so far."""
-        yield from self._lines
+    def lines(self) -> list[Change]:
+        """Return what the transaction has recorded so far."""
+        return [*self._lines]
 
     def write(self) -> None:
         """Write what is pending."""

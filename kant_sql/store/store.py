@@ -382,14 +382,6 @@ class Store:
             )
         return lock
 
-    def open_block(self, transaction: Transaction) -> Block:
-        """Make a transaction belong to this thread, task and context."""
-        try:
-            return Block(self, self.queue, transaction)
-        except BaseException:
-            end_session(transaction.session)
-            raise
-
     def _begin(
         self, metadata: Metadata, expected: int | None = None, promotes: bool = False
     ) -> Transaction:
@@ -560,10 +552,15 @@ class OwnTransaction:
         self._lock: WriterLock | None = None
 
     def __enter__(self) -> Transaction:
-        self._lock = lock = self._store.queue_up()
+        store = self._store
+        self._lock = lock = store.queue_up()
         try:
-            self._transaction = self._begin()
-            self._block = self._store.open_block(self._transaction)
+            self._transaction = transaction = self._begin()
+            try:
+                self._block = Block(store, store.queue, transaction)
+            except BaseException:
+                end_session(transaction.session)
+                raise
         except BaseException:
             if lock is not None:
                 lock.release()

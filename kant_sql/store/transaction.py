@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from itertools import chain
 
-from sqlalchemy import func, select
+from sqlalchemy import bindparam, func, select, update
 
 from ..errors import ConnectionLostError
 from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
@@ -23,9 +23,9 @@ from ..sql.dialects.base import Session
 from ..sql.plans import Step
 from ..sql.query import Insert, Query
 from ..sql.rows import KB, table_of
-from ..sql.tables import PlanRow, RevisionPlanStepRow, RevisionRow
+from ..sql.tables import HeadRow, PlanRow, RevisionPlanStepRow, RevisionRow
 from .caches import Agreements, AtomCache, FluentCache
-from .head import Committed, Head, move_head
+from .head import Committed, Head
 from .journal import JournalScope
 from .ledger import (
     DefinitionLedger,
@@ -43,6 +43,18 @@ _NEW_REVISION = Insert(
     "observed_at",
 )
 _NEW_PLAN_STEP = Insert(table_of(RevisionPlanStepRow), "kb_id", "number", "plan_id", "position")
+
+_MOVE_HEAD = Query(
+    update(HeadRow)
+    .where(HeadRow.kb_id == bindparam("kb"))
+    .values(
+        revision=bindparam("number"),
+        definition_revision=bindparam("definitions"),
+        next_id=bindparam("next"),
+        hash=bindparam("digest"),
+        committed_at=bindparam("time"),
+    )
+)
 
 # Flush above this count of pending propositions to bound memory.
 SPILL_AT = 10_000
@@ -280,7 +292,15 @@ class Transaction:
             made = self._write_revision(changes)
             self._write(pending)
         definitions = made.number if self.redefined else self.head.definition_revision
-        move_head(self.session, self.kb_id, made, definitions, self._context.next_id)
+        self.session.run(
+            _MOVE_HEAD,
+            kb=self.kb_id,
+            number=made.number,
+            definitions=definitions,
+            next=self._context.next_id,
+            digest=made.hash,
+            time=made.moment,
+        )
         self.committed = made
         self.session.commit(self.kb_id)
         return made
@@ -313,7 +333,7 @@ class Transaction:
         lines: list[Change] = []
         for ledger in touched:
             if not (was_spilled and ledger is propositions):
-                found = [*ledger.lines()]
+                found = ledger.lines()
                 self.redefined = self.redefined or bool(ledger.defines and found)
                 lines += found
         if was_spilled:

@@ -208,7 +208,15 @@ class StoreFile:
         """
         try:
             self.check(is_committed=True)
-            self.is_long = self._check_log() > WAL_LIMIT
+            # SQLite has no locks on this file, which closing it would release.
+            header = _read(self._wal, 0, WAL_HEADER)
+            size = self._companion(self._wal)
+            if size and len(header) == WAL_HEADER and header[:4] not in WAL_MAGIC:
+                # SQLite has appended where the last commit ended; no reader finds that.
+                self._refuse(f"{os.path.basename(self._wal)} was emptied")
+            # SQLite itself truncates a restarted log to the limit.
+            self._salt, self._logged = header[WAL_SALT], min(size, WAL_LIMIT)
+            self.is_long = size > WAL_LIMIT
             self._companion(self._shm)
         except StoreReplacedError as error:
             raise StoreReplacedError(
@@ -225,7 +233,7 @@ class StoreFile:
             # `check_committed` looks for it.
             return
         # A checkpoint may leave an empty log; the next write shows whether it did.
-        if 0 < size < self._logged and self._read_header()[WAL_SALT] == self._salt:
+        if 0 < size < self._logged and _read(self._wal, 0, WAL_HEADER)[WAL_SALT] == self._salt:
             self._refuse(f"{os.path.basename(self._wal)} was cut off")
 
     def forget(self) -> None:
@@ -328,21 +336,6 @@ class StoreFile:
                 return True
             except sqlite3.DatabaseError:
                 return False
-
-    def _check_log(self) -> int:
-        """Check the log after a commit; return its size, 0 without one."""
-        header = self._read_header()
-        size = self._companion(self._wal)
-        if size and len(header) == WAL_HEADER and header[:4] not in WAL_MAGIC:
-            # SQLite has appended where the last commit ended; no reader finds that.
-            self._refuse(f"{os.path.basename(self._wal)} was emptied")
-        # SQLite itself truncates a restarted log to the limit.
-        self._salt, self._logged = header[WAL_SALT], min(size, WAL_LIMIT)
-        return size
-
-    def _read_header(self) -> bytes:
-        # SQLite has no locks on this file, which closing it would release.
-        return _read(self._wal, 0, WAL_HEADER)
 
     def has_spilled(self) -> bool:
         """Return whether the log has pages of an open transaction, of which the cache was full.
