@@ -354,7 +354,8 @@ class Definitions:
 
     Attributes:
         templates: cache of the templates of actions by id, shared with later snapshots.
-        derived: cache of what follows from this snapshot alone, by what computes it.
+        derived: cache of what follows from this snapshot alone, by what computes it; a change
+            within a transaction clears it.
     """
 
     types: Elements[TypeDefinition]
@@ -491,11 +492,12 @@ class PendingDefinitions(Definitions):
         return super()._hierarchy() if types and types.changes else self.origin._hierarchy()
 
     def reshape(self, new_type: int | None = None) -> None:
-        """Invalidate the index of the type hierarchy before a change."""
+        """Forget the index of the type hierarchy, and what follows, before a change."""
         if self._ancestry is not None and new_type is not None:
             self._ancestry.forget(new_type)
         else:
             self._ancestry = None
+        self.derived.clear()
 
     def publish(self) -> Definitions:
         """Make the snapshot after the commit."""

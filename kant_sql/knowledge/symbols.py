@@ -88,12 +88,7 @@ def _types_of(definitions: Definitions) -> Any:
 
 
 def symbols_of(definitions: Definitions) -> SymbolTable:
-    """Return the names of a state.
-
-    Those of a snapshot are kept with it; those of a transaction may change with the next write.
-    """
-    if type(definitions) is not Definitions:
-        return StoredSymbols(definitions)
+    """Return the names of a state, which are kept with it."""
     found: SymbolTable | None = definitions.derived.get(StoredSymbols)
     if found is None:
         found = definitions.derived[StoredSymbols] = StoredSymbols(definitions)

@@ -159,7 +159,7 @@ def prepare(
     key = (text, parameters, *sorted(bindings))
     kept: dict[Any, Prepared] = definitions.derived.setdefault(Prepared, {})
     found = kept.get(key)
-    if found is None or found.definitions is not definitions:
+    if found is None:
         read = read_condition(text, symbols=symbols_of(definitions), parameters=parameters)
         names = [variable.name for variable in read.free]
         given: dict[str, str] = {}
@@ -173,16 +173,10 @@ def prepare(
         for column in (*resolved.columns, *resolved.given):
             _check_possible(definitions, column)
         found = Prepared(resolved, definitions)
-        if is_kept(definitions):
-            if len(kept) >= KEPT:
-                kept.clear()
-            kept[key] = found
+        if len(kept) >= KEPT:
+            kept.clear()
+        kept[key] = found
     return found
-
-
-def is_kept(definitions: Definitions) -> bool:
-    """Return whether definitions never change: those of a transaction do."""
-    return type(definitions) is Definitions
 
 
 def _check_possible(definitions: Definitions, column: Column) -> None:
@@ -296,7 +290,7 @@ def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None,
     if predicate is None or not kept or len(terms) != len(predicate.parameters):
         return None, {}
     found: Prepared | None = kept.get(("ground", predicate.id, False))
-    if found is None or found.definitions is not definitions:
+    if found is None:
         return None, {}
     values = {}
     for number, (term, parameter) in enumerate(zip(terms, predicate.parameters, strict=True)):
@@ -323,7 +317,7 @@ def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | Non
     key = ("ground", predicate.id, is_negative)
     kept: dict[Any, Prepared] = definitions.derived.setdefault(Prepared, {})
     found = kept.get(key)
-    if found is None or found.definitions is not definitions:
+    if found is None:
         if rules_of(definitions).of(predicate.id):
             return None, {}
         slots = tuple(map(Slot, range(len(atom.terms))))
@@ -452,7 +446,8 @@ class _Asking:
         """Prepare it with definitions, or refuse it; return the values of its parameters, too."""
         last = self._last
         # Those that a transaction changes are the same object, and say something else.
-        if last is None or last[0].definitions is not definitions or not is_kept(definitions):
+        is_other = last is None or last[0].definitions is not definitions
+        if last is None or is_other or type(definitions) is not Definitions:
             prepared = prepare(definitions, *self.asked)
             given: dict[str, Any] = {**prepared.values(definitions, self.asked[2])}
             if self.limit is not None:

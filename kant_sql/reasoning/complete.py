@@ -90,7 +90,7 @@ def _matches(names: list[_Named], wanted: str) -> Iterator[_Named]:
 
 
 def _names(definitions: Definitions) -> list[_Named]:
-    """Return all names of a snapshot, sorted."""
+    """Return all names of a state, sorted."""
     found: list[_Named] | None = definitions.derived.get(_Named)
     if found is None:
         found = sorted(
@@ -101,6 +101,5 @@ def _names(definitions: Definitions) -> list[_Named]:
             ),
             key=lambda one: one[:2],
         )
-        if type(definitions) is Definitions:
-            definitions.derived[_Named] = found
+        definitions.derived[_Named] = found
     return found

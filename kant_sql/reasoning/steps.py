@@ -155,7 +155,6 @@ class PreparedAction:
 
     Attributes:
         node: the action.
-        definition: what it was read from; None for one of a document.
         name: its name.
         is_durative: whether it has a duration.
         variables: its parameters.
@@ -165,11 +164,8 @@ class PreparedAction:
         kept: cache of its statements.
     """
 
-    def __init__(
-        self, definitions: Definitions, node: Action, definition: ActionDefinition | None = None
-    ) -> None:
+    def __init__(self, definitions: Definitions, node: Action) -> None:
         self.node = node
-        self.definition = definition
         self.definitions = definitions
         self.name = node.name
         self.is_durative = node.kind == DURATIVE_ACTION
@@ -424,14 +420,12 @@ def preferred(
 
 
 def prepared(definitions: Definitions, definition: ActionDefinition) -> PreparedAction:
-    """Return a prepared action; those of a snapshot are kept with it."""
+    """Return a prepared action, which is kept with the state."""
     key = (PreparedAction, definition.id)
     found: PreparedAction | None = definitions.derived.get(key)
-    is_kept = type(definitions) is Definitions
-    if found is None or found.definition is not definition or not is_kept:
-        found = PreparedAction(definitions, action_of(definitions, definition), definition)
-        if is_kept:
-            definitions.derived[key] = found
+    if found is None:
+        node = action_of(definitions, definition)
+        found = definitions.derived[key] = PreparedAction(definitions, node)
     return found
 
 

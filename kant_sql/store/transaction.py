@@ -215,6 +215,8 @@ class Transaction:
             self.agreements.clear()
         if kind == "type":
             self.definitions.reshape(definition.id if before is None else None)
+        else:
+            self.definitions.derived.clear()
         self._ledger(kind).put(definition.id, definition)
         return True
 
@@ -229,6 +231,8 @@ class Transaction:
         """Define an element of another knowledge base, under its id, where nothing is known."""
         if kind == "type":
             self.definitions.reshape(definition.id)
+        else:
+            self.definitions.derived.clear()
         self._ledger(kind).adopt(definition)
 
     def undefine(self, kind: str, id_: int) -> None:

@@ -17,10 +17,11 @@ from kant_sql import (
     KnowledgeBase,
     PddlError,
     PddlObjectDto,
+    PddlPredicateDto,
     PddlTypeDto,
 )
 from kant_sql.errors import ClosedError, TypeMismatchError
-from kant_sql.pddl import Atom, Derived, Not, Or, Variable
+from kant_sql.pddl import Atom, Constant, Derived, Equal, Not, Or, TypedName, Variable
 from kant_sql.sql.dialects.words import add_functions
 from tests.support.statements import count
 from tests.support.worlds import graph
@@ -122,6 +123,25 @@ def test_conditions_of_the_past_are_answered_alike(fresh_kb: KnowledgeBase) -> N
     with pytest.raises(PddlError, match="the predicate 'blocked'"):
         fresh_kb.holds("(blocked w2)")
     check_all(fresh_kb.at(then))
+
+
+def test_a_transaction_sees_the_types_and_rules_that_it_defines(fresh_kb: KnowledgeBase) -> None:
+    kb, part = fresh_kb, PddlTypeDto("part")
+    with kb.transaction():
+        kb.objects.save(PddlObjectDto(part, "bolt"))
+        kb.predicates.save(PddlPredicateDto("lost", [part]))
+        found = kb.query("(not (lost ?x))", parameters="(?x - part)")
+        assert list(found) == [("bolt",)]
+        assert not kb.holds("(lost bolt)")
+        kb.objects.save(PddlObjectDto(PddlTypeDto("nut", parent=part), "n1"))
+        found = kb.query("(not (lost ?x))", parameters="(?x - part)")
+        assert list(found) == [("bolt",), ("n1",)]
+        with pytest.raises(OSError), kb.transaction():
+            body = Equal(Variable("x"), Constant("bolt"))
+            kb.pddl.derived_predicates.save(Derived("lost", (TypedName("x", ("part",)),), body))
+            assert kb.holds("(lost bolt)")
+            raise OSError
+        assert not kb.holds("(lost bolt)")
 
 
 def test_a_transaction_sees_its_pending_writes(fresh_kb: KnowledgeBase) -> None:
