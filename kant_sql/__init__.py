@@ -60,16 +60,15 @@ if TYPE_CHECKING:
     from .plans import RecordedPlan as RecordedPlan, RecordedStep as RecordedStep
     from .reasoning.ask import Answers as Answers
     from .reasoning.complete import Completion as Completion
-    from .reasoning.durative import BrokenInvariant as BrokenInvariant
+    from .reasoning.durative import Aborted as Aborted, BrokenInvariant as BrokenInvariant
     from .reasoning.failures import FailedCondition as FailedCondition
-    from .reasoning.periods import Held as Held, HeldPeriods as HeldPeriods
-    from .reasoning.undo import Aborted as Aborted
+    from .reasoning.rules import Verdict as Verdict, Verdicts as Verdicts
     from .reasoning.validate import (
         FailedStep as FailedStep,
         Validation as Validation,
         ViolatedConstraint as ViolatedConstraint,
     )
-    from .reasoning.verdicts import Verdict as Verdict, Verdicts as Verdicts
+    from .reasoning.when import Held as Held, HeldPeriods as HeldPeriods
     from .sql.changes import Change as Change
     from .sql.schema import upgrade as upgrade
 
@@ -90,12 +89,11 @@ _HOMES = {
     ".plans": ["RecordedPlan", "RecordedStep"],
     ".reasoning.ask": ["Answers"],
     ".reasoning.complete": ["Completion"],
-    ".reasoning.durative": ["BrokenInvariant"],
+    ".reasoning.durative": ["Aborted", "BrokenInvariant"],
     ".reasoning.failures": ["FailedCondition"],
-    ".reasoning.periods": ["Held", "HeldPeriods"],
-    ".reasoning.undo": ["Aborted"],
+    ".reasoning.rules": ["Verdict", "Verdicts"],
     ".reasoning.validate": ["FailedStep", "Validation", "ViolatedConstraint"],
-    ".reasoning.verdicts": ["Verdict", "Verdicts"],
+    ".reasoning.when": ["Held", "HeldPeriods"],
     ".sql.changes": ["Change"],
     ".sql.schema": ["upgrade"],
 }

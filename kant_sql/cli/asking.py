@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
     from ..reasoning.ask import Answers
     from ..reasoning.failures import FailedCondition
-    from ..reasoning.periods import Held
-    from ..reasoning.verdicts import Verdict
+    from ..reasoning.rules import Verdict
+    from ..reasoning.when import Held
 
 _USAGE = "[URL] CONDITION"
 _EXAMPLE = "sqlite:///robot.db '(robot_at ?r wp1)'"

@@ -23,6 +23,7 @@ from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from ..pddl.given import ReadCondition
 from .definitions import Definitions, FunctionDefinition, PredicateDefinition
+from .trees import ParameterDefinition
 
 # The ids of types whose objects fit; None for all objects.
 TypeSet = frozenset[int] | None
@@ -258,11 +259,11 @@ def fits(definitions: Definitions, object_id: int, types: TypeSet) -> bool:
 class Needed(NamedTuple):
     """The variables that stand for the values of object fluents, and what must hold of them."""
 
-    bound: tuple[Bound, ...]
+    bound: list[Bound]
     needed: list[Part]
 
 
-D = TypeVar("D")
+D = TypeVar("D", PredicateDefinition, FunctionDefinition)
 
 
 class AppliedTerms(NamedTuple, Generic[D]):
@@ -270,8 +271,7 @@ class AppliedTerms(NamedTuple, Generic[D]):
 
     definition: D
     terms: tuple[Place, ...]
-    bound: tuple[Bound, ...]
-    needed: list[Part]
+    needed: Needed
 
 
 class Resolver:
@@ -310,40 +310,30 @@ class Resolver:
 
     def atom(self, atom: f.Atom) -> AppliedTerms[PredicateDefinition]:
         """Resolve the atom of an effect."""
-        predicate = self._predicate(atom)
-        needed: list[Part] = []
-        bound: list[Bound] = []
-        terms = self._terms(atom.terms, predicate.parameters, needed, bound)
-        return AppliedTerms(predicate, terms, tuple(bound), needed)
+        return self._applied(self._predicate(atom), atom.terms)
 
     def fluent(self, fluent: f.Fluent) -> AppliedTerms[FunctionDefinition]:
         """Resolve the fluent of an effect."""
-        function = self._definitions.functions.named(fluent.function)
-        if function is None:
-            raise InvalidKnowledgeError(f"function {fluent.function!r} is not known")
-        needed: list[Part] = []
-        bound: list[Bound] = []
-        terms = self._terms(fluent.terms, function.parameters, needed, bound)
-        return AppliedTerms(function, terms, tuple(bound), needed)
+        return self._applied(self._function(fluent), fluent.terms)
+
+    def _applied(self, definition: D, terms: Sequence[f.Term]) -> AppliedTerms[D]:
+        needed = Needed([], [])
+        places = self._terms(terms, definition.parameters, needed)
+        return AppliedTerms(definition, places, needed)
 
     def assigned(
-        self, value: f.Expression | f.Term, function: FunctionDefinition
-    ) -> tuple[Quantity | Place, Needed]:
-        """Resolve what a fluent is assigned."""
-        needed: list[Part] = []
-        bound: list[Bound] = []
-        if function.type_ids:
-            assert isinstance(value, f.Variable | f.Constant | f.Fluent)
-            return self._term(value, needed, bound), Needed(tuple(bound), needed)
-        found = self._expression(value, needed, bound)
-        return found, Needed(tuple(bound), needed)
+        self, value: f.Expression | f.Term, function: FunctionDefinition, needed: Needed
+    ) -> Quantity | Place:
+        """Resolve what a fluent is assigned, and add what that needs."""
+        if not function.type_ids:
+            return self._expression(value, needed)
+        assert isinstance(value, f.Variable | f.Constant | f.Fluent)
+        return self._term(value, needed)
 
     def number(self, expression: f.Expression) -> tuple[Quantity, Needed]:
         """Resolve a number."""
-        needed: list[Part] = []
-        bound: list[Bound] = []
-        found = self._expression(expression, needed, bound)
-        return found, Needed(tuple(bound), needed)
+        needed = Needed([], [])
+        return self._expression(expression, needed), needed
 
     def allowed(self, slot: Slot) -> tuple[TypeSet, ...]:
         """Return what the atoms that mention a variable allow."""
@@ -378,41 +368,36 @@ class Resolver:
                 return (all_of if negative else any_of)([first, second])
             case f.Exists(variables, formula) | f.Forall(variables, formula):
                 is_universal = isinstance(node, f.Forall)
-                bound = self.variables(variables)
-                within = self._formula(formula, is_universal)
-                for variable in variables:
-                    self._scope[fold(variable.name)].pop()
+                with self.within(variables) as bound:
+                    within = self._formula(formula, is_universal)
                 witness: Part = FALSE if within == FALSE else Witness(bound, within)
                 return negate(witness) if negative != is_universal else witness
         leaf = self._leaf(node)
         return negate(leaf) if negative else leaf
 
     def _leaf(self, node: f.Node) -> Part:
-        needed: list[Part] = []
-        bound: list[Bound] = []
+        needed = Needed([], [])
         found: Part
         match node:
             case f.Atom(_, terms):
                 predicate = self._predicate(node)
-                places = self._terms(terms, predicate.parameters, needed, bound)
-                found = HoldsFact(predicate.id, places)
+                found = HoldsFact(predicate.id, self._terms(terms, predicate.parameters, needed))
             case f.Equal(left, right):
-                sides = [self._term(term, needed, bound) for term in (left, right)]
-                found = same(*sides)
+                found = same(self._term(left, needed), self._term(right, needed))
             case f.Comparison(operator, first, second):
-                least = self._expression(first, needed, bound)
-                most = self._expression(second, needed, bound)
-                found = Compares(operator, least, most)
+                least = self._expression(first, needed)
+                found = Compares(operator, least, self._expression(second, needed))
             case f.Preference():
                 # It is counted, not required.
                 return TRUE
             case _:
                 raise UnsupportedConstructError(
                     f"{node} is not a condition of one state; give a formula of atoms, "
-                    "comparisons, "
-                    "and, or, not, imply, forall and exists"
+                    "comparisons, and, or, not, imply, forall and exists"
                 )
-        return Witness(tuple(bound), all_of([*needed, found])) if bound else found
+        if not needed.bound:
+            return found
+        return Witness(tuple(needed.bound), all_of([*needed.needed, found]))
 
     def _predicate(self, atom: f.Atom) -> PredicateDefinition:
         predicate = self._definitions.predicates.named(atom.predicate)
@@ -422,62 +407,43 @@ class Resolver:
             )
         return predicate
 
+    def _function(self, fluent: f.Fluent) -> FunctionDefinition:
+        function = self._definitions.functions.named(fluent.function)
+        if function is None:
+            raise InvalidKnowledgeError(f"function {fluent.function!r} is not known")
+        return function
+
     def _terms(
-        self,
-        terms: Sequence[f.Term],
-        parameters: Sequence[Any],
-        needed: list[Part],
-        bound: list[Bound],
+        self, terms: Sequence[f.Term], parameters: Sequence[ParameterDefinition], needed: Needed
     ) -> tuple[Place, ...]:
-        places = []
-        for term, parameter in zip(terms, parameters, strict=True):
-            place = self._term(term, needed, bound)
-            self._allow(place, parameter)
-            places.append(place)
-        return tuple(places)
-
-    def _allow(self, place: Place, parameter: Any) -> None:
-        """Note that a variable is an argument, so that its objects fit the parameter."""
-        if isinstance(place, Slot):
+        places = tuple([self._term(term, needed) for term in terms])
+        for place, parameter in zip(places, parameters, strict=True):
             types = closure(self._definitions, parameter.type_ids)
-            if types is not None:
+            # A variable is an argument, so its objects fit the parameter.
+            if isinstance(place, Slot) and types is not None:
                 self._allowed.setdefault(place, {})[types] = None
+        return places
 
-    def _term(self, term: f.Term, needed: list[Part], bound: list[Bound]) -> Place:
+    def _term(self, term: f.Term, needed: Needed) -> Place:
         """Resolve a term; the value of a fluent becomes a variable of its own."""
-        opened: list[tuple[f.Fluent, Slot]] = []
-        place = self._place(term, opened)
-        for fluent, slot in opened:
-            function = self._definitions.functions.named(fluent.function)
-            if function is None:
-                raise InvalidKnowledgeError(f"function {fluent.function!r} is not known")
-            # Adds the fluents among its own terms, which the loop comes to.
-            places = tuple([self._place(inner, opened) for inner in fluent.terms])
-            for place_, parameter in zip(places, function.parameters, strict=True):
-                self._allow(place_, parameter)
-            types = closure(self._definitions, function.type_ids)
-            bound.append(Bound(slot, () if types is None else (types,)))
-            needed.append(FluentIs(function.id, places, slot))
-        return place
-
-    def _place(self, term: f.Term, opened: list[tuple[f.Fluent, Slot]]) -> Place:
         if isinstance(term, f.Fluent):
-            slot = self.slot()
-            opened.append((term, slot))
+            function, slot = self._function(term), self.slot()
+            places = self._terms(term.terms, function.parameters, needed)
+            types = closure(self._definitions, function.type_ids)
+            needed.bound.append(Bound(slot, () if types is None else (types,)))
+            needed.needed.append(FluentIs(function.id, places, slot))
             return slot
         if isinstance(term, f.Constant):
             found = self._definitions.objects.named(term.name)
             if found is None:
                 raise InvalidKnowledgeError(f"object {term.name!r} is not known; save it first")
             return Known(found.id)
-        places = self._scope.get(fold(term.name))
-        if not places:
+        scope = self._scope.get(fold(term.name))
+        if not scope:
             raise InvalidKnowledgeError(f"nothing binds the variable {term}")
-        return places[-1]
+        return scope[-1]
 
-    def _expression(
-        self, node: f.Expression | f.Term, needed: list[Part], bound: list[Bound]
-    ) -> Quantity:
+    def _expression(self, node: f.Expression | f.Term, needed: Needed) -> Quantity:
         match node:
             case f.Number(value):
                 return value
@@ -485,12 +451,12 @@ class Resolver:
                 function = self._definitions.functions.named(name)
                 if function is None:
                     return Parameter(fold(name))
-                places = self._terms(terms, function.parameters, needed, bound)
+                places = self._terms(terms, function.parameters, needed)
                 return NumberOf(function.id, places)
             case f.Arithmetic(operator, operands):
                 found: list[Quantity] = []
                 for operand in operands:
-                    inner = self._expression(operand, needed, bound)
+                    inner = self._expression(operand, needed)
                     if isinstance(inner, Operation) and inner.operator == operator in ("+", "*"):
                         found += inner.operands
                     else:
@@ -573,19 +539,12 @@ def resolve(
         given: the free variables that each evaluation gives an object, by folded name.
     """
     resolver = Resolver(definitions)
-    slots = [resolver.slot() for _ in read.free]
-    for variable, slot in zip(read.free, slots, strict=True):
-        resolver.bind(variable.name, slot)
+    variables = resolver.variables(read.free)
     part = resolver.part(read.formula)
     check_levels(part)
-    columns = []
-    for variable, slot in zip(read.free, slots, strict=True):
-        if read.are_declared:
-            types = resolver.types(variable.types)
-            allowed: tuple[TypeSet, ...] = () if types is None else (types,)
-        else:
-            allowed = resolver.allowed(slot)
-        columns.append(Column(variable.name, Bound(slot, allowed)))
+    if not read.are_declared:
+        variables = tuple([Bound(one.slot, resolver.allowed(one.slot)) for one in variables])
+    columns = [Column(one.name, own) for one, own in zip(read.free, variables, strict=True)]
     return ResolvedCondition(
         part,
         tuple(column for column in columns if fold(column.name) not in given),

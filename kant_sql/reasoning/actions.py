@@ -268,7 +268,8 @@ class _Continuous:
         for _ in self._search(env):
             rate = self._rate(env, LINEARS)
             if rate is not None:
-                change = LINEARS.multiply(Linear(Fraction(0), Fraction(1)), rate)
+                change = LINEARS.apply("*", Linear(Fraction(0), Fraction(1)), rate)
+                assert change is not None
                 yield (self._item.head, self._row(env)), self._sign * change.rate
 
 
@@ -495,7 +496,7 @@ def _updated(update: Update, value: Exact | int | None) -> Exact | int:
     if operator == "assign" or isinstance(by, int):
         return by
     assert isinstance(value, Decimal | Fraction)
-    result = CHANGES[operator](value, by)
+    result = EXACT.apply(CHANGES[operator], value, by)
     assert result is not None
     return result
 

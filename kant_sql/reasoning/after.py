@@ -43,31 +43,31 @@ from ..knowledge.resolved import (
     same,
 )
 from ..knowledge.rules import DerivationRules, rules_of
+from .arithmetic import CHANGES
 from .steps import EffectItem
 from .world import Head
 
 # How many cases of one comparison are told apart.
 MOST_CASES = 16
-_OPERATORS = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
 
 
 class OpaqueError(Exception):
     """No condition on the state before says what holds after."""
 
 
-def mapped(part: Part, of: Callable[[Part], Part]) -> Part:
-    """Replace what has no parts of its own."""
+def mapped(part: Part, of: Callable[[Part, bool], Part], is_negated: bool = False) -> Part:
+    """Replace what has no parts of its own; `of` knows whether it stands below a negation."""
     match part:
         case AllOf(parts):
-            return all_of(mapped(each, of) for each in parts)
+            return all_of(mapped(each, of, is_negated) for each in parts)
         case OneOf(parts):
-            return any_of(mapped(each, of) for each in parts)
+            return any_of(mapped(each, of, is_negated) for each in parts)
         case Lacks(inner):
-            return negate(mapped(inner, of))
+            return negate(mapped(inner, of, not is_negated))
         case Witness(bound, inner):
-            within = mapped(inner, of)
+            within = mapped(inner, of, is_negated)
             return FALSE if within == FALSE else Witness(bound, within)
-    return of(part)
+    return of(part, is_negated)
 
 
 def with_quantities(quantity: Quantity, values: Mapping[Quantity, Quantity]) -> Quantity:
@@ -143,7 +143,7 @@ class After:
         """
         return mapped(part, self._leaf) if self._items else part
 
-    def _leaf(self, leaf: Part) -> Part:
+    def _leaf(self, leaf: Part, _: bool) -> Part:
         match leaf:
             case HoldsFact(predicate, terms):
                 if self._rules.of(predicate) and not leaf.is_stored:
@@ -230,7 +230,7 @@ class After:
                 guards.append(replaced(hit if is_hit else negate(hit), {}, self._numbers))
                 if is_hit:
                     by = _replaced(item.value, places, self._numbers)
-                    operator = _OPERATORS.get(item.operator)
+                    operator = CHANGES.get(item.operator)
                     value = by if operator is None else Operation(operator, (value, by))
             guard = all_of(guards)
             if guard != FALSE:
@@ -255,21 +255,16 @@ def ground_item(
     return EffectItem(operator, head, terms, value, (), TRUE, TRUE, FALSE, ())
 
 
-def weakened(part: Part, heads: set[Head], negated: bool = False) -> Part:
+def weakened(part: Part, heads: set[Head]) -> Part:
     """Return a condition on numbers that change, as it holds at the ends of an open interval."""
-    match part:
-        case AllOf(parts):
-            return all_of(weakened(each, heads, negated) for each in parts)
-        case OneOf(parts):
-            return any_of(weakened(each, heads, negated) for each in parts)
-        case Lacks(inner):
-            return negate(weakened(inner, heads, not negated))
-        case Witness(bound, inner):
-            return Witness(bound, weakened(inner, heads, negated))
-        case Compares(operator, _, _) if not heads.isdisjoint(map(head_of, parts_of(part))):
-            changes = {"<=": "<", ">=": ">"} if negated else {"<": "<=", ">": ">="}
-            return replace(part, operator=changes.get(operator, operator))
-    return part
+
+    def leaf(each: Part, is_negated: bool) -> Part:
+        if not isinstance(each, Compares) or heads.isdisjoint(map(head_of, parts_of(each))):
+            return each
+        changes = {"<=": "<", ">=": ">"} if is_negated else {"<": "<=", ">": ">="}
+        return replace(each, operator=changes.get(each.operator, each.operator))
+
+    return mapped(part, leaf)
 
 
 def is_linear(part: Part, heads: set[Head], rules: DerivationRules, negated: bool = False) -> bool:

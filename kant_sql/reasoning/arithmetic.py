@@ -7,13 +7,11 @@ time since the change began.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Sequence
 from decimal import Context, Decimal, Inexact
 from fractions import Fraction
-from typing import Generic, NamedTuple, TypeVar
-
-from typing_extensions import override
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from ..dao.function_value import INCREASE, ROUNDED_DIGITS, SCALE_DOWN, calculate
 from ..dto.lexical import EXACT_DECIMALS
@@ -22,74 +20,56 @@ from ..errors import UnsupportedConstructError
 T = TypeVar("T")
 Exact = Decimal | Fraction
 
-
-class Numbers(ABC, Generic[T]):
-    """A kind of numbers. No result (None) stands for a division by zero."""
-
-    @abstractmethod
-    def of(self, number: Decimal) -> T:
-        """Convert a number."""
-
-    @abstractmethod
-    def add(self, left: T, right: T) -> T | None:
-        """Add."""
-
-    @abstractmethod
-    def subtract(self, left: T, right: T) -> T | None:
-        """Subtract."""
-
-    @abstractmethod
-    def multiply(self, left: T, right: T) -> T | None:
-        """Multiply."""
-
-    @abstractmethod
-    def divide(self, left: T, right: T) -> T | None:
-        """Divide."""
-
-    def apply(self, operator: str, left: T, right: T) -> T | None:
-        """Apply one of `+`, `-`, `*` and `/`."""
-        if operator == "+":
-            return self.add(left, right)
-        if operator == "-":
-            return self.subtract(left, right)
-        return self.multiply(left, right) if operator == "*" else self.divide(left, right)
+# What an effect does to the value of a fluent, as an operator of arithmetic.
+CHANGES = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
+_DECIMALS: dict[str, Callable[[Decimal, Decimal], Decimal]] = {
+    "+": EXACT_DECIMALS.add,
+    "-": EXACT_DECIMALS.subtract,
+    "*": EXACT_DECIMALS.multiply,
+}
+_FRACTIONS: dict[str, Callable[[Any, Any], Fraction]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
 
 
-class Exacts(Numbers[Exact]):
-    """Decimals, or fractions where a quotient of decimals has no end."""
+class Numbers(NamedTuple, Generic[T]):
+    """A kind of numbers.
 
-    @override
-    def of(self, number: Decimal) -> Exact:
-        return number
+    Attributes:
+        of: converts a number.
+        apply: applies one of `+`, `-`, `*` and `/`; None for a division by zero.
+    """
 
-    @override
-    def add(self, left: Exact, right: Exact) -> Exact:
-        if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return EXACT_DECIMALS.add(left, right)
-        return Fraction(left) + Fraction(right)
+    of: Callable[[Decimal], T]
+    apply: Callable[[str, T, T], T | None]
 
-    @override
-    def subtract(self, left: Exact, right: Exact) -> Exact:
-        if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return EXACT_DECIMALS.subtract(left, right)
-        return Fraction(left) - Fraction(right)
+    def calculate(self, symbol: str, operands: Sequence[T | None]) -> T | None:
+        """Apply an operator to one operand or more; None if one has no value."""
+        found: T | None
+        found, *others = operands
+        if not others:
+            return None if found is None else self.apply("-", self.of(Decimal(0)), found)
+        for operand in others:
+            if found is None or operand is None:
+                return None
+            found = self.apply(symbol, found, operand)
+        return found
 
-    @override
-    def multiply(self, left: Exact, right: Exact) -> Exact:
-        if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return EXACT_DECIMALS.multiply(left, right)
-        return Fraction(left) * Fraction(right)
 
-    @override
-    def divide(self, left: Exact, right: Exact) -> Exact | None:
-        if not right:
-            return None
-        if isinstance(left, Decimal) and isinstance(right, Decimal):
-            context = Context(prec=ROUNDED_DIGITS)
-            result = context.divide(left, right)
-            if not context.flags[Inexact]:
-                return result
-        return Fraction(left) / Fraction(right)
+def _exact(symbol: str, left: Exact, right: Exact) -> Exact | None:
+    if symbol == "/" and not right:
+        return None
+    if isinstance(left, Decimal) and isinstance(right, Decimal):
+        if symbol != "/":
+            return _DECIMALS[symbol](left, right)
+        context = Context(prec=ROUNDED_DIGITS)
+        result = context.divide(left, right)
+        if not context.flags[Inexact]:
+            return result
+    return _FRACTIONS[symbol](Fraction(left), Fraction(right))
 
 
 class Linear(NamedTuple):
@@ -103,54 +83,24 @@ class Linear(NamedTuple):
         return self.value + self.rate * time
 
 
-class Linears(Numbers[Linear]):
-    """Linear functions of time.
-
-    Raises:
-        UnsupportedConstructError: a product or a quotient is not linear.
-    """
-
-    @override
-    def of(self, number: Decimal) -> Linear:
-        return Linear(Fraction(number), Fraction(0))
-
-    @override
-    def add(self, left: Linear, right: Linear) -> Linear:
-        return Linear(left.value + right.value, left.rate + right.rate)
-
-    @override
-    def subtract(self, left: Linear, right: Linear) -> Linear:
-        return Linear(left.value - right.value, left.rate - right.rate)
-
-    @override
-    def multiply(self, left: Linear, right: Linear) -> Linear:
-        if left.rate and right.rate:
-            raise _not_linear("a product of two numbers that change")
+def _linear(symbol: str, left: Linear, right: Linear) -> Linear | None:
+    if symbol in "+-":
+        return Linear(*map(_FRACTIONS[symbol], left, right))
+    if right.rate and (left.rate or symbol == "/"):
+        what = "product of two numbers that change"
+        if symbol == "/":
+            what = "division by a number that changes"
+        raise UnsupportedConstructError(
+            f"a {what} continuously is not linear in time; only linear change can be validated"
+        )
+    if symbol == "*":
         rate = left.rate * right.value + left.value * right.rate
         return Linear(left.value * right.value, rate)
-
-    @override
-    def divide(self, left: Linear, right: Linear) -> Linear | None:
-        if right.rate:
-            raise _not_linear("a division by a number that changes")
-        if not right.value:
-            return None
-        return Linear(left.value / right.value, left.rate / right.value)
+    return Linear(left.value / right.value, left.rate / right.value) if right.value else None
 
 
-def _not_linear(construct: str) -> UnsupportedConstructError:
-    return UnsupportedConstructError(
-        f"{construct} continuously is not linear in time; only linear change can be validated"
-    )
-
-
-EXACT, LINEARS = Exacts(), Linears()
-CHANGES: dict[str, Callable[[Exact, Exact], Exact | None]] = {
-    "increase": EXACT.add,
-    "decrease": EXACT.subtract,
-    "scale-up": EXACT.multiply,
-    "scale-down": EXACT.divide,
-}
+EXACT: Numbers[Exact] = Numbers(lambda number: number, _exact)
+LINEARS: Numbers[Linear] = Numbers(lambda number: Linear(Fraction(number), Fraction(0)), _linear)
 
 
 def decimal_of(number: Exact) -> Decimal:

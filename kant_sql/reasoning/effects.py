@@ -25,7 +25,7 @@ from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .after import ground_item
-from .arithmetic import CHANGES, Exact, decimal_of
+from .arithmetic import CHANGES, EXACT, Exact, decimal_of
 from .ask import given_numbers, question, statement_key
 from .explain import decimals, exact, read_numbers
 from .failures import FailedCondition
@@ -292,7 +292,7 @@ def combined(
             return FailedCondition(text, "the step divides it by 0")
         assert number is not None
         assert isinstance(by, Decimal | Fraction)
-        number = CHANGES[operator](number, by)
+        number = EXACT.apply(CHANGES[operator], number, by)
     assert number is not None
     return decimal_of(number)
 

@@ -331,7 +331,10 @@ class Compiler:
             return self._fluent(quantity)
         if isinstance(quantity, Operation):
             operands = [self._number(each) for each in quantity.operands]
-            return _operation(quantity.operator, operands)
+            symbol = quantity.operator
+            return lambda env, numbers: numbers.calculate(
+                symbol, [each(env, numbers) for each in operands]
+            )
         return self._parameter(quantity.name)
 
     def _parameter(self, name: str) -> Number:
@@ -463,23 +466,6 @@ def _loop(tests: tuple[Test, ...], steps: tuple[_Step, ...]) -> Search:
     return run
 
 
-def _operation(operator: str, operands: Sequence[Number]) -> Number:
-    first, *others = operands
-
-    def run(env: Env, numbers: Numbers[Any]) -> Any:
-        result = first(env, numbers)
-        if result is not None and not others:
-            return numbers.subtract(numbers.of(Decimal(0)), result)
-        for each in others:
-            operand = None if result is None else each(env, numbers)
-            if operand is None:
-                return None
-            result = numbers.apply(operator, result, operand)
-        return result
-
-    return run
-
-
 def _continuous_time(env: Env, numbers: Numbers[Any]) -> Any:
     del env
     if numbers is not LINEARS:
@@ -495,7 +481,8 @@ def _compare_linear(world: World, operator: str, left: Number, right: Number, en
     first, second = left(env, LINEARS), right(env, LINEARS)
     if first is None or second is None:
         return False
-    difference = LINEARS.subtract(first, second)
+    difference = LINEARS.apply("-", first, second)
+    assert difference is not None
     if difference.rate:
         world.roots.add(-difference.value / difference.rate)
     return COMPARE[operator](difference.at(world.elapsed), Fraction(0))

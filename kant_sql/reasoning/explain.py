@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from itertools import count, islice
+from itertools import count
 from typing import Any
 
 from typing_extensions import override
@@ -53,13 +53,13 @@ from .ask import (
     question,
 )
 from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition
-from .past_question import names_of, with_objects
 from .steps import EffectItem, of_time, preferred
+from .sweep import names_of, with_objects
 from .world import Head
 
 # Numbers of variables that no condition has.
 _FAR = 2_000_000
-_NOTHING = Needed((), [])
+_NOTHING = Needed([], [])
 
 
 class Changed:
@@ -270,16 +270,7 @@ def exact(
     if isinstance(quantity, Parameter):
         return numbers.get(quantity.name)
     operands = [exact(each, values, numbers) for each in quantity.operands]
-    known = [each for each in operands if each is not None]
-    if len(known) < len(operands):
-        return None
-    if len(known) == 1:
-        return EXACT.subtract(Decimal(0), known[0])
-    result: Exact | None = known[0]
-    for operand in islice(known, 1, None):
-        if result is not None:
-            result = EXACT.apply(quantity.operator, result, operand)
-    return result
+    return EXACT.calculate(quantity.operator, operands)
 
 
 def unsatisfied(

@@ -227,7 +227,7 @@ def _with_duration(action: PreparedAction, part: Part) -> tuple[bool, Part]:
     parts = [part, *(each for _, limit, _ in limits for each in _has_value(limit))]
     if fixed is not None:
         values: dict[Quantity, Quantity] = {_LASTING: fixed}
-        parts[0] = mapped(part, lambda leaf: _with_numbers(leaf, values))
+        parts[0] = mapped(part, lambda leaf, _: _with_numbers(leaf, values))
         parts += [
             each
             for operator, limit, _ in [*limits, (">=", Decimal(0), None)]
@@ -440,13 +440,7 @@ def until_end(
     moments = (Decimal(0), AFTER_START), (Decimal(1), "at the end"), (_HALF, "halfway")
     for share, said in moments:
         assignments: dict[FluentKey, tuple[str, list[tuple[str, Exact | int]]]] = {
-            key: (
-                text,
-                [
-                    (operator, EXACT.multiply(Decimal(by) if isinstance(by, int) else by, share))
-                    for operator, by in made
-                ],
-            )
+            key: (text, [(operator, _times(by, share)) for operator, by in made])
             for key, (text, made) in read.assignments.items()
         }
         items, failed = settled(view, StepChanges(assignments=assignments))
@@ -456,3 +450,9 @@ def until_end(
         if failed:
             return failed
     return []
+
+
+def _times(by: Exact | int, share: Decimal) -> Exact:
+    found = EXACT.apply("*", Decimal(by) if isinstance(by, int) else by, share)
+    assert found is not None
+    return found

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from decimal import Decimal
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from .. import html
 from ..arguments import one_of
 from ..dao.formula import read_formula, read_formulas
 from ..dto import formulas as f
@@ -33,10 +36,137 @@ from ..sql.periods import stream_times
 from ..store.state import State
 from ..store.store import Store
 from .evaluate import Conditions
-from .past_question import read_at_last
-from .sweep import Range, Sweep, Visit, read_range
+from .sweep import Range, Sweep, Visit, read_at_last, read_range, revision_text
 from .trajectory import Moment, Rule, rules_of
-from .verdicts import Verdict, Verdicts
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether what was recorded keeps a rule.
+
+    Attributes:
+        rule: the rule as PDDL text, with objects for the variables of quantifiers around it.
+        is_satisfied: whether it was judged, and is kept.
+        is_preference: whether it is a preference.
+        preference: the name of the preference; None for another rule, or without a name.
+        revision: the first revision that violates it, with who made it, when and why; None if none
+            does.
+        time: its time in seconds from the first revision of the range; None without one.
+        is_judged: whether its names had a meaning in some state of the range.
+    """
+
+    _json_ = "rule", "verdict", "is_satisfied", "is_preference", "preference", "revision", "time"
+
+    rule: str
+    is_satisfied: bool
+    is_preference: bool = False
+    preference: str | None = None
+    revision: Revision | None = None
+    time: Decimal | None = None
+    is_judged: bool = True
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in words: `kept`, `violated` or `not judged`."""
+        if not self.is_judged:
+            return "not judged"
+        return "kept" if self.is_satisfied else "violated"
+
+    def _html_row_(self) -> html.Row:
+        revision = self.revision
+        return {
+            "rule": self.rule,
+            "verdict": self.verdict,
+            "preference": self.preference or ("without a name" if self.is_preference else None),
+            "revision": None if revision is None else revision.number,
+            "committed at": None if revision is None else revision.committed_at,
+            "actor": None if revision is None else revision.actor,
+            "reason": None if revision is None else revision.reason,
+            "source": None if revision is None else revision.source_text,
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
+
+    def __str__(self) -> str:
+        if not self.is_judged:
+            return f"{self.rule} is not judged: no state of the range has all its names"
+        if self.revision is None:
+            return f"{self.rule} is kept"
+        return f"{self.rule} is violated in revision {revision_text(self.revision)}"
+
+
+class Verdicts(html.Listing[Verdict]):
+    """The verdicts of rules, in the order of the rules.
+
+    Attributes:
+        first: the first revision of the range; 0 in an empty range.
+        last: the last one.
+    """
+
+    def __init__(self, verdicts: Iterable[Verdict], *, first: int, last: int) -> None:
+        super().__init__(verdicts, "verdict")
+        self.first = first
+        self.last = last
+
+    @property
+    def is_satisfied(self) -> bool:
+        """Whether all rules were judged and are kept; preferences do not count."""
+        return all(one.is_satisfied or one.is_preference for one in self)
+
+    @property
+    def violated(self) -> list[Verdict]:
+        """The rules and preferences that are violated."""
+        return [one for one in self if one.is_judged and not one.is_satisfied]
+
+    @property
+    def not_judged(self) -> list[Verdict]:
+        """The rules and preferences whose names had no meaning in the range."""
+        return [one for one in self if not one.is_judged]
+
+    @property
+    def worst_first(self) -> list[Verdict]:
+        """All of them: first those that are violated, then those that were not judged."""
+        return [*self.violated, *self.not_judged, *(one for one in self if one.is_satisfied)]
+
+    @property
+    def violated_preferences(self) -> Mapping[str, int]:
+        """How often each preference is violated; those without a name count as `anonymous`."""
+        names = (one.preference or "anonymous" for one in self.violated if one.is_preference)
+        return dict(Counter(names))
+
+    def to_dicts(self) -> list[dict[str, Any]]:
+        """Return the verdicts as dictionaries, for tables and JSON.
+
+        Returns:
+            For each one `rule`, `verdict`, `is_satisfied`, `is_preference`, `preference`, and of
+            the first violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`,
+            `source` and `time`; None without one.
+        """
+        ends = "committed_at", "observed_at", "actor", "reason", "source"
+        return [
+            {
+                "rule": one.rule,
+                "verdict": one.verdict,
+                "is_satisfied": one.is_satisfied,
+                "is_preference": one.is_preference,
+                "preference": one.preference,
+                "revision": None if one.revision is None else one.revision.number,
+                **{name: getattr(one.revision, name, None) for name in ends},
+                "time": one.time,
+            }
+            for one in self
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self)) or "there are no rules"
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} verdicts, {len(self.violated)} of violations>"
+
+    def _repr_html_(self) -> str:
+        return html.listing(self.worst_first, "verdict")
+
 
 Rules = Source | f.Formula | Sequence[f.Formula | str]
 COMMITTED, OBSERVED = "committed", "observed"

@@ -45,7 +45,6 @@ from ..pddl.given import read_step
 from ..planning import PlanStep
 from ..plans import RecordedStep
 from .failures import FailedCondition
-from .grounding import check_continuous, is_continuous, no_multiple
 
 
 class UpActionInstance(Protocol):
@@ -266,21 +265,23 @@ class PreparedAction:
         """Yield the effect of a node without parts that happen at other times."""
         if time == CONTINUOUS and isinstance(node, f.When):
             for part in f.walk(node.effect):
-                if isinstance(part, f.Assign) and is_continuous(part):
-                    check_continuous(self.name, part, True)
-        elif isinstance(node, f.Assign) and is_continuous(node):
+                if isinstance(part, f.Assign) and _is_continuous(part):
+                    _check_continuous(self.name, part, True)
+        elif isinstance(node, f.Assign) and _is_continuous(node):
             if time == CONTINUOUS:
                 yield self._continuous(node, around)
         elif time is None:
             yield self._leaf(node, around)
 
     def _continuous(self, node: f.Assign, around: _Around) -> EffectItem:
-        check_continuous(self.name, node, False)
+        _check_continuous(self.name, node, False)
         item = self._leaf(node, around)
         assert not isinstance(item.value, Slot | Known)
         rate = None if item.value is None else _rate(item.value)
         if rate is None:
-            raise no_multiple(node)
+            raise UnsupportedConstructError(
+                f"the continuous effect {node} is not a multiple of #t; write it as (* #t rate)"
+            )
         return replace(item, value=Operation("*", (rate, _LASTING)))
 
     def _when(self, condition: f.Formula, around: _Around, time: str | None) -> _Around:
@@ -306,15 +307,15 @@ class PreparedAction:
     def _leaf(self, node: f.Node, around: _Around) -> EffectItem:
         resolver = self.resolver
         if isinstance(node, f.Assign):
-            function, terms, bound, needed = resolver.fluent(node.fluent)
-            value, of_value = resolver.assigned(node.value, function)
-            parts = around.needing((*bound, *of_value.bound), [*needed, *of_value.needed])
+            function, terms, needed = resolver.fluent(node.fluent)
+            value = resolver.assigned(node.value, function, needed)
+            parts = around.needing(*needed)
             return EffectItem(node.operator, function.id, terms, value, *parts, node)
         operator, atom = ("delete", node.formula) if isinstance(node, f.Not) else ("add", node)
         if not isinstance(atom, f.Atom):
             raise UnsupportedConstructError(f"action {self.name!r} has no such effect: {node}")
-        predicate, terms, bound, needed = resolver.atom(atom)
-        parts = around.needing(bound, needed)
+        predicate, terms, needed = resolver.atom(atom)
+        parts = around.needing(*needed)
         return EffectItem(operator, predicate.id, terms, None, *parts, node)
 
 
@@ -344,6 +345,22 @@ class _Around:
         if needed:
             lacking = all_of([self.condition, negate(Witness(tuple(bound), all_of(needed)))])
         return within.bound, within.condition, within.earlier, lacking, self.bound
+
+
+def _is_continuous(node: f.Node) -> bool:
+    """Return whether an effect changes a number while time passes."""
+    return isinstance(node, f.Assign) and any(
+        isinstance(part, f.ContinuousTime) for part in f.walk(node.value)
+    )
+
+
+def _check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> None:
+    """Refuse a continuous effect that is not an unconditional increase or decrease."""
+    if is_conditional or effect.operator not in ("increase", "decrease"):
+        raise UnsupportedConstructError(
+            f"the action {action} has the continuous effect {effect}, which cannot be executed; "
+            "only (increase ...) and (decrease ...) without a condition can"
+        )
 
 
 def _rate(quantity: Quantity) -> Quantity | None:

@@ -34,10 +34,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from itertools import product
 
 from ..dto import formulas as f
 from ..errors import UnsupportedConstructError
-from .grounding import Binding, combinations, ground_text
+from .grounding import Binding, bound, substitute
 
 # Whether a formula holds in the present state, for a binding of its free variables.
 Truth = Callable[[f.Formula, Binding], bool]
@@ -245,7 +246,7 @@ class Rule:
         return tuple([one for one in self.monitors if one.violation is not None])
 
     def __str__(self) -> str:
-        return ground_text(self.formula, self.binding)
+        return str(substitute(self.formula, self.binding))
 
 
 class Trajectory:
@@ -316,27 +317,15 @@ def _parts(
     constraint: f.Formula, binding: Binding, objects: Range
 ) -> Iterator[tuple[f.Formula, Binding]]:
     """Yield what conjunctions and universal quantifiers consist of, in order."""
-    stack: list[Iterator[tuple[f.Formula, Binding]]] = [iter([(constraint, binding)])]
-    while stack:
-        found = next(stack[-1], None)
-        if found is None:
-            stack.pop()
-            continue
-        part, names = found
-        if isinstance(part, f.And):
-            stack.append(iter([(one, names) for one in part.formulas]))
-        elif isinstance(part, f.Forall):
-            stack.append(_instances(part, names, objects))
-        else:
-            yield part, names
-
-
-def _instances(
-    part: f.Forall, binding: Binding, objects: Range
-) -> Iterator[tuple[f.Formula, Binding]]:
-    ranges = [objects(variable) for variable in part.variables]
-    for extended in combinations(part.variables, ranges, binding):
-        yield part.formula, extended
+    if isinstance(constraint, f.And):
+        for part in constraint.formulas:
+            yield from _parts(part, binding, objects)
+    elif isinstance(constraint, f.Forall):
+        for names in product(*map(objects, constraint.variables)):
+            own = bound(constraint.variables, names)
+            yield from _parts(constraint.formula, {**binding, **own}, objects)
+    else:
+        yield constraint, binding
 
 
 def _monitor(part: f.Formula, binding: Binding) -> Monitor:

@@ -44,7 +44,7 @@ from .actions import Changes, Schema, Snap, Update, apply_changes, interference,
 from .derived import read_world
 from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
-from .grounding import ground_text
+from .grounding import substitute
 from .steps import preferred
 from .trajectory import Moment, Rule, Trajectory
 from .world import FluentRow, Row, World
@@ -520,7 +520,7 @@ class _Execution:
 
     def _constraint(self, rule: Rule, violation: Moment) -> ViolatedConstraint:
         parts = [one for one in rule.violated if one.violation == violation]
-        text = ground_text(parts[0].formula, parts[0].binding)
+        text = str(substitute(parts[0].formula, parts[0].binding))
         return ViolatedConstraint(text, violation.time, self.positions[violation.index])
 
     def _value(self) -> Decimal | None:

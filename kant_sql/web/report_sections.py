@@ -21,8 +21,7 @@ from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans import RecordedPlan
 from ..reasoning.failures import FailedCondition
-from ..reasoning.rules import Rules
-from ..reasoning.verdicts import Verdict
+from ..reasoning.rules import Rules, Verdict
 
 # Lanes that are looked at, slices of their window, and what each section shows at most.
 SEEN, SLICES = 200, 200

@@ -12,7 +12,7 @@ from ...knowledge_base import KnowledgeBase
 from ...moment_text import Moment
 from ...reasoning.complete import Completion
 from ...reasoning.failures import FailedCondition
-from ...reasoning.periods import Held
+from ...reasoning.when import Held
 from ..parameters import moment
 from ..registry import Pages
 
