@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ import kant_sql
 from kant_sql import KantSqlError, KnowledgeBase, PddlTypeDto
 from kant_sql.sql.dialects import base as retry
 from kant_sql.sql.dialects.base import Session
+from kant_sql.store import store
+from tests.audit.story import Clock
 from tests.docs.test_docs import ROOT, parse
 from tests.support.faults import lose_answer, terminate
 from tests.support.servers import Server
@@ -472,3 +475,48 @@ def test_spans_of_opentelemetry_are_made_of_the_records() -> None:
     assert (revision.start_time or 0) < (revision.end_time or 0)
     statements = [span for span in spans if span.name == "kant_sql.sql"]
     assert any("INSERT" in str((span.attributes or {})["db.query.text"]) for span in statements)
+
+
+# A clock that is behind.
+
+
+NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)
+
+
+@pytest.fixture
+def warnings(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    caplog.set_level(logging.WARNING, "kant_sql.store")
+    return caplog
+
+
+@pytest.mark.parametrize(("behind", "warned"), [(59, False), (60, False), (61, True)])
+def test_a_clock_more_than_a_minute_behind_is_warned_of(
+    fresh_kb: KnowledgeBase, warnings: pytest.LogCaptureFixture, behind: int, warned: bool
+) -> None:
+    with Clock().ruling() as clock:
+        clock.moment = NOON
+        fill(fresh_kb, 3)
+        last = fresh_kb.revision
+        clock.moment = NOON - timedelta(seconds=behind)
+        fresh_kb.propositions.delete(fact(1))
+    assert [record.levelno for record in warnings.records] == [logging.WARNING] * warned
+    if warned:
+        message = warnings.records[0].getMessage()
+        assert "the clock says 2026-03-02T11:58:59+00:00" in message
+        assert f"revision {last} is of 2026-03-02T12:00:00+00:00" in message
+    assert fresh_kb.store.revisions()[-1].committed_at == NOON
+
+
+def test_the_warning_comes_once_an_hour(
+    fresh_kb: KnowledgeBase, warnings: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Clock().ruling() as clock:
+        clock.moment = NOON
+        fill(fresh_kb, 3)
+        clock.moment = NOON - timedelta(days=1)
+        for number in (1, 2):
+            fresh_kb.propositions.delete(fact(number))
+        assert len(warnings.records) == 1
+        monkeypatch.setattr(store, "CLOCK_PATIENCE", 0.0)
+        fresh_kb.propositions.save(fact(1))
+    assert len(warnings.records) == 2

@@ -75,8 +75,9 @@ def count(call: Callable[[], Any]) -> int:
 def fill(kb: KnowledgeBase, size: int) -> None:
     """Give a knowledge base an action, and so many facts and half as many goals."""
     kb.actions.save(navigation())
-    kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(size))
-    kb.goals.save_all(robot_at(RB1, waypoint(number), True) for number in range(0, size, 2))
+    with kb.transaction():
+        kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(size))
+        kb.goals.save_all(robot_at(RB1, waypoint(number), True) for number in range(0, size, 2))
 
 
 def fact(number: int) -> PddlPropositionDto:
