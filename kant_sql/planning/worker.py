@@ -284,7 +284,7 @@ class Search:
         asked = False
         for variant in variants(domain, problem):
             if variant.ignored and self._task.strict:
-                if self._failures or not self._is_taken(variant):
+                if self._failures or not any(self._suitable(variant, self._task.engine)):
                     return self._failed()
                 raise refusal(variant.ignored)
             try:
@@ -303,33 +303,30 @@ class Search:
 
     def _solve(self, variant: Variant) -> Plan | None:
         tried: set[str] = set()
-        for form in forms(variant, self._convert):
-            for name in self._engines(form, variant):
-                if name not in self._environment.factory.engines or name in tried:
-                    continue
-                plan = self._ask(name, form, variant)
-                if plan is not None:
-                    self._note_fallbacks(name)
-                    return plan
-                if name in self._failures:
-                    tried.add(name)
-                if self._failures.get(name) == "unsolvable_proven":
-                    return None
+        for form, name in self._choices(variant, self._task.engine):
+            if name in tried:
+                continue
+            plan = self._ask(name, form, variant)
+            if plan is not None:
+                self._note_fallbacks(name)
+                return plan
+            if name in self._failures:
+                tried.add(name)
+            if self._failures.get(name) == "unsolvable_proven":
+                return None
         return None
 
-    def _is_taken(self, variant: Variant) -> bool:
-        """Return whether an engine supports a variant."""
-        return any(
-            name in self._environment.factory.engines
-            and form_for(form, name, self._environment) is not None
-            for form in forms(variant, self._convert)
-            for name in self._engines(form, variant)
-        )
+    def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
+        """Yield the forms of a variant, each with the installed engines to ask."""
+        for form in forms(variant, self._convert):
+            names = (engine,) if engine else candidates(form.problem, bool(variant.steps))
+            yield from ((form, name) for name in names if name in self._environment.factory.engines)
 
-    def _engines(self, form: EngineProblem, variant: Variant) -> tuple[str, ...]:
-        if self._task.engine is not None:
-            return (self._task.engine,)
-        return candidates(form.problem, bool(variant.steps))
+    def _suitable(self, variant: Variant, engine: str | None) -> Iterator[str]:
+        """Yield engines that support a variant."""
+        for form, name in self._choices(variant, engine):
+            if form_for(form, name, self._environment) is not None:
+                yield name
 
     def _note_fallbacks(self, name: str) -> None:
         failed = ", ".join(f"{e}: {why}" for e, why in self._failures.items() if e != name)
@@ -341,26 +338,14 @@ class Search:
             tried = ", ".join(f"{name}: {why}" for name, why in self._failures.items())
             status = list(self._failures.values())[-1].split(" ")[0]
             return "NoPlanError", f"no plan was found ({tried}); {WAYS_OUT}", status
-        reasons = unsupported(self._missing, self._suitable(), self._environment)
-        whose = "installed engine" if self._task.engine is None else "engine that was asked"
+        whose, others = "installed engine", dict[str, None]()
+        if self._task.engine is not None:
+            whole = next(iter(variants(self._task.domain, self._task.problem)))
+            whose, others = "engine that was asked", dict.fromkeys(self._suitable(whole, None))
+        reasons = unsupported(self._missing, others, self._environment)
         hint = missing_compilation(self._task.problem)
         message = f"no {whose} supports the problem: {reasons}{hint}; {WAYS_OUT}"
         return "NoPlanError", message, "unsupported_problem"
-
-    def _suitable(self) -> list[str]:
-        """Return other engines that support the whole problem, where one was chosen."""
-        if self._task.engine is None:
-            return []
-        variant = next(iter(variants(self._task.domain, self._task.problem)))
-        return list(
-            dict.fromkeys(
-                name
-                for form in forms(variant, self._convert)
-                for name in candidates(form.problem, bool(variant.steps))
-                if name in self._environment.factory.engines
-                and form_for(form, name, self._environment) is not None
-            )
-        )
 
     def _convert(self, variant: Variant, integers: bool) -> UpProblem:
         context = convert(variant.domain, variant.problem, self._environment, integers)
