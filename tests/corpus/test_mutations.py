@@ -17,37 +17,14 @@ from tests.support.corpus import PAIRS
 from tests.support.profile import HUNT, PROFILE
 
 SMALL = 12_000
+_LANGUAGE = """
+:strips :?x :typing : :: :init :goal :metric :requirements :types :constants :objects :predicates
+:functions :parameters :effect :domain ?x ?y ?duration ? -3 1e3 +5 .5 007 1.50 maximize () (and)
+(or) (p) (:length)
+"""
 LANGUAGE = (
-    *WORDS,
-    *(
-        ":strips",
-        ":?x",
-        ":typing",
-        ":",
-        "::",
-        ":init",
-        ":goal",
-        ":metric",
-        ":requirements",
-        ":types",
-    ),
-    *(":constants", ":objects", ":predicates", ":functions", ":parameters", ":effect", ":domain"),
-    *(
-        "?x",
-        "?y",
-        "?duration",
-        "?",
-        "-3",
-        "1e3",
-        "+5",
-        ".5",
-        "007",
-        "1.50",
-        "maximize",
-        "()",
-        "(and)",
-    ),
-    *("(or)", "- object", "(either a b)", "(= (f) 1)", "(p)", "(not (p))", "(:length)", ";\n"),
+    *(*WORDS, *_LANGUAGE.split()),
+    *("- object", "(either a b)", "(= (f) 1)", "(not (p))", ";\n"),
 )
 Pair = tuple[str, str]
 

@@ -1,11 +1,11 @@
-"""Every pair of the corpus is read; what violates the standard is noted, and refused if strict."""
+"""Every pair of the corpus is read and written; what violates the standard is refused if strict."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from kant_sql.errors import PddlError
-from kant_sql.pddl import read_domain, read_problem
+from kant_sql.pddl import read_domain, read_problem, write
 from tests.support.corpus import PAIRS, Pair, each_pair, needs_corpus
 
 VIOLATIONS = {
@@ -37,9 +37,19 @@ def test_all_pairs_are_read(record_property: Callable[[str, object], None]) -> N
 
 
 @each_pair
-def test_strict_reading_refuses_what_violates_the_standard(pair: Pair) -> None:
+def test_a_pair_round_trips_and_strict_reading_refuses_what_violates_the_standard(
+    pair: Pair,
+) -> None:
     domain = read_domain(pair.domain)
+    text = write(domain)
+    again = read_domain(text)
+    assert again == domain
+    assert write(again) == text
     problem = read_problem(pair.problem, domain=domain)
+    text = write(problem)
+    read = read_problem(text, domain=again)
+    assert read == problem
+    assert write(read) == text
     warnings = domain.warnings + problem.warnings
     if VIOLATIONS & pair.features:
         assert warnings

@@ -16,21 +16,16 @@ from hypothesis import strategies as st
 import kant_sql
 from kant_sql import (
     KnowledgeBase,
-    PddlActionDto,
-    PddlEitherTypeDto,
     PddlError,
-    PddlEventDto,
-    PddlFunctionDto,
     PddlObjectDto,
-    PddlPredicateDto,
-    PddlProcessDto,
     PddlTypeDto,
 )
-from kant_sql.dto.formulas import Atom, Constant, TypedName
+from kant_sql.dto.formulas import Atom, Constant
 from kant_sql.dto.lexical import fold, is_name, is_requirement
 from kant_sql.errors import InvalidNameError
 from kant_sql.pddl import read_domain, read_problem, write
-from kant_sql.pddl.document import Action, Domain, Problem
+from kant_sql.pddl.document import Domain, Problem
+from tests.support.parts import action_dto, function_dto, predicate_dto, type_dto
 from tests.support.profile import PROFILE, hunting
 
 pytestmark = pytest.mark.more
@@ -117,49 +112,15 @@ SAFE_PROBLEM = read_problem(PROBLEM, domain=SAFE)
 SAFE_TEXT, SAFE_PROBLEM_TEXT = write(SAFE), write(SAFE_PROBLEM)
 
 IN_DOCUMENTS = ("domain", "problem", "requirement")
-WORDS = (
-    *("at", "over", "start", "end", "all", "and", "or", "not", "imply", "forall", "exists", "when"),
-    *("either", "object", "number", "preference", "always", "sometime", "within", "at-most-once"),
-    *(
-        "sometime-after",
-        "hold-during",
-        "hold-after",
-        "always-within",
-        "increase",
-        "assign",
-        "scale-up",
-    ),
-    *("define", "domain", "problem", "is-violated", "total-time", "total-cost", "duration"),
-    *(
-        "minimize",
-        "unknown",
-        "oneof",
-        "probabilistic",
-        "undefined",
-        "init",
-        "goal",
-        "truck",
-        "base",
-    ),
-    *("-", "--", "+", "*", "/", "<", "<=", "=", ">=", ">", ".", "1", "23", "0", "e", "E", "1.5"),
-    *("#t", "#T", "#", "_", ":", ":action", "?", "?x", "a", "B", "é", "ß", "K", "\u212a", "\u017f"),
-    *(
-        "机",
-        "\u0301",
-        "\u3164",
-        "\u115f",
-        "\ufe0f",
-        "\u200b",
-        "'",
-        '"',
-        ";",
-        "(",
-        ")",
-        " ",
-        "%",
-        "\\",
-    ),
-)
+_PLAIN = """
+at over start end all and or not imply forall exists when either object number preference always
+sometime within at-most-once sometime-after hold-during hold-after always-within increase assign
+scale-up define domain problem is-violated total-time total-cost duration minimize unknown oneof
+probabilistic undefined init goal truck base - -- + * / < <= = >= > . 1 23 0 e E 1.5 #t #T # _ :
+:action ? ?x a B K ' ; ( ) %
+"""
+_ODD = 'é ß \u212a \u017f 机 \u0301 \u3164 \u115f \ufe0f \u200b " \\'
+WORDS = (*_PLAIN.split(), *_ODD.split(), " ")
 NAMES = st.one_of(
     st.sampled_from(WORDS),
     st.sampled_from(WORDS).map(str.swapcase),
@@ -228,25 +189,6 @@ def are_different(names: dict[str, str]) -> bool:
     return True
 
 
-def type_dto(types: tuple[str, ...]) -> PddlTypeDto:
-    made = [PddlTypeDto(name) for name in types]
-    return made[0] if len(made) == 1 else PddlEitherTypeDto(made)
-
-
-def action_dto(action: Action) -> PddlActionDto:
-    parameters = [PddlObjectDto(type_dto(part.types), part.name) for part in action.parameters]
-    parts = (action.name, parameters, list(action.condition), list(action.effect))
-    if action.kind == "process":
-        return PddlProcessDto(*parts)
-    if action.kind == "event":
-        return PddlEventDto(*parts)
-    durative = action.kind == "durative-action"
-    dto = PddlActionDto(*parts, durative=durative)
-    if durative:
-        dto.duration = list(action.duration)
-    return dto
-
-
 def save_parts(kb: KnowledgeBase, domain: Domain, problem: Problem) -> None:
     """Save documents by DAOs, in one revision."""
     with kb.transaction():
@@ -274,14 +216,9 @@ def save_domain(kb: KnowledgeBase, domain: Domain) -> None:
         dto = PddlObjectDto(type_dto(constant.types), constant.name, is_constant=True)
         kb.objects.save(dto)
     for predicate in domain.predicates:
-        kb.predicates.save(predicate_dto(predicate.name, predicate.parameters))
+        kb.predicates.save(predicate_dto(predicate))
     for function in domain.functions:
-        types = [type_dto(part.types) for part in function.parameters]
-        values = [type_dto((name,)) for name in function.types]
-        given = [part.name for part in function.parameters]
-        kb.functions.save(
-            PddlFunctionDto(function.name, types, value_types=values, parameter_names=given)
-        )
+        kb.functions.save(function_dto(function))
     kb.pddl.domain_constraints.save_all(domain.constraints)
     kb.pddl.derived_predicates.save_all(domain.derived)
     for action in domain.actions:
@@ -289,11 +226,6 @@ def save_domain(kb: KnowledgeBase, domain: Domain) -> None:
             action.kind, kb.actions
         )
         dao.save(action_dto(action))
-
-
-def predicate_dto(name: str, parameters: tuple[TypedName, ...]) -> PddlPredicateDto:
-    types = [type_dto(part.types) for part in parameters]
-    return PddlPredicateDto(name, types, parameter_names=[part.name for part in parameters])
 
 
 def proposition(kb: KnowledgeBase, fact: Atom) -> kant_sql.PddlPropositionDto:

@@ -5,21 +5,13 @@ from __future__ import annotations
 import pytest
 from hypothesis import example, given
 
-from kant_sql import (
-    PddlActionDto,
-    PddlEitherTypeDto,
-    PddlEventDto,
-    PddlFunctionDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlProcessDto,
-    PddlTypeDto,
-)
-from kant_sql.pddl import TypedName, read_domain, read_problem, write
-from kant_sql.pddl.document import Action, Domain, PddlWarning, Problem
+from kant_sql import PddlObjectDto, PddlTypeDto
+from kant_sql.pddl import read_domain, read_problem, write
+from kant_sql.pddl.document import Domain, PddlWarning, Problem
 from kant_sql.pddl.given import read_action, read_function, read_object, read_predicate, read_type
 from kant_sql.pddl.symbols import SymbolTable
 from tests.support.generators.documents import domains_and_problems
+from tests.support.parts import action_dto, function_dto, predicate_dto, type_dto
 from tests.support.profile import PROFILE, hunting
 
 # As in the property test of the store: a number here hunts for longer.
@@ -57,33 +49,6 @@ def test_parameters_that_share_a_name_round_trip(documents: tuple[Domain, Proble
     check(*documents, strict=False)
 
 
-def type_dto(types: tuple[str, ...]) -> PddlTypeDto:
-    made = [PddlTypeDto(name) for name in types]
-    return made[0] if len(made) == 1 else PddlEitherTypeDto(made)
-
-
-def types_of(parts: tuple[TypedName, ...]) -> list[PddlTypeDto]:
-    return [type_dto(part.types) for part in parts]
-
-
-def names_of(parts: tuple[TypedName, ...]) -> list[str]:
-    return [part.name for part in parts]
-
-
-def action_dto(action: Action) -> PddlActionDto:
-    parameters = [PddlObjectDto(type_dto(each.types), each.name) for each in action.parameters]
-    parts = parameters, action.condition, action.effect
-    match action.kind:
-        case "process":
-            return PddlProcessDto(action.name, *parts)
-        case "event":
-            return PddlEventDto(action.name, *parts)
-    durative = action.kind == "durative-action"
-    if not durative:
-        return PddlActionDto(action.name, *parts, durative)
-    return PddlActionDto(action.name, *parts, durative, duration=list(action.duration))
-
-
 @hunting(PROFILE.texts)
 @given(domains_and_problems(repeats=True))
 def test_the_text_of_an_element_reads_back_as_its_dto(documents: tuple[Domain, Problem]) -> None:
@@ -95,21 +60,11 @@ def test_the_text_of_an_element_reads_back_as_its_dto(documents: tuple[Domain, P
     for part in (*domain.constants, *problem.objects):
         object_ = PddlObjectDto(type_dto(part.types), part.name)
         assert repr(read_object(str(object_))) == repr(object_)
-    for each in domain.predicates:
-        predicate = PddlPredicateDto(
-            each.name, types_of(each.parameters), parameter_names=names_of(each.parameters)
-        )
+    for predicate in map(predicate_dto, domain.predicates):
         assert repr(read_predicate(str(predicate))) == repr(predicate)
-    for one in domain.functions:
-        function = PddlFunctionDto(
-            one.name,
-            types_of(one.parameters),
-            value_types=[PddlTypeDto(name) for name in one.types],
-            parameter_names=names_of(one.parameters),
-        )
+    for function in map(function_dto, domain.functions):
         assert repr(read_function(str(function))) == repr(function)
     symbols = SymbolTable.of_domain(domain)
-    for declared in domain.actions:
-        action = action_dto(declared)
+    for action in map(action_dto, domain.actions):
         again = read_action(str(action), symbols=symbols)
         assert (type(again), str(again), vars(again)) == (type(action), str(action), vars(action))

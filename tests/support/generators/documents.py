@@ -11,46 +11,7 @@ from typing import TypeVar
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from kant_sql.dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    AT_END,
-    AT_START,
-    COMPARISONS,
-    MODALS,
-    TIMES,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Derived,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Metric,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Term,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
-    children,
-    walk,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import ROOT_TYPE, fold
 from kant_sql.pddl.document import (
     ACTION,
@@ -67,7 +28,7 @@ from kant_sql.pddl.document import (
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
 
 T = TypeVar("T")
-Scope = tuple[TypedName, ...]
+Scope = tuple[f.TypedName, ...]
 
 # Legal names that a careless reader takes for something else.
 AWKWARD = (
@@ -110,7 +71,7 @@ class World:
     """The types, with the one above each; what there is of them; what can be said and changed."""
 
     parents: dict[str, str]
-    things: tuple[TypedName, ...]
+    things: tuple[f.TypedName, ...]
     predicates: tuple[Predicate, ...]
     functions: tuple[Function, ...]
     derived: frozenset[str] = frozenset()
@@ -137,14 +98,14 @@ class World:
         return st.one_of(one, one, either)
 
     def parameters(self, most: int = 3, repeats: bool = False) -> SearchStrategy[Scope]:
-        one = st.builds(TypedName, st.sampled_from(VARIABLES), self.type_choice)
+        one = st.builds(f.TypedName, st.sampled_from(VARIABLES), self.type_choice)
         if repeats:
             return some(one, most)
         listed = st.lists(one, max_size=most, unique_by=lambda part: fold(part.name))
         return listed.map(tuple)
 
 
-def world_of(domain: Domain, objects: tuple[TypedName, ...] = ()) -> World:
+def world_of(domain: Domain, objects: tuple[f.TypedName, ...] = ()) -> World:
     return World(
         {name.name: name.types[0] for name in domain.types},
         (*domain.constants, *objects),
@@ -175,20 +136,24 @@ class Words:
     def between(self, least: int, most: int) -> int:
         return self.draw(st.integers(least, most))
 
-    def term(self, wanted: tuple[str, ...], scope: Scope, nested: int) -> Term | None:
+    def term(self, wanted: tuple[str, ...], scope: Scope, nested: int) -> f.Term | None:
         fits = self.world.fits
-        choices: list[Term] = [Constant(t.name) for t in self.world.things if fits(t.types, wanted)]
-        choices += [Variable(part.name) for part in scope if fits(part.types, wanted)]
+        choices: list[f.Term] = [
+            f.Constant(t.name) for t in self.world.things if fits(t.types, wanted)
+        ]
+        choices += [f.Variable(part.name) for part in scope if fits(part.types, wanted)]
         if nested and (fluent := self.fluent(scope, wanted, nested - 1)) is not None:
             choices.append(fluent)
         return self.pick(choices) if choices else None
 
-    def arguments(self, parameters: Scope, scope: Scope, nested: int) -> tuple[Term, ...] | None:
+    def arguments(self, parameters: Scope, scope: Scope, nested: int) -> tuple[f.Term, ...] | None:
         terms = [self.term(part.types, scope, nested) for part in parameters]
         found = tuple(term for term in terms if term is not None)
         return found if len(found) == len(parameters) else None
 
-    def fluent(self, scope: Scope, wanted: tuple[str, ...] = (), nested: int = 1) -> Fluent | None:
+    def fluent(
+        self, scope: Scope, wanted: tuple[str, ...] = (), nested: int = 1
+    ) -> f.Fluent | None:
         """A number, or where types are wanted an object of these."""
         fitting = [
             function
@@ -200,9 +165,9 @@ class Words:
             return None
         function = self.pick(fitting)
         terms = self.arguments(function.parameters, scope, nested)
-        return None if terms is None else Fluent(function.name, terms)
+        return None if terms is None else f.Fluent(function.name, terms)
 
-    def atom(self, scope: Scope, basic: bool = False, nested: int = 0) -> Atom:
+    def atom(self, scope: Scope, basic: bool = False, nested: int = 0) -> f.Atom:
         """An atom; a basic one is of a predicate that no rule defines."""
         predicate = self.pick(
             [
@@ -214,28 +179,28 @@ class Words:
         terms = self.arguments(predicate.parameters, scope, nested)
         if terms is None:
             # The first predicate has no parameters, and no rule.
-            return Atom(self.world.predicates[0].name)
-        return Atom(predicate.name, terms)
+            return f.Atom(self.world.predicates[0].name)
+        return f.Atom(predicate.name, terms)
 
 
 DEPTH = 3
-DURATION = Variable("duration")
+DURATION = f.Variable("duration")
 NUMBERS = ("0", "1", "-1", "0.5", "1.50", "-3.25", "007", "1000000000000000000001", "0.1", "1E+3")
 
 
 class Formulas(Words):
     """Draws what the grammar has, each in the context that the grammar has it in."""
 
-    def several(self, one: Callable[[], Formula], most: int = 3) -> tuple[Formula, ...]:
+    def several(self, one: Callable[[], f.Formula], most: int = 3) -> tuple[f.Formula, ...]:
         return tuple(one() for _ in range(self.between(0, most)))
 
-    def conjuncts(self, one: Callable[[], Formula], most: int = 3) -> tuple[Formula, ...]:
+    def conjuncts(self, one: Callable[[], f.Formula], most: int = 3) -> tuple[f.Formula, ...]:
         """What is at the top of a goal, a condition or an effect: no conjunction is within it."""
-        found: list[Formula] = []
+        found: list[f.Formula] = []
         stack = [*self.several(one, most)]
         while stack:
             formula = stack.pop(0)
-            if isinstance(formula, And):
+            if isinstance(formula, f.And):
                 stack[:0] = formula.formulas
             else:
                 found.append(formula)
@@ -243,42 +208,42 @@ class Formulas(Words):
 
     def bound(self, least: int = 1) -> Scope:
         parts = self.draw(self.world.parameters(2))
-        return parts if len(parts) >= least else (TypedName("q", (ROOT_TYPE,)),)
+        return parts if len(parts) >= least else (f.TypedName("q", (ROOT_TYPE,)),)
 
-    def number(self, least: int | None = None) -> Number:
-        number = Number(Decimal(self.pick(NUMBERS)))
-        return number if least is None or number.value >= least else Number(Decimal(least))
+    def number(self, least: int | None = None) -> f.Number:
+        number = f.Number(Decimal(self.pick(NUMBERS)))
+        return number if least is None or number.value >= least else f.Number(Decimal(least))
 
-    def expression(self, scope: Scope, depth: int = 2, duration: bool = False) -> Expression:
+    def expression(self, scope: Scope, depth: int = 2, duration: bool = False) -> f.Expression:
         kind = self.pick(["number", "fluent", "fluent", "arithmetic", "duration"])
         if kind == "duration" and duration:
             return DURATION
         if kind == "arithmetic" and depth:
-            operator = self.pick(ARITHMETIC)
+            operator = self.pick(f.ARITHMETIC)
             most = {"+": 3, "*": 3, "-": 2, "/": 2}[operator]
             count = self.between(1 if operator == "-" else 2, most)
             parts = [self.expression(scope, depth - 1, duration) for _ in range(count)]
-            return Arithmetic(operator, tuple(parts))
+            return f.Arithmetic(operator, tuple(parts))
         return self.number() if kind == "number" else self.fluent(scope) or self.number()
 
-    def literal(self, scope: Scope, basic: bool = False, nested: int = 0) -> Atom | Not:
+    def literal(self, scope: Scope, basic: bool = False, nested: int = 0) -> f.Atom | f.Not:
         atom = self.atom(scope, basic, nested)
-        return Not(atom) if self.flip() else atom
+        return f.Not(atom) if self.flip() else atom
 
-    def comparison(self, scope: Scope) -> Formula:
+    def comparison(self, scope: Scope) -> f.Formula:
         if self.flip():
             sides = [self.term((ROOT_TYPE,), scope, nested=2) for _ in range(2)]
             if sides[0] is not None and sides[1] is not None:
-                return Equal(sides[0], sides[1])
+                return f.Equal(sides[0], sides[1])
         fluent = self.fluent(scope)
         if fluent is None:
             return self.literal(scope)
         pair = [fluent, self.expression(scope)]
         if self.flip():
             pair.reverse()
-        return Comparison(self.pick(COMPARISONS), pair[0], pair[1])
+        return f.Comparison(self.pick(f.COMPARISONS), pair[0], pair[1])
 
-    def goal(self, scope: Scope, depth: int = DEPTH) -> Formula:
+    def goal(self, scope: Scope, depth: int = DEPTH) -> f.Formula:
         """A goal description: no time, no preference."""
         kind = self.pick(
             [*("literal", "literal", "comparison"), *("not", "and", "or", "imply"), "all"]
@@ -288,60 +253,60 @@ class Formulas(Words):
         if kind == "literal" or not depth:
             return self.literal(scope, nested=2)
         if kind == "not":
-            return Not(self.goal(scope, depth - 1))
+            return f.Not(self.goal(scope, depth - 1))
         if kind == "imply":
-            return Imply(self.goal(scope, depth - 1), self.goal(scope, depth - 1))
+            return f.Imply(self.goal(scope, depth - 1), self.goal(scope, depth - 1))
         if kind == "all":
             parts = self.bound()
             inner = self.goal(bind(scope, parts), depth - 1)
-            return Forall(parts, inner) if self.flip() else Exists(parts, inner)
+            return f.Forall(parts, inner) if self.flip() else f.Exists(parts, inner)
         parts_ = self.several(lambda: self.goal(scope, depth - 1))
-        return And(parts_) if kind == "and" else Or(parts_)
+        return f.And(parts_) if kind == "and" else f.Or(parts_)
 
     def nest(
-        self, one: Callable[[Scope], Formula], scope: Scope, preferences: bool, depth: int = 2
-    ) -> Formula:
+        self, one: Callable[[Scope], f.Formula], scope: Scope, preferences: bool, depth: int = 2
+    ) -> f.Formula:
         """Something, a preference for it, or one or more of these for all objects."""
         kind = self.pick(["one", "one", "one", "preference", "forall", "and"])
         if kind == "forall" and depth:
             parts = self.bound()
-            return Forall(parts, self.nest(one, bind(scope, parts), preferences, depth - 1))
+            return f.Forall(parts, self.nest(one, bind(scope, parts), preferences, depth - 1))
         if kind == "and" and depth:
-            return And(self.several(lambda: self.nest(one, scope, preferences, depth - 1), 2))
+            return f.And(self.several(lambda: self.nest(one, scope, preferences, depth - 1), 2))
         if kind == "preference" and preferences:
-            return Preference(self.pick([None, "p1", "P2", "at", "always1"]), one(scope))
+            return f.Preference(self.pick([None, "p1", "P2", "at", "always1"]), one(scope))
         return one(scope)
 
-    def condition(self, scope: Scope, durative: bool = False, soft: bool = True) -> Formula:
+    def condition(self, scope: Scope, durative: bool = False, soft: bool = True) -> f.Formula:
         """A condition of an action; of a durative one, at a time."""
         if durative:
-            return self.nest(lambda s: Timed(self.pick(TIMES), self.goal(s, 2)), scope, soft)
+            return self.nest(lambda s: f.Timed(self.pick(f.TIMES), self.goal(s, 2)), scope, soft)
         return self.nest(lambda s: self.goal(s, 2), scope, soft)
 
-    def assignment(self, scope: Scope, duration: bool = False) -> Formula:
+    def assignment(self, scope: Scope, duration: bool = False) -> f.Formula:
         if self.flip():
             fluent = self.fluent(scope)
             if fluent is not None:
                 value = self.expression(scope, duration=duration)
-                return Assign(self.pick(ASSIGNMENTS), fluent, value)
+                return f.Assign(self.pick(f.ASSIGNMENTS), fluent, value)
         for function in self.world.functions:
             if not function.types or not self.flip():
                 continue
             fluent = self.fluent(scope, function.types)
             value_ = self.term(function.types, scope, nested=2)
             if fluent is not None and value_ is not None and fluent.function == function.name:
-                return Assign("assign", fluent, value_)
+                return f.Assign("assign", fluent, value_)
         return self.literal(scope, basic=True)
 
-    def change(self, scope: Scope, duration: bool = False) -> Formula:
+    def change(self, scope: Scope, duration: bool = False) -> f.Formula:
         if self.flip():
             return self.literal(scope, basic=True, nested=2)
         return self.assignment(scope, duration)
 
-    def effect(self, scope: Scope, durative: bool = False, depth: int = 2) -> Formula:
-        def one(inner: Scope) -> Formula:
+    def effect(self, scope: Scope, durative: bool = False, depth: int = 2) -> f.Formula:
+        def one(inner: Scope) -> f.Formula:
             if durative:
-                return Timed(self.pick((AT_START, AT_END)), self.change(inner, duration=True))
+                return f.Timed(self.pick((f.AT_START, f.AT_END)), self.change(inner, duration=True))
             return self.change(inner)
 
         kind = self.pick(["one", "one", "when", "forall", "and", "continuous"])
@@ -349,36 +314,36 @@ class Formulas(Words):
             return self.continuous(scope) or one(scope)
         if kind == "when":
             condition = self.condition(scope, durative, soft=False)
-            return When(condition, one(scope) if self.flip() else And((one(scope), one(scope))))
+            return f.When(condition, one(scope) if self.flip() else f.And((one(scope), one(scope))))
         if kind == "forall" and depth:
             parts = self.bound()
-            return Forall(parts, self.effect(bind(scope, parts), durative, depth - 1))
+            return f.Forall(parts, self.effect(bind(scope, parts), durative, depth - 1))
         if kind == "and" and depth:
-            return And(self.several(lambda: self.effect(scope, durative, depth - 1), 2))
+            return f.And(self.several(lambda: self.effect(scope, durative, depth - 1), 2))
         return one(scope)
 
-    def continuous(self, scope: Scope) -> Assign | None:
+    def continuous(self, scope: Scope) -> f.Assign | None:
         fluent = self.fluent(scope)
         if fluent is None:
             return None
-        rate: Expression = ContinuousTime()
+        rate: f.Expression = f.ContinuousTime()
         if self.flip():
             pair = (rate, self.expression(scope, 1))
-            rate = Arithmetic("*", pair if self.flip() else pair[::-1])
-        return Assign(self.pick(("increase", "decrease")), fluent, rate)
+            rate = f.Arithmetic("*", pair if self.flip() else pair[::-1])
+        return f.Assign(self.pick(("increase", "decrease")), fluent, rate)
 
-    def duration(self, scope: Scope) -> Formula:
+    def duration(self, scope: Scope) -> f.Formula:
         operator = self.pick(("=", "<=", ">="))
-        constraint = Comparison(operator, DURATION, self.expression(scope))
-        return Timed(self.pick((AT_START, AT_END)), constraint) if self.flip() else constraint
+        constraint = f.Comparison(operator, DURATION, self.expression(scope))
+        return f.Timed(self.pick((f.AT_START, f.AT_END)), constraint) if self.flip() else constraint
 
-    def modal(self, scope: Scope, depth: int = 1) -> Formula:
-        operator = self.pick([AT_END, *MODALS])
-        if operator == AT_END:
-            return Timed(AT_END, self.goal(scope, 1))
-        numbers, formulas = MODALS[operator]
+    def modal(self, scope: Scope, depth: int = 1) -> f.Formula:
+        operator = self.pick([f.AT_END, *f.MODALS])
+        if operator == f.AT_END:
+            return f.Timed(f.AT_END, self.goal(scope, 1))
+        numbers, formulas = f.MODALS[operator]
         times = sorted((self.number(0) for _ in range(numbers)), key=lambda one: one.value)
-        return Modal(
+        return f.Modal(
             operator,
             tuple(times),
             tuple(
@@ -387,7 +352,7 @@ class Formulas(Words):
             ),
         )
 
-    def constraint(self, scope: Scope = (), soft: bool = False) -> Formula:
+    def constraint(self, scope: Scope = (), soft: bool = False) -> f.Formula:
         return self.nest(self.modal, scope, soft)
 
 
@@ -408,7 +373,7 @@ def domains(draw: DrawFn, repeats: bool = False) -> Domain:
     constraints = words.conjuncts(words.constraint, 2)
     bare = Domain(
         names[16],
-        types=tuple(TypedName(name, (above,)) for name, above in world.parents.items()),
+        types=tuple(f.TypedName(name, (above,)) for name, above in world.parents.items()),
         constants=world.things,
         predicates=world.predicates,
         functions=world.functions,
@@ -427,7 +392,7 @@ def problems(draw: DrawFn, domain: Domain) -> Problem:
         taken += [element.name for element in elements]
     names = draw(distinct(6, taken))
     choice = world_of(domain).type_choice
-    objects = tuple(TypedName(name, draw(choice)) for name in names[1 : draw(st.integers(1, 6))])
+    objects = tuple(f.TypedName(name, draw(choice)) for name in names[1 : draw(st.integers(1, 6))])
     words = Formulas(draw, world_of(domain, objects))
     goal = words.conjuncts(lambda: words.condition(()))
     constraints = words.conjuncts(lambda: words.constraint(soft=True), 2)
@@ -460,7 +425,8 @@ def _world(draw: DrawFn, names: list[str], repeats: bool) -> World:
         parents = dict(draw(st.permutations(list(parents.items()))))
     empty = World(parents, (), (), ())
     things = tuple(
-        TypedName(name, draw(empty.type_choice)) for name in names[4 : 4 + draw(st.integers(0, 3))]
+        f.TypedName(name, draw(empty.type_choice))
+        for name in names[4 : 4 + draw(st.integers(0, 3))]
     )
     predicates = tuple(
         Predicate(name, draw(empty.parameters(repeats)))
@@ -479,24 +445,26 @@ def _world(draw: DrawFn, names: list[str], repeats: bool) -> World:
     return World(parents, things, predicates, functions, frozenset(map(fold, ruled)))
 
 
-def _derived(words: Formulas) -> tuple[Derived, ...]:
+def _derived(words: Formulas) -> tuple[f.Derived, ...]:
     rules = []
     for predicate in words.world.predicates:
         if fold(predicate.name) in words.world.derived:
-            parts = [TypedName(f"v{i}", part.types) for i, part in enumerate(predicate.parameters)]
+            parts = [
+                f.TypedName(f"v{i}", part.types) for i, part in enumerate(predicate.parameters)
+            ]
             formula = words.goal(tuple(parts), 2)
             # Rules must be stratified: none negates what rules derive.
             if words.world.derived.isdisjoint(map(fold, _negated(formula))):
-                rules.append(Derived(predicate.name, tuple(parts), formula))
+                rules.append(f.Derived(predicate.name, tuple(parts), formula))
     return tuple(rules)
 
 
-def _negated(node: Node, negated: bool = False) -> Iterator[str]:
+def _negated(node: f.Node, negated: bool = False) -> Iterator[str]:
     """Yield the predicates below a negation."""
-    if isinstance(node, Atom) and negated:
+    if isinstance(node, f.Atom) and negated:
         yield node.predicate
-    for number, child in enumerate(children(node)):
-        is_turned = isinstance(node, Not) or (isinstance(node, Imply) and number == 0)
+    for number, child in enumerate(f.children(node)):
+        is_turned = isinstance(node, f.Not) or (isinstance(node, f.Imply) and number == 0)
         yield from _negated(child, negated != is_turned)
 
 
@@ -507,7 +475,7 @@ def _action(words: Formulas, name: str) -> Action:
     soft = kind in (ACTION, DURATIVE_ACTION)
     if kind == PROCESS:
         rates = (words.continuous(scope), words.continuous(scope))
-        effect: tuple[Formula, ...] = tuple(rate for rate in rates if rate is not None)
+        effect: tuple[f.Formula, ...] = tuple(rate for rate in rates if rate is not None)
     else:
         effect = words.conjuncts(lambda: words.effect(scope, durative))
     return Action(
@@ -523,12 +491,12 @@ def _action(words: Formulas, name: str) -> Action:
 def _initial(words: Formulas, problem: Problem) -> Problem:
     atoms = list(dict.fromkeys(words.atom((), basic=True) for _ in range(words.pick(range(5)))))
     count = words.pick(range(len(atoms) + 1))
-    literals: list[Not | Equal] = [Not(atom) for atom in atoms[count:]]
-    things = [Constant(thing.name) for thing in words.world.things]
+    literals: list[f.Not | f.Equal] = [f.Not(atom) for atom in atoms[count:]]
+    things = [f.Constant(thing.name) for thing in words.world.things]
     if things and words.flip():
-        literals.append(Equal(words.pick(things), words.pick(things)))
-    values: dict[Fluent, FunctionValue] = {}
-    timed: dict[TimedLiteral, None] = {}
+        literals.append(f.Equal(words.pick(things), words.pick(things)))
+    values: dict[f.Fluent, FunctionValue] = {}
+    timed: dict[f.TimedLiteral, None] = {}
     for function in words.world.functions:
         fluent = words.fluent((), function.types, nested=0)
         if fluent is None:
@@ -537,9 +505,9 @@ def _initial(words: Formulas, problem: Problem) -> Problem:
         if value is not None:
             values[fluent] = FunctionValue(fluent, value)
             if words.flip():
-                timed[TimedLiteral(words.number(0), Assign("assign", fluent, value))] = None
+                timed[f.TimedLiteral(words.number(0), f.Assign("assign", fluent, value))] = None
     if words.flip():
-        timed[TimedLiteral(words.number(0), words.literal((), basic=True))] = None
+        timed[f.TimedLiteral(words.number(0), words.literal((), basic=True))] = None
     return replace(
         problem,
         facts=tuple(atoms[:count]),
@@ -549,23 +517,23 @@ def _initial(words: Formulas, problem: Problem) -> Problem:
     )
 
 
-def _value(words: Formulas, fluent: Fluent) -> Number | Constant | None:
-    function = next(f for f in words.world.functions if f.name == fluent.function)
+def _value(words: Formulas, fluent: f.Fluent) -> f.Number | f.Constant | None:
+    function = next(one for one in words.world.functions if one.name == fluent.function)
     if not function.types:
         return words.number()
     value = words.term(function.types, (), nested=0)
-    return value if isinstance(value, Constant) else None
+    return value if isinstance(value, f.Constant) else None
 
 
-def _metric(words: Formulas, domain: Domain, problem: Problem) -> Metric:
-    roots: list[Node] = [*problem.goal, *problem.constraints]
+def _metric(words: Formulas, domain: Domain, problem: Problem) -> f.Metric:
+    roots: list[f.Node] = [*problem.goal, *problem.constraints]
     for action in domain.actions:
         roots += action.condition
-    preferences = {n.name for n in walk(*roots) if isinstance(n, Preference) and n.name}
-    parts: list[Expression] = [words.expression(()), Fluent("total-time")]
-    parts += [IsViolated(name) for name in sorted(preferences)]
+    preferences = {n.name for n in f.walk(*roots) if isinstance(n, f.Preference) and n.name}
+    parts: list[f.Expression] = [words.expression(()), f.Fluent("total-time")]
+    parts += [f.IsViolated(name) for name in sorted(preferences)]
     expression = words.pick(parts)
     if words.flip():
-        weighted = Arithmetic("*", (words.number(0), words.pick(parts)))
-        expression = Arithmetic("+", (expression, weighted, words.pick(parts)))
-    return Metric(words.pick(("minimize", "maximize")), expression)
+        weighted = f.Arithmetic("*", (words.number(0), words.pick(parts)))
+        expression = f.Arithmetic("+", (expression, weighted, words.pick(parts)))
+    return f.Metric(words.pick(("minimize", "maximize")), expression)
