@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from ..dto.elements import value_text
 from ..dto.lexical import fold, is_word
@@ -192,23 +192,8 @@ class Ledger(PendingChanges, Generic[K, V]):
         """Return the rows of versions that begin with this revision, parents first."""
 
 
-class Identity(Protocol):
-    """An interned proposition or fluent."""
-
-    @property
-    def id(self) -> int:
-        """Its id."""
-
-    @property
-    def key(self) -> Any:
-        """Its key: a tuple that ends with the ids of its arguments."""
-
-    @property
-    def text(self) -> str:
-        """Its canonical PDDL text."""
-
-
-I = TypeVar("I", bound=Identity)  # noqa: E741
+# An interned proposition or fluent; its key ends with the ids of its arguments.
+I = TypeVar("I", bound="GroundAtom | GroundFluent")  # noqa: E741
 
 
 class InternedLedger(Ledger[int, V], Generic[I, V]):

@@ -157,224 +157,175 @@ class Right(NamedTuple):
     check: str | None = None
 
 
-def writer_rights(table: Table, tables: Sequence[Table], names: Qualifier) -> Iterator[Right]:
-    """Yield the rights of writers on a table, except reading."""
-    if table.name in NOT_WRITTEN:
-        return
-    mine = names.quote(table.name)
-    last = _last_revision(mine, names)
-    yield Right("insert", check=_insertable(table, mine, last, names))
-    if table.name == "head":
-        check = " AND ".join(_head_checks(mine, last, tables, names))
-        yield Right("update", HEAD_COLUMNS, using=ALWAYS, check=check)
-    if "until" in table.c:
-        # An open version may be closed, and one closed in this transaction reopened.
-        columns = tuple(name for name in ("until", "fork") if name in table.c)
-        ends_now = _is_not_past("until", mine, last, names)
-        using = f"{mine}.until IS NULL OR {ends_now}"
-        yield Right("update", columns, using, _closable(table, mine, ends_now))
-    if "since" in table.primary_key.columns:
-        yield Right("delete", using=f"{mine}.since > {last}")
+class WriterRights:
+    """Writes what writers may do with a table, except reading it."""
 
+    def __init__(self, table: Table, tables: Sequence[Table], names: Qualifier) -> None:
+        self._table = table
+        self._tables = tables
+        self._names = names
+        self._mine = names.quote(table.name)
+        self._last = f"(SELECT coalesce(max(r.number), 0) {self._own('revision', 'r')})"
 
-def own_rows(table: Table, names: Qualifier, kb_id: int | None) -> str:
-    """Write the condition that a row belongs to the knowledge base."""
-    if kb_id is None:
-        return ALWAYS
-    column = "id" if table.name == "knowledge_base" else "kb_id"
-    return f"{names.quote(table.name)}.{column} = {kb_id}"
+    def __iter__(self) -> Iterator[Right]:
+        table, mine = self._table, self._mine
+        if table.name in NOT_WRITTEN:
+            return
+        yield Right("insert", check=self._insertable())
+        if table.name == "head":
+            check = " AND ".join(self._head_checks())
+            yield Right("update", HEAD_COLUMNS, using=ALWAYS, check=check)
+        if "until" in table.c:
+            # An open version may be closed, and one closed in this transaction reopened.
+            columns = tuple(name for name in ("until", "fork") if name in table.c)
+            using = f"{mine}.until IS NULL OR {self._is_not_past('until')}"
+            yield Right("update", columns, using, self._closable())
+        if "since" in table.primary_key.columns:
+            yield Right("delete", using=f"{mine}.since > {self._last}")
 
+    def _own(self, table: str, alias: str) -> str:
+        """Write where rows of another table are, of the same knowledge base."""
+        relation = self._names.relation(table)
+        return f"FROM {relation} AS {alias} WHERE {alias}.kb_id = {self._mine}.kb_id"
 
-def _last_revision(mine: str, names: Qualifier) -> str:
-    revision = names.relation("revision")
-    return f"(SELECT coalesce(max(r.number), 0) FROM {revision} AS r WHERE r.kb_id = {mine}.kb_id)"
+    def _locked_head(self, column: str) -> str:
+        """Read a column of the head under its lock, not as of the statement's start.
 
+        Otherwise a slow statement would take versions that others committed meanwhile for its own.
+        """
+        return f"(SELECT h.{column} {self._own('head', 'h')} FOR NO KEY UPDATE)"
 
-def _head(mine: str, names: Qualifier) -> str:
-    return f"FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id"
+    def _is_not_past(self, column: str) -> str:
+        """Write the condition that a column is a revision that is not committed yet."""
+        revision = f"{self._mine}.{column}"
+        return f"{revision} > {self._last} AND {revision} > {self._locked_head('revision')}"
 
+    def _insertable(self) -> str:
+        """Write the condition that a new row does not change the past."""
+        table, mine = self._table, self._mine
+        if table.name == "head":
+            return f"{self._is_empty()} AND {self._last} = 0"
+        if table.name in FOR_ALL_ONLY:
+            return ALWAYS
+        if table.name == "revision":
+            return f"{mine}.number = 1 + {self._last} AND {self._is_dated()}"
+        if table.name == "revision_plan_step":
+            return f"{mine}.number > {self._locked_head('revision')}"
+        if "since" in table.c:
+            is_new = self._is_not_past("since")
+            return f"{is_new} AND {self._open()}" if "until" in table.c else is_new
+        # Identities and their parts: only new ones.
+        owner = _owner(table)
+        if owner == "plan_id":
+            # Plans are numbered by themselves, not by the head.
+            return self._is_of_new_row(owner)
+        is_new = f"{mine}.{self._names.quote(owner)} >= {self._locked_head('next_id')}"
+        return is_new if owner == "id" else f"{is_new} AND {self._is_of_new_row(owner)}"
 
-def _locked_head(column: str, mine: str, names: Qualifier) -> str:
-    """Read a column of the head under its lock, not as of the statement's start.
-
-    Otherwise a slow statement would take versions that others committed meanwhile for its own.
-    """
-    return f"(SELECT h.{column} {_head(mine, names)} FOR NO KEY UPDATE)"
-
-
-def _is_not_past(column: str, mine: str, last: str, names: Qualifier) -> str:
-    """Write the condition that a column is a revision that is not committed yet."""
-    revision = f"{mine}.{column}"
-    return f"{revision} > {last} AND {revision} > {_locked_head('revision', mine, names)}"
-
-
-def _insertable(table: Table, mine: str, last: str, names: Qualifier) -> str:
-    """Write the condition that a new row does not change the past."""
-    if table.name == "head":
-        return f"{_is_empty(table, mine, names)} AND {last} = 0"
-    if table.name in FOR_ALL_ONLY:
-        return ALWAYS
-    if table.name == "revision":
-        return f"{mine}.number = 1 + {last} AND {_is_dated(table, mine, names)}"
-    if table.name == "revision_plan_step":
-        return f"{mine}.number > {_locked_head('revision', mine, names)}"
-    if "since" in table.c:
-        is_new = _is_not_past("since", mine, last, names)
-        return f"{is_new} AND {_open(table, mine)}" if "until" in table.c else is_new
-    # Identities and their parts: only new ones.
-    owner = _owner(table)
-    if owner == "plan_id":
-        # Plans are numbered by themselves, not by the head.
-        return _is_of_new_row(mine, owner, names)
-    is_new = f"{mine}.{names.quote(owner)} >= {_locked_head('next_id', mine, names)}"
-    return is_new if owner == "id" else f"{is_new} AND {_is_of_new_row(mine, owner, names)}"
-
-
-def _is_empty(head: Table, mine: str, names: Qualifier) -> str:
-    """Write the condition that a head is that of a knowledge base before its first revision."""
-    return " AND ".join(
-        f"{mine}.{names.quote(column.name)} "
-        + (f"= {EMPTY_HEAD[column.name]}" if column.name in EMPTY_HEAD else "IS NULL")
-        for column in head.columns
-        if not column.primary_key
-    )
-
-
-def _is_dated(table: Table, mine: str, names: Qualifier) -> str:
-    """Write the condition that a revision's times follow the previous ones and are readable.
-
-    It locks the head, so that only the transaction with the versions of this revision adds it;
-    otherwise a statement that does not see these versions could move the head to it.
-    """
-    at = f"{mine}.committed_at"
-    head = _locked_head("committed_at", mine, names)
-    before = (
-        f"(SELECT r.committed_at FROM {names.relation('revision')} AS r "
-        f"WHERE r.kb_id = {mine}.kb_id AND r.number = {mine}.number - 1)"
-    )
-    # `greatest` ignores NULL: the first revision has no previous one.
-    condition = (
-        f"{at} >= greatest({head}, {before}, clock_timestamp() - {LEEWAY}) "
-        f"AND {at} <= greatest(clock_timestamp() + {LEEWAY}, {head}) AND {at} {_WITHIN}"
-    )
-    if "observed_at" in table.c:
-        condition += f" AND ({mine}.observed_at IS NULL OR {mine}.observed_at {_WITHIN})"
-    return condition
-
-
-def _is_of_new_row(mine: str, owner: str, names: Qualifier) -> str:
-    """Write the condition that a row is part of an identity that this transaction inserted.
-
-    The head does not show that: an identity beyond its `next_id` stays so when committed alone. A
-    visible row whose transaction is in progress is one's own, also from a savepoint, which has its
-    own number. `xmin` has 32 bits of that number: it is completed near the current one.
-    """
-    this = "pg_current_xact_id()::text::bigint"
-    distance = f"(i.xmin::text::bigint - {this} + {1 << 31})"
-    number = f"({this} + (({distance} % {1 << 32}) + {1 << 32}) % {1 << 32} - {1 << 31})"
-    return (
-        f"EXISTS (SELECT FROM {names.relation(owner.removesuffix('_id'))} AS i "
-        f"WHERE i.kb_id = {mine}.kb_id AND i.id = {mine}.{names.quote(owner)} "
-        f"AND pg_xact_status({number}::text::xid8) = 'in progress')"
-    )
-
-
-def _open(table: Table, mine: str) -> str:
-    return f"{mine}.until IS NULL" + (f" AND {mine}.fork = 0" if "fork" in table.c else "")
-
-
-def _closable(table: Table, mine: str, ends_now: str) -> str:
-    """Write the condition that a version is open, or ends in an uncommitted revision."""
-    closed = ends_now
-    if "fork" in table.c:
-        # Otherwise a past state would not find the version. `x & -x` is the largest power of two
-        # that divides x: the fork is the only number whose span of that size covers both ends.
-        power = f"({mine}.fork & -{mine}.fork)"
-        closed += (
-            f" AND {mine}.since <= {mine}.fork AND {mine}.fork < {mine}.until "
-            f"AND {mine}.since > {mine}.fork - {power} AND {mine}.until <= {mine}.fork + {power}"
+    def _is_empty(self) -> str:
+        """Write the condition that a head is that of a knowledge base before its first revision."""
+        return " AND ".join(
+            f"{self._mine}.{self._names.quote(column.name)} "
+            + (f"= {EMPTY_HEAD[column.name]}" if column.name in EMPTY_HEAD else "IS NULL")
+            for column in self._table.columns
+            if not column.primary_key
         )
-    return f"({_open(table, mine)}) OR ({closed})"
 
+    def _is_dated(self) -> str:
+        """Write the condition that a revision's times follow the previous ones and are readable.
 
-def _head_checks(mine: str, last: str, tables: Sequence[Table], names: Qualifier) -> Iterator[str]:
-    """Yield the conditions that the head moves to the last revision, by one.
-
-    Otherwise a definition could change, or an id be allocated, in a revision that the head skips.
-    The subquery sees the old row.
-    """
-    yield (
-        f"EXISTS (SELECT FROM {names.relation('revision')} AS r WHERE r.kb_id = {mine}.kb_id "
-        f"AND r.number = {mine}.revision AND r.hash = {mine}.hash "
-        f"AND r.committed_at = {mine}.committed_at) AND {mine}.revision = {last}"
-    )
-    yield (
-        f"EXISTS (SELECT FROM {names.relation('head')} AS h WHERE h.kb_id = {mine}.kb_id "
-        f"AND h.revision = {mine}.revision - 1 AND h.next_id <= {mine}.next_id "
-        f"AND h.definition_revision <= {mine}.definition_revision "
-        f"AND {mine}.definition_revision <= {mine}.revision)"
-    )
-    versions = [table for table in tables if "until" in table.c]
-    # Caches of definitions rely on it.
-    changed = [
-        _has_rows(table, f"v.{end} = {mine}.revision", mine, names)
-        for table in versions
-        if table.name not in NO_DEFINITIONS
-        for end in ("since", "until")
-    ]
-    yield f"({mine}.definition_revision = {mine}.revision OR NOT ({' OR '.join(changed)}))"
-    # An id that is not allocated could be inserted later.
-    ahead = [
-        _has_rows(
-            table,
-            f"v.since = {mine}.revision AND v.{_owner(table)} >= {mine}.next_id",
-            mine,
-            names,
+        It locks the head, so that only the transaction with the versions of this revision adds it;
+        otherwise a statement that does not see these versions could move the head to it.
+        """
+        mine, head = self._mine, self._locked_head("committed_at")
+        at, observed = f"{mine}.committed_at", f"{mine}.observed_at"
+        before = (
+            f"(SELECT r.committed_at {self._own('revision', 'r')} AND r.number = {mine}.number - 1)"
         )
-        for table in versions
-    ]
-    yield f"NOT ({' OR '.join(ahead)})"
+        # `greatest` ignores NULL: the first revision has no previous one.
+        condition = (
+            f"{at} >= greatest({head}, {before}, clock_timestamp() - {LEEWAY}) "
+            f"AND {at} <= greatest(clock_timestamp() + {LEEWAY}, {head}) AND {at} {_WITHIN}"
+        )
+        if "observed_at" in self._table.c:
+            condition += f" AND ({observed} IS NULL OR {observed} {_WITHIN})"
+        return condition
 
+    def _is_of_new_row(self, owner: str) -> str:
+        """Write the condition that a row is part of an identity that this transaction inserted.
 
-def _has_rows(table: Table, condition: str, mine: str, names: Qualifier) -> str:
-    relation = names.relation(table.name)
-    return f"EXISTS (SELECT FROM {relation} AS v WHERE v.kb_id = {mine}.kb_id AND {condition})"
+        The head does not show that: an identity beyond its `next_id` stays so when committed alone.
+        A visible row whose transaction is in progress is one's own, also from a savepoint, which
+        has its own number. `xmin` has 32 bits of that number: it is completed near the current one.
+        """
+        this = "pg_current_xact_id()::text::bigint"
+        distance = f"(i.xmin::text::bigint - {this} + {1 << 31})"
+        number = f"({this} + (({distance} % {1 << 32}) + {1 << 32}) % {1 << 32} - {1 << 31})"
+        return (
+            f"EXISTS (SELECT {self._own(owner.removesuffix('_id'), 'i')} "
+            f"AND i.id = {self._mine}.{self._names.quote(owner)} "
+            f"AND pg_xact_status({number}::text::xid8) = 'in progress')"
+        )
+
+    def _open(self) -> str:
+        mine = self._mine
+        return f"{mine}.until IS NULL" + (
+            f" AND {mine}.fork = 0" if "fork" in self._table.c else ""
+        )
+
+    def _closable(self) -> str:
+        """Write the condition that a version is open, or ends in an uncommitted revision."""
+        mine, closed = self._mine, self._is_not_past("until")
+        if "fork" in self._table.c:
+            # Otherwise a past state would not find the version. `x & -x` is the largest power of
+            # two that divides x: the fork is the only number whose span of that size covers both
+            # ends.
+            power = f"({mine}.fork & -{mine}.fork)"
+            closed += (
+                f" AND {mine}.since <= {mine}.fork AND {mine}.fork < {mine}.until AND {mine}.since"
+                f" > {mine}.fork - {power} AND {mine}.until <= {mine}.fork + {power}"
+            )
+        return f"({self._open()}) OR ({closed})"
+
+    def _head_checks(self) -> Iterator[str]:
+        """Yield the conditions that the head moves to the last revision, by one.
+
+        Otherwise a definition could change, or an id be allocated, in a revision that the head
+        skips. The subquery sees the old row.
+        """
+        mine = self._mine
+        yield (
+            f"EXISTS (SELECT {self._own('revision', 'r')} "
+            f"AND r.number = {mine}.revision AND r.hash = {mine}.hash "
+            f"AND r.committed_at = {mine}.committed_at) AND {mine}.revision = {self._last}"
+        )
+        yield (
+            f"EXISTS (SELECT {self._own('head', 'h')} "
+            f"AND h.revision = {mine}.revision - 1 AND h.next_id <= {mine}.next_id "
+            f"AND h.definition_revision <= {mine}.definition_revision "
+            f"AND {mine}.definition_revision <= {mine}.revision)"
+        )
+        versions = [table for table in self._tables if "until" in table.c]
+        # Caches of definitions rely on it.
+        changed = [
+            f"EXISTS (SELECT {self._own(table.name, 'v')} AND v.{end} = {mine}.revision)"
+            for table in versions
+            if table.name not in NO_DEFINITIONS
+            for end in ("since", "until")
+        ]
+        yield f"({mine}.definition_revision = {mine}.revision OR NOT ({' OR '.join(changed)}))"
+        # An id that is not allocated could be inserted later.
+        ahead = [
+            f"EXISTS (SELECT {self._own(table.name, 'v')} AND v.since = {mine}.revision "
+            f"AND v.{_owner(table)} >= {mine}.next_id)"
+            for table in versions
+        ]
+        yield f"NOT ({' OR '.join(ahead)})"
 
 
 def _owner(table: Table) -> str:
     """Return the column of the identity in a table."""
     return str([*table.primary_key.columns][1].name)
-
-
-def policies(
-    table: Table,
-    tables: Sequence[Table],
-    names: Qualifier,
-    suffix: str,
-    kb_id: int | None,
-    readers: str,
-    writer: str | None,
-) -> Iterator[str]:
-    """Yield the statements that create a table's policies for the roles of one scope."""
-    relation, own = names.relation(table.name), own_rows(table, names, kb_id)
-
-    def create(verb: str, command: str, roles: str, conditions: str) -> str:
-        policy = names.quote(f"{PREFIX}{verb}{suffix}")
-        return f"CREATE POLICY {policy} ON {relation} FOR {command} TO {roles} {conditions}"
-
-    yield create(READ, "SELECT", readers, f"USING ({own})")
-    if writer is None:
-        return
-    for right in writer_rights(table, tables, names):
-        if kb_id is not None and table.name in FOR_ALL_ONLY and right.verb == "insert":
-            continue
-        parts = ((part, condition) for part, condition in _parts(right) if condition is not None)
-        conditions = " ".join(f"{part} ({_both(own, condition)})" for part, condition in parts)
-        yield create(right.verb, right.verb.upper(), writer, conditions)
-
-
-def _parts(right: Right) -> tuple[tuple[str, str | None], ...]:
-    return ("USING", right.using), ("WITH CHECK", right.check)
 
 
 def _both(own: str, condition: str) -> str:
@@ -517,20 +468,39 @@ class RoleMaker:
                 if role is not None and role not in existing:
                     yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
             yield from self._grants(scope, roles)
-            writer = None if roles.writer is None else self._names.quote(roles.writer)
-            readers = self._quoted(*self._table_readers(roles))
             for table in self._tables:
-                yield from policies(
-                    table,
-                    self._tables,
-                    self._names,
-                    scope.suffix,
-                    scope.kb_id,
-                    readers,
-                    writer,
-                )
+                yield from self._policies(table, scope, roles)
             if scope.schema is not None:
                 yield from self._own_views(scope, roles)
+
+    def _policies(self, table: Table, scope: RoleScope, roles: Roles) -> Iterator[str]:
+        """Yield the statements that create a table's policies for the roles of one scope."""
+        names, own = self._names, ALWAYS
+        if scope.kb_id is not None:
+            column = "id" if table.name == "knowledge_base" else "kb_id"
+            own = f"{names.quote(table.name)}.{column} = {scope.kb_id}"
+
+        def create(verb: str, command: str, to: str, conditions: str) -> str:
+            policy = (
+                f"{names.quote(f'{PREFIX}{verb}{scope.suffix}')} ON {names.relation(table.name)}"
+            )
+            return f"CREATE POLICY {policy} FOR {command} TO {to} {conditions}"
+
+        readers = self._quoted(*self._table_readers(roles))
+        yield create(READ, "SELECT", readers, f"USING ({own})")
+        for right in self._rights(table, scope) if roles.writer is not None else ():
+            parts = (("USING", right.using), ("WITH CHECK", right.check))
+            conditions = (
+                f"{part} ({_both(own, each)})" for part, each in parts if each is not None
+            )
+            verb, writer = right.verb, self._quoted(roles.writer)
+            yield create(verb, verb.upper(), writer, " ".join(conditions))
+
+    def _rights(self, table: Table, scope: RoleScope) -> Iterator[Right]:
+        """Yield the rights of the writer of a scope."""
+        for right in WriterRights(table, self._tables, self._names):
+            if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
+                yield right
 
     def roles_of(
         self, scope: RoleScope, statements: Iterable[str] = (), remaining: Iterable[str] = ()
@@ -570,10 +540,9 @@ class RoleMaker:
         quote, listed = self._names.quote, self._listed
         granted: defaultdict[str, list[str]] = defaultdict(list)
         for table in self._tables:
-            for right in writer_rights(table, self._tables, self._names):
-                if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
-                    columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
-                    granted[f"{right.verb.upper()}{columns}"].append(table.name)
+            for right in self._rights(table, scope):
+                columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
+                granted[f"{right.verb.upper()}{columns}"].append(table.name)
         for privilege, names in granted.items():
             yield f"GRANT {privilege} ON TABLE {listed(names)} TO {writer}"
 
