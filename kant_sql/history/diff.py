@@ -12,6 +12,7 @@ from .. import html
 from ..moment_text import When
 from ..sql.changes import (
     ASSERTED,
+    BY_OWNER,
     RETRACTED,
     Change,
     ChangeEnd,
@@ -23,6 +24,7 @@ from ..sql.changes import (
 )
 from ..sql.dialects.base import Session
 from ..sql.intervals import forks_at, held_by, then
+from ..sql.places import place_text, read_places
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, KIND_TABLES, PROPOSITION, THEN, VERSION_COLUMNS, held_at
 from ..sql.tables import HeadRow
@@ -83,14 +85,14 @@ _DIFFERENCES = {
 
 
 @cache
-def _page(is_narrow: bool, side: int) -> Query:
+def _page(is_narrow: bool, side: int, key: tuple[type, ...]) -> Query:
     """Select what only the later of two states has, or, for the side 1, only the earlier."""
     parts = []
     for name, source in VERSION_COLUMNS.items():
         end = ends_of(source)[side]
         line = end.short_line(literal_column("0"), _differs(name, end, is_narrow))
         parts.append(select(first_rows(line, literal_column(str(COMPARED))).subquery()))
-    return paged(parts)
+    return paged(parts, key)
 
 
 def _state(at: ColumnElement[int] | None) -> Query:
@@ -171,7 +173,7 @@ class Difference(NamedTuple):
         only_a: what only the one has, by kind.
         only_b: what only the other has, by kind.
         offset: how many come before the page, on each side.
-        next: the offset of the next page; None after the last.
+        next: the value of `after` for the next page; None after the last.
         is_cut: whether more elements differ than all pages have.
     """
 
@@ -182,32 +184,37 @@ class Difference(NamedTuple):
     only_a: list[ChangesOfKind]
     only_b: list[ChangesOfKind]
     offset: int
-    next: int | None
+    next: str | None
     is_cut: bool
 
 
 def read_difference(
-    state: State, a: When, b: When, offset: int = 0, limit: int = 200
+    state: State, a: When, b: When, after: str | None = None, limit: int = 200
 ) -> Difference:
     """Read a page of the difference of two states.
 
     Raises:
         UnknownRevisionError: there is no such revision yet.
         ArchivedError: one of the states was moved to an archive.
+        InvalidArgumentError: `after` is not the `next` of a page.
     """
     (one, other), stand = states_at(state.store, (a, b), state.at)
-    before, after = sorted((one, other))
+    before, later = sorted((one, other))
+    places = read_places(after, 2, BY_OWNER)
 
     def work(session: Session, kb_id: int | None) -> list[ChangesPage]:
-        if kb_id is None or before == after:
+        if kb_id is None or before == later:
             return [ChangesPage([], None)] * 2
         refuse_archived(session, kb_id, before, read_position(session, kb_id).archived)
-        own: dict[str, Any] = {"kb": kb_id, "before": before, "after": after}
+        own: dict[str, Any] = {"kb": kb_id, "before": before, "after": later}
         pages = []
-        for side, at in enumerate((after, before)):
+        for side, (at, place) in enumerate(zip((later, before), places, strict=True)):
+            if place is None:
+                pages.append(ChangesPage([], None))
+                continue
             own["forks"] = session.list_value(forks_at(at))
-            query = _page(after - before <= NARROW, side)
-            pages.append(page_of(session, query, offset, limit, **own))
+            query = _page(later - before <= NARROW, side, place.types)
+            pages.append(page_of(session, query, place, limit, **own))
         return pages
 
     came, went = state.store.query_in_snapshot(work)
@@ -215,6 +222,7 @@ def read_difference(
     if one != before:
         sides = [(ASSERTED, went), (RETRACTED, came)]
     changes = [change._replace(sign=sign) for sign, page in sides for _, change in page.changes]
+    counts = [0 if place is None else place.passed for place in places]
     return Difference(
         one,
         other,
@@ -222,9 +230,12 @@ def read_difference(
         changes,
         _by_kind(changes, RETRACTED),
         _by_kind(changes, ASSERTED),
-        offset,
-        came.next or went.next,
-        any(p.next is None and offset + len(p.changes) >= COMPARED for p in (came, went)),
+        max(counts),
+        place_text(came.next, went.next),
+        any(
+            page.next is None and count + len(page.changes) >= COMPARED
+            for count, page in zip(counts, (came, went), strict=True)
+        ),
     )
 
 

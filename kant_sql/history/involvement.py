@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, func, literal_column, select
 
-from ..sql.changes import STEPS, Change, ends_of, in_range, page_of, paged
+from ..sql.changes import STEPS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS, VersionColumns, table_of
@@ -138,7 +138,7 @@ def read_involvement(
     is_recent = row is not None and row[0] >= INVOLVED
     first = max(low, high - WINDOW + 1) if is_recent else low
     query = _involving(is_recent)
-    changes, _ = page_of(session, query, 0, limit + 1, **own, low=first, high=high)
+    changes = newest_of(session, query, limit + 1, **own, low=first, high=high)
     if len(changes) <= limit:
         rest = first if first > low else None
         return Involvement(changes, rest, rest)
@@ -147,5 +147,5 @@ def read_involvement(
     if found:
         return Involvement(found, last + 1, None)
     if whole:
-        changes, _ = page_of(session, query, 0, LARGEST - 1, **own, low=last, high=last)
+        changes = newest_of(session, query, LARGEST, **own, low=last, high=last)
     return Involvement(changes if whole else changes[:limit], last, None)

@@ -30,6 +30,8 @@ from ..errors import ArchivedError
 from ..moment_text import When
 from ..sql.changes import (
     ASSERTED,
+    BY_OWNER,
+    BY_TEXT,
     COUNTED_CHANGES,
     RETRACTED,
     Change,
@@ -42,6 +44,7 @@ from ..sql.changes import (
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
+from ..sql.places import place_text, read_place
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import RevisionRow
@@ -558,7 +561,7 @@ class RevisionPage(NamedTuple):
         is_counted: whether `total` counts all; else there are more: of a kind, the pages have
             50,000.
         offset: how many changes come before the page.
-        next: the offset of the next page; None after the last.
+        next: the value of `after` for the next page; None after the last.
         head: the last revision.
         archive: where a part of its changes is; None if they are all here.
     """
@@ -567,19 +570,21 @@ class RevisionPage(NamedTuple):
     total: int
     is_counted: bool
     offset: int
-    next: int | None
+    next: str | None
     head: int
     archive: str | None
 
 
 def read_revision_page(
-    state: State, number: int, offset: int = 0, limit: int = 200
+    state: State, number: int, after: str | None = None, limit: int = 200
 ) -> RevisionPage:
     """Read a revision with a page of its changes.
 
     Raises:
         UnknownRevisionError: there is no such revision yet.
+        InvalidArgumentError: `after` is not the `next` of a page.
     """
+    place = read_place(after, BY_OWNER, BY_TEXT)
 
     def work(session: Session, kb_id: int | None) -> RevisionPage:
         _, head, archived = read_position(session, kb_id)
@@ -587,10 +592,11 @@ def read_revision_page(
         assert kb_id is not None
         (row,), _ = _find(session, kb_id, LogFilter(), number, number, 1)
         total = count_each(session, kb_id, [number])[number]
-        changes, after = read_changes_page(session, kb_id, number, total, offset, limit)
+        changes, end = read_changes_page(session, kb_id, number, total, place, limit)
         entry = LogEntry(make_revision(session, row), tuple(change for _, change in changes))
         archive = archive_of(session, kb_id, number - 1) if number <= archived else None
         is_counted = total < COUNTED_CHANGES
-        return RevisionPage(entry, total, is_counted, offset, after, head, archive)
+        following = place_text(end)
+        return RevisionPage(entry, total, is_counted, place.passed, following, head, archive)
 
     return state.store.query_in_snapshot(work)

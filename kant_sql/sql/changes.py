@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ from sqlalchemy import (
 from .. import html
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
+from .places import Place, from_place
 from .query import InRange, Query, first_rows, in_list, integer
 from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, table_of
 from .tables import (
@@ -273,38 +274,63 @@ COUNTED_CHANGES = 50_000
 _BOUND: Any = literal_column(str(COUNTED_CHANGES))
 
 
+# The types of places: sign, kind, and an id or a text.
+BY_OWNER, BY_TEXT = (int, str, int), (int, str, str)
+
+
 class ChangesPage(NamedTuple):
-    """A page of changes, each with its revision, and the offset of the next page."""
+    """A page of changes, each with its revision, and where the next page begins."""
 
     changes: list[tuple[int, Change]]
-    next: int | None
+    next: Place | None
 
 
-def paged(parts: Iterable[Select[Any]], by_text: bool = False) -> Query:
-    """Cut a page out of short lines, the newest first, and add the texts that are missing."""
+def paged(parts: Iterable[Select[Any]], key: Sequence[type] = (), by_text: bool = False) -> Query:
+    """Cut a page out of short lines, the newest first, and add the texts that are missing.
+
+    Args:
+        key: the types of the place that the page begins at, of lines of one revision.
+        by_text: lines are in the order of their texts, which are read of all of them.
+    """
     some, atom = union_all(*parts).subquery("some").c, table_of(PropositionRow)
-    size, offset = integer("size"), integer("offset")
 
     def text_of(row: Any) -> ColumnElement[Any]:
         own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == row.owner)
         return func.coalesce(row.text, own.correlate_except(atom).scalar_subquery()).label("text")
 
-    def order(row: Any, last: Any) -> tuple[Any, ...]:
-        return row.revision.desc(), row.retracted, row.kind, last
+    def cut(lines: Any, last: Any) -> Select[Any]:
+        rows, order = select(*lines), (lines.retracted, lines.kind, last)
+        if key:
+            rows = rows.where(from_place(order, key))
+        # Steps of a plan have one owner.
+        rows = rows.order_by(lines.revision.desc(), *order, lines.text)
+        return rows.limit(integer("size")).offset(integer("skip"))
 
     if by_text:
-        page = select(some.revision, some.retracted, some.kind, text_of(some))
-        return Query(page.order_by(*order(some, "text")).limit(size).offset(offset))
-    cut: Any = select(*some).order_by(*order(some, some.owner)).limit(size).offset(offset)
-    of_page = cut.subquery("page").c
-    page = select(of_page.revision, of_page.retracted, of_page.kind, text_of(of_page))
-    return Query(page.order_by(*order(of_page, of_page.owner)))
+        read = select(some.revision, some.retracted, some.kind, text_of(some), some.owner)
+        lines = read.subquery("lines").c
+        return Query(cut(lines, lines.text))
+    of_page = cut(some, some.owner).subquery("page").c
+    own = of_page.revision, of_page.retracted, of_page.kind, text_of(of_page), of_page.owner
+    order = of_page.retracted, of_page.kind, of_page.owner, of_page.text
+    return Query(select(*own).order_by(of_page.revision.desc(), *order))
 
 
-def page_of(session: Session, query: Query, offset: int, limit: int, **own: Any) -> ChangesPage:
-    """Read a page of changes, in one statement."""
-    rows = session.rows(query, size=limit + 1, offset=offset, **own)
-    return ChangesPage([*_made(rows[:limit])], offset + limit if len(rows) > limit else None)
+def newest_of(session: Session, query: Query, limit: int, **own: Any) -> list[tuple[int, Change]]:
+    """Read the first changes, in one statement."""
+    return [*_made(row[:4] for row in session.rows(query, size=limit, skip=0, **own))]
+
+
+def page_of(
+    session: Session, query: Query, place: Place, limit: int, by_text: bool = False, **own: Any
+) -> ChangesPage:
+    """Read a page of changes of one revision, in one statement."""
+    rows = session.rows(query, size=limit + 1, **place.of(), **own)
+    page = rows[:limit]
+    keys = [(row[1], row[2], row[3 if by_text else 4]) for row in page]
+    return ChangesPage(
+        [*_made(row[:4] for row in page)], place.behind(keys) if len(rows) > limit else None
+    )
 
 
 @cache
@@ -327,14 +353,16 @@ def count_each(session: Session, kb_id: int, numbers: Iterable[int]) -> dict[int
 
 
 @cache
-def _of_revision(by_text: bool) -> Query:
+def _of_revision(key: tuple[type, ...], by_text: bool) -> Query:
     parts = (end.short_line(end.revision, end.revision == integer("number")) for end in _ENDS)
-    return paged((select(first_rows(part, _BOUND).subquery()) for part in parts), by_text)
+    bounded = (select(first_rows(part, _BOUND).subquery()) for part in parts)
+    return paged(bounded, key, by_text)
 
 
 def read_changes_page(
-    session: Session, kb_id: int, number: int, total: int, offset: int, limit: int
+    session: Session, kb_id: int, number: int, total: int, place: Place, limit: int
 ) -> ChangesPage:
     """Read a page of the changes of a revision that has so many of them, in one statement."""
-    query = _of_revision(total <= SORTED)
-    return page_of(session, query, offset, limit, kb=kb_id, number=number)
+    by_text = place.types == BY_TEXT if place.key else total <= SORTED
+    query = _of_revision(place.types, by_text)
+    return page_of(session, query, place, limit, by_text, kb=kb_id, number=number)

@@ -21,6 +21,7 @@ ElementText = Annotated[
     str | None, Query(description="Only elements whose text contains this, in any case.")
 ]
 ObjectName = Annotated[str | None, Query(description="Only elements that name this object.")]
+After = Annotated[str | None, Query(description="Where the page begins: `next` of the last one.")]
 Offset = Annotated[
     int, Query(ge=0, le=2**53, description="How many come before the page: `next` of the last one.")
 ]

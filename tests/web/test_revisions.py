@@ -170,13 +170,13 @@ def test_a_revision_of_many_changes_is_read_page_by_page(
     for bound in (5_000, 10):
         monkeypatch.setattr(changes, "SORTED", bound)
         found: list[Any] = []
-        offset: int | None = 0
-        while offset is not None:
-            address = f"/api/revision?kb=courier&number=2&offset={offset}"
-            page = client.get(address).json()
+        after: str | None = ""
+        while after is not None:
+            asked = {"kb": "courier", "number": "2", "after": after}
+            page = client.get("/api/revision", params=asked).json()
             found += page["revision"]["changes"]
             assert page["total"] == len(entry.changes)
-            offset = page["next"]
+            after = page["next"]
         expected: Any = json_value(entry.changes)
         assert sorted(map(str, found)) == sorted(map(str, expected))
         assert found == expected or bound == 10
@@ -222,17 +222,34 @@ def test_a_long_difference_is_read_page_by_page(
     kb, client = filled
     fill(kb, 300)
     found: set[str] = set()
-    offset: int | None = 0
-    while offset is not None:
-        data = client.get(f"/api/difference?kb=courier&a=1&b=2&offset={offset}").json()
+    after: str | None = ""
+    while after is not None:
+        asked = {"kb": "courier", "a": "1", "b": "2", "after": after}
+        data = client.get("/api/difference", params=asked).json()
         found |= {str(change) for change in data["changes"]}
-        offset = data["next"]
+        after = data["next"]
     assert found == {str(json_value(change)) for change in kb.diff(1, 2)}
     diff._page.cache_clear()
     monkeypatch.setattr(diff, "COMPARED", 100)
     data = client.get("/api/difference?kb=courier&a=1&b=2").json()
     diff._page.cache_clear()
     assert data["is_cut"] is (data["next"] is None)
+
+
+def test_a_page_that_begins_nowhere_is_refused(client: TestClient) -> None:
+    asked = {"revision": {"number": "2"}, "difference": {"a": "1", "b": "2"}}
+    for after in (
+        *("x", "[", "7", "{}", "[1]", "[[1]]", "[[1,[],0]]", "[null,null,null]", "[" * 5_000),
+        *("[[0,[0,0,1],0]]", '[[-1,[0,"fact",1],0]]', '[[true,[0,"fact",1],0]]'),
+        *('[[0,[0,"fact",1e9],0]]', '[[0,[0,"fact",9223372036854775808],0]]'),
+        *(r'[[0,[0,"a\u0000",1],0]]', r'[[0,[0,"\ud800",1],0]]'),
+    ):
+        for path, own in asked.items():
+            place = after.replace("[[", "[null,[", 1) if path == "difference" else after
+            given = {"kb": "courier", **own, "after": place}
+            answer = client.get(f"/api/{path}", params=given)
+            assert answer.status_code == 400, answer.text
+            assert "the value of `next` of a page" in answer.text
 
 
 def test_pages_take_as_many_statements_however_much_is_stored(

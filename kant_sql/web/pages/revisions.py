@@ -10,7 +10,7 @@ from fastapi import Query
 from ...history.diff import Difference, read_difference
 from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read_revision_page
 from ...knowledge_base import KnowledgeBase, state_of
-from ..parameters import Before, Offset, SinceMoment, UntilMoment, moment
+from ..parameters import After, Before, SinceMoment, UntilMoment, moment
 from ..registry import Pages
 
 PAGES = Pages("history")
@@ -62,9 +62,9 @@ def log(
 
 
 @PAGES.page("/revision", "revision.html", rows=["revision.changes"])
-def revision(kb: KnowledgeBase, number: RevisionNumber, offset: Offset = 0) -> RevisionPage:
+def revision(kb: KnowledgeBase, number: RevisionNumber, after: After = None) -> RevisionPage:
     """Show a revision: who wrote, when, why, and what changed."""
-    return read_revision_page(state_of(kb), number, offset, CHANGES)
+    return read_revision_page(state_of(kb), number, after, CHANGES)
 
 
 OneState = Annotated[
@@ -78,7 +78,7 @@ OtherState = Annotated[
 
 @PAGES.page("/difference", "difference.html", rows=["changes"])
 def difference(
-    kb: KnowledgeBase, a: OneState = "", b: OtherState = "", offset: Offset = 0
+    kb: KnowledgeBase, a: OneState = "", b: OtherState = "", after: After = None
 ) -> DifferencePage:
     """Compare two states: what only one of them has, by kind, and the log between them."""
     other = moment(b)
@@ -87,7 +87,7 @@ def difference(
     one = moment(a)
     if one is None:
         one = max(0, kb.at(other).revision - 1)
-    found = read_difference(state_of(kb), one, other, offset, CHANGES)
+    found = read_difference(state_of(kb), one, other, after, CHANGES)
     low, high = sorted((found.a, found.b))
     between = (
         LogPage(0, [])
