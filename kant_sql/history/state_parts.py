@@ -6,7 +6,7 @@ then read in the order of an index instead of that of the texts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from sqlalchemy import (
     literal_column,
     or_,
     select,
+    tuple_,
     union_all,
 )
 
@@ -30,6 +31,7 @@ from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.intervals import held_by, held_then, then
+from ..sql.places import Place, from_place, place_text, read_place
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import (
     FACT,
@@ -55,6 +57,7 @@ from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
 COUNTED, SORTED, SEARCHED = 20_000, 10_000, 10_000
+_BY_TEXT = (str,)
 # How many of what has just gone are read, of each state.
 GONE = 200
 _NAMED = ("object", "type", "predicate", "function", "action")
@@ -119,9 +122,10 @@ class StatePart(NamedTuple):
         total: how many there are, as far as they are counted.
         is_counted: whether `total` counts all.
         is_searched: whether the text was looked for in a part of them only: those from `offset` on,
-            before `next`.
+            before `end`.
         offset: how many come before the page.
-        next: the offset of the next page; None after the last.
+        end: how many come before the next page.
+        next: the value of `after` for the next page; None after the last.
     """
 
     kind: str
@@ -132,7 +136,8 @@ class StatePart(NamedTuple):
     is_counted: bool
     is_searched: bool
     offset: int
-    next: int | None
+    end: int
+    next: str | None
 
 
 class StatePage(NamedTuple):
@@ -160,10 +165,11 @@ class _Found(NamedTuple):
     total: int
     is_counted: bool
     is_searched: bool
-    next: int | None
+    passed: int
+    next: Place | None
 
 
-_NOTHING = _Found([], 0, True, False, None)
+_NOTHING = _Found([], 0, True, False, 0, None)
 
 
 class _Shape(NamedTuple):
@@ -174,6 +180,7 @@ class _Shape(NamedTuple):
     has_text: bool = False
     has_predicate: bool = False
     has_object: bool = False
+    after: tuple[type, ...] = ()  # the types of the place that a page begins at
 
 
 # The tables of identities and arguments, and the columns of the identity and of its head.
@@ -183,7 +190,7 @@ _ATOMS: dict[str, tuple[type[Base], type[Base], str, str]] = {
 }
 # The parameter that has the id of the predicate or the function.
 _HEADS = {PROPOSITION: "predicate", VALUE: "function"}
-_SIZE, _OFFSET = integer("size"), integer("offset")
+_SIZE, _SKIP = integer("size"), integer("skip")
 
 
 def _constant(sql: object) -> ColumnElement[Any]:
@@ -199,27 +206,68 @@ def _lines(columns: VersionColumns) -> Select[Any]:
     return select(columns.kind.label("kind"), columns.text.label("text"), since.label("since"))
 
 
+def _keyed(lines: Select[Any], key: Sequence[Any]) -> Select[Any]:
+    """Add the columns that lines are ordered by."""
+    return lines.add_columns(*(column.label(f"key{n}") for n, column in enumerate(key)))
+
+
+def _after(columns: Sequence[Any], shape: _Shape, *fixed: Any) -> list[ColumnElement[bool]]:
+    """Return the condition that a line comes after the place where a page begins, if there is one.
+
+    Args:
+        fixed: a column that follows the first one in the index, and its value.
+    """
+    if not shape.after or shape.after == _BY_TEXT:
+        return []
+    # What has no argument or no end: others that are equal so far have none, either.
+    kept = [n for n, one in enumerate(shape.after) if one is int]
+    own, values = [columns[n] for n in kept], [integer(f"key{n}") for n in kept]
+    own[1:1], values[1:1] = fixed[:1], fixed[1:]
+    return [tuple_(*own) > tuple_(*values)]
+
+
+def _key_types(shape: _Shape) -> list[tuple[type, ...]]:
+    """Return the types of keys in the order of an index."""
+    none = type(None)
+    if shape.kind == GOAL:
+        return []
+    if shape.kind not in (FACT, VALUE) or shape.has_object:
+        return [(int,)]
+    if shape.is_past:
+        return [(int, int, int, until, int) for until in (int, none)]
+    if shape.kind == VALUE:
+        return [(int, int)]
+    return [(int, first, second, int) for first, second in ((int, int), (int, none), (none, none))]
+
+
 def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
     """Select facts, goals or values by their versions, in the order of an index."""
     columns = VERSION_COLUMNS[source]
     version = columns.version
     owner = version[_ATOMS[source][3]]
     conditions: list[Any] = [version.kb_id == KB]
-    order: list[Any] = [owner]
     if source == PROPOSITION:
         conditions.append(_is_wanted(version, shape))
-        order += [version.is_goal, version.first_object_id, version.second_object_id]
     if shape.has_predicate:
         conditions.append(owner == integer(_HEADS[source]))
     if shape.is_past:
         # Goals have an index of their own.
         is_found = shape.has_predicate or shape.kind == GOAL
         conditions.append(held_then(version) if is_found else held_by(source, version, THEN))
-        order = [owner, version.fork, version.since, version.until]
+        key = [owner, version.fork, version.since, version.until, columns.owner]
+        order = key
+        # An expression has no index: what held then is found by its forks.
+        conditions += _after([owner + _constant(0), *key[1:]], shape)
     else:
         conditions.append(version.until.is_(None))
-    order.append(columns.owner)
-    return _lines(columns).where(*conditions).order_by(*order)
+        arguments, is_goal = [], []
+        if source == PROPOSITION:
+            arguments = [version.first_object_id, version.second_object_id]
+            is_goal = [version.is_goal]
+        key = [owner, *arguments, columns.owner]
+        order = [owner, *is_goal, *arguments, columns.owner]
+        conditions += _after(key, shape, *is_goal, *[_constant("FALSE")] * len(is_goal))
+    return _keyed(_lines(columns), key).where(*conditions).order_by(*order)
 
 
 def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
@@ -270,7 +318,9 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
         )
         text = select(version.text).where(*now).correlate(held).scalar_subquery()
     lines = select(_quoted(shape.kind).label("kind"), text.label("text"), held.c.since)
-    return lines.where(held.c.since.is_not(None)).order_by(held.c.id)
+    key = [held.c.id]
+    found = _keyed(lines, key).where(held.c.since.is_not(None), *_after(key, shape))
+    return found.order_by(*key)
 
 
 def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
@@ -278,7 +328,9 @@ def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
     columns = VERSION_COLUMNS[source]
     version = columns.version
     held = held_by(source, version, THEN if shape.is_past else None)
-    lines = _lines(columns).where(version.kb_id == KB, held).order_by(columns.owner)
+    key = [columns.owner]
+    lines = _keyed(_lines(columns), key).where(version.kb_id == KB, held, *_after(key, shape))
+    lines = lines.order_by(*key)
     if source == "formula":
         lines = lines.where(version.section == _quoted(shape.kind))
         names = {"predicate_word": shape.has_predicate, "object_word": shape.has_object}
@@ -311,11 +363,6 @@ def _selects(shape: _Shape) -> list[Select[Any]]:
     return found
 
 
-def _together(shape: _Shape, parts: list[Select[Any]]) -> Any:
-    whole = parts[0] if len(parts) == 1 else union_all(*parts)
-    return whole.subquery("part")
-
-
 @lru_cache(maxsize=64)
 def _counts(shapes: tuple[_Shape, ...]) -> Query:
     """Count the parts, up to a bound."""
@@ -334,42 +381,51 @@ def _counts(shapes: tuple[_Shape, ...]) -> Query:
 
 @lru_cache(maxsize=256)
 def _sorted(shape: _Shape) -> Query:
-    """Read a part that is short in the order of its texts, and count what is found."""
-    part = _together(shape, [each.order_by(None) for each in _selects(shape)])
-    lines = select(part.c.kind, part.c.text, part.c.since, func.count().over())
+    """Read a part in the order of its texts, and count what is found."""
+    parts = [each.order_by(None) for each in _selects(shape)]
+    parts = [each.with_only_columns(*[*each.selected_columns][:3]) for each in parts]
+    part = (parts[0] if len(parts) == 1 else union_all(*parts)).subquery("part").c
+    lines = select(part.kind, part.text, part.since, func.count().over().label("total"))
     if shape.has_text:
-        lines = lines.where(contains(part.c.text))
-    return Query(lines.order_by(part.c.text).limit(_SIZE).offset(_OFFSET))
+        lines = lines.where(contains(part.text))
+    if shape.after:
+        found = lines.subquery("found").c
+        lines = select(*found).where(from_place([found.text], shape.after, "key"))
+        lines = lines.order_by(found.text)
+    else:
+        lines = lines.order_by(part.text)
+    return Query(lines.limit(_SIZE).offset(_SKIP))
 
 
 @lru_cache(maxsize=256)
 def _indexed(shape: _Shape) -> Query:
-    """Read a part that is long in the order of an index, or look for a text in some of it."""
-    parts = _selects(shape)
-    if len(parts) > 1:
-        part = _together(shape, [each.order_by(None) for each in parts])
-        lines = select(part.c.kind, part.c.text, part.c.since).order_by(part.c.text)
-    else:
-        lines = parts[0]
+    """Read a part that is long in the order of an index, or look for a text in some of it.
+
+    A row has the columns of the key after kind, text and revision. Those of a search have, too,
+    whether the text is in them, and their place; the last that was searched is among them.
+    """
+    (lines,) = _selects(shape)
     by_version = shape.kind == FACT and not shape.has_object
     size = _constant(SEARCHED) if shape.has_text else _SIZE
     if by_version:
         # Texts of the page alone: PostgreSQL computes the columns of the rows before it, too.
         version = VERSION_COLUMNS[PROPOSITION].version
-        ids = lines.with_only_columns(version.proposition_id, version.since)
-        some = ids.limit(size).offset(_OFFSET).subquery("some").c
+        key = [*lines.selected_columns][3:]
+        ids = lines.with_only_columns(version.proposition_id.label("id"), version.since, *key)
+        _, since, *keys = some = first_rows(ids, size).subquery("some").c
         atom = table_of(PropositionRow)
-        own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == some.proposition_id)
+        own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == some.id)
         text: Any = own.correlate_except(atom).scalar_subquery()
-        lines = select(_quoted(FACT).label("kind"), text.label("text"), some.since)
+        lines = select(_quoted(FACT).label("kind"), text.label("text"), since, *keys)
+    else:
+        lines = first_rows(lines, size)
     if not shape.has_text:
-        return Query(lines if by_version else lines.limit(_SIZE).offset(_OFFSET))
-    found = (lines if by_version else lines.limit(size).offset(_OFFSET)).subquery("found").c
-    place = func.row_number().over().label("place")
-    numbered = select(found.kind, found.text, found.since, place).subquery("numbered").c
-    matching = select(numbered.kind, numbered.text, numbered.since, numbered.place)
-    matching = matching.where(contains(numbered.text)).order_by(numbered.place)
-    return Query(first_rows(matching, _SIZE))
+        return Query(lines)
+    found = lines.subquery("found").c
+    matches, place = contains(found.text).label("matches"), func.row_number().over().label("place")
+    numbered = select(*found, matches, place).subquery("numbered").c
+    wanted = select(*numbered).where(or_(numbered.matches, numbered.place == _constant(SEARCHED)))
+    return Query(first_rows(wanted.order_by(numbered.place), _SIZE))
 
 
 def _gone_of(source: str) -> Select[Any]:
@@ -429,7 +485,7 @@ def read_state(
     when: When | None,
     asked: StateFilter,
     kind: str | None = None,
-    offset: int = 0,
+    after: str | None = None,
     limit: int = 200,
 ) -> StatePage:
     """Read a page of a state.
@@ -439,13 +495,14 @@ def read_state(
         when: which state; None for the present.
         asked: which elements.
         kind: one of `PARTS`; None for the beginning of each.
-        offset: how many elements come before the page.
+        after: where the page of a kind begins: `next` of the last one.
         limit: how many elements a page of a kind has.
 
     Raises:
         UnknownRevisionError: there is no such revision yet.
         ArchivedError: a part of the state was moved to an archive.
         UnknownNameError: nothing has ever had the name of the predicate or the object.
+        InvalidArgumentError: `after` is not the `next` of a page of this kind.
     """
     head = read_head(reader.store).revision if reader.at is None else reader.at
     (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
@@ -456,7 +513,7 @@ def read_state(
         if kb_id is None:
             return StatePage(0, 0, None, [], PARTS)
         question = _question(session, kb_id, asked, at)
-        parts = _read_parts(session, question, kinds, offset, limit)
+        parts = _read_parts(session, question, kinds, after, limit)
         gone = _read_gone(session, kb_id, revision, asked, kinds)
         lines = [*gone, *(line for found in parts.values() for line in found.lines)]
         numbers = {line[2] for line in lines} | {revision} - {0}
@@ -471,9 +528,10 @@ def read_state(
         def part(kind: str) -> StatePart:
             found = parts.get(kind, _NOTHING)
             own = made(line for line in gone if line[0] == kind)
-            counted = found.total, found.is_counted, found.is_searched
-            place = offset if kind in parts else 0
-            return StatePart(kind, PARTS[kind], made(found.lines), own, *counted, place, found.next)
+            counted = found.total, found.is_counted, found.is_searched, found.passed
+            end = found.total if found.next is None else found.next.passed
+            following = place_text(found.next)
+            return StatePart(kind, PARTS[kind], made(found.lines), own, *counted, end, following)
 
         shown = [part(kind) for kind in PARTS if kind in parts or any(g[0] == kind for g in gone)]
         return StatePage(revision, head, revisions.get(revision), shown, PARTS)
@@ -492,35 +550,48 @@ def _refuse_unknown_names(reader: State, asked: StateFilter) -> None:
 
 
 def _read_parts(
-    session: Session, question: _Question, kinds: Iterable[str], offset: int, limit: int
+    session: Session, question: _Question, kinds: Iterable[str], after: str | None, limit: int
 ) -> dict[str, _Found]:
     shapes = question.shapes(kinds)
     counted = session.rows(_counts(shapes), **question.parameters) if shapes else ()
     totals: dict[str, int] = {row[0]: row[1] for row in counted}
     return {
-        shape.kind: _read_part(session, question, shape, totals[shape.kind], offset, limit)
+        shape.kind: _read_part(session, question, shape, totals[shape.kind], after, limit)
         for shape in shapes
         if totals[shape.kind]
     }
 
 
 def _read_part(
-    session: Session, question: _Question, shape: _Shape, total: int, offset: int, limit: int
+    session: Session, question: _Question, shape: _Shape, total: int, after: str | None, limit: int
 ) -> _Found:
-    is_counted = total <= COUNTED
-    has_text = question.asked.text is not None
-    shape = shape._replace(has_text=has_text)
-    own = {**question.parameters, "size": limit + 1, "offset": offset}
-    is_sorted = total <= SORTED
-    rows = session.rows((_sorted if is_sorted else _indexed)(shape), **own)
-    after = offset + limit if len(rows) > limit else None
-    if is_sorted and has_text:
-        total = rows[0][3] if rows else 0
-    elif has_text and after is not None:
-        after = offset + int(rows[limit - 1][3])
-    elif has_text and (not is_counted or offset + SEARCHED < total):
-        after = offset + SEARCHED
-    return _Found(rows[:limit], min(total, COUNTED), is_counted, has_text and not is_sorted, after)
+    place = read_place(after, _BY_TEXT, *_key_types(shape))
+    is_counted, has_text = total <= COUNTED, question.asked.text is not None
+    shape = shape._replace(has_text=has_text, after=place.types)
+    own = {**question.parameters, "size": limit + 1, **place.of("key")}
+    # Goals are atoms and formulas, which no index has together.
+    by_text = place.types == _BY_TEXT if place.key else total <= SORTED or shape.kind == GOAL
+    rows = session.rows((_sorted if by_text else _indexed)(shape), **own)
+    page, end = rows[:limit], None
+    if by_text:
+        if has_text:
+            total = rows[0][3] if rows else 0
+        if len(rows) > limit:
+            end = place.behind([(row[1],) for row in page])
+    elif has_text:
+        if len(rows) > limit:
+            end = Place(place.passed + page[-1][-1], page[-1][3:-2])
+        elif (
+            rows
+            and rows[-1][-1] == SEARCHED
+            and not (is_counted and place.passed + SEARCHED >= total)
+        ):
+            end = Place(place.passed + SEARCHED, rows[-1][3:-2])
+        page = [row for row in page if row[-2]]
+    elif len(rows) > limit:
+        end = Place(place.passed + limit, page[-1][3:])
+    is_searched = has_text and not by_text
+    return _Found(page, min(total, COUNTED), is_counted, is_searched, place.passed, end)
 
 
 def _read_gone(

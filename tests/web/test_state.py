@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
+from kant_sql import (
+    PddlFunctionDto,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+)
 from kant_sql.history import state_parts
+from kant_sql.history.state_parts import StateFilter, read_state
+from kant_sql.knowledge_base import state_of
 from tests.support.statements import count, fill
 from tests.web.conftest import Filled
 
@@ -88,7 +98,9 @@ def test_a_wrong_question_says_what_is_wrong(client: TestClient) -> None:
         ("predicate=robot", 404, "has never had"),
         ("kind=nothing", 422, "kind"),
         ("text=%00", 400, "NUL"),
-        ("offset=-1", 422, "offset"),
+        ("kind=fact&after=-1", 400, "the value of `next` of a page"),
+        ("kind=fact&after=[[0,[1],0]]", 400, "the value of `next` of a page"),
+        ("kind=goal&after=[[0,[1,2,3,4],0]]", 400, "the value of `next` of a page"),
     ):
         answer = client.get(f"/api/state?kb=courier&{query}")
         assert (answer.status_code, said in answer.text) == (status, True), answer.text
@@ -96,11 +108,11 @@ def test_a_wrong_question_says_what_is_wrong(client: TestClient) -> None:
 
 def walk(client: TestClient, address: str) -> Iterator[Any]:
     """Read the pages of the facts one after the other."""
-    offset: int | None = 0
-    while offset is not None:
-        data = client.get(f"{address}&kind=fact&offset={offset}").json()
+    after: str | None = ""
+    while after is not None:
+        data = client.get(f"{address}&kind=fact&after={after}").json()
         yield part(data, "fact")
-        offset = part(data, "fact")["next"]
+        after = part(data, "fact")["next"]
 
 
 @pytest.mark.parametrize("bound", [10_000, 100])
@@ -116,6 +128,55 @@ def test_pages_have_each_element_once(
         assert [len(one["elements"]) for one in pages] == [200, 200, size - 400]
         assert {one["total"] for one in pages} == {size}
         assert len({each["text"] for one in pages for each in one["elements"]}) == size
+
+
+@pytest.mark.parametrize("bound", [10_000, 0])
+def test_pages_go_on_after_their_last_element(
+    filled: Filled, monkeypatch: pytest.MonkeyPatch, bound: int
+) -> None:
+    monkeypatch.setattr(state_parts, "SORTED", bound)
+    kb, _ = filled
+    wp = PddlTypeDto("wp")
+    one, two = PddlPredicateDto("clean", [wp]), PddlPredicateDto("linked", [wp, wp, wp])
+    places = [PddlObjectDto(wp, f"wp{n}") for n in range(4)]
+    with kb.transaction():
+        for name in ("awake", "zealous"):
+            kb.propositions.save(PddlPropositionDto(PddlPredicateDto(name, []), []))
+        for is_goal, place in itertools.product((False, True), places):
+            save = (kb.goals if is_goal else kb.propositions).save
+            save(PddlPropositionDto(one, [place], is_goal))
+            for other in places[:2]:
+                save(PddlPropositionDto(two, [places[0], other, place], is_goal))
+        for place in places:
+            kb.function_values.set(PddlFunctionDto("level", [wp]), objects=[place], value=1)
+        kb.goals.save("(or (awake) (zealous))")
+    kb.propositions.delete("(clean wp1)")
+    then = kb.revision
+    kb.propositions.save("(clean wp1)")
+    kb.propositions.delete("(awake)")
+    for at in (None, then, then - 1):
+        state = kb if at is None else kb.at(at)
+        for kind, asked in itertools.product(
+            ("fact", "goal", "value", "object"),
+            (
+                StateFilter(),
+                StateFilter("wp1"),
+                StateFilter(None, "linked"),
+                StateFilter(object="wp1"),
+            ),
+        ):
+            found: list[str] = []
+            after: str | None = ""
+            whole = read_state(state_of(kb), at, asked, kind, limit=500).parts
+            while after is not None:
+                parts = read_state(state_of(kb), at, asked, kind, after, 2).parts
+                assert all(each.offset == len(found) or asked.text for each in parts)
+                found += [each.text for one in parts for each in one.elements]
+                after = parts[0].next if parts else None
+            expected = [each.text for one in whole for each in one.elements]
+            assert found == expected, (at, kind, asked)
+            if asked == StateFilter() and kind == "fact":
+                assert sorted(found) == sorted(map(str, state.propositions.get_all()))
 
 
 def test_a_text_is_looked_for_in_a_long_state_part_by_part(

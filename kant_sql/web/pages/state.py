@@ -8,7 +8,7 @@ from fastapi import Query
 
 from ...history.state_parts import PARTS, StateFilter, StatePage, read_state
 from ...knowledge_base import KnowledgeBase, state_of
-from ..parameters import At, ElementText, ObjectName, Offset, moment
+from ..parameters import After, At, ElementText, ObjectName, moment
 from ..registry import Pages
 
 PAGES = Pages("state")
@@ -34,7 +34,7 @@ def state(
     predicate: PredicateName = None,
     object: ObjectName = None,
     kind: OneKind = "",
-    offset: Offset = 0,
+    after: After = None,
 ) -> StatePage:
     """Show all that held at a time, and mark what changed against the revision before.
 
@@ -42,4 +42,4 @@ def state(
     """
     asked = StateFilter(text or None, predicate or None, object or None)
     limit = MANY if kind else FEW
-    return read_state(state_of(kb), moment(at), asked, kind or None, offset, limit)
+    return read_state(state_of(kb), moment(at), asked, kind or None, after, limit)
