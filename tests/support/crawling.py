@@ -30,20 +30,8 @@ PATHS = sorted(
     }
 )
 _BOOLEAN = {
-    "async",
-    "autofocus",
-    "checked",
-    "data-live",
-    "data-revision",
-    "defer",
-    "disabled",
-    "download",
-    "hidden",
-    "multiple",
-    "open",
-    "readonly",
-    "required",
-    "selected",
+    *("async", "autofocus", "checked", "data-live", "data-revision", "defer", "disabled"),
+    *("download", "hidden", "multiple", "open", "readonly", "required", "selected"),
 }
 _EMPTY = {"input", "meta", "link", "br", "hr", "img", "col", "wbr", "source"}
 # What the guards of direction and of line ends write out.

@@ -35,13 +35,7 @@ TIMES = {"at start", "over all", "at end"}
 RESERVED = {
     "type": {"either"},
     "predicate": {
-        "and",
-        "or",
-        "not",
-        "imply",
-        "forall",
-        "exists",
-        "when",
+        *("and", "or", "not", "imply", "forall", "exists", "when"),
         *("=", "<", "<=", ">=", ">"),
     },
 }

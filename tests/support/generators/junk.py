@@ -219,24 +219,11 @@ JUNK: dict[str, Callable[[], Any]] = {
     "anchor": lambda: Anchor("junk"),  # type: ignore[arg-type]
     **{
         f"bad {name}": lambda name=name: hostile(name)  # type: ignore[misc]
-        for name in [
-            "__str__",
-            "__repr__",
-            "__eq__",
-            "__hash__",
-            "__iter__",
-            "__len__",
-            "__bool__",
-            "__index__",
-            "__float__",
-            "__fspath__",
-            "__call__",
-            "__format__",
-            "__lt__",
-            "__contains__",
-            "__getitem__",
-            "__getattr__",
-        ]
+        for name in (
+            *("__str__", "__repr__", "__eq__", "__hash__", "__iter__", "__len__", "__bool__"),
+            *("__index__", "__float__", "__fspath__", "__call__", "__format__", "__lt__"),
+            *("__contains__", "__getitem__", "__getattr__"),
+        )
     },
     **{
         f"wrong {name}": lambda name=name: hostile(name, 5)  # type: ignore[misc]

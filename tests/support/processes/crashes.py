@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import itertools
 import os
+import random
 import resource
 import signal
+import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import NamedTuple
@@ -16,6 +20,7 @@ from kant_sql import KnowledgeBase, PddlObjectDto, StoreError
 from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects.base import Session
 from tests.support.chain import check_chain
+from tests.support.processes.workers import PATIENCE, wait_for
 from tests.support.worlds import counter
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, navigation, robot_at, waypoint
 
@@ -80,6 +85,48 @@ def die_after(statements: int) -> None:
         return execute_and_die
 
     setattr(Session, "_execute", counting(Session._execute))  # noqa: B010
+
+
+def go_on(kb: KnowledgeBase, kill: Callable[[], object]) -> int:
+    """Insert by calls and count by transactions, while something is killed and comes back.
+
+    Returns:
+        How many revisions there are afterwards.
+    """
+    done, inserted, counted = threading.Event(), [0], [0]
+
+    def insert() -> None:
+        while not done.is_set():
+            assert kb.objects.insert(waypoint(inserted[0]))
+            inserted[0] += 1
+
+    def count() -> None:
+        while not done.is_set():
+            # A transaction that was lost did nothing.
+            with suppress(ConnectionLostError):
+                counter.increment(kb, 1)
+                counted[0] += 1
+
+    def both_go_on() -> None:
+        before = inserted[0], counted[0]
+        wait_for(lambda: inserted[0] > before[0] + 1 and counted[0] > before[1] + 1)
+
+    counter.start(kb)
+    with ThreadPoolExecutor(2) as pool:
+        calls = [pool.submit(insert), pool.submit(count)]
+        try:
+            for _ in range(2):
+                both_go_on()
+                time.sleep(random.uniform(0, 0.2))
+                kill()
+            both_go_on()
+        finally:
+            done.set()
+        for call in calls:
+            call.result(2 * PATIENCE)
+    assert counter.read(kb) == counted[0]
+    assert len(kb.objects.get_all()) == inserted[0] + counted[0] + 2
+    return 1 + inserted[0] + counted[0]
 
 
 def all_told(told: Connection) -> list[Acknowledged]:

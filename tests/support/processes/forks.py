@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -113,36 +113,68 @@ def out_of_a_transaction(url: str) -> None:
         assert len(kb.propositions.get_all()) == kb.revision == 3
 
 
+@contextmanager
+def _in_a_transaction(kb: KnowledgeBase) -> Iterator[None]:
+    """Let a thread be in a transaction until the end of the block."""
+    entered, leave = threading.Event(), threading.Event()
+
+    def work() -> None:
+        with kb.transaction():
+            _save(kb, 2)
+            assert robot_at(place=waypoint(2)) in kb.propositions.get_all()
+            entered.set()
+            leave.wait(30)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    entered.wait(30)
+    yield
+    leave.set()
+    thread.join()
+
+
+@contextmanager
+def _again_and_again(work: Callable[[], object], threads: int) -> Iterator[None]:
+    """Let threads do something until the end of the block."""
+    is_over = threading.Event()
+
+    def repeat() -> None:
+        while not is_over.is_set():
+            work()
+
+    running = [threading.Thread(target=repeat) for _ in range(threads)]
+    for thread in running:
+        thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        for thread in running:
+            thread.join()
+
+
+def _refused(work: Callable[[], object]) -> None:
+    try:
+        work()
+    except ForkedError:
+        return
+    raise AssertionError("SQLite would not survive this")
+
+
 def beside_a_thread_in_a_transaction(url: str) -> None:
     """Fork while another thread is in a transaction: the child works, or says why it cannot."""
     with kant_sql.connect(url) as kb:
         _save(kb, 1)
-        entered, leave = threading.Event(), threading.Event()
-
-        def work() -> None:
-            with kb.transaction():
-                _save(kb, 2)
-                assert len(kb.propositions.get_all()) == 2
-                entered.set()
-                leave.wait(30)
-
-        thread = threading.Thread(target=work)
-        thread.start()
-        entered.wait(30)
 
         def child() -> None:
             if url.startswith("sqlite"):
-                try:
-                    kb.propositions.get_all()
-                except ForkedError:
-                    return
-                raise AssertionError("SQLite would not survive this")
-            _save(kb, 3)
+                _refused(kb.propositions.get_all)
+            else:
+                _save(kb, 3)
 
-        forked = Child(child)
-        time.sleep(0.1)
-        leave.set()
-        thread.join()
+        with _in_a_transaction(kb):
+            forked = Child(child)
+            time.sleep(0.1)
         forked.join()
         _save(kb, 4)
         assert len(kb.propositions.get_all()) == kb.revision
@@ -189,29 +221,10 @@ def fork_beside_a_watching_thread(url: str) -> None:
             assert call.result() == 3
 
 
-def _refused(work: Callable[[], object]) -> None:
-    try:
-        work()
-    except ForkedError:
-        return
-    raise AssertionError("SQLite would not survive this")
-
-
 def beside_a_thread_in_another_store(url: str, other_url: str) -> None:
     """Fork while a thread is in a transaction of another SQLite store: the child says so."""
     with kant_sql.connect(url) as kb, kant_sql.connect(other_url) as other:
         _save(kb, 1)
-        entered, leave = threading.Event(), threading.Event()
-
-        def work() -> None:
-            with other.transaction():
-                _save(other, 1)
-                entered.set()
-                leave.wait(30)
-
-        thread = threading.Thread(target=work)
-        thread.start()
-        entered.wait(30)
 
         def child() -> None:
             _refused(kb.propositions.get_all)
@@ -219,9 +232,8 @@ def beside_a_thread_in_another_store(url: str, other_url: str) -> None:
             _refused(partial(kant_sql.connect, f"{url}.new"))
             kb.close()
 
-        forked = Child(child)
-        leave.set()
-        thread.join()
+        with _in_a_transaction(other):
+            forked = Child(child)
         forked.join()
         _save(kb, 2)
         assert len(kb.propositions.get_all()) == 2
@@ -249,22 +261,9 @@ def beside_reading_threads(url: str, other_url: str) -> None:
     with kant_sql.connect(url) as kb, kant_sql.connect(other_url) as other:
         _save(kb, 1)
         _save(other, 1)
-        is_over = threading.Event()
-
-        def read() -> None:
-            while not is_over.is_set():
-                other.propositions.get_all()
-
-        threads = [threading.Thread(target=read) for _ in range(2)]
-        for thread in threads:
-            thread.start()
-        try:
+        with _again_and_again(other.propositions.get_all, threads=2):
             for _ in range(60):
                 Child(lambda: None).join()
-        finally:
-            is_over.set()
-            for thread in threads:
-                thread.join()
         assert len(kb.propositions.get_all()) == 1
 
 
@@ -328,22 +327,12 @@ def beside_a_thread_that_connects(url: str) -> None:
     """Fork again and again while a thread opens and closes the store: children go on or say why."""
     with kant_sql.connect(url) as kb:
         _save(kb, 1)
-        is_over = threading.Event()
-
-        def connect() -> None:
-            while not is_over.is_set():
-                kant_sql.connect(url).close()
 
         def child() -> None:
             with suppress(ForkedError):
                 assert len(kb.propositions.get_all()) == 1
 
-        thread = threading.Thread(target=connect)
-        thread.start()
-        try:
+        with _again_and_again(lambda: kant_sql.connect(url).close(), threads=1):
             for _ in range(40):
                 Child(child).join()
-        finally:
-            is_over.set()
-            thread.join()
         assert len(kb.propositions.get_all()) == 1

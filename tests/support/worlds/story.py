@@ -90,6 +90,10 @@ def _change(kb: KnowledgeBase) -> None:
     kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "p3"))
     kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "p3"))
     kb.objects.delete(PddlObjectDto(PddlTypeDto("truck"), "p3"))
+    _define_again(kb)
+
+
+def _define_again(kb: KnowledgeBase) -> None:
     kb.types.save(PddlTypeDto("crate"))
     kb.types.save(PddlTypeDto("crate", parent=PddlTypeDto("machine")))
     kb.actions.save(PddlActionDto("rest", durative=False))
@@ -133,10 +137,7 @@ def _redefine(kb: KnowledgeBase) -> None:
         kb.goals.save(formula)
         kb.goals.delete(formula)
     kb.pddl.constraints.save(CONSTRAINTS["hold-during"])
-    kb.types.save(PddlTypeDto("crate"))
-    kb.types.save(PddlTypeDto("crate", parent=PddlTypeDto("machine")))
-    kb.actions.save(PddlActionDto("rest", durative=False))
-    kb.actions.save(PddlActionDto("rest", duration=2.5))
+    _define_again(kb)
     load = kb.actions.get("load")
     assert load is not None
     kb.actions.delete(load)
