@@ -16,6 +16,7 @@ from kant_sql import KnowledgeBase, OutcomeUnknownError, StoreError
 from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
+from kant_sql.sql.query import Query
 from kant_sql_plugins.citus import cluster as citus
 from tests.support.chain import check_chain
 from tests.support.faults import (
@@ -30,6 +31,7 @@ from tests.support.faults import (
     one_call,
     terminate,
 )
+from tests.support.statements import text_of
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import WP2, robot_at, waypoint
@@ -108,13 +110,13 @@ def crash_at(monkeypatch: pytest.MonkeyPatch, words: str, said: str, *, is_done:
     """Answer the next statement that begins with some words by this error."""
     execute, times = PostgresqlSession._execute, iter([said])
 
-    def crash(self: PostgresqlSession, sql: str, parameters: Any = ()) -> None:
-        for text in times if sql.startswith(words) else ():
+    def crash(self: PostgresqlSession, statement: str | Query, parameters: Any = ()) -> None:
+        for text in times if text_of(self, statement).startswith(words) else ():
             if is_done:
-                execute(self, sql, parameters)
+                execute(self, statement, parameters)
             raising = f"RAISE EXCEPTION ''{text}'' USING ERRCODE = ''internal_error''"
             execute(self, f"DO 'BEGIN {raising}; END'")
-        execute(self, sql, parameters)
+        execute(self, statement, parameters)
 
     monkeypatch.setattr(PostgresqlSession, "_execute", crash)
 

@@ -19,6 +19,7 @@ from kant_sql.errors import StoreReplacedError
 from kant_sql.sql.dialects import sqlite_file
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.sqlite_file import Contents, StoreFile
+from kant_sql.sql.query import Query
 from tests.support.statements import fact, fill
 from tests.support.stores import Connect
 from tests.support.worlds.robots import waypoint
@@ -111,11 +112,11 @@ def attack_before_commit(patch: pytest.MonkeyPatch, attack: Attack, path: Path) 
     """Attack between the last statement of a write and its COMMIT."""
     execute = Session._execute
 
-    def spy(self: Session, sql: str, parameters: object = ()) -> None:
-        if sql == "COMMIT":
+    def spy(self: Session, statement: str | Query, parameters: object = ()) -> None:
+        if statement == "COMMIT":
             patch.setattr(Session, "_execute", execute)
             attack(path)
-        execute(self, sql, parameters)
+        execute(self, statement, parameters)
 
     patch.setattr(Session, "_execute", spy)
 

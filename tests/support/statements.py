@@ -14,6 +14,7 @@ import pytest
 
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.query import Query
 from tests.support.worlds.robots import RB1, navigation, robot_at, waypoint
 
 Call = Callable[[KnowledgeBase], Any]
@@ -91,15 +92,20 @@ class Statement(NamedTuple):
     parameters: Any
 
 
+def text_of(session: Session, statement: str | Query) -> str:
+    """Give the text of what a session executes."""
+    return statement if isinstance(statement, str) else statement.text(session.backend.dialect)
+
+
 @contextmanager
 def seen() -> Iterator[list[Statement]]:
     """Give the statements of a block with their parameters; of a batch, the first row's."""
     statements: list[Statement] = []
     execute, execute_many = Session._execute, Session._execute_many
 
-    def spy(self: Session, sql: str, parameters: Any = ()) -> None:
-        statements.append(Statement(sql, parameters))
-        execute(self, sql, parameters)
+    def spy(self: Session, statement: str | Query, parameters: Any = ()) -> None:
+        statements.append(Statement(text_of(self, statement), parameters))
+        execute(self, statement, parameters)
 
     def spy_many(self: Session, sql: str, parameters: Sequence[Any]) -> None:
         statements.append(Statement(sql, parameters[0]))

@@ -12,9 +12,10 @@ from kant_sql import KnowledgeBase
 from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects.base import Row, Session
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
-from kant_sql.sql.query import Insert
+from kant_sql.sql.query import Insert, Query
 from tests.support.chain import check_chain
 from tests.support.citus import Cluster
+from tests.support.statements import text_of
 from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 
@@ -107,9 +108,11 @@ def test_a_commit_that_was_answered_by_an_error_is_found(
 ) -> None:
     execute, lost = PostgresqlSession._execute, iter([True])
 
-    def commits_and_fails(self: PostgresqlSession, sql: str, parameters: Any = ()) -> None:
-        execute(self, sql, parameters)
-        if sql.startswith("COMMIT; NOTIFY"):
+    def commits_and_fails(
+        self: PostgresqlSession, statement: str | Query, parameters: Any = ()
+    ) -> None:
+        execute(self, statement, parameters)
+        if text_of(self, statement).startswith("COMMIT; NOTIFY"):
             for _ in lost:
                 # As the coordinator says when it does not hear from the worker.
                 execute(self, "DO 'BEGIN RAISE ''could not commit transaction for shard 1''; END'")
