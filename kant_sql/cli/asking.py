@@ -13,7 +13,6 @@ from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode
-from .check import STANDARD_INPUT, read_bytes
 from .common import (
     AsJson,
     At,
@@ -32,6 +31,7 @@ from .common import (
     split_url,
     words_argument,
 )
+from .documents import STANDARD_INPUT, read_bytes
 from .history import metadata
 from .output import FAILED, NOT_JUDGED, Document, Printer, write_json
 

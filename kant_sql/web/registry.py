@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from datetime import datetime
 from functools import partial
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
@@ -26,10 +27,10 @@ from ..errors import (
 from ..html import visible
 from ..json_values import JsonValue, json_value
 from ..knowledge_base import KnowledgeBase
-from .rendering import render
-from .schemas import schema_of
+from ..moment_text import is_now, parse_moment
+from .description import schema_of
+from .rendering import csv_text, render
 from .stores import OpenStore, answer
-from .tabular import csv_text
 
 F = TypeVar("F", bound=Callable[..., Any])
 # Draws a result; it is given the parameters of its page, too.
@@ -229,3 +230,27 @@ def _endpoint(
     )
     endpoint.__name__, endpoint.__doc__ = function.__name__, function.__doc__
     return endpoint
+
+
+_MOMENT = "a revision's number, a time as 2026-03-02T14:03:00Z (UTC unless it has a zone), `now`, "
+_MOMENT += "`2 hours ago` or `yesterday 14:03`"
+At = Annotated[str | None, Query(description=f"Which state: {_MOMENT}; by default the present.")]
+SinceMoment = Annotated[str | None, Query(description=f"Only from then on, inclusive: {_MOMENT}.")]
+UntilMoment = Annotated[str | None, Query(description=f"Only up to then, inclusive: {_MOMENT}.")]
+Before = Annotated[
+    int | None, Query(ge=0, description="Only revisions before this one: the next page.")
+]
+ElementText = Annotated[
+    str | None, Query(description="Only elements whose text contains this, in any case.")
+]
+ObjectName = Annotated[str | None, Query(description="Only elements that name this object.")]
+After = Annotated[str | None, Query(description="Where the page begins: `next` of the last one.")]
+Offset = Annotated[
+    int, Query(ge=0, le=2**53, description="How many come before the page: `next` of the last one.")
+]
+
+
+def moment(text: str | None) -> int | datetime | None:
+    """Read a revision or a time; None for the present."""
+    stripped = (text or "").strip()
+    return None if not stripped or is_now(stripped) else parse_moment(stripped)

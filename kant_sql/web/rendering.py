@@ -1,13 +1,15 @@
-"""Templates, and what they share: links, and text that cannot be anything but text."""
+"""Templates and CSV: links, text that is nothing but text, and no folders of the server."""
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from hashlib import sha256
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlencode
@@ -18,8 +20,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup, escape
 
 from .. import __version__
+from ..errors import KantSqlError, StoreError
 from ..history.window import TIMELINE_KINDS
 from ..html import visible
+from ..json_values import JsonValue
 
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
@@ -201,3 +205,92 @@ def render(
         "query": dict(request.query_params),
     }
     return HTMLResponse(render_text(template, context), status_code=status)
+
+
+# What a spreadsheet takes for a formula; neither a sign nor a number is one.
+_FORMULA = re.compile(r"(?![+-]?[0-9.]*$)[=+\-@\t\r]")
+
+Row = dict[str, object]
+
+
+def csv_text(data: Any, places: Sequence[str]) -> str:
+    """Return the first rows that a document has at some places, such as `parts.elements`, as CSV.
+
+    A column is the path of a value in its row; lists are in one cell, as JSON where they have
+    documents. A text that would be a formula begins with an apostrophe.
+    """
+    rows = next(filter(None, (list(_rows(data, place.split("."))) for place in places)), [])
+    columns = dict.fromkeys(name for row in rows for name in row)
+    made = StringIO()
+    writer = csv.writer(made)
+    writer.writerow([_cell(name) for name in columns])
+    writer.writerows([_cell(row.get(name)) for name in columns] for row in rows)
+    return made.getvalue()
+
+
+def _rows(data: Any, path: Sequence[str]) -> Iterator[Row]:
+    """Yield the rows at a path; one within a row has the texts of that."""
+    found = data.get(path[0])
+    if isinstance(found, dict):
+        yield from _rows(found, path[1:])
+        return
+    for one in found or ():
+        if isinstance(one, list):
+            yield dict(zip(data["columns"], one, strict=True))
+        elif len(path) == 1:
+            yield dict(_flat(one))
+        else:
+            texts = {name: value for name, value in one.items() if isinstance(value, str)}
+            yield from ({**texts, **row} for row in _rows(one, path[1:]))
+
+
+def _flat(row: Row, above: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in row.items():
+        if isinstance(value, dict) and name != "source":
+            yield from _flat(value, f"{above}{name}.")
+        else:
+            yield above + name, value
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, list) and all(isinstance(one, str | int) for one in value):
+        value = "; ".join(map(str, value))
+    elif isinstance(value, list | dict):
+        value = json.dumps(value, ensure_ascii=False)
+    return f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
+
+
+# A file's URL; a path in what the driver or the system said, where names of PDDL may have slashes.
+_FILE = re.compile(r"sqlite(?:\+\w+)?:///(?!:memory:)([^?]+)")
+_URL = re.compile(r"(sqlite:///)[^:;,?'\"()\n]*/")
+_PATH = re.compile(r"(?<![\w:/.…])/(?:[^\s/:;,'\"()]+/)+")
+
+
+class Folders:
+    """Writes `…/` for the folders of a server: readers are told which file, never where it is."""
+
+    def __init__(self, url: str) -> None:
+        file = _FILE.match(url)
+        folder = Path("/") if file is None else Path(file[1]).resolve().parent
+        self._own = None if folder == Path("/") else f"{folder}/"
+
+    def hide(self, text: str) -> str:
+        """Return a text without folders of URLs, and without the one of the store."""
+        if self._own is not None:
+            text = text.replace(self._own, "…/")
+        return _URL.sub(r"\1…/", text) if "sqlite:///" in text else text
+
+    def hide_in(self, data: JsonValue) -> JsonValue:
+        """Return a document without folders, however deep they are."""
+        if isinstance(data, str):
+            return self.hide(data)
+        if isinstance(data, dict):
+            return {name: self.hide_in(value) for name, value in data.items()}
+        if isinstance(data, list):
+            return [self.hide_in(value) for value in data]
+        return data
+
+    def said(self, error: KantSqlError) -> str:
+        """Return the message of an error without folders."""
+        text = self.hide(str(error))
+        return _PATH.sub("…/", text) if isinstance(error, StoreError) else text

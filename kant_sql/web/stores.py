@@ -17,7 +17,7 @@ from ..errors import StoreBusyError, StoreReplacedError, UnknownNameError
 from ..knowledge_base import KnowledgeBase, KnowledgeStore, open_store
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
-from .folders import Folders
+from .rendering import Folders
 from .verifying import Verifier
 
 T = TypeVar("T")

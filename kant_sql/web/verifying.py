@@ -16,7 +16,7 @@ from ..history.anchors import Anchor
 from ..history.verify.verify import Verification
 from ..knowledge_base import KnowledgeBase
 from ..limits import Limit, obeying
-from .folders import Folders
+from .rendering import Folders
 
 logger = logging.getLogger("kant_sql.web")
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from fastapi import FastAPI
 
-from kant_sql.web.serving import make_server
+from kant_sql.web.application import make_server
 from tests.support.processes.workers import wait_for
 
 PATIENCE = 20.0

@@ -12,8 +12,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from kant_sql.errors import StoreBusyError
-from kant_sql.web.rendering import breaking
-from kant_sql.web.tabular import csv_text
+from kant_sql.web.rendering import breaking, csv_text
 from tests.browser.addresses import ADDRESSES
 from tests.support.crawling import PATHS
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from . import ask, elements, home, plans, revisions, search, state, timeline, verify
+from . import ask, elements, home, plans, revisions, timeline, verify
 
 TOPICS = (
     home.PAGES,
     revisions.PAGES,
     ask.PAGES,
-    state.PAGES,
+    revisions.STATES,
     timeline.PAGES,
     verify.PAGES,
     elements.PAGES,
     plans.PAGES,
-    search.PAGES,
+    elements.SEARCH,
 )

@@ -13,8 +13,7 @@ from ...moment_text import Moment
 from ...reasoning.complete import Completion
 from ...reasoning.failures import FailedCondition
 from ...reasoning.when import Held
-from ..parameters import moment
-from ..registry import Pages
+from ..registry import Pages, moment
 
 PAGES = Pages("conditions")
 

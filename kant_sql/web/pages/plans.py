@@ -15,8 +15,7 @@ from ...history.revisions import Revision
 from ...history.versions import Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...plans import RecordedPlan, RecordedStep
-from ..parameters import Offset
-from ..registry import KbName, Pages
+from ..registry import KbName, Offset, Pages
 from ..stores import OpenStore, answer
 
 PAGES = Pages("plans")

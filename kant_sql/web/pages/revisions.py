@@ -1,17 +1,27 @@
-"""The pages of the log, of a revision, and of the difference of two states."""
+"""The pages of the log, of a revision, of a state, and of the difference of two."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import Query
 
 from ...history.diff import Difference, read_difference
 from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read_revision_page
+from ...history.state_parts import PARTS, StateFilter, StatePage, read_state
 from ...knowledge_base import KnowledgeBase, state_of
-from ..parameters import After, Before, SinceMoment, UntilMoment, moment
-from ..registry import Pages
+from ..registry import (
+    After,
+    At,
+    Before,
+    ElementText,
+    ObjectName,
+    Pages,
+    SinceMoment,
+    UntilMoment,
+    moment,
+)
 
 PAGES = Pages("history")
 
@@ -95,3 +105,37 @@ def difference(
         else read_log_page(state_of(kb), LogFilter(), low + 1, high, limit=BETWEEN)
     )
     return DifferencePage(found, between)
+
+
+STATES = Pages("state")
+
+# How many elements a part has on the page of all parts, and on its own.
+FEW, MANY = 50, 200
+if TYPE_CHECKING:
+    Kind = str
+else:
+    Kind = Literal[("", *PARTS)]
+PredicateName = Annotated[
+    str | None,
+    Query(description="Only facts, goals and values of this predicate or function."),
+]
+OneKind = Annotated[Kind, Query(description="Only this kind, in longer pages; empty for all.")]
+
+
+@STATES.page("/state", "state.html", is_form=True, rows=["parts.elements"])
+def state(
+    kb: KnowledgeBase,
+    at: At = None,
+    text: ElementText = None,
+    predicate: PredicateName = None,
+    object: ObjectName = None,
+    kind: OneKind = "",
+    after: After = None,
+) -> StatePage:
+    """Show all that held at a time, and mark what changed against the revision before.
+
+    Each element has the revision that asserted it. `gone` has what the state's revision retracted.
+    """
+    asked = StateFilter(text or None, predicate or None, object or None)
+    limit = MANY if kind else FEW
+    return read_state(state_of(kb), moment(at), asked, kind or None, after, limit)

@@ -14,10 +14,9 @@ from ...history.window import TIMELINE_KINDS
 from ...json_values import JsonValue
 from ...knowledge.canonical import time_text
 from ...knowledge_base import KnowledgeBase
-from ..parameters import ElementText, ObjectName, SinceMoment, UntilMoment, moment
-from ..registry import Pages
+from ..registry import ElementText, ObjectName, Pages, SinceMoment, UntilMoment, moment
 from ..rendering import link
-from .state import PredicateName
+from .revisions import PredicateName
 
 PAGES = Pages("timeline")
 

@@ -15,9 +15,9 @@ from starlette.exceptions import HTTPException
 from ...errors import InvalidArgumentError
 from ...history.anchors import Anchor, AnchoredHead, parse_anchor
 from ...json_values import JsonValue, json_value
+from ..description import schema_of
 from ..registry import KbName, Pages, VisibleJson
 from ..rendering import link, render
-from ..schemas import schema_of
 from ..stores import OpenStore, answer
 from ..verifying import VerificationState
 
