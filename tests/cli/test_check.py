@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import shlex
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, child, command, one_line, run
+from tests.support.processes.commands import PROGRAM, child, one_line, run
 
 FILES = Path(__file__).parent / "files"
 DOMAIN, PROBLEM = str(FILES / "delivery.pddl"), str(FILES / "coffee.pddl")
@@ -148,14 +147,9 @@ def test_a_file_may_hold_several(here: Path) -> None:
 
 
 def test_a_hyphen_is_standard_input() -> None:
-    done = subprocess.run(
-        [*command(), "check", "-", PROBLEM],
-        input=Path(DOMAIN).read_bytes() + b")",
-        capture_output=True,
-        timeout=CHILD_TIMEOUT,
-        check=True,
-    )
-    lines = done.stdout.decode().splitlines()
+    done = child("check", "-", PROBLEM, given=Path(DOMAIN).read_text() + ")")
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
     assert lines[0].startswith("<stdin>:18:1: warning: found ')' that closes nothing")
     assert lines[1:] == [
         "<stdin>: domain delivery",

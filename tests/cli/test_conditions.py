@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -13,28 +11,15 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from tests.cli.conftest import write_breakfast
-from tests.support.processes.commands import command, one_line, run
+from tests.support.processes.commands import (
+    child,
+    complaint,
+    document,
+    documents,
+    run,
+)
 
 IN_KITCHEN = "(at rb1 kitchen)"
-
-
-def documents(*words: str, code: int = 0) -> list[Any]:
-    """The JSON documents that a command writes, one on each line."""
-    result = run(*words, "--json")
-    assert (result.exit_code, result.stderr) == (code, "")
-    return [json.loads(line) for line in result.stdout.splitlines()]
-
-
-def document(*words: str, code: int = 0) -> Any:
-    (one,) = documents(*words, code=code)
-    return one
-
-
-def complaint(*words: str, code: int = 1) -> str:
-    """The one line of a command that fails."""
-    result = run(*words)
-    assert (result.exit_code, result.stdout) == (code, "")
-    return one_line(result.stderr)
 
 
 def test_answers_are_a_table_with_the_variables_as_columns(breakfast: str) -> None:
@@ -319,12 +304,6 @@ def test_rules_come_from_standard_input(tmp_path: Path) -> None:
         (f"\n{RULE}\n", 1, f"violated rule: {RULE}\n"),
         ("(always (at rb1))", 1, "kant-sql: <stdin>:1:"),
     ):
-        done = subprocess.run(
-            [*command(), "rules", url, "-"],
-            input=rules,
-            text=True,
-            capture_output=True,
-            check=False,
-        )
+        done = child("rules", url, "-", given=rules)
         assert done.returncode == code
         assert (done.stdout or done.stderr).startswith(said)

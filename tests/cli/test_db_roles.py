@@ -8,7 +8,7 @@ import psycopg
 import pytest
 
 import kant_sql
-from tests.support.processes.commands import one_line, run
+from tests.support.processes.commands import complaint, run
 from tests.support.servers import Server
 from tests.support.worlds.robots import robot_at
 
@@ -74,13 +74,9 @@ def test_a_dry_run_prints_what_would_be_run(url: str) -> None:
 
 def test_a_knowledge_base_that_is_not_there_is_an_error(url: str) -> None:
     for name in ("tiagi", ""):
-        result = run("db", "roles", url, "--kb", name)
-        assert "there are: 'tiago'" in one_line(result.stderr)
-        assert result.exit_code == 1
+        assert "there are: 'tiago'" in complaint("db", "roles", url, "--kb", name)
     assert policies(url) == 0
 
 
 def test_sqlite_has_no_roles() -> None:
-    result = run("db", "roles", "sqlite:///nowhere.db")
-    assert "SQLite has no roles" in one_line(result.stderr)
-    assert result.exit_code == 1
+    assert "SQLite has no roles" in complaint("db", "roles", "sqlite:///nowhere.db")

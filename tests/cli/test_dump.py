@@ -9,7 +9,7 @@ import pytest
 
 import kant_sql
 from kant_sql.pddl import read, read_domain, read_problem
-from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, child, one_line, run, start
+from tests.support.processes.commands import PROGRAM, child, run, written
 from tests.support.worlds.robots import WP2, robot_at
 
 FILES = Path(__file__).parent / "files"
@@ -27,21 +27,12 @@ def url(tmp_path: Path) -> str:
 
 
 def dumped(*words: str) -> str:
-    result = run("dump", *words)
-    assert (result.exit_code, result.stderr) == (0, "")
-    return result.stdout
+    return written("dump", *words)
 
 
 def test_domain_and_problem_are_one_text_that_the_reader_reads(url: str) -> None:
     domain = read_domain(DOMAIN)
     assert read(dumped(url)) == [domain, read_problem(PROBLEM, domain=domain)]
-
-
-@pytest.mark.parametrize("at", ["0", "2020-01-01"])
-def test_before_the_first_revision_there_is_nothing_to_write(url: str, at: str) -> None:
-    result = run("dump", url, "--at", at)
-    assert (result.exit_code, result.stdout) == (1, "")
-    assert f"--at {at} is before the first revision of knowledge base 'default'" in result.stderr
 
 
 def test_one_of_them_can_be_had_alone(url: str) -> None:
@@ -108,42 +99,6 @@ def test_pddl_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
         LC_ALL="C",
     )
     assert "    机器人 - object\n" in done.stdout
-
-
-def test_a_reader_that_stops_reading_ends_the_command_quietly(sqlite_store: str) -> None:
-    process = start("dump", sqlite_store)
-    assert process.stdout is not None
-    assert process.stderr is not None
-    assert process.stdout.read(10) == b"(define (d"
-    process.stdout.close()
-    assert process.wait(CHILD_TIMEOUT) == 0
-    assert process.stderr.read() == b""
-    process.stderr.close()
-
-
-def test_the_environment_gives_the_default_url(url: str) -> None:
-    assert run("dump", url=url).stdout == dumped(url)
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        (["--at", "2999-01-01"], 1, "future"),
-        (["--at", "7"], 1, "has no revision 7"),
-        (["--at", "soon"], 2, "neither a revision's number nor a time"),
-        (["--kb", "nobody"], 1, "choose one with --kb: 'default'"),
-    ],
-)
-def test_what_is_not_there_is_one_line(url: str, words: list[str], code: int, message: str) -> None:
-    result = run("dump", url, *words)
-    assert message in one_line(result.stderr)
-    assert (result.exit_code, result.stdout) == (code, "")
-
-
-def test_nothing_is_created(tmp_path: Path) -> None:
-    result = run("dump", f"sqlite:///{tmp_path / 'missing.db'}")
-    assert "no such file" in one_line(result.stderr)
-    assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
 
 
 @pytest.mark.parametrize("words", [[], ["--domain"], ["--problem"], ["--at", "1"]])

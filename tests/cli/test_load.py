@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import os
 import re
@@ -23,8 +22,9 @@ from tests.support.processes.commands import (
     CHILD_TIMEOUT,
     PROGRAM,
     child,
-    command,
+    complaint,
     environment,
+    in_terminal,
     one_line,
     run,
     start,
@@ -140,19 +140,13 @@ def test_errors_in_a_file_with_both_have_their_place(
         "both.pddl", f"{domain}; a comment (\n{Path(PROBLEM).read_text()}".replace("cup", "mug", 1)
     )
     line = domain.count("\n") + 1 + 4
-    assert f"both.pddl:{line}:32: " in one_line(run("load", url, both).stderr)
+    assert f"both.pddl:{line}:32: " in complaint("load", url, both)
 
 
 def test_a_hyphen_is_standard_input(url: str) -> None:
     text = Path(DOMAIN).read_bytes() + Path(PROBLEM).read_bytes()
-    done = subprocess.run(
-        [*command(), "load", url, "-"],
-        input=text,
-        capture_output=True,
-        timeout=CHILD_TIMEOUT,
-        check=True,
-    )
-    assert done.stderr == b""
+    done = child("load", url, "-", given=text.decode())
+    assert (done.returncode, done.stderr) == (0, "")
     with kant_sql.connect(url) as kb:
         assert kb.store.revisions()[0].source == {
             "files": [{"path": "<stdin>", "sha256": hashlib.sha256(text).hexdigest()}]
@@ -178,7 +172,7 @@ def test_a_problem_alone_creates_neither_a_store_nor_a_knowledge_base(
     assert f"a problem needs its domain: give the file of the domain, too, before {PROBLEM}" in line
     assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
     run("load", url, DOMAIN, "--kb", "tiago")
-    assert one_line(run("load", url, PROBLEM).stderr).endswith("choose one with --kb: 'tiago'")
+    assert complaint("load", url, PROBLEM).endswith("choose one with --kb: 'tiago'")
     assert kant_sql.sql.catalog.written_names(url) == ["tiago"]
 
 
@@ -298,17 +292,9 @@ def test_a_store_that_cannot_be_written_is_one_line(url: str) -> None:
     assert (result.exit_code, revision(url)) == (1, 1)
 
 
-def test_the_environment_gives_the_default_url(url: str) -> None:
-    assert run("load", DOMAIN, PROBLEM, url=url).exit_code == 0
-    assert revision(url) == 1
-    assert run("load", url, DOMAIN, url="sqlite:///missing/folder.db").exit_code == 0
-
-
 @pytest.mark.parametrize("words", [[DOMAIN], [DOMAIN, PROBLEM], ["sqlite:///robot.db"]])
 def test_without_a_url_or_a_file_the_usage_is_wrong(words: list[str]) -> None:
-    result = run("load", *words)
-    assert "(or set KANT_SQL_URL) and FILE..." in one_line(result.stderr)
-    assert result.exit_code == 2
+    assert "(or set KANT_SQL_URL) and FILE..." in complaint("load", *words, code=2)
 
 
 def test_what_a_revision_cannot_keep_is_one_line(url: str) -> None:
@@ -337,28 +323,11 @@ def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Pat
 
 
 def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None:
-    import pty
-
     assert child("load", url, DOMAIN).stderr == ""
-    controller, terminal = pty.openpty()
-    process = subprocess.Popen(
-        [*command(), "load", url, PROBLEM],
-        stdout=subprocess.PIPE,
-        stderr=terminal,
-        env=environment(TERM="xterm"),
-    )
-    os.close(terminal)
-    shown = io.BytesIO()
-    try:
-        while part := os.read(controller, 65536):
-            shown.write(part)
-    except OSError:
-        pass  # On Linux, the end of a terminal is an error.
-    os.close(controller)
-    output, _ = process.communicate(timeout=CHILD_TIMEOUT)
-    assert b"loading" in shown.getvalue()
-    assert re.search(rb"\d+%", shown.getvalue())
-    assert output.startswith(b"knowledge base default, revision 2\n")
+    shown, output = in_terminal("load", url, PROBLEM, is_output=False)
+    assert "loading" in shown
+    assert re.search(r"\d+%", shown)
+    assert output.startswith("knowledge base default, revision 2\n")
 
 
 @pytest.mark.more

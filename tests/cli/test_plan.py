@@ -136,13 +136,6 @@ def test_what_keeps_from_planning_is_one_line(
     assert (result.exit_code, result.stdout) == (1, "")
 
 
-@pytest.mark.parametrize("words", [["--timeout", "-1"], ["--timeout", "soon"], ["--at", "soon"]])
-def test_wrong_usage_is_one_line(url: str, words: list[str]) -> None:
-    result = run("plan", url, *words)
-    one_line(result.stderr)
-    assert result.exit_code == 2
-
-
 def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,20 +176,6 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
     assert "1     (move rb1 kitchen table1)  not started" in text
     assert f"; plan {recorded.id}" not in run("plan", url, "--at", "1").stdout
     assert run("plans", url, "--at", "2").stdout == "\nplans (0)\n"
-
-
-def test_a_plan_that_is_not_on_record_is_one_line(url: str) -> None:
-    result = run("plans", url, "--plan", "77")
-    assert "there is no plan 77 in knowledge base 'default'" in one_line(result.stderr)
-    assert result.exit_code == 1
-
-
-@pytest.mark.usefixtures("asked")
-@pytest.mark.parametrize("words", [["--actor", "operator"], ["--reason", "why"]])
-def test_who_and_why_go_with_record(url: str, words: list[str]) -> None:
-    result = run("plan", url, *words)
-    assert "--record" in one_line(result.stderr)
-    assert result.exit_code == 2
 
 
 def test_what_the_planner_was_not_given_is_printed(

@@ -26,7 +26,15 @@ from kant_sql.sql.dialects.base import Backend
 from kant_sql.sql.dialects.sqlite import FileListener, SqliteBackend
 from tests.cli.conftest import write_history
 from tests.support.archives import damage, target_url
-from tests.support.processes.commands import CHILD_TIMEOUT, PROGRAM, one_line, run, start
+from tests.support.processes.commands import (
+    CHILD_TIMEOUT,
+    PROGRAM,
+    complaint,
+    documents,
+    one_line,
+    run,
+    start,
+)
 from tests.support.replicas import equal_histories
 from tests.support.servers import MortalServer, Server
 from tests.support.stores import new_file_store
@@ -54,10 +62,8 @@ def save(url: str, number: int, name: str = "tiago") -> None:
         kb.objects.save(waypoint(number))
 
 
-def documents(*words: str) -> list[Document]:
-    result = run("push", *words, "--json")
-    assert result.exit_code == 0, result.stderr
-    return [json.loads(line) for line in result.stdout.splitlines()]
+def pushed(*words: str) -> list[Document]:
+    return documents("push", *words)
 
 
 def test_it_says_what_it_sent(source: str, replica: str) -> None:
@@ -73,7 +79,7 @@ def test_it_says_what_it_sent(source: str, replica: str) -> None:
 
 
 def test_json_says_the_same(source: str, replica: str) -> None:
-    (document,) = documents(source, replica)
+    (document,) = pushed(source, replica)
     took, moment = document.pop("seconds"), document.pop("time")
     assert took >= 0
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z", moment)
@@ -87,15 +93,15 @@ def test_json_says_the_same(source: str, replica: str) -> None:
         "source_revision": 3,
         "revisions": 3,
     }
-    (document,) = documents(source, replica)
+    (document,) = pushed(source, replica)
     assert (document["event"], document["revisions"]) == ("current", 0)
 
 
 def test_all_knowledge_bases_are_sent_or_the_named_one(source: str, replica: str) -> None:
     for name in ("a", "b"):
         save(source, 1, name)
-    assert [each["knowledge_base"] for each in documents(source, replica, "--kb", "b")] == ["b"]
-    sent = documents(source, replica)
+    assert [each["knowledge_base"] for each in pushed(source, replica, "--kb", "b")] == ["b"]
+    sent = pushed(source, replica)
     assert [each["knowledge_base"] for each in sent] == ["tiago", "a", "b"]
     assert [each["revisions"] for each in sent] == [3, 1, 0]
     for name in ("tiago", "a", "b"):
@@ -113,7 +119,7 @@ def test_the_urls_may_be_in_the_environment(
 def test_one_that_is_refused_does_not_keep_the_others(source: str, replica: str) -> None:
     for name in ("a", "b"):
         save(source, 1, name)
-    documents(source, replica)
+    pushed(source, replica)
     with kant_sql.connect(replica, knowledge_base="a") as kb:
         kb.store.promote()
     for name in ("tiago", "a", "b"):
@@ -234,9 +240,9 @@ def test_work_is_finished_when_nobody_reads(source: str, replica: str, command: 
 
 @pytest.mark.parametrize("interval", ["inf", "nan", "-1", "86401"])
 def test_an_interval_has_bounds(source: str, replica: str, interval: str) -> None:
-    result = run("push", source, replica, "--follow", f"--interval={interval}")
-    assert result.exit_code == 2
-    assert "0 to 86400 seconds" in one_line(result.stderr)
+    assert "0 to 86400 seconds" in complaint(
+        "push", source, replica, "--follow", f"--interval={interval}", code=2
+    )
 
 
 def test_exit_codes_say_whether_to_try_again(source: str, replica: str, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from kant_sql import (
 )
 from kant_sql.knowledge.canonical import time_text
 from tests.support.faults import change
-from tests.support.processes.commands import child, one_line, run
+from tests.support.processes.commands import child, complaint, document, one_line, run
 from tests.support.worlds.robots import WP1, navigation, robot_at
 
 STATE = """\
@@ -64,12 +64,9 @@ OTHER_LISTS = (
 )
 
 
-def shown(*words: str) -> dict[str, Any]:
+def shown(*words: str) -> Any:
     """The state that `show --json` writes."""
-    result = run("show", *words, "--json")
-    assert result.exit_code == 0, result.stderr
-    state: dict[str, Any] = json.loads(result.stdout)
-    return state
+    return document("show", *words)
 
 
 def facts(*words: str) -> list[str]:
@@ -187,28 +184,6 @@ def test_a_time_without_a_zone_is_in_utc_wherever_the_reader_is(
     time.tzset()
 
 
-@pytest.mark.parametrize(
-    ("at", "code", "message"),
-    [
-        ("4", 1, "has no revision 4: it is at 3"),
-        ("-1", 1, "has no revision -1"),
-        ("9" * 30, 1, "has no revision 999"),
-        ("9" * 5000, 2, "neither a revision's number nor a time"),
-        ("soon", 2, "neither a revision's number nor a time"),
-        ("", 2, "neither a revision's number nor a time"),
-        ("2026-02-30", 2, "neither a revision's number nor a time"),
-        ("0001-01-01T00:00+14:00", 2, "neither a revision's number nor a time"),
-        ("9998-12-31", 1, "is in the future"),
-    ],
-)
-def test_what_is_no_moment_of_the_past_is_refused(
-    store: str, at: str, code: int, message: str
-) -> None:
-    result = run("show", store, "--at", at)
-    assert message in one_line(result.stderr)
-    assert (result.exit_code, result.stdout) == (code, "")
-
-
 def test_one_state_is_shown_whatever_is_written_meanwhile(
     own_store: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -266,9 +241,7 @@ def test_a_name_that_does_not_exist_is_answered_with_those_that_do(own_store: st
 
 def test_a_store_that_was_never_written_to_has_nothing_to_show(new_url: str) -> None:
     kant_sql.upgrade(new_url)
-    result = run("show", new_url)
-    assert "no knowledge base yet" in one_line(result.stderr)
-    assert result.exit_code == 1
+    assert "no knowledge base yet" in complaint("show", new_url)
 
 
 @pytest.fixture
@@ -375,23 +348,6 @@ def test_function_values_of_an_object_are_shown(tmp_path: Path) -> None:
             kb.function_values.save(PddlFunctionValueDto(fuel, [PddlObjectDto(robot, name)], 7))
     document = json.loads(run("show", url, "--object", "r1", "--json").stdout)
     assert [value["pddl"] for value in document["function_values"]] == ["(= (fuel r1) 7)"]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--predicate", "robot_att"], "no predicate 'robot_att'"),
-        (["--predicate", "robot_att"], "(did you mean robot_at?)"),
-        (["--object", "rb11"], "(did you mean rb1?)"),
-        (["--type", "robto"], "(did you mean robot?)"),
-        (["--type", "drone", "--at", "1"], "no type 'drone'"),
-        (["--type", "robot", "--object", "nosuch"], "no object 'nosuch'"),
-    ],
-)
-def test_names_that_do_not_exist_are_errors(store: str, words: list[str], said: str) -> None:
-    result = run("show", store, *words)
-    assert said in one_line(result.stderr)
-    assert (result.exit_code, result.stdout) == (1, "")
 
 
 def test_kbs_lists_the_knowledge_bases_with_their_last_changes(own_store: str) -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 
 import kant_sql
 from kant_sql import Plan
 from tests.cli.conftest import write_breakfast
-from tests.cli.test_conditions import complaint, document, documents
-from tests.support.processes.commands import command, run
+from tests.support.processes.commands import child, complaint, document, documents, run
 
 TAKE, BACK = "(take rb1 cup kitchen)", "(move rb1 kitchen table1)"
 
@@ -164,22 +162,10 @@ def test_a_plan_comes_from_standard_input(tmp_path: Path) -> None:
         ("", 1, "the plan is not valid\n"),
         ("take", 1, "kant-sql: <string>:1:1: in the plan: "),
     ):
-        done = subprocess.run(
-            [*command(), "validate", url, "-"],
-            input=plan,
-            text=True,
-            capture_output=True,
-            check=False,
-        )
+        done = child("validate", url, "-", given=plan)
         assert done.returncode == code
         assert (done.stdout or done.stderr).startswith(said)
-    done = subprocess.run(
-        [*command(), "plan", url, "--read", "-"],
-        input=TAKE,
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    done = child("plan", url, "--read", "-", given=TAKE)
     assert done.stdout.splitlines()[-1] == TAKE
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import pty
 import re
 import signal
 import sqlite3
@@ -22,7 +20,13 @@ from kant_sql import PddlTypeDto
 from tests.cli.conftest import write_history
 from tests.support.faults import be_impatient, change, held
 from tests.support.pages import opened
-from tests.support.processes.commands import child, command, environment, one_line, run
+from tests.support.processes.commands import (
+    child,
+    complaint,
+    environment,
+    in_terminal,
+    run,
+)
 from tests.support.worlds.robots import robot_at, waypoint
 
 ALTER = "UPDATE revision SET reason = 'well done' WHERE number = 2"
@@ -88,13 +92,11 @@ def test_json_says_all_of_it(own_file: str) -> None:
 def test_all_knowledge_bases_or_one(own_file: str) -> None:
     with kant_sql.connect(own_file, knowledge_base="[bold]") as kb:
         kb.propositions.save(robot_at())
-    assert "choose one with --kb" in one_line(run("verify", own_file).stderr)
+    assert "choose one with --kb" in complaint("verify", own_file)
     result = run("verify", own_file, "--kb", "[bold]")
     assert result.stdout == "[bold]: intact (1 revisions, 6 changes)\n"
     names = [line.split(":")[0] for line in run("verify", own_file, "--all").stdout.splitlines()]
     assert names == ["tiago", "[bold]", "[bold]", "2 knowledge bases"]
-    result = run("verify", own_file, "--all", "--kb", "tiago")
-    assert (result.exit_code, "not both" in one_line(result.stderr)) == (2, True)
 
 
 def test_a_knowledge_base_without_a_head_is_not_passed_over(own_file: str) -> None:
@@ -187,7 +189,7 @@ def test_an_empty_store_has_an_empty_anchor(new_url: str, tmp_path: Path) -> Non
     file = anchor_file(new_url, tmp_path)
     assert json.loads(file.read_text())["heads"] == []
     assert run("verify", new_url, "--all", "--anchor", str(file)).exit_code == 0
-    assert "it has no knowledge base yet" in one_line(run("verify", new_url).stderr)
+    assert "it has no knowledge base yet" in complaint("verify", new_url)
 
 
 @pytest.mark.parametrize(
@@ -207,9 +209,7 @@ def test_a_file_that_is_no_anchor_is_refused(
 ) -> None:
     file = tmp_path / "anchor.json"
     file.write_bytes(content)
-    result = run("verify", own_file, "--anchor", str(file))
-    assert result.exit_code == 1
-    assert message in one_line(result.stderr)
+    assert message in complaint("verify", own_file, "--anchor", str(file))
 
 
 def test_an_anchor_that_names_a_knowledge_base_twice_is_refused(
@@ -219,7 +219,7 @@ def test_an_anchor_that_names_a_knowledge_base_twice_is_refused(
     document = json.loads(file.read_text())
     document["heads"] *= 2
     file.write_text(json.dumps(document))
-    error = one_line(run("verify", own_file, "--anchor", str(file)).stderr)
+    error = complaint("verify", own_file, "--anchor", str(file))
     assert "two heads of knowledge base 'tiago'" in error
 
 
@@ -227,19 +227,6 @@ def test_an_anchor_is_json_with_the_option_and_without(own_file: str) -> None:
     documents = [json.loads(run("anchor", own_file, *more).stdout) for more in ([], ["--json"])]
     assert documents[0]["heads"] == documents[1]["heads"]
     assert documents[1]["heads"][0]["revision"] == 3
-
-
-def test_a_file_that_is_not_there_is_named(own_file: str) -> None:
-    result = run("verify", own_file, "--anchor", "nowhere.json")
-    assert result.exit_code == 2
-    assert "nowhere.json" in one_line(result.stderr)
-
-
-def test_nothing_is_created(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'none.db'}"
-    for name in ("verify", "anchor"):
-        assert run(name, url).exit_code == 1
-    assert [*tmp_path.iterdir()] == []
 
 
 # All of them, night after night.
@@ -413,40 +400,7 @@ def test_a_store_that_another_writer_holds_is_verified_to_the_end(
     assert "may still be kept, so verify with --complete next: " in done.stdout.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--jobs", "2"], "give --all with it"),
-        (["--all", "--jobs", "0"], "--jobs"),
-        (["--all", "--complete", "--complete-since", "yesterday"], "not with --complete"),
-        (["--all", "--complete-since", "7"], "expected a time"),
-        (["--all", "--complete-since", "nonsense"], "--complete-since"),
-    ],
-)
-def test_options_that_do_not_go_together(own_file: str, words: list[str], said: str) -> None:
-    done = run("verify", own_file, *words)
-    assert (done.exit_code, said in one_line(done.stderr)) == (2, True)
-
-
 def test_a_terminal_shows_how_far_it_is(sqlite_store: str) -> None:
-    ours, theirs = pty.openpty()
-    words = [*command(), "verify", sqlite_store]
-    variables = environment(TERM="xterm-256color", COLUMNS="80")
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=theirs, env=variables) as process:
-        os.close(theirs)
-        shown = b""
-        while chunk := _read(ours):
-            shown += chunk
-        assert process.stdout is not None
-        told = process.stdout.read()
-    os.close(ours)
-    assert b"100%" in shown
-    assert told == b"default: intact (1 revisions, 6004 changes)\n"
-
-
-def _read(descriptor: int) -> bytes:
-    try:
-        return os.read(descriptor, 10_000)
-    except OSError:
-        # Linux says so of a terminal whose other end is closed.
-        return b""
+    shown, told = in_terminal("verify", sqlite_store, is_output=False)
+    assert "100%" in shown
+    assert told == "default: intact (1 revisions, 6004 changes)\n"

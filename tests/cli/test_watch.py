@@ -9,18 +9,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import pytest
-
 import kant_sql
-from tests.support.processes.commands import CHILD_TIMEOUT, one_line, run, start
+from tests.support.processes.commands import CHILD_TIMEOUT, documents, run, start
 from tests.support.worlds.robots import waypoint
 
 
-def documents(*words: str) -> list[dict[str, Any]]:
+def watched(*words: str) -> list[dict[str, Any]]:
     """What `watch --json` writes until its time is over: a document on each line."""
-    result = run("watch", *words, "--json", "--timeout", "0")
-    assert result.exit_code == 0, result.stderr
-    return [json.loads(line) for line in result.stdout.splitlines()]
+    return documents("watch", *words, "--timeout", "0")
 
 
 @contextmanager
@@ -48,9 +44,9 @@ def save(url: str, number: int) -> None:
 
 def test_it_begins_after_a_revision_and_is_the_log_turned_round(store: str) -> None:
     log = run("log", store, "--json").stdout.splitlines()
-    assert documents(store, "--after", "0") == [json.loads(line) for line in log[::-1]]
-    assert [entry["number"] for entry in documents(store, "--after", "2")] == [3]
-    assert documents(store, "--after", "3") == documents(store) == []
+    assert watched(store, "--after", "0") == [json.loads(line) for line in log[::-1]]
+    assert [entry["number"] for entry in watched(store, "--after", "2")] == [3]
+    assert watched(store, "--after", "3") == watched(store) == []
     texts = run("log", store).stdout.rstrip("\n").split("\n\n")
     written = run("watch", store, "--after", "0", "--timeout", "0").stdout
     assert written.rstrip("\n").split("\n\n") == texts[::-1]
@@ -93,21 +89,3 @@ def test_it_ends_when_nobody_reads_any_more(own_store: str) -> None:
         assert process.wait(CHILD_TIMEOUT) == 0
         assert process.stderr is not None
         assert process.stderr.read() == b""
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "said"),
-    [
-        (["--after", "4"], 1, "no revision 4"),
-        (["--after", "-1"], 2, "--after"),
-        (["--after", "now"], 2, "--after"),
-        (["--timeout", "-1"], 2, "--timeout"),
-        (["--timeout", "nan"], 2, "--timeout"),
-        (["--timeout", "soon"], 2, "--timeout"),
-        (["--kb", "other"], 1, "'tiago'"),
-    ],
-)
-def test_what_cannot_be_is_refused(store: str, words: list[str], code: int, said: str) -> None:
-    result = run("watch", store, *words)
-    assert result.exit_code == code
-    assert said in one_line(result.stderr)

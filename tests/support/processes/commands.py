@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
+import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from unittest import mock
 
@@ -46,11 +49,16 @@ def environment(**variables: str) -> dict[str, str]:
 
 
 def child(
-    *words: str, program: Sequence[str] = (), cwd: Path = ROOT, **variables: str
+    *words: str,
+    program: Sequence[str] = (),
+    cwd: Path = ROOT,
+    given: str | None = None,
+    **variables: str,
 ) -> subprocess.CompletedProcess[str]:
-    """Run `kant-sql`, or another program, as a process of its own."""
+    """Run `kant-sql`, or another program, as a process of its own, with `given` as its input."""
     return subprocess.run(
         [*(program or command()), *words],
+        input=given,
         capture_output=True,
         text=True,
         encoding="utf-8",
@@ -73,6 +81,62 @@ def one_line(error: str) -> str:
     assert len(lines) == 1, error
     assert lines[0].startswith("kant-sql: "), error
     return lines[0]
+
+
+def written(*words: str, url: str | None = None) -> str:
+    """What a command writes that succeeds without a complaint."""
+    result = run(*words, url=url)
+    assert (result.exit_code, result.stderr) == (0, ""), result.stderr
+    return result.stdout
+
+
+def documents(*words: str, code: int = 0, url: str | None = None) -> list[Any]:
+    """The JSON documents that a command writes, one on each line."""
+    result = run(*words, "--json", url=url)
+    assert (result.exit_code, result.stderr) == (code, ""), result.stderr
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def document(*words: str, code: int = 0, url: str | None = None) -> Any:
+    """The only JSON document that a command writes."""
+    (one,) = documents(*words, code=code, url=url)
+    return one
+
+
+def complaint(*words: str, code: int = 1, url: str | None = None) -> str:
+    """The one line of a command that fails and writes nothing else."""
+    result = run(*words, url=url)
+    assert (result.exit_code, result.stdout) == (code, "")
+    return one_line(result.stderr)
+
+
+def in_terminal(
+    *words: str,
+    is_output: bool = True,
+    width: int = 80,
+    variables: Mapping[str, str] = MappingProxyType({}),
+) -> tuple[str, str]:
+    """What a command that succeeds writes to a terminal, and to a pipe.
+
+    The terminal is its standard output, or its standard error.
+    """
+    import pty
+
+    controller, terminal = pty.openpty()
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    streams["stdout" if is_output else "stderr"] = terminal
+    around = {"TERM": "xterm", "COLUMNS": str(width), "KANT_SQL_PAGER": "", **variables}
+    process = subprocess.Popen([*command(), *words], env=environment(**around), **streams)  # type: ignore[call-overload]
+    os.close(terminal)
+    shown = b""
+    # On Linux, the end of a terminal is an error.
+    with suppress(OSError):
+        while part := os.read(controller, 65536):
+            shown += part
+    os.close(controller)
+    piped = b"".join(filter(None, process.communicate(timeout=CHILD_TIMEOUT)))
+    assert process.returncode == 0, piped
+    return shown.decode().replace("\r\n", "\n"), piped.decode()
 
 
 def run_example(
