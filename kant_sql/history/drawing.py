@@ -583,7 +583,7 @@ def _are_exclusive(lanes: Sequence[Lane]) -> bool:
 def _look(row: _Row) -> tuple[object, ...]:
     """Return what rows have in common that may come and go together: facts of one predicate."""
     lane = row.spans[0].lane
-    own = _words(lane)[0] if lane.kind == "fact" else lane
+    own = _words(lane)[0] if lane.kind == "fact" else (lane.kind, lane.text)
     return own, *(span.bar.until is None for span in row.spans)
 
 
