@@ -401,6 +401,9 @@ class NoPlanError(KantSqlError):
         super().__init__(message)
         self.status = status
 
+    def __reduce__(self) -> tuple[type[NoPlanError], tuple[str, str]]:
+        return NoPlanError, (str(self), self.status)
+
 
 # Raised by code that reads damaged rows.
 UNREADABLE = (

@@ -20,10 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..arguments import expect, flag, optional_text, seconds
 from ..errors import (
     InvalidArgumentError,
-    KantSqlError,
     NoPlanError,
-    PlannerMissingError,
-    UnsupportedConstructError,
     printable,
 )
 from ..pddl.document import Domain, Problem
@@ -34,10 +31,6 @@ if TYPE_CHECKING:
     from unified_planning.environment import Environment
 
 logger = logging.getLogger("kant_sql.planning")
-
-_ERRORS: dict[str, type[KantSqlError]] = {
-    error.__name__: error for error in (PlannerMissingError, UnsupportedConstructError)
-}
 
 WAYS_OUT = (
     "Plan.read(text) takes the plan of a program outside, and in a branch, kb.branch(), you can "
@@ -205,15 +198,13 @@ def solve(
         outcome, fallbacks = pickle.loads(result.read_bytes())
     for fallback in fallbacks:
         logger.warning("%s", printable(fallback))
-    if isinstance(outcome, Plan):
-        if outcome.ignored:
-            ignored = printable("; ".join(outcome.ignored))
-            logger.warning("%s was not given a part of the problem: %s", outcome.engine, ignored)
-        return outcome
-    kind, message, status = outcome
-    if kind in _ERRORS:
-        raise _ERRORS[kind](message)
-    raise NoPlanError(message, status)
+    if isinstance(outcome, Exception):
+        raise outcome
+    found: Plan = outcome
+    if found.ignored:
+        ignored = printable("; ".join(found.ignored))
+        logger.warning("%s was not given a part of the problem: %s", found.engine, ignored)
+    return found
 
 
 def check_documents(domain: Domain, problem: Problem) -> None:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
 from ..dto.lexical import fold
-from ..errors import KantSqlError, PlannerMissingError, UnsupportedConstructError
+from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
@@ -271,7 +271,7 @@ class Search:
         # Deviations from the request, which the caller logs.
         self.fallbacks: list[str] = []
 
-    def run(self) -> Plan | tuple[str, str, str]:
+    def run(self) -> Plan | NoPlanError:
         """Try the engines in turn."""
         installed, engine = self._environment.factory.engines, self._task.engine
         if engine is not None and engine not in installed:
@@ -333,11 +333,11 @@ class Search:
         if failed:
             self.fallbacks.append(f"{name} was asked because others found no plan ({failed})")
 
-    def _failed(self) -> tuple[str, str, str]:
+    def _failed(self) -> NoPlanError:
         if self._failures:
             tried = ", ".join(f"{name}: {why}" for name, why in self._failures.items())
             status = list(self._failures.values())[-1].split(" ")[0]
-            return "NoPlanError", f"no plan was found ({tried}); {WAYS_OUT}", status
+            return NoPlanError(f"no plan was found ({tried}); {WAYS_OUT}", status)
         whose, others = "installed engine", dict[str, None]()
         if self._task.engine is not None:
             whole = next(iter(variants(self._task.domain, self._task.problem)))
@@ -345,7 +345,7 @@ class Search:
         reasons = unsupported(self._missing, others, self._environment)
         hint = missing_compilation(self._task.problem)
         message = f"no {whose} supports the problem: {reasons}{hint}; {WAYS_OUT}"
-        return "NoPlanError", message, "unsupported_problem"
+        return NoPlanError(message, "unsupported_problem")
 
     def _convert(self, variant: Variant, integers: bool) -> UpProblem:
         context = convert(variant.domain, variant.problem, self._environment, integers)
@@ -481,13 +481,15 @@ def main(directory: str) -> None:
 
         pddl_planner.terminate_process = pddl_anytime_planner.terminate_process = end_process
     task: Task = pickle.loads(Path(directory, "task").read_bytes())
-    outcome: Plan | tuple[str, str, str]
+    outcome: Plan | KantSqlError
     fallbacks: list[str] = []
     try:
         search = Search(task)
         outcome, fallbacks = search.run(), search.fallbacks
+    except (PlannerMissingError, UnsupportedConstructError) as error:
+        outcome = error
     except KantSqlError as error:
-        outcome = (type(error).__name__, str(error), "unsupported_problem")
+        outcome = NoPlanError(str(error), "unsupported_problem")
     made = Path(directory, "result.part")
     made.write_bytes(pickle.dumps((outcome, fallbacks)))
     made.rename(Path(directory, "result"))
