@@ -172,8 +172,8 @@ class PddlParts(Front):
     problem = reads(lambda: documents.exchange.problem)
     requirements = reads(lambda: documents.exchange.requirements)
     complete = reads(lambda: reasoning.complete.complete)
-    to_unified_planning = reads(lambda: documents.planners.to_unified_planning)
-    load_unified_planning = writes(lambda: documents.planners.load_unified_planning)
+    to_unified_planning = reads(lambda: documents.exchange.to_unified_planning)
+    load_unified_planning = writes(lambda: documents.exchange.load_unified_planning)
 
 
 class Operations(Front):
@@ -229,7 +229,7 @@ class KnowledgeBase(Front):
     start = writes(lambda: reasoning.durative.start)
     end = writes(lambda: reasoning.durative.end)
     abort = writes(lambda: reasoning.durative.abort)
-    plan = reads(lambda: documents.planners.plan)
+    plan = reads(lambda: documents.exchange.plan)
     validate = reads(lambda: reasoning.validate.validate)
 
     log = reads(lambda: history.log.log)

@@ -8,7 +8,6 @@ from ..later import asked_for
 
 if TYPE_CHECKING:
     from . import exchange as exchange
-    from . import planners as planners
     from .exchange import Loaded, Mode
 else:
     __getattr__ = asked_for(__name__, {".exchange": ("Loaded", "Mode")})

@@ -112,9 +112,7 @@ def test_a_text_that_is_not_the_one_given_is_never_passed_off_as_it(
 @pytest.fixture
 def planner(monkeypatch: pytest.MonkeyPatch) -> None:
     """A planner that takes no time and knows one plan."""
-    monkeypatch.setattr(
-        "kant_sql.documents.planners.solve", lambda *_, **__: plan_of(*TOUR.steps[3:])
-    )
+    monkeypatch.setattr("kant_sql.planning.solve", lambda *_, **__: plan_of(*TOUR.steps[3:]))
 
 
 @pytest.mark.usefixtures("planner")
