@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 
 import pytest
@@ -14,14 +14,15 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.sql.query import Query
 from tests.support import async_facade
+from tests.support.chain import check_chain
 from tests.support.citus import Cluster
 from tests.support.profile import PROFILE
-from tests.support.reading import beside
+from tests.support.reading import beside, findings
 from tests.support.roles import MINE, Members, fill_store, members
 from tests.support.servers import Server
 from tests.support.sharding import DIALECT, unbound
 from tests.support.statistics import loses_bound
-from tests.support.stores import BACKENDS, CITUS, extra_urls, new_file_store
+from tests.support.stores import BACKENDS, CITUS, Everywhere, extra_urls, new_file_store
 from tests.support.worlds import depot
 
 COMMON = {"sqlite-file": "one_file", "postgresql": "one_database", "citus": "one_distributed"}
@@ -166,6 +167,25 @@ def fresh_kb(
         kb.close()
     else:
         yield beside(first_kbs[common_url], name)
+
+
+@pytest.fixture(scope="module")
+def everywhere(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Everywhere]:
+    """Do something with a new knowledge base in a database of each kind; all are sound then."""
+    urls = [f"sqlite:///{tmp_path_factory.mktemp('each') / 'store.db'}", server.new_store()]
+    firsts = [kant_sql.connect(url) for url in ("sqlite://", *urls)]
+
+    def do(work: Callable[[KnowledgeBase], None]) -> None:
+        name = f"example {next(_numbers)}"
+        for first in firsts:
+            work(beside(first, name))
+
+    yield do
+    for kb in firsts:
+        kb.close()
+    for url in urls:
+        assert check_chain(url)
+        assert findings(url) == []
 
 
 @pytest.fixture

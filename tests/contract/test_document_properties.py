@@ -5,49 +5,22 @@ KANT_SQL_TEST_EXAMPLES=1000 hunts for longer, each time from another seed.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 
-import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Domain, Problem
-from tests.support.chain import check_chain
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, findings
-from tests.support.servers import Server
+from tests.support.reading import beside
+from tests.support.stores import Everywhere
 
 Documents = tuple[Domain, Problem]
-_numbers = itertools.count(1)
-
-
-@pytest.fixture(scope="module")
-def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
-    """One knowledge base in a database of each kind, beside which each example has its own."""
-    on_server = server.new_store()
-    file: Path = tmp_path_factory.mktemp("documents") / "store.db"
-    opened = [kant_sql.connect(url) for url in ("sqlite://", f"sqlite:///{file}", on_server)]
-    _FIRST[:] = opened
-    yield [f"sqlite:///{file}", on_server]
-    for kb in opened:
-        kb.close()
-
-
-_FIRST: list[KnowledgeBase] = []
-
-
-def everywhere(check: Callable[[KnowledgeBase], None]) -> None:
-    name = f"example {next(_numbers)}"
-    for first in _FIRST:
-        check(beside(first, name))
 
 
 def load(kb: KnowledgeBase, documents: Documents) -> None:
@@ -79,8 +52,7 @@ def check_holds(kb: KnowledgeBase, documents: Documents) -> None:
     assert read_problem(text, domain=domain) == problem
 
 
-@pytest.mark.usefixtures("stores")
-def test_documents_survive_the_store() -> None:
+def test_documents_survive_the_store(everywhere: Everywhere) -> None:
     @hunting(PROFILE.documents)
     @given(domains_and_problems(repeats=True))
     def survive(documents: Documents) -> None:
@@ -102,7 +74,7 @@ def test_documents_survive_the_store() -> None:
 
 
 @pytest.mark.more
-def test_documents_replace_others(stores: list[str]) -> None:
+def test_documents_replace_others(everywhere: Everywhere) -> None:
     @hunting(PROFILE.documents)
     @given(domains_and_problems(), domains_and_problems())
     def replace(before: Documents, after: Documents) -> None:
@@ -123,6 +95,3 @@ def test_documents_replace_others(stores: list[str]) -> None:
         everywhere(check)
 
     replace()
-    for url in stores:
-        assert check_chain(url)
-        assert findings(url) == []

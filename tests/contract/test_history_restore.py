@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import kant_sql
 from kant_sql import (
     KantSqlError,
     KnowledgeBase,
@@ -33,10 +31,9 @@ from tests.support.generators.documents import domains_and_problems
 from tests.support.generators.programs import Program, programs, run
 from tests.support.parts import dao_of
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, last_changes, undone
-from tests.support.servers import Server
+from tests.support.reading import last_changes, undone
 from tests.support.statements import count
-from tests.support.stores import Connect
+from tests.support.stores import Connect, Everywhere
 from tests.support.worlds.depot import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
 from tests.support.worlds.robots import (
     RB1,
@@ -299,26 +296,6 @@ def test_statements_do_not_grow_with_facts(kb: KnowledgeBase, size: int) -> None
 # Any history.
 
 
-@pytest.fixture(scope="module")
-def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
-    """A database of each kind, in which each example has a knowledge base of its own."""
-    on_server = server.new_store()
-    file: Path = tmp_path_factory.mktemp("restored") / "store.db"
-    _FIRST[:] = [kant_sql.connect(url) for url in ("sqlite://", f"sqlite:///{file}", on_server)]
-    yield [f"sqlite:///{file}", on_server]
-    for kb in _FIRST:
-        kb.close()
-
-
-_FIRST: list[KnowledgeBase] = []
-
-
-def everywhere(check: Callable[[KnowledgeBase], None]) -> None:
-    name = f"example {next(_numbers)}"
-    for first in _FIRST:
-        check(beside(first, name))
-
-
 TIGHT = {
     "kant_sql.store.transaction.SPILL_AT": 1,
     "kant_sql.dao.base.BATCH": 2,
@@ -359,7 +336,7 @@ def changed(state: frozenset[Change], changes: Sequence[Change]) -> frozenset[Ch
     return (state - went) | came
 
 
-def test_any_state_of_any_program_is_restored(stores: list[str]) -> None:
+def test_any_state_of_any_program_is_restored(everywhere: Everywhere) -> None:
     @hunting(PROFILE.restored)
     @given(programs(), st.lists(st.floats(0, 1), min_size=1, max_size=3))
     def restored(program: Program, places: list[float]) -> None:
@@ -369,12 +346,9 @@ def test_any_state_of_any_program_is_restored(stores: list[str]) -> None:
             everywhere(lambda kb: check_program(kb, program, places))
 
     restored()
-    for url in stores:
-        assert check_chain(url)
 
 
-@pytest.mark.usefixtures("stores")
-def test_any_documents_are_restored() -> None:
+def test_any_documents_are_restored(everywhere: Everywhere) -> None:
     @hunting(PROFILE.histories)
     @given(domains_and_problems(repeats=True), domains_and_problems())
     def restored(first: tuple[Domain, Problem], second: tuple[Domain, Problem]) -> None:

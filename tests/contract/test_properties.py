@@ -5,9 +5,6 @@ KANT_SQL_TEST_EXAMPLES=5000 hunts for longer, each time from another seed.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,11 +19,6 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from kant_sql.factory import SqlDaoFactory
-from kant_sql.sql.dialects import create_backend
-from kant_sql.sql.dialects.base import Backend
-from kant_sql.store.store import Store
-from tests.support.chain import check_chain
 from tests.support.generators.programs import (
     Block,
     Call,
@@ -39,8 +31,8 @@ from tests.support.generators.programs import (
 )
 from tests.support.model import Model
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import findings
-from tests.support.servers import Server
+from tests.support.stores import Everywhere
+from tests.support.worlds.depot import again
 from tests.support.worlds.robots import (
     RB1,
     ROBOT,
@@ -51,38 +43,6 @@ from tests.support.worlds.robots import (
     navigation,
     robot_at,
 )
-
-_numbers = itertools.count(1)
-
-
-class Stores:
-    """One database of each kind, with a new knowledge base for each program."""
-
-    def __init__(self, urls: dict[str, str]) -> None:
-        self.backends = {name: create_backend(url) for name, url in urls.items()}
-        self.shared_urls = [url for name, url in urls.items() if name != "memory"]
-
-    def close(self) -> None:
-        for backend in self.backends.values():
-            backend.close()
-
-
-class SharedFactory(SqlDaoFactory):
-    """A process's own view of a knowledge base, on connections that all of them share."""
-
-    def __init__(self, backend: Backend, name: str) -> None:
-        self._at = None
-        self._store = Store(backend, name, "test")
-
-
-@pytest.fixture(scope="module")
-def stores(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stores]:
-    on_server = server.new_store()
-    file: Path = tmp_path_factory.mktemp("properties") / "store.db"
-    opened = Stores({"memory": "sqlite://", "file": f"sqlite:///{file}", "server": on_server})
-    yield opened
-    opened.close()
-
 
 # What is meant for large amounts, and how little of it the programs have.
 TIGHT = {
@@ -96,16 +56,15 @@ TIGHT = {
 }
 
 
-def check(backend: Backend, program: Program) -> None:
+def check(kb: KnowledgeBase, program: Program) -> None:
     """Run a program on a store and on the model, step by step."""
-    name = f"program {next(_numbers)}"
 
     def process() -> KnowledgeBase:
-        return KnowledgeBase(SharedFactory(backend, name))
+        return again(kb)
 
     model, processes = Model(), [process(), process()]
     for number, step in program.steps:
-        assert run(processes[number], step) == run(model, step), f"{backend.label}: {step}"
+        assert run(processes[number], step) == run(model, step), f"{kb!r}: {step}"
     newcomer = process()
     for kb in (*processes, newcomer):
         assert state_of(kb) == state_of(model)
@@ -114,12 +73,11 @@ def check(backend: Backend, program: Program) -> None:
     assert [[*map(tuple, entry.changes)] for entry in newcomer.log()][::-1] == model.changes()
 
 
-def check_everywhere(stores: Stores, program: Program) -> None:
-    for backend in stores.backends.values():
-        with pytest.MonkeyPatch.context() as patch:
-            for name, value in TIGHT.items() if program.is_tight else ():
-                patch.setattr(name, value)
-            check(backend, program)
+def check_everywhere(everywhere: Everywhere, program: Program) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in TIGHT.items() if program.is_tight else ():
+            patch.setattr(name, value)
+        everywhere(lambda kb: check(kb, program))
 
 
 NAMELESS = PddlObjectDto(ROBOT, "\ud800")
@@ -185,17 +143,16 @@ REGRESSIONS: dict[str, list[Step]] = {
 
 @pytest.mark.parametrize("is_tight", [False, True], ids=["loose", "tight"])
 @pytest.mark.parametrize("steps", REGRESSIONS.values(), ids=REGRESSIONS)
-def test_a_program_that_once_failed(stores: Stores, steps: list[Step], is_tight: bool) -> None:
-    check_everywhere(stores, Program([(0, step) for step in steps], is_tight))
+def test_a_program_that_once_failed(
+    everywhere: Everywhere, steps: list[Step], is_tight: bool
+) -> None:
+    check_everywhere(everywhere, Program([(0, step) for step in steps], is_tight))
 
 
-def test_any_program_has_the_results_of_the_model(stores: Stores) -> None:
+def test_any_program_has_the_results_of_the_model(everywhere: Everywhere) -> None:
     @hunting(PROFILE.programs)
     @given(programs())
     def holds_for(program: Program) -> None:
-        check_everywhere(stores, program)
+        check_everywhere(everywhere, program)
 
     holds_for()
-    for url in stores.shared_urls:
-        assert check_chain(url)
-        assert findings(url) == []

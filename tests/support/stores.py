@@ -30,6 +30,7 @@ CITUS = ("citus",) if citus_url() else ()
 LOOKS = ("SELECT", "PRAGMA", "WITH")
 Statement = tuple[str, Any, bool]
 Connect = Callable[..., KnowledgeBase]
+Everywhere = Callable[[Callable[[KnowledgeBase], None]], None]
 
 
 def extra_urls() -> list[str]:
