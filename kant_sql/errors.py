@@ -94,6 +94,17 @@ class KantSqlError(Exception):
         half = MAX_MESSAGE // 2 - 20
         return f"{text[:half]} ... ({len(text):,} characters) ... {text[-half:]}"
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what the error has, not the arguments that made it."""
+        return _unpickled, (type(self), self.args, self.__dict__)
+
+
+def _unpickled(cls: type[KantSqlError], args: tuple[Any, ...], state: dict[str, Any]) -> Exception:
+    made = cls.__new__(cls, *args)
+    made.args = args
+    made.__dict__.update(state)
+    return made
+
 
 class InvalidKnowledgeError(KantSqlError, ValueError):
     """The given knowledge is not well-formed PDDL; none of it was stored."""
@@ -139,10 +150,6 @@ class PddlError(InvalidKnowledgeError):
         self.source, self.line, self.column = source, line, column
         self.found, self.expected, self.nesting = found, expected, nesting
 
-    def __reduce__(self) -> tuple[type[PddlError], tuple[str, int, int, str, str, str]]:
-        parts = (self.source, self.line, self.column, self.found, self.expected, self.nesting)
-        return PddlError, parts
-
 
 class SourceError(KantSqlError, OSError):
     """A PDDL file cannot be opened or read.
@@ -155,6 +162,9 @@ class SourceError(KantSqlError, OSError):
 
     def __init__(self, errno: int, strerror: str, filename: str) -> None:
         super().__init__(errno, strerror, filename)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.errno, self.strerror, self.filename)
 
     def __str__(self) -> str:
         return (
@@ -192,9 +202,6 @@ class DivergedError(ConflictError):
         self.source_hash = source_hash
         self.target_hash = target_hash
 
-    def __reduce__(self) -> tuple[type[DivergedError], tuple[str, int, str | None, str | None]]:
-        return DivergedError, (str(self), self.revision, self.source_hash, self.target_hash)
-
 
 class DependantsError(KantSqlError):
     """A redefinition was refused because live knowledge depends on the present definition.
@@ -226,9 +233,6 @@ class NotApplicableError(KantSqlError):
     def __init__(self, message: str, unsatisfied: Sequence[Any] = ()) -> None:
         super().__init__(message)
         self.unsatisfied = tuple(unsatisfied)
-
-    def __reduce__(self) -> tuple[type[NotApplicableError], tuple[str, tuple[Any, ...]]]:
-        return NotApplicableError, (str(self), self.unsatisfied)
 
 
 class StaleRevisionError(KantSqlError):

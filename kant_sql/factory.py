@@ -279,9 +279,9 @@ class SqlDaoFactory(DaoFactory):
         return State(self._open_store, self._at)
 
     create_pddl_type_dao = _creates(lambda: dao.type.SqlTypeDao)
-    create_pddl_object_dao = _creates(lambda: dao.object.SqlObjectDao)
-    create_pddl_predicate_dao = _creates(lambda: dao.predicate.SqlPredicateDao)
-    create_pddl_function_dao = _creates(lambda: dao.function.SqlFunctionDao)
+    create_pddl_object_dao = _creates(lambda: dao.type.SqlObjectDao)
+    create_pddl_predicate_dao = _creates(lambda: dao.signatures.SqlPredicateDao)
+    create_pddl_function_dao = _creates(lambda: dao.signatures.SqlFunctionDao)
     create_pddl_function_value_dao = _creates(lambda: dao.function_value.SqlFunctionValueDao)
     create_pddl_proposition_dao = _creates(lambda: dao.proposition.SqlPropositionDao)
     create_pddl_action_dao = _creates(lambda: dao.action.SqlActionDao)

@@ -32,11 +32,9 @@ from .interfaces import (
 if TYPE_CHECKING:
     from . import action as action
     from . import formula as formula
-    from . import function as function
     from . import function_value as function_value
-    from . import object as object  # noqa: A004
-    from . import predicate as predicate
     from . import proposition as proposition
+    from . import signatures as signatures
     from . import type as type  # noqa: A004
 else:
     __getattr__ = asked_for(__name__)

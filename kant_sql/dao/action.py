@@ -41,9 +41,8 @@ from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
 from .formula import FormulaChecker, Symbol, TreeWriter
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
-from .object import OBJECTS
-from .predicate import PREDICATES
-from .type import TYPES, ensure_types
+from .signatures import PREDICATES
+from .type import OBJECTS, TYPES, ensure_types
 
 Trees = tuple[Tree, Tree, Tree]
 # The duration, the conditions and the effects.

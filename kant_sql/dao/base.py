@@ -66,8 +66,7 @@ from ..store.store import Store
 from ..store.transaction import Transaction
 from .dependants import Scope, clear_for_redefinition, delete_scope
 from .interfaces import Dao, FactLike, NamedDao, ValueLike
-from .known import refuse_unknown
-from .text import TextReader
+from .text import TextReader, refuse_unknown
 
 T = TypeVar("T")
 

@@ -39,7 +39,6 @@ from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import function_values_on
-from .function import FUNCTIONS
 from .interfaces import (
     FunctionReference,
     Number,
@@ -47,10 +46,10 @@ from .interfaces import (
     PddlFunctionValueDao,
     ValueLike,
 )
-from .known import refuse_unknown
-from .object import OBJECTS
 from .proposition import Arguments
-from .text import TextReader, expect_text
+from .signatures import FUNCTIONS
+from .text import TextReader, expect_text, refuse_unknown
+from .type import OBJECTS
 
 # Digits of a result that has no exact decimal, such as a third, or one beyond `MAX_DIGITS` digits.
 ROUNDED_DIGITS = 28

@@ -26,9 +26,9 @@ from ..store.transaction import Transaction
 from .base import DtoBuilder, Reading, SqlGroundDao
 from .dependants import propositions_on, retract
 from .interfaces import FactLike, PddlPropositionDao
-from .object import OBJECTS
-from .predicate import PREDICATES
+from .signatures import PREDICATES
 from .text import TextReader, expect_text
+from .type import OBJECTS
 
 T = TypeVar("T")
 

@@ -18,7 +18,7 @@ from ..dao.dependants import (
 )
 from ..dao.formula import check_formula, is_ground, make_formula, read_formula, read_formulas
 from ..dao.interfaces import Progress
-from ..dao.predicate import same_types
+from ..dao.signatures import same_types
 from ..dto.formulas import Atom, Constant, Node, Not, Number, TypedName
 from ..dto.lexical import ROOT_TYPE, decimal_text, fold
 from ..errors import ConflictError, InvalidKnowledgeError

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Select, literal_column, select
 
 from ..arguments import shown
-from ..dao.known import refuse_unknown
+from ..dao.text import refuse_unknown
 from ..dto.lexical import fold
 from ..errors import UnknownNameError
 from ..sql.changes import Change

@@ -17,8 +17,8 @@ from sqlalchemy import (
 )
 
 from ..arguments import expect, expect_list, flag, shown
-from ..dao.known import refuse_unknown
-from ..dao.predicate import MAX_ARITY
+from ..dao.signatures import MAX_ARITY
+from ..dao.text import refuse_unknown
 from ..dto import (
     PddlActionDto,
     PddlFunctionDto,

@@ -25,7 +25,7 @@ from sqlalchemy import (
 
 from .. import html
 from ..arguments import optional_text
-from ..dao.known import refuse_unknown_actor
+from ..dao.text import refuse_unknown_actor
 from ..errors import ArchivedError
 from ..moment_text import When
 from ..sql.changes import (

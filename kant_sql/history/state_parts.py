@@ -22,7 +22,7 @@ from sqlalchemy import (
     union_all,
 )
 
-from ..dao.known import refuse_unknown
+from ..dao.text import refuse_unknown
 from ..dto.lexical import fold, is_word
 from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
 from ..moment_text import When

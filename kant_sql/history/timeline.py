@@ -13,7 +13,7 @@ from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import NamedTuple, cast
 
-from ..dao.known import refuse_unknown
+from ..dao.text import refuse_unknown
 from ..moment_text import When
 from ..sql.dialects.base import Session
 from ..sql.lanes import (

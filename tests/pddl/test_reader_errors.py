@@ -15,7 +15,17 @@ import pytest
 
 import kant_sql
 from kant_sql.dto.formulas import MAX_NESTING
-from kant_sql.errors import InvalidKnowledgeError, PddlError
+from kant_sql.errors import (
+    DependantsError,
+    DivergedError,
+    InvalidKnowledgeError,
+    KantSqlError,
+    NoPlanError,
+    NotApplicableError,
+    PddlError,
+    SourceMissingError,
+    StaleRevisionError,
+)
 from kant_sql.pddl import Domain, Problem, read, read_domain, read_problem, write
 from kant_sql.pddl.given import read_action, read_function, read_object, read_predicate, read_type
 from kant_sql.pddl.symbols import SymbolTable
@@ -65,9 +75,24 @@ def test_the_parts_of_an_error(tmp_path: Path) -> None:
         f"{path}:7:4: in action move, :effect: found the predicate 'pp', "
         "expected a predicate that is declared (did you mean p?)"
     )
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        PddlError("<string>", 1, 2, "'x'", "'y'", "action move"),
+        DependantsError("it is used", ["(at rb1)"]),
+        DivergedError("they differ", 3, "aa", "bb"),
+        NoPlanError("none was found", "timeout"),
+        NotApplicableError("it cannot be applied", [1]),
+        SourceMissingError(2, "No such file", "domain.pddl"),
+        StaleRevisionError("it moved on", 3, 4),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_goes_to_another_process_as_it_is(error: KantSqlError) -> None:
     again = pickle.loads(pickle.dumps(error))
-    assert str(again) == str(error)
-    assert again.nesting == error.nesting
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
 @pytest.mark.parametrize(

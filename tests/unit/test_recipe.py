@@ -30,12 +30,12 @@ OF_FUNCTIONS = {
 }
 # What a function has beyond a named element: why each other module mentions one.
 BEYOND = {
+    "aio.py": "the awaitable DAO has its type",
     "cli/state.py": "the command that sets a value",
     "dao/__init__.py": "public names",
     "dao/base.py": "a result of values builds the DTOs of their functions",
     "dao/formula.py": "formulas apply functions",
     "dao/function_value.py": "functions have values",
-    "dao/predicate.py": "functions have parameters as predicates have",
     "dao/proposition.py": "arguments of fluents and of facts are checked alike",
     "documents/build.py": "a domain lists functions",
     "documents/load.py": "a domain declares functions",
