@@ -170,12 +170,7 @@ class PendingElements(Elements[D]):
 
 
 class TypeDefinition(NamedTuple):
-    """A type and its parents.
-
-    Attributes:
-        parent_id: its parent; None directly under the root.
-        other_parent_ids: further parents, when the parent is declared with `either`.
-    """
+    """A type and its parents: none directly under the root, several for `either`."""
 
     id: int
     name: str
@@ -190,13 +185,7 @@ class TypeDefinition(NamedTuple):
 
 
 class ObjectDefinition(NamedTuple):
-    """An object and its type.
-
-    Attributes:
-        type_id: its type.
-        other_type_ids: further types, when it is declared with `either`.
-        is_constant: whether the domain declares it, not the problem.
-    """
+    """An object and its types, several for `either`; the domain declares constants."""
 
     id: int
     name: str
@@ -221,11 +210,7 @@ class PredicateDefinition(NamedTuple):
 
 
 class FunctionDefinition(NamedTuple):
-    """A function, its parameters and its values.
-
-    Attributes:
-        type_ids: the types of its values; empty for numbers.
-    """
+    """A function, its parameters, and the types of its values; no types for numbers."""
 
     id: int
     name: str
@@ -238,14 +223,7 @@ CONDITION, EFFECT, DURATION = "condition", "effect", "duration"
 
 
 class ActionDefinition(NamedTuple):
-    """An action, a process or an event.
-
-    Attributes:
-        kind: `action`, `durative-action`, `process` or `event`.
-        duration: the conjunction of the constraints on the duration; empty without any.
-        condition: the conjunction of the conditions.
-        effect: the conjunction of the effects.
-    """
+    """An action, a process or an event (`kind`); its trees are conjunctions, or empty."""
 
     id: int
     name: str
@@ -269,12 +247,7 @@ PROBLEM_SECTIONS = (INITIAL, TIMED, GOAL, CONSTRAINT, METRIC)
 
 
 class FormulaDefinition(NamedTuple):
-    """A formula of the domain or the problem: a rule, a goal, a constraint, the metric ...
-
-    Attributes:
-        name: its key, the SHA-256 of section and text.
-        section: the part of the domain or the problem that has it.
-    """
+    """A formula of a section of the domain or the problem; its name is its key, a SHA-256."""
 
     id: int
     name: str
@@ -447,11 +420,7 @@ def _parents(types: Elements[TypeDefinition], type_id: int) -> tuple[int, ...]:
 
 
 class PendingDefinitions(Definitions):
-    """The definitions within a transaction.
-
-    Attributes:
-        origin: the definitions at its start.
-    """
+    """The definitions within a transaction; `origin` are those at its start."""
 
     types: PendingElements[TypeDefinition]
     objects: PendingElements[ObjectDefinition]

@@ -50,11 +50,7 @@ Place = Slot | Known
 
 @dataclass(frozen=True, slots=True)
 class HoldsFact:
-    """A fact holds, or follows by a rule.
-
-    Attributes:
-        is_stored: whether rules do not count.
-    """
+    """A fact holds, or follows by a rule unless it `is_stored`."""
 
     predicate: int
     terms: tuple[Place, ...]
@@ -183,13 +179,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class ResolvedCondition:
-    """A condition whose names are resolved.
-
-    Attributes:
-        part: the condition.
-        columns: its free variables that are asked for.
-        given: its free variables that are given.
-    """
+    """A condition with its free variables: those that are asked for, and those that are given."""
 
     part: Part
     columns: tuple[Column, ...]
@@ -275,12 +265,7 @@ class AppliedTerms(NamedTuple, Generic[D]):
 
 
 class Resolver:
-    """Resolves the names of formulas in one state.
-
-    Args:
-        definitions: what is defined in the state.
-        numbers: the numbers of variables; the rules of one state share them with its conditions.
-    """
+    """Resolves the names of formulas in one state, whose rules share `numbers` of variables."""
 
     def __init__(self, definitions: Definitions, numbers: Iterator[int] | None = None) -> None:
         self._definitions = definitions
@@ -531,13 +516,7 @@ def slots_of(part: Part) -> set[Slot]:
 def resolve(
     definitions: Definitions, read: ReadCondition, given: Collection[str] = ()
 ) -> ResolvedCondition:
-    """Resolve a condition.
-
-    Args:
-        definitions: what is defined in the state.
-        read: the condition.
-        given: the free variables that each evaluation gives an object, by folded name.
-    """
+    """Resolve a condition; each evaluation gives objects to some variables, by folded name."""
     resolver = Resolver(definitions)
     variables = resolver.variables(read.free)
     part = resolver.part(read.formula)

@@ -120,11 +120,7 @@ class DerivationRules:
         return [each for each in dict.fromkeys(found) if each in self._rules]
 
     def check_stratified(self, definitions: Definitions) -> None:
-        """Refuse a predicate that depends on its own negation.
-
-        Raises:
-            InvalidKnowledgeError: there is one; the message names it and the rule.
-        """
+        """Refuse a predicate that depends on its own negation, naming it and the rule."""
         name = {each: definitions.predicates.live(each).name for each in self._rules}
         for predicate, component in self.component.items():
             for rule in self.of(predicate):

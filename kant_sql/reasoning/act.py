@@ -41,13 +41,7 @@ NO_NUMBERS: Mapping[str, Decimal] = {}
 
 
 class Stepper:
-    """Judges and executes one step in a state.
-
-    Args:
-        view: the state.
-        step: the step.
-        numbers: what comes with the step: its duration.
-    """
+    """Judges and executes one step in a state; `numbers` have its duration."""
 
     def __init__(
         self, view: View, step: GroundStep, numbers: Mapping[str, Decimal] = NO_NUMBERS
@@ -293,10 +287,7 @@ def in_revision(
     done: str,
     work: Callable[[Transaction, GroundStep], None],
 ) -> int | None:
-    """Do something with a step in one revision; return its number.
-
-    None when nothing changed, or within an open transaction.
-    """
+    """Do something with a step in one revision; return its number, None without one of its own."""
     optional_text(reason, "the reason")
     recorded = plan_step if plan_step is not None else step
     place = place_of(recorded) if isinstance(recorded, RecordedStep) else None

@@ -57,14 +57,7 @@ class Update(NamedTuple):
 
 @dataclass
 class Changes:
-    """What an action changes at one time.
-
-    Attributes:
-        deletes: the facts that it deletes.
-        adds: the facts that it adds.
-        updates: what it does to each fluent.
-        undefined: effects that have no defined result.
-    """
+    """What an action changes at one time; `undefined` are effects without a result."""
 
     deletes: set[FluentRow] = field(default_factory=set)
     adds: set[FluentRow] = field(default_factory=set)
@@ -158,18 +151,7 @@ def _value(compiler: Compiler, value: Quantity | Place | None) -> Callable[[Env]
 
 
 class Phase:
-    """What an action requires and does at one time: at its start, at its end, or at once.
-
-    Args:
-        world: the state.
-        action: the action.
-        time: `at start` or `at end`; an instantaneous action is at its start.
-
-    Attributes:
-        condition: what it requires, hard conditions only.
-        effects: its effects.
-        reads: what it reads: conditions, those of effects included, and right-hand sides.
-    """
+    """What an action requires, does and reads at one time: at its start, at its end, or at once."""
 
     def __init__(self, world: World, action: PreparedAction, time: str) -> None:
         self._world, self._action, self._time = world, action, time
@@ -259,11 +241,7 @@ class _Continuous:
     def rates(
         self, arguments: Sequence[int], duration: Decimal | None
     ) -> Iterator[tuple[FluentRow, Fraction]]:
-        """Yield the rate of each fluent.
-
-        Raises:
-            UnsupportedConstructError: the change is not linear in time.
-        """
+        """Yield the rate of each fluent; refuse change that is not linear in time."""
         env = self._compiler.env(arguments, duration)
         for _ in self._search(env):
             rate = self._rate(env, LINEARS)
@@ -283,12 +261,7 @@ class Schema:
     """
 
     def __init__(self, world: World, node: Action) -> None:
-        """Compile an action of a document.
-
-        Raises:
-            UnsupportedConstructError: an effect has a condition at another time, or changes a
-                fluent continuously, but not linearly.
-        """
+        """Compile an action of a document."""
         self._world = world
         action = self.action = PreparedAction(world.definitions, node)
         self._durative = (f.AT_START, f.AT_END) if action.is_durative else ()
@@ -400,14 +373,7 @@ class Snap:
 def interference(
     world: World, mine: Changes, reads: Sequence[tuple[Head, _Pattern]], others: Changes
 ) -> FailedCondition | None:
-    """Return what another action at the same time changes, and this one reads or changes.
-
-    Args:
-        world: the state.
-        mine: what this action changes.
-        reads: what it reads.
-        others: what the other action changes.
-    """
+    """Return what others change at the same time that this action reads or changes."""
 
     def about(found: Sequence[tuple[bool, FluentRow]], reason: str) -> FailedCondition:
         return FailedCondition(

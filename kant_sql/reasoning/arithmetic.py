@@ -36,12 +36,7 @@ _FRACTIONS: dict[str, Callable[[Any, Any], Fraction]] = {
 
 
 class Numbers(NamedTuple, Generic[T]):
-    """A kind of numbers.
-
-    Attributes:
-        of: converts a number.
-        apply: applies one of `+`, `-`, `*` and `/`; None for a division by zero.
-    """
+    """A kind of numbers: `apply` takes `+`, `-`, `*` or `/`, and is None for a division by zero."""
 
     of: Callable[[Decimal], T]
     apply: Callable[[str, T, T], T | None]

@@ -52,13 +52,7 @@ Answer = tuple[str, ...]
 
 
 class Prepared:
-    """A condition that is resolved, with its statements for the present and for the past.
-
-    Attributes:
-        condition: the condition.
-        columns: the names of its free variables.
-        definitions: what it was resolved with.
-    """
+    """A condition that is resolved, with its statements for the present and for the past."""
 
     def __init__(self, condition: ResolvedCondition, definitions: Definitions) -> None:
         self.condition = condition

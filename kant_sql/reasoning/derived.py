@@ -18,11 +18,7 @@ from .world import Relation, Row, World, definitions_of, fill
 
 
 def world_of(definitions: Definitions) -> World:
-    """Make a state without facts and values.
-
-    Raises:
-        InvalidKnowledgeError: the derived predicates cannot be stratified.
-    """
+    """Make a state without facts and values; refuse rules that are not stratified."""
     world, rules = World(definitions), rules_of(definitions)
     rules.check_stratified(definitions)
     for heads in rules.components:

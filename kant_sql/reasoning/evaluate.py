@@ -74,12 +74,7 @@ def alternatives(bound: Iterable[Bound], part: Part) -> list[tuple[_Types, tuple
 
 
 class Compiler:
-    """Compiles parts that share the places of their variables.
-
-    Args:
-        world: the state.
-        parameters: variables that each evaluation gives an object, in this order.
-    """
+    """Compiles parts that share the places of variables; evaluations give `parameters` objects."""
 
     def __init__(self, world: World, parameters: Iterable[Slot] = ()) -> None:
         self.world = world

@@ -97,13 +97,7 @@ class Changed:
 
 
 class Explainer(Explaining):
-    """Finds the parts of closed formulas that do not hold in a state.
-
-    Args:
-        view: the state, in one snapshot.
-        numbers: what comes with the evaluation: a duration.
-        changed: what is changed before; by default nothing.
-    """
+    """Finds the parts of closed formulas that do not hold in a state, or after some changes."""
 
     def __init__(
         self,
@@ -226,10 +220,7 @@ def exact_number(
     numbers: Mapping[str, Decimal],
     changed: Mapping[NumberOf, Decimal] | None = None,
 ) -> Exact | None:
-    """Evaluate a closed expression exactly; None where a fluent has no value.
-
-    Fluents that are changed have other values than in the state.
-    """
+    """Evaluate a closed expression exactly, some fluents changed; None where one has no value."""
     resolver = Resolver(view.definitions)
     quantity, needed = resolver.number(node)
     leaves = [each for each in parts_of(quantity) if isinstance(each, NumberOf)]

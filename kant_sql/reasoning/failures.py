@@ -86,11 +86,7 @@ def duration_failure(
 
 
 class Explaining(ABC):
-    """Finds the parts of closed formulas that do not hold, in a database or in memory.
-
-    Attributes:
-        said: what a reason ends with: when conditions are judged.
-    """
+    """Finds the parts of closed formulas that do not hold; `said` is when they are judged."""
 
     said = ""
 
@@ -181,14 +177,7 @@ class _InMemory(Explaining):
 def failed_parts(
     world: World, formula: f.Formula, binding: Binding, duration: Decimal | None = None
 ) -> list[FailedCondition]:
-    """Return the parts of a condition that do not hold in a world.
-
-    Args:
-        world: the state.
-        formula: the condition.
-        binding: the objects of its free variables.
-        duration: the value of `?duration`.
-    """
+    """Return the parts of a condition that do not hold in a world."""
     explaining = _InMemory(world, duration)
     return [
         explaining.failure(node) for node in explaining.failed_nodes([substitute(formula, binding)])

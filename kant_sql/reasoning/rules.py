@@ -253,12 +253,7 @@ def _read(
 
 
 class _Known(NamedTuple):
-    """A rule that is being judged.
-
-    Attributes:
-        order: the number of the constraint that it is of, and its own.
-        rule: the rule.
-    """
+    """A rule that is being judged; the order is that of its constraint, and its own."""
 
     order: tuple[int, int]
     rule: Rule

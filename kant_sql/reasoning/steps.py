@@ -72,15 +72,7 @@ _TIME = Parameter("#t")
 
 @dataclass(frozen=True)
 class GroundStep:
-    """An action with the objects of its parameters.
-
-    Attributes:
-        action: the action.
-        ids: the objects' ids.
-        names: their names.
-        duration: the duration that the caller gives.
-        recorded: the step of a recorded plan that it is.
-    """
+    """An action with objects for its parameters, and the recorded step that it is, if any."""
 
     action: PreparedAction
     ids: tuple[int, ...]
@@ -390,10 +382,7 @@ def _has_effect(effect: f.Formula, time: str | None) -> bool:
 
 
 def of_time(node: f.Formula, time: str | None, default: str | None = None) -> f.Formula | None:
-    """Return what of a condition belongs to a time, without preferences; None without any.
-
-    What has no time is at the default one.
-    """
+    """Return what of a condition belongs to a time, by default another; None without any."""
     match node:
         case f.Preference():
             return None

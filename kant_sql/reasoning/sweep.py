@@ -151,17 +151,7 @@ def _fitting(name: str, variable: f.TypedName, symbols: SymbolTable) -> str:
 def read_at_last(
     store: Store, text: str, read: Callable[[SymbolTable], T], upto: int | None
 ) -> tuple[T, Definitions]:
-    """Read a text with the names of the latest state that has all of them.
-
-    Args:
-        store: the knowledge base.
-        text: the text, whose names are looked for in the past.
-        read: reads it.
-        upto: the revision of a view of the past.
-
-    Raises:
-        InvalidKnowledgeError: no state does; the error is that of the last one.
-    """
+    """Read a text with the names of the latest state that has all; else raise as the last one."""
     definitions = store.read_definitions(lambda known: known, upto)
     try:
         return read(symbols_of(definitions)), definitions
@@ -199,13 +189,7 @@ def revision_text(revision: Revision) -> str:
 
 
 class Range(NamedTuple):
-    """A range of revisions.
-
-    Attributes:
-        low: the first.
-        high: the last.
-        archived: what ended up to this revision is in an archive; not after `low`.
-    """
+    """A range of revisions, and the last one whose ended versions are archived: not after `low`."""
 
     low: int
     high: int
@@ -213,11 +197,7 @@ class Range(NamedTuple):
 
 
 def read_range(session: Session, kb_id: int, bounds: Bounds) -> Range:
-    """Return a range that was not archived.
-
-    Raises:
-        ArchivedError: a part of it was.
-    """
+    """Return a range; refuse one of which a part was archived."""
     archived = read_position(session, kb_id).archived
     refuse_archived(session, kb_id, min(bounds.low, bounds.high), archived)
     return Range(bounds.low, bounds.high, archived)
@@ -249,16 +229,7 @@ class Sweep:
         span: Range,
         ranges: bool,
     ) -> None:
-        """Find out what matters.
-
-        Args:
-            session: the session, in a transaction that sees one state.
-            kb_id: the knowledge base.
-            formulas: the formulas, and further objects.
-            definitions: those with which their names have a meaning.
-            span: the range; not empty.
-            ranges: whether variables range over objects besides those of quantifiers.
-        """
+        """Find out what matters; `ranges` if variables range over objects beside quantifiers."""
         self._session = session
         self._kb_id = kb_id
         self._range = span

@@ -48,25 +48,14 @@ Range = Callable[[f.TypedName], Sequence[str]]
 
 @dataclass(frozen=True, slots=True, order=True)
 class Moment:
-    """The place of a state in its trajectory.
-
-    Attributes:
-        index: its index, from 0.
-        time: its time.
-    """
+    """The place of a state in its trajectory, from 0, and its time."""
 
     index: int
     time: Decimal
 
 
 class Monitor(ABC):
-    """Judges one modal formula.
-
-    Attributes:
-        formula: the modal formula.
-        binding: the objects of its free variables.
-        violation: the state that violates it, as soon as no further state can help.
-    """
+    """Judges one modal formula; a violation is final, whatever state follows."""
 
     def __init__(self, formula: f.Modal | f.Timed, binding: Binding) -> None:
         self.formula = formula
@@ -250,35 +239,16 @@ class Rule:
 
 
 class Trajectory:
-    """Judges constraints while states are observed.
-
-    Attributes:
-        rules: the constraints and the instances of preferences.
-        last: the last state that was observed.
-    """
+    """Judges constraints while states are observed; `objects` are those of a variable's types."""
 
     def __init__(self, constraints: Iterable[f.Formula], objects: Range) -> None:
-        """Create the monitors.
-
-        Args:
-            constraints: trajectory constraints.
-            objects: returns the names of the objects of a variable's types.
-
-        Raises:
-            UnsupportedConstructError: modal operators are nested, or inside `or`, `not`, `imply`,
-                `exists`, or a formula has none.
-        """
+        """Create the monitors."""
         self.rules = tuple([rule for one in constraints for rule in rules_of(one, objects)])
         self._monitors = [monitor for rule in self.rules for monitor in rule.monitors]
         self.last: Moment | None = None
 
     def observe(self, time: Decimal, holds: Truth) -> None:
-        """Judge the next state.
-
-        Args:
-            time: its time, not before the one of the state before.
-            holds: whether a formula holds in it.
-        """
+        """Judge the next state."""
         now = self.last = Moment(0 if self.last is None else self.last.index + 1, time)
         for monitor in self._monitors:
             monitor.observe(now, holds)
@@ -295,15 +265,7 @@ class Trajectory:
 
 
 def rules_of(constraint: f.Formula, objects: Range) -> Iterator[Rule]:
-    """Yield the rules that a constraint consists of.
-
-    Args:
-        constraint: a trajectory constraint, with quantifiers and preferences around.
-        objects: returns the names of the objects of a variable's types.
-
-    Raises:
-        UnsupportedConstructError: see `Trajectory`.
-    """
+    """Yield the rules of a constraint, which has quantifiers and preferences around."""
     for part, binding in _parts(constraint, {}, objects):
         if isinstance(part, f.Preference):
             inner = _parts(part.formula, binding, objects)

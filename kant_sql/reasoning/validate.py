@@ -47,7 +47,7 @@ from .failures import FailedCondition, failed_parts
 from .grounding import substitute
 from .steps import preferred
 from .trajectory import Moment, Rule, Trajectory
-from .world import FluentRow, Row, World
+from .world import FluentRow, Row, World, fact_of, value_of
 
 SIMULTANEOUS = Decimal("0.001")
 ANONYMOUS = "anonymous"
@@ -382,25 +382,14 @@ class _Execution:
 
     def _literal(self, number: int) -> Changes:
         """Return what a timed initial literal changes."""
-        effect = self.problem.timed[number].effect
-        definitions, changes = self.world.definitions, Changes()
-
-        def row(terms: Iterable[object]) -> Row:
-            named = definitions.objects.named
-            return tuple([named(str(term)).id for term in terms])  # type: ignore[union-attr]
-
+        effect, changes = self.problem.timed[number].effect, Changes()
         if isinstance(effect, f.Assign):
-            function = definitions.functions.named(effect.fluent.function)
-            assert function is not None
-            given = effect.value
-            value = given.value if isinstance(given, f.Number) else row((given,))[0]
-            changes.updates[function.id, row(effect.fluent.terms)] = [Update("assign", value)]
+            function, row, value = value_of(self.world, effect.fluent, effect.value)
+            changes.updates[function, row] = [Update("assign", value)]
             return changes
         atom: Any = effect.formula if isinstance(effect, f.Not) else effect
-        predicate = definitions.predicates.named(atom.predicate)
-        assert predicate is not None
         into = changes.deletes if isinstance(effect, f.Not) else changes.adds
-        into.add((predicate.id, row(atom.terms)))
+        into.add(fact_of(self.world, atom))
         return changes
 
     def _snap(self, entry: _Entry) -> Snap:

@@ -471,12 +471,7 @@ class _Combination(NamedTuple):
 
 
 class _Relation:
-    """The facts of an atom, by the objects of its variables.
-
-    Attributes:
-        variables: the variables, each once.
-        rows: the objects of the variables, and the fact's id.
-    """
+    """The facts of an atom: rows of objects, one for each of its variables, with the fact's id."""
 
     def __init__(self, atom: f.Atom, facts: Iterable[FoundFact]) -> None:
         places: dict[str, list[int]] = {}

@@ -20,7 +20,7 @@ from operator import itemgetter
 from typing import Any, Protocol
 
 from ..dto.elements import atom_text
-from ..dto.formulas import TOTAL_COST, TypedName
+from ..dto.formulas import TOTAL_COST, Atom, Expression, Fluent, Number, Term, TypedName
 from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge import definitions as d
 from ..knowledge.resolved import Resolver, TypeSet
@@ -47,11 +47,7 @@ def picker(positions: tuple[int, ...]) -> Callable[[Sequence[Any]], Row]:
 
 
 class Relation:
-    """The facts of one predicate, with indexes on demand.
-
-    Attributes:
-        rows: the facts; to be changed by the methods alone.
-    """
+    """The facts of one predicate, with indexes on demand; the methods alone change `rows`."""
 
     __slots__ = ("_indexes", "rows")
 
@@ -321,21 +317,26 @@ def _first(ids: Sequence[int]) -> tuple[Any, tuple[int, ...]]:
     return (ids[0] if ids else None), tuple(ids[1:])
 
 
+def fact_of(world: World, atom: Atom) -> FluentRow:
+    """Return the ids of a ground atom."""
+    predicate = world.definitions.predicates.ids[fold(atom.predicate)]
+    return predicate, tuple([world.ids[str(term)] for term in atom.terms])
+
+
+def value_of(world: World, fluent: Fluent, value: Expression | Term) -> tuple[int, Row, Value]:
+    """Return the ids of a ground fluent, and its value."""
+    function = world.definitions.functions.ids[fold(fluent.function)]
+    row = tuple([world.ids[str(term)] for term in fluent.terms])
+    return function, row, value.value if isinstance(value, Number) else world.ids[str(value)]
+
+
 def fill(world: World, problem: Problem) -> None:
     """Add the initial state of a problem."""
-    definitions = world.definitions
-    predicates, functions = definitions.predicates.ids, definitions.functions.ids
-    objects = world.ids
-
-    def row(terms: Iterable[object]) -> Row:
-        return tuple([objects[str(term)] for term in terms])
-
     for atom in problem.facts:
-        world.add(predicates[fold(atom.predicate)], row(atom.terms))
+        world.add(*fact_of(world, atom))
     for fluent, value in problem.values:
-        given = getattr(value, "value", None)
-        number = objects[str(value)] if given is None else given
-        world.set(functions[fold(fluent.function)], row(fluent.terms), number)
+        world.set(*value_of(world, fluent, value))
+    definitions = world.definitions
     for function in definitions.functions:
         if fold(function.name) == TOTAL_COST and not (function.parameters or function.type_ids):
             # Action costs count from 0 (IPC 2008), whether the problem says so or not.
