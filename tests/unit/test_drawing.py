@@ -164,6 +164,12 @@ def test_values_are_steps_with_gaps() -> None:
     assert path.attrib["d"].endswith("Z")
 
 
+def test_values_are_drawn_with_what_else_was_given() -> None:
+    given = {"source": {"camera": 7}, "ended_source": {"camera": 8}}
+    lane = Lane("value", "(battery rb1)", (bar(1, 2, value="9", number=9.0, **given),))
+    assert titled(timeline(lane), '"camera": 7')
+
+
 def luminance(colour: str) -> float:
     parts = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
     linear = [
