@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
@@ -26,6 +27,8 @@ MAX_ITEMS = 1_000_000
 _PRINTABLE_BITS = 400
 # The environment variable that names the store where no URL is given.
 URL_VARIABLE = "KANT_SQL_URL"
+# Characters of no text of a store.
+UNSTORABLE = re.compile("[\0\ud800-\udfff]")
 _TEXTS = (str, bytes, bytearray, memoryview)
 
 
@@ -204,6 +207,18 @@ def optional_text(
     if value is not None and not isinstance(value, str):
         raise refusal(role, "a string or None", value, error)
     return value
+
+
+def storable_text(
+    value: Any, role: str, error: type[KantSqlError] = InvalidArgumentError
+) -> str | None:
+    """Check a text, or None, that a database can store unchanged."""
+    text = optional_text(value, role, error)
+    if UNSTORABLE.search(text or ""):
+        raise error(
+            f"{role} {shown(text)} has a NUL character or an unpaired surrogate; leave it out"
+        )
+    return text
 
 
 def optional_call(value: Any, role: str) -> None:

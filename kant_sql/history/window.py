@@ -10,7 +10,16 @@ from typing import Any, NamedTuple, get_args
 
 from sqlalchemy import func, literal_column, select
 
-from ..arguments import flag, iterate, one_of, optional_text, refusal, shown, whole_number
+from ..arguments import (
+    flag,
+    iterate,
+    one_of,
+    optional_text,
+    refusal,
+    shown,
+    storable_text,
+    whole_number,
+)
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
 from ..moment_text import Moment, When, read_when
@@ -62,7 +71,6 @@ class TimelineQuestion(NamedTuple):
         )
 
 
-_HALVES = re.compile("[\ud800-\udfff]")
 _AFTER = re.compile(r"(fact|goal|formula|value):([0-9]{1,18}):([0-9 ]*)")
 
 
@@ -83,10 +91,7 @@ def check_question(
     given = islice(iterate(kinds, "kinds"), len(TIMELINE_KINDS))
     wanted = {one_of(kind, TIMELINE_KINDS, "a kind") for kind in given}
     for value, role in ((predicate, "predicate"), (object, "object"), (text, "text")):
-        if "\0" in (optional_text(value, role) or "") or _HALVES.search(value or ""):
-            raise InvalidArgumentError(
-                f"{role} {shown(value)} has a NUL character or an unpaired surrogate"
-            )
+        storable_text(value, role)
     for number, most, role in ((lanes, MOST_LANES, "lanes"), (slices, MOST_SLICES, "slices")):
         expected = f"a whole number from 1 to {most}"
         if whole_number(number, role, least=1, expected=expected) > most:

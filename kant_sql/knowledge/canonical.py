@@ -7,7 +7,6 @@ can recompute a hash from the tables.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import rfc8785
 
-from ..arguments import shown
+from ..arguments import UNSTORABLE, shown
 from ..dto.actions import action_text, duration_text
 from ..dto.elements import function_text
 from ..dto.formulas import Derived, Metric, Node, TimedLiteral, skeleton_text
@@ -146,8 +145,6 @@ _TEXTS: dict[type[Any], Callable[[Definitions, Any], str]] = {
 # The version of this form; each revision stores and hashes it.
 FORM = 1
 _BATCH = 1_000
-# NUL and the surrogates, which UTF-8 does not carry.
-_UNSTORABLE = re.compile("[\0\ud800-\udfff]")
 
 
 class Metadata(NamedTuple):
@@ -194,7 +191,7 @@ def make_metadata(
             continue
         if not isinstance(value, str):
             raise InvalidMetadataError(f"{name} is a string or None, not {shown(value)}")
-        if _UNSTORABLE.search(value):
+        if UNSTORABLE.search(value):
             raise InvalidMetadataError(
                 f"{name} {shown(value)} has a NUL character or an unpaired surrogate"
             )

@@ -14,7 +14,7 @@ from sqlalchemy import bindparam, literal_column, select
 from typing_extensions import override
 
 from .. import html
-from ..arguments import one_of, shown, whole_number
+from ..arguments import one_of, shown, storable_text, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas
 from ..dto.elements import atom_text
@@ -51,19 +51,6 @@ def check_steps(definitions: Definitions, revision: int, plan: Plan) -> tuple[St
         _StepCheck(definitions, revision, position, step).read()
         for position, step in enumerate(plan.steps)
     )
-
-
-def check_text(text: str | None, role: str) -> str | None:
-    """Check that a database can store a text unchanged."""
-    if text is None:
-        return None
-    if not isinstance(text, str):
-        raise PlanError(f"{role} is a string or None, not {shown(text)}")
-    if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
-        raise PlanError(
-            f"{role} {shown(text)} has a NUL character or an unpaired surrogate; leave it out"
-        )
-    return text
 
 
 def exact_text(number: Decimal | int | None, role: str) -> str | None:
@@ -434,11 +421,11 @@ class SqlPlanDao(SqlDao, PlanDao):
             0,
             revision,
             digest,
-            check_text(planner or plan.engine or None, "the planner's name"),
-            check_text(planner_version, "the planner's version"),
-            check_text(measured, "the objective"),
+            storable_text(planner or plan.engine or None, "the planner's name", PlanError),
+            storable_text(planner_version, "the planner's version", PlanError),
+            storable_text(measured, "the objective", PlanError),
             exact_text(value, "the objective's value"),
-            check_text(plan.status or None, "the plan's status"),
+            storable_text(plan.status or None, "the plan's status", PlanError),
             *kept,
             steps,
         )
@@ -470,7 +457,7 @@ class SqlPlanDao(SqlDao, PlanDao):
     def _compare(self, plan: Plan, revision: int, said: Kept) -> tuple[str, Kept]:
         """Hash the planner's input, and find which of its texts to store."""
         for text, role in zip(said, ("domain_pddl", "problem_pddl"), strict=True):
-            check_text(text, role)
+            storable_text(text, role, PlanError)
         written = _write_given(self._open_store, revision)
         given = _complete(said, written)
         digest = problem_hash(given.domain, problem=given.problem)

@@ -6,7 +6,6 @@ only, and PostgreSQL that of its locale, so a pattern names each spelling of a l
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from typing import Any
 from unicodedata import normalize
@@ -15,6 +14,7 @@ from sqlalchemy import Boolean, ColumnElement, bindparam
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
+from ...arguments import UNSTORABLE
 from ...errors import InvalidArgumentError
 from .base import Session
 from .words import OPERATORS
@@ -23,7 +23,6 @@ from .words import OPERATORS
 LONGEST_SOUGHT = 3_500
 # By dialect: the characters that a pattern cannot have as they are, and how they are escaped.
 _SPECIAL = {"sqlite": ("*?[", "[{}]"), "postgresql": (".^$*+?()[]{}|\\", "\\{}")}
-_IMPOSSIBLE = re.compile("[\0\ud800-\udfff]")
 # No letter beyond this has a case.
 _CASED = 0x20000
 
@@ -55,7 +54,7 @@ def pattern_of(session: Session, text: str, *, begins: bool = False, ends: bool 
         InvalidArgumentError: no text can contain it.
     """
     dialect = session.backend.dialect.name
-    if _IMPOSSIBLE.search(text):
+    if UNSTORABLE.search(text):
         raise InvalidArgumentError(
             "no text of a store contains a NUL character or an unpaired surrogate; leave it out"
         )
