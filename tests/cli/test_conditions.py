@@ -11,13 +11,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from tests.cli.conftest import write_breakfast
-from tests.support.processes.commands import (
-    child,
-    complaint,
-    document,
-    documents,
-    run,
-)
+from tests.support.processes.commands import child, complaint, document, documents, run
 
 IN_KITCHEN = "(at rb1 kitchen)"
 

@@ -20,13 +20,7 @@ from kant_sql import PddlTypeDto
 from tests.cli.conftest import write_history
 from tests.support.faults import be_impatient, change, held
 from tests.support.pages import opened
-from tests.support.processes.commands import (
-    child,
-    complaint,
-    environment,
-    in_terminal,
-    run,
-)
+from tests.support.processes.commands import child, complaint, environment, in_terminal, run
 from tests.support.worlds.robots import robot_at, waypoint
 
 ALTER = "UPDATE revision SET reason = 'well done' WHERE number = 2"

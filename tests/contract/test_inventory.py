@@ -19,10 +19,10 @@ from kant_sql.operations import knowledge_bases
 from kant_sql.sql import inventory
 from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import create_app
-from tests.support.faults import change, on_file, on_server
+from tests.support.faults import change
 from tests.support.processes.commands import run
 from tests.support.statements import count, fill
-from tests.support.stores import Connect
+from tests.support.stores import CITUS, Connect
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 
 
@@ -175,16 +175,19 @@ def test_it_obeys_limits_and_creates_nothing(shared_url: str, connect: Connect) 
 
 
 UNKNOWN = {
-    "head": ["heard_at='x'", "origin_committed_at='9999'", "origin_revision='x'", "origin=x'00ff'"],
-    "verification": ["verified_at='x'", "complete_at='x'", "revision=9e999", "revision='x'"],
+    ("sqlite-file", "head"): (
+        *("heard_at='x'", "origin_committed_at='9999'", "origin_revision='x'", "origin=x'00ff'"),
+    ),
+    ("sqlite-file", "verification"): (
+        *("verified_at='x'", "complete_at='x'", "revision=9e999", "revision='x'"),
+    ),
+    # Times that Python does not have.
+    ("postgresql", "head"): ("heard_at='infinity'", "origin_committed_at='-infinity'"),
+    ("postgresql", "verification"): (
+        *("verified_at='infinity'", "complete_at='4713-01-01 00:00:00 BC'"),
+    ),
 }
-UNREADABLE = [(table, sql) for table, statements in UNKNOWN.items() for sql in statements]
-UNREADABLE_TIMES = [
-    ("head", "heard_at='infinity'"),
-    ("head", "origin_committed_at='-infinity'"),
-    ("verification", "verified_at='infinity'"),
-    ("verification", "complete_at='4713-01-01 00:00:00 BC'"),
-]
+UNREADABLE = [(*where, sql) for where, statements in UNKNOWN.items() for sql in statements]
 
 
 def make_fleet(url: str, connect: Connect) -> None:
@@ -199,9 +202,13 @@ def make_fleet(url: str, connect: Connect) -> None:
     )
 
 
-def _is_unknown(url: str, table: str, sql: str) -> None:
-    change(url, f"UPDATE {table} SET {sql} WHERE kb_id = 1")
-    one, other = knowledge_bases(url)
+@pytest.mark.parametrize(("shared_url", "table", "sql"), UNREADABLE, indirect=["shared_url"])
+def test_an_unreadable_origin_or_verification_is_not_known_and_hides_nothing(
+    shared_url: str, connect: Connect, table: str, sql: str
+) -> None:
+    make_fleet(shared_url, connect)
+    change(shared_url, f"UPDATE {table} SET {sql} WHERE kb_id = 1")
+    one, other = knowledge_bases(shared_url)
     assert (one.name, one.revision, other.name, other.revision) == ("tiago", 1, "pepper", 1)
     column = sql.partition("=")[0]
     told = {"revision": "verified_revision"}.get(column, column)
@@ -210,24 +217,6 @@ def _is_unknown(url: str, table: str, sql: str) -> None:
     assert one.behind in (None, 4)
     assert one.lag is None or one.lag >= 0
     json.dumps(json_value(one), allow_nan=False)
-
-
-@on_file
-@pytest.mark.parametrize(("table", "sql"), UNREADABLE)
-def test_an_unreadable_origin_or_verification_is_not_known_and_hides_nothing(
-    shared_url: str, connect: Connect, table: str, sql: str
-) -> None:
-    make_fleet(shared_url, connect)
-    _is_unknown(shared_url, table, sql)
-
-
-@on_server
-@pytest.mark.parametrize(("table", "sql"), UNREADABLE_TIMES)
-def test_times_that_python_does_not_have_are_not_known(
-    shared_url: str, connect: Connect, table: str, sql: str
-) -> None:
-    make_fleet(shared_url, connect)
-    _is_unknown(shared_url, table, sql)
 
 
 # What is damaged of the first of two knowledge bases: its name from then on, and what is said.
@@ -254,12 +243,23 @@ DAMAGED_FILES = {
 }
 
 
-def _is_listed_as_damaged(url: str, connect: Connect, *, sql: str, name: str, said: str) -> None:
+ANY = [
+    (url, *damage) for url in ("sqlite-file", "postgresql", *CITUS) for damage in DAMAGED.values()
+]
+FILES = [("sqlite-file", *damage) for damage in DAMAGED_FILES.values()]
+
+
+@pytest.mark.parametrize(
+    ("shared_url", "sql", "name", "said"), [*ANY, *FILES], indirect=["shared_url"]
+)
+def test_damage_of_one_is_a_line_among_all_others(
+    shared_url: str, connect: Connect, sql: str, name: str, said: str
+) -> None:
     for each in ("tiago", "pepper", "rosie"):
-        connect(url, knowledge_base=each).propositions.save(robot_at())
-    pragma = ["PRAGMA ignore_check_constraints = ON"] if url.startswith("sqlite") else []
-    change(url, *pragma, sql)
-    listed = knowledge_bases(url)
+        connect(shared_url, knowledge_base=each).propositions.save(robot_at())
+    pragma = ["PRAGMA ignore_check_constraints = ON"] if shared_url.startswith("sqlite") else []
+    change(shared_url, *pragma, sql)
+    listed = knowledge_bases(shared_url)
     assert [(one.name, one.error is None) for one in listed] == [
         (name, False),
         ("pepper", True),
@@ -267,10 +267,10 @@ def _is_listed_as_damaged(url: str, connect: Connect, *, sql: str, name: str, sa
     ]
     damaged = listed[0]
     assert re.search(said, damaged.error or "")
-    assert url not in str(damaged.error)
+    assert shared_url not in str(damaged.error)
     assert (damaged.revision, damaged.committed_at, damaged.behind, damaged.lag) == (None,) * 4
     json.dumps(json_value(damaged), allow_nan=False)
-    with catalog_of(url) as catalog:
+    with catalog_of(shared_url) as catalog:
         assert catalog.overview(limit=1) == ([damaged], True)
         assert catalog.overview(limit=1, after=name) == ([listed[1]], True)
         assert catalog.find("pepper") == listed[1]
@@ -279,28 +279,13 @@ def _is_listed_as_damaged(url: str, connect: Connect, *, sql: str, name: str, sa
             each for each in (name, "pepper", "rosie") if each != "id 1"
         ]
         assert catalog.total()[0] in (2, 3)
-    told = run("kbs", url)
+    told = run("kbs", shared_url)
     assert (told.exit_code, told.stderr) == (0, "")
     assert all(each in told.stdout for each in (name, "pepper", "rosie", "error"))
-    with TestClient(create_app(url), base_url="http://127.0.0.1") as client:
+    with TestClient(create_app(shared_url), base_url="http://127.0.0.1") as client:
         page = client.get("/")
         assert page.status_code == 200
         assert "pepper" in page.text
         assert "damaged" in page.text
         found = client.get("/api/").json()["knowledge_bases"]
         assert [one["error"] for one in found] == [damaged.error, None, None]
-
-
-@pytest.mark.parametrize(("sql", "name", "said"), DAMAGED.values(), ids=DAMAGED)
-def test_damage_of_one_is_a_line_among_all_others(
-    shared_url: str, connect: Connect, sql: str, name: str, said: str
-) -> None:
-    _is_listed_as_damaged(shared_url, connect, sql=sql, name=name, said=said)
-
-
-@on_file
-@pytest.mark.parametrize(("sql", "name", "said"), DAMAGED_FILES.values(), ids=DAMAGED_FILES)
-def test_damage_of_one_is_a_line_among_all_others_of_a_file(
-    shared_url: str, connect: Connect, sql: str, name: str, said: str
-) -> None:
-    _is_listed_as_damaged(shared_url, connect, sql=sql, name=name, said=said)

@@ -17,6 +17,7 @@ from kant_sql.store.ledger import PropositionLedger
 from tests.support.atoms import Atoms
 from tests.support.chain import check_chain, check_sqlite
 from tests.support.processes.workers import watch_with
+from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
@@ -136,12 +137,9 @@ def test_readers_do_not_wait_for_a_writer(shared_url: str, connect: Connect) -> 
 
 
 def test_writers_of_different_knowledge_bases_do_not_wait_on_postgresql(
-    server: Any, connect: Connect, request: pytest.FixtureRequest
+    server: Server, connect: Connect
 ) -> None:
-    url = request.getfixturevalue("server").new_database()
-    import kant_sql
-
-    kant_sql.upgrade(url)
+    url = server.new_store()
     first, second, third = (connect(url, knowledge_base=name) for name in ("a", "b", "c"))
     second.propositions.save(robot_at())
     with first.transaction():

@@ -14,12 +14,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlError,
-    PddlObjectDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase, PddlError, PddlObjectDto, PddlTypeDto
 from kant_sql.dto.formulas import Atom, Constant
 from kant_sql.dto.lexical import fold, is_name, is_requirement
 from kant_sql.errors import InvalidNameError
