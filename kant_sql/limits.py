@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Protocol
+from typing import Any
 
 from .arguments import expect
 from .arguments import seconds as seconds_of
@@ -29,26 +29,13 @@ STOP_AGAIN = 0.05
 CANCEL_WITHIN = 5.0
 
 
-class Stoppable(Protocol):
-    """The statements of a session, as a limit sees them.
-
-    Attributes:
-        is_running: whether a statement is on its way or runs.
-    """
-
-    is_running: bool
-
-    def stop(self) -> None:
-        """Ask the database to end the statement that runs, if any."""
-
-
 class Questions:
     """The sessions that obey a limit, and the limits around it. Threads share it."""
 
     def __init__(self, outer: Questions | None) -> None:
         self._all: tuple[Questions, ...] = (self,) if outer is None else (self, *outer._all)
         self._changed: threading.Condition = outer._changed if outer else threading.Condition()
-        self._asked: set[Stoppable] = set()
+        self._asked: set[StatementGuard] = set()
         self._is_cancelled = False
 
     @property
@@ -71,16 +58,16 @@ class Questions:
                 self._changed.wait_for(lambda: not self._running(), pause)
                 pause *= 2
 
-    def _running(self) -> list[Stoppable]:
+    def _running(self) -> list[StatementGuard]:
         return [question for question in self._asked if question.is_running]
 
-    def join(self, question: Stoppable) -> None:
+    def join(self, question: StatementGuard) -> None:
         """Let a session's statements obey."""
         with self._changed:
             for each in self._all:
                 each._asked.add(question)
 
-    def leave(self, question: Stoppable) -> None:
+    def leave(self, question: StatementGuard) -> None:
         """Release a session: once this returns, nothing that it runs is stopped."""
         with self._changed:
             question.is_running = False
@@ -88,13 +75,13 @@ class Questions:
                 each._asked.discard(question)
             self._changed.notify_all()
 
-    def begin(self, question: Stoppable) -> None:
+    def begin(self, question: StatementGuard) -> None:
         """Note that a statement begins, unless the limit is cancelled."""
         with self._changed:
             self.check()
             question.is_running = True
 
-    def end(self, question: Stoppable) -> None:
+    def end(self, question: StatementGuard) -> None:
         """Note that a statement has ended."""
         with self._changed:
             question.is_running = False
@@ -127,8 +114,7 @@ class Limit:
         if outer is not None:
             expect(outer, Limit, "the outer limit", InvalidArgumentError)
             self.seconds = min(self.seconds, outer.seconds)
-        around = None if outer is None else questions_of(outer)
-        self._questions = Questions(around)
+        self._questions: Questions = Questions(None if outer is None else outer._questions)
 
     @property
     def is_cancelled(self) -> bool:
@@ -153,9 +139,85 @@ class Limit:
         self._questions.check()
 
 
-def questions_of(limit: Limit) -> Questions:
-    """Return what the sessions that obey a limit join."""
-    return limit._questions
+class StatementGuard:
+    """The statements of one session while it obeys a limit: a `with` block around each.
+
+    `is_running` is whether one is on its way or runs, `was_stopped` whether the database was asked
+    to end one.
+    """
+
+    __slots__ = ("_deadline", "_questions", "_stop", "cursor", "is_running", "limit", "was_stopped")
+
+    def __init__(self, limit: Limit, cursor: Any, stop: Callable[[], None]) -> None:
+        self.limit = limit
+        self.cursor = cursor
+        self.is_running = self.was_stopped = False
+        self._questions = limit._questions
+        self._stop = stop
+        self._deadline = 0.0
+
+    def join(self) -> None:
+        """Let the statements obey from now on."""
+        self._questions.join(self)
+
+    def leave(self) -> None:
+        """Let them obey no more; nothing is stopped once this returns."""
+        self._questions.leave(self)
+
+    def stop(self) -> None:
+        """Ask the database to end the statement that runs."""
+        self.was_stopped = True
+        self._stop()
+
+    def is_over(self) -> bool:
+        """Return whether the statement that runs must end; SQLite asks this from time to time."""
+        return time.monotonic() > self._deadline or self.limit.is_cancelled
+
+    def __enter__(self) -> None:
+        self._questions.begin(self)
+        self._deadline = time.monotonic() + self.limit.seconds
+
+    def __exit__(self, *_: object) -> None:
+        self._questions.end(self)
+
+
+class GuardedCursor:
+    """A driver's cursor whose statements, and the fetching of their rows, obey a limit."""
+
+    rowcount: int
+
+    def __init__(self, cursor: Any, guard: StatementGuard) -> None:
+        self._cursor = cursor
+        self._guard = guard
+
+    def execute(self, sql: str, parameters: Any = (), /) -> Any:
+        """Run a statement."""
+        with self._guard:
+            result = self._cursor.execute(sql, parameters)
+        self.rowcount = self._cursor.rowcount
+        return result
+
+    def executemany(self, sql: str, parameters: Any, /) -> Any:
+        """Run a statement for each set of parameters."""
+        with self._guard:
+            result = self._cursor.executemany(sql, parameters)
+        self.rowcount = self._cursor.rowcount
+        return result
+
+    def fetchall(self) -> list[tuple[Any, ...]]:
+        """Fetch the remaining rows, which SQLite finds only now."""
+        with self._guard:
+            rows: list[tuple[Any, ...]] = self._cursor.fetchall()
+            return rows
+
+    def fetchmany(self, size: int = 1, /) -> list[tuple[Any, ...]]:
+        """Fetch the next rows."""
+        with self._guard:
+            rows: list[tuple[Any, ...]] = self._cursor.fetchmany(size)
+            return rows
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cursor, name)
 
 
 # What the questions of this context obey.

@@ -15,9 +15,8 @@ import pytest
 
 from kant_sql import KnowledgeBase, Limit, aio, limited, limits
 from kant_sql.errors import InvalidTimeoutError, QuestionCancelledError, StatementTimeoutError
-from kant_sql.limits import questions_of
+from kant_sql.limits import GuardedCursor, StatementGuard
 from kant_sql.sql.dialects.base import Session
-from kant_sql.sql.dialects.guard import GuardedCursor
 from kant_sql.sql.query import raw
 from tests.support.processes.workers import wait_for
 from tests.support.reading import store_of
@@ -318,24 +317,19 @@ def test_the_server_ends_what_is_cancelled(shared_url: str, connect: Connect) ->
         assert isinstance(asking.exception(SOON), QuestionCancelledError)
 
 
-class Deaf:
-    """A statement whose server takes its time over each request to end it, and does not obey."""
-
-    is_running = True
-    asked = 0
-
-    def stop(self) -> None:
-        self.asked += 1
-        time.sleep(0.1)
-
-
 def test_cancelling_takes_no_longer_for_many_statements(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "CANCEL_WITHIN", 0.25)
-    limit, deaf = Limit(), [Deaf() for _ in range(30)]
-    for question in deaf:
-        questions_of(limit).join(question)
+    limit, asked = Limit(), []
+
+    def take_time_and_not_obey() -> None:
+        asked.append(time.monotonic())
+        time.sleep(0.1)
+
+    for guard in [StatementGuard(limit, None, take_time_and_not_obey) for _ in range(30)]:
+        guard.join()
+        guard.is_running = True
     limit.cancel()
-    assert 1 <= sum(question.asked for question in deaf) <= 3
+    assert 1 <= len(asked) <= 3
     assert limit.is_cancelled
 
 

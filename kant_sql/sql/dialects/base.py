@@ -33,9 +33,8 @@ from ...errors import (
     StoreUnreachableError,
     printable,
 )
-from ...limits import LIMIT, PATIENCE, Limit, is_endless
+from ...limits import LIMIT, PATIENCE, GuardedCursor, Limit, StatementGuard, is_endless
 from ..query import IdsQuery, Insert, Query, insert_text, raw
-from .guard import GuardedCursor, StatementGuard
 from .structure import IndexFault, Statement, ViewDialect
 from .words import Words
 

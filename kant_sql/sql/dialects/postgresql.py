@@ -49,7 +49,7 @@ from ...errors import (
     StoreUnreachableError,
     TableMissingError,
 )
-from ...limits import PATIENCE, Limit
+from ...limits import PATIENCE, Limit, StatementGuard
 from ..query import (
     AtKey,
     Fork,
@@ -75,7 +75,6 @@ from .base import (
     log_statement,
     refuse_unknown_options,
 )
-from .guard import StatementGuard
 from .postgresql_roles import (
     holders,
     lock_schema,

@@ -52,7 +52,7 @@ from ...errors import (
     TableMissingError,
 )
 from ...knowledge.canonical import text_time, time_text
-from ...limits import Limit
+from ...limits import Limit, StatementGuard
 from ..query import (
     Fork,
     FoundRows,
@@ -79,7 +79,6 @@ from .base import (
     refuse_unknown_options,
     url_label,
 )
-from .guard import StatementGuard
 from .sqlite_file import WAL_LIMIT, StoreFile
 from .structure import (
     MARK,
