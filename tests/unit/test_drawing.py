@@ -165,8 +165,7 @@ def test_values_are_steps_with_gaps() -> None:
 
 
 def test_values_are_drawn_with_what_else_was_given() -> None:
-    given = {"source": {"camera": 7}, "ended_source": {"camera": 8}}
-    lane = Lane("value", "(battery rb1)", (bar(1, 2, value="9", number=9.0, **given),))
+    lane = Lane("value", "(battery rb1)", (bar(1, 2, number=9.0, source={"camera": 7}),))
     assert titled(timeline(lane), '"camera": 7')
 
 
