@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import threading
@@ -52,6 +53,17 @@ def option(
         *names, metavar=metavar, show_default=False, help=help_, **settings
     )
     return made
+
+
+def seconds(help_: str) -> typer.models.OptionInfo:
+    """Describe an option that is a number of seconds."""
+
+    def check(given: float | None) -> float | None:
+        if given is not None and math.isnan(given):
+            raise typer.BadParameter(f"{given} is not a number of seconds.")
+        return given
+
+    return option(help_, metavar="SECONDS", min=0, callback=check)
 
 
 def json_lines(noun: str) -> typer.models.OptionInfo:

@@ -30,6 +30,7 @@ from .common import (
     option,
     parse_optional,
     parse_state,
+    seconds,
     split_url,
     unknown_element,
     words_argument,
@@ -330,9 +331,7 @@ def watch(
             min=0,
         ),
     ] = None,
-    timeout: Annotated[
-        float | None, option("Stop after so long; default: at Ctrl-C.", metavar="SECONDS", min=0)
-    ] = None,
+    timeout: Annotated[float | None, seconds("Stop after so long; default: at Ctrl-C.")] = None,
     as_json: Annotated[bool, json_lines("revision")] = False,
 ) -> None:
     """Show revisions as they are committed: when, who, why and what."""

@@ -26,6 +26,7 @@ from .common import (
     open_to_read,
     option,
     parse_fixed,
+    seconds,
     split_url,
     words_argument,
 )
@@ -49,7 +50,7 @@ _Engine = Annotated[
         metavar="NAME",
     ),
 ]
-_Timeout = Annotated[float | None, option("Stop planning after so long.", metavar="SECONDS", min=0)]
+_Timeout = Annotated[float | None, seconds("Stop planning after so long.")]
 _Strict = Annotated[
     bool, option("Fail rather than ignore a part of the metric or a preference.", "--strict")
 ]
