@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from . import operations as operations
     from .documents.exchange import Loaded as Loaded
     from .factory import DaoFactory as DaoFactory, create_dao_factory as create_dao_factory
-    from .history.bars import (
+    from .history.window import (
         Bar as Bar,
         Density as Density,
         Lane as Lane,
@@ -79,7 +79,7 @@ __version__ = "0.2.0"
 _HOMES = {
     ".documents.exchange": ["Loaded"],
     ".factory": ["DaoFactory", "create_dao_factory"],
-    ".history.bars": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
+    ".history.window": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
     ".history.revisions": ["LogEntry", "Revision"],
     ".history.timeline": ["Timeline"],
     ".history.versions": ["Version"],

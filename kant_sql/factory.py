@@ -344,7 +344,7 @@ class SqlDaoFactory(DaoFactory):
         at: When | None = None,
         url: str | None = None,
     ) -> DaoFactory:
-        from .history.branch import read_origin, write_branch
+        from .history.restore import read_origin, write_branch
 
         store = self._open_store
         origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))

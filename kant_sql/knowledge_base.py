@@ -187,8 +187,8 @@ class Operations(Front):
     anchor = reads(lambda: history.anchors.anchor)
     archive = writes(lambda: history.archive.archive.archive)
     push = writes(lambda: history.replication.calls.push)
-    promote = writes(lambda: history.replication.promote.promote)
-    to_arrow = reads(lambda: history.audit.to_arrow)
+    promote = writes(lambda: history.replication.calls.promote)
+    to_arrow = reads(lambda: history.anchors.to_arrow)
 
     @property
     def factory(self) -> DaoFactory:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .history.anchors import Anchor, AnchoredHead, parse_anchor
 from .history.archive.archive import Archived
 from .history.replication.push import Pushed
-from .history.verify.findings import Finding
+from .history.verify.sides import Finding
 from .history.verify.verify import Verification
 from .sql.catalog import Backup, backup
 from .sql.dialects.base import Roles

@@ -24,7 +24,7 @@ from .output import FAILED, Printer, bar, plural, write_json
 
 if TYPE_CHECKING:
     from ..history.anchors import Anchor
-    from ..history.verify.findings import Finding
+    from ..history.verify.sides import Finding
     from ..history.verify.verify import Verification
     from ..knowledge_base import KnowledgeStore
 
@@ -196,7 +196,7 @@ def _verify_in_process(task: VerificationTask) -> Verification:
 
 
 def _verify(store: KnowledgeStore, task: VerificationTask, progress: Progress) -> Verification:
-    from ..history.verify.findings import Finding
+    from ..history.verify.sides import Finding
     from ..history.verify.verify import Verification
 
     try:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from ..moment_text import When
     from . import anchors as anchors
     from . import archive as archive
-    from . import audit as audit
     from . import diff as diff
     from . import follow as follow
     from . import log as log

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from zlib import crc32
 
 from .. import html
-from .bars import Bar, Density, Lane, PlanBar, StepBar
+from .window import Bar, Density, Lane, PlanBar, StepBar
 
 # Heights in pixels: of a lane's text, its bar, a numeric fluent, a line of text, and the axis.
 LABEL, BAR, PLOT, LINE, AXIS = 15, 16, 36, 18, 40

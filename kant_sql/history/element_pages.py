@@ -1,29 +1,39 @@
-"""An element, or an object and all that involves it, by pages, the newest first."""
+"""An element, or an object and all that involves it, by pages; and the search for one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, literal_column, select
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Text,
+    bindparam,
+    case,
+    func,
+    literal_column,
+    select,
+    union_all,
+)
 
 from ..arguments import shown
 from ..dao.text import refuse_unknown
-from ..dto.lexical import fold
+from ..dto.lexical import fold, is_word
 from ..errors import UnknownNameError
 from ..sql.changes import Change
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
+from ..sql.dialects.containing import contains, pattern_of
 from ..sql.query import Query, first_rows, in_rows, integer
-from ..sql.rows import KB, KIND_TABLES
-from ..sql.tables import TABLES
+from ..sql.rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
+from ..sql.tables import TABLES, FunctionValueArgumentRow, PropositionArgumentRow, RevisionRow
 from ..store.state import State
 from .elements import Applied, Named, Sought, refuse_unknown_element, sought
-from .involvement import read_involvement
 from .plan_pages import StepLine, read_steps
 from .revisions import LARGEST, Revision, read_numbered, read_position
 from .state_parts import HeldElement, StateFilter, read_state
-from .versions import Version, make_versions, read_newest
+from .versions import Version, make_versions, read_involvement, read_newest
 
 # How many elements that hold the page of an object has.
 HELD = 50
@@ -209,3 +219,157 @@ def read_object_page(
         )
 
     return state.store.query_in_snapshot(work)
+
+
+# Names and facts that a search looks through, and revisions whose actors it does.
+SEARCHED_NAMES, SEARCHED_REVISIONS = 10_000, 100_000
+# Words of a text that are looked up as names.
+MOST_WORDS = 20
+DEFINED = ("action", "predicate", "function", "type")
+
+
+class SearchMatch(NamedTuple):
+    """Something whose name or text contains what is looked for.
+
+    Attributes:
+        kind: its kind, as in `Change`, or `actor`.
+        text: its name, or the text of a fact, a goal or a fluent.
+    """
+
+    kind: str
+    text: str
+
+
+# What comes first: the very name, names that begin so, what names the object, what contains it.
+_EXACT, _PREFIX, _NAMING, _CONTAINING = range(4)
+_ONE_KIND: ColumnElement[int] = literal_column("50")
+_OPEN: ColumnElement[str] = literal_column("'('")
+
+
+def _found(kind: str, text: Any, rank: Any, rows: Select[Any]) -> Select[Any]:
+    """Select some rows as matches."""
+    ranked = rank if isinstance(rank, ColumnElement) else literal_column(str(rank))
+    said: ColumnElement[str] = literal_column(f"'{kind}'")
+    return select(
+        first_rows(
+            rows.with_only_columns(said.label("kind"), text.label("text"), ranked.label("rank")),
+            _ONE_KIND,
+        ).subquery()
+    )
+
+
+def _newest(rows: Select[Any], number: Any, bound: int) -> Any:
+    """Limit what is searched to the newest rows."""
+    return first_rows(rows.order_by(number.desc()), literal_column(str(bound))).subquery().c
+
+
+def _rank_of(text: Any) -> ColumnElement[int]:
+    """Rank a text that has no key: of a fact, without its parenthesis."""
+    bare = func.ltrim(text, _OPEN)
+    return case(
+        (contains(bare, "whole"), literal_column(str(_EXACT))),
+        (contains(bare, "prefix"), literal_column(str(_PREFIX))),
+        else_=literal_column(str(_CONTAINING)),
+    )
+
+
+def _named_matches(kind: str) -> list[Select[Any]]:
+    """Select names by their keys, of all there are, and by a part of them, of the newest."""
+    identity = KIND_TABLES[kind].identity.c
+    folded, beyond = bindparam("folded", type_=Text), bindparam("beyond", type_=Text)
+    own = identity.kb_id == KB
+    is_name = case((identity.key == folded, literal_column("0")), else_=literal_column("1"))
+    begun = select(identity.key).where(own, identity.key >= folded, identity.key < beyond)
+    names = select(identity.id, identity.name.label("text")).where(own)
+    some = _newest(names, identity.id, SEARCHED_NAMES)
+    part = select(some.text).where(contains(some.text)).order_by(some.id.desc())
+    return [
+        _found(kind, identity.name, is_name, begun.order_by(identity.key)),
+        _found(kind, some.text, _CONTAINING, part),
+    ]
+
+
+def _atom_matches(source: str, kind: str, arguments: Any, owner_name: str) -> list[Select[Any]]:
+    """Select facts or fluents: the very one, those of an object, and the newest with a text."""
+    atom, argument = VERSION_COLUMNS[source].identity, table_of(arguments).c
+    owner = argument[owner_name]
+    own, object_ = atom.kb_id == KB, KIND_TABLES["object"].identity.c
+    the_object = select(object_.id).where(
+        object_.kb_id == KB, object_.key == bindparam("folded", type_=Text)
+    )
+    of_object = select(owner).where(
+        argument.kb_id == KB, argument.object_id == the_object.scalar_subquery()
+    )
+    of_object = first_rows(of_object.order_by(owner.desc()), _ONE_KIND)
+    rows = select(atom.id, atom.text.label("text")).where(own)
+    some = _newest(rows, atom.id, SEARCHED_NAMES)
+    part = select(some.text).where(contains(some.text))
+    very = select(atom.text).where(own, atom.text == bindparam("atom", type_=Text))
+    naming = select(atom.text).where(own, in_rows(atom.id, of_object)).order_by(atom.id.desc())
+    return [
+        _found(kind, atom.text, _EXACT, very),
+        _found(kind, atom.text, _NAMING, naming),
+        _found(
+            kind, some.text, _rank_of(some.text), part.order_by(_rank_of(some.text), some.id.desc())
+        ),
+    ]
+
+
+def _matches() -> Query:
+    """Select what a text may mean, the most probable first."""
+    parts = [part for kind in ("object", *DEFINED) for part in _named_matches(kind)]
+    parts += _atom_matches(PROPOSITION, "fact", PropositionArgumentRow, "proposition_id")
+    parts += _atom_matches(VALUE, "value", FunctionValueArgumentRow, "function_value_id")
+    number: Any = RevisionRow.number
+    revisions = select(RevisionRow.actor.label("text"), number).where(RevisionRow.kb_id == KB)
+    recent = _newest(revisions, number, SEARCHED_REVISIONS)
+    actors = select(recent.text).where(contains(recent.text)).group_by(recent.text)
+    rank = _rank_of(recent.text)
+    parts.append(_found("actor", recent.text, rank, actors.order_by(rank, recent.text)))
+    found = union_all(*parts).subquery("found").c
+    best = func.min(found.rank)
+    rows = select(found.kind, found.text).group_by(found.kind, found.text)
+    order = best, func.length(found.text), found.kind.desc(), found.text
+    return Query(first_rows(rows.order_by(*order), integer("size")))
+
+
+_MATCHES = _matches()
+
+
+def _spelled(session: Session, kb_id: int, words: list[str]) -> str:
+    """Return the text of a fact or a fluent, its names spelled as they were first."""
+    keys = {fold(word) for word in words[:MOST_WORDS] if is_word(word)}
+    spelled: dict[tuple[str, str], str] = {}
+    for kind in ("predicate", "function", "object") if keys else ():
+        found = find_identities(session, kb_id, kind, keys)
+        spelled.update(((kind, key), one[1]) for key, one in found.items() if one)
+    objects = [spelled.get(("object", fold(word)), word) for word in words[1:]]
+    heads = (
+        spelled.get((kind, fold(word))) for word in words[:1] for kind in ("predicate", "function")
+    )
+    return f"({' '.join([next(filter(None, heads), words[0] if words else ''), *objects])})"
+
+
+def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch]:
+    """Look for a text in names, in facts and fluents, and in actors, in four statements at most.
+
+    First comes what has this name, then what begins so, then facts of the object of this name, then
+    what contains the text. Names and the facts of an object are found among all, other texts among
+    the newest.
+    """
+    bare = text.strip("() ")
+    asked = {"folded": fold(bare), "beyond": f"{fold(bare)}\U0010ffff"}
+
+    def work(session: Session, kb_id: int | None) -> list[SearchMatch]:
+        if kb_id is None:
+            return []
+        atom = _spelled(session, kb_id, bare.split())
+        patterns = {
+            "pattern": pattern_of(session, text),
+            "prefix": pattern_of(session, bare, begins=True),
+            "whole": pattern_of(session, bare, begins=True, ends=True),
+        }
+        rows = session.rows(_MATCHES, kb=kb_id, size=limit, atom=atom, **patterns, **asked)
+        return [SearchMatch(row[0], row[1]) for row in rows]
+
+    return reader.store.query_in_snapshot(work)

@@ -15,9 +15,8 @@ from ..sql.dialects.containing import is_in
 from ..sql.plans import STEP_VERSIONS, Step
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB
-from .bars import PlanBar, StepBar
 from .revisions import Revision
-from .window import PLAN, TimelineQuestion, Window
+from .window import PLAN, PlanBar, StepBar, TimelineQuestion, Window
 
 # The plans of one timeline, and their steps. Plans are found by this many changes of steps.
 MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000

@@ -52,7 +52,6 @@ from ..store.snapshot import archive_of
 from ..store.state import State
 from ..store.store import Store
 from .elements import Element, Sought, refuse_unknown_element, sought, take_objects
-from .involvement import read_involvement
 from .moments import Bounds, find_bounds, head_revision, last_before
 from .revisions import (
     LARGEST,
@@ -72,7 +71,7 @@ from .revisions import (
 )
 from .revisions import PAGE as LOG_PAGE
 from .revisions import PAGE_CHANGES as LOG_CHANGES
-from .versions import read_newest
+from .versions import read_involvement, read_newest
 
 # Versions of each identity of an element that are read at a time; each has two changes at most.
 VERSION_PAGE = 250

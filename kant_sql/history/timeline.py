@@ -31,12 +31,16 @@ from ..sql.lanes import (
     revisions_at,
 )
 from ..store.state import State
-from .bars import Bar, Density, Lane, LaneKind, PlanBar
 from .drawing import Drawn
 from .gantt import PlanBars
 from .revisions import Revision, missing_revision, read_numbered
 from .window import (
     TIMELINE_KINDS,
+    Bar,
+    Density,
+    Lane,
+    LaneKind,
+    PlanBar,
     TimelineQuestion,
     Window,
     check_question,

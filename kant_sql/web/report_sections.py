@@ -11,12 +11,12 @@ from typing import NamedTuple
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
-from ..history.bars import Bar, Lane
 from ..history.drawing import lane_key
 from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision
 from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
+from ..history.window import Bar, Lane
 from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans import RecordedPlan

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import InvalidArgumentError, KnowledgeBase, PddlObjectDto, PddlTypeDto
+from kant_sql.history.element_pages import read_matches
 from kant_sql.history.log import LogFilter, read_log_page
-from kant_sql.history.search import read_matches
 from kant_sql.history.state_parts import StateFilter, read_state
 from kant_sql.knowledge_base import state_of
 from kant_sql.sql.dialects.containing import is_in

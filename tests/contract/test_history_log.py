@@ -29,7 +29,7 @@ from kant_sql import (
 )
 from kant_sql.dto.formulas import Comparison
 from kant_sql.errors import ArchivedError, UnknownNameError
-from kant_sql.history import involvement
+from kant_sql.history import versions
 from kant_sql.history.revisions import LogEntry
 from tests.support.statements import count
 from tests.support.stores import Connect
@@ -354,9 +354,9 @@ def involved(
 def test_the_log_of_an_object_has_every_change_that_involves_it(
     of_hub: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
-    monkeypatch.setattr(involvement, "INVOLVED", most)
-    monkeypatch.setattr(involvement, "WINDOW", 5)
-    built = involvement._versions_of_object, involvement._involving
+    monkeypatch.setattr(versions, "INVOLVED", most)
+    monkeypatch.setattr(versions, "WINDOW", 5)
+    built = versions._versions_of_object, versions._involving
     for query in built:
         query.cache_clear()
     for element in ("HUB", PddlObjectDto(PddlTypeDto("place"), "hub")):

@@ -15,7 +15,7 @@ from sqlalchemy import text
 import kant_sql
 from kant_sql import DaoFactory, KnowledgeBase, PddlActionDto, PddlPredicateDto, PddlTypeDto
 from kant_sql.factory import SqlDaoFactory
-from kant_sql.history.verify.findings import Finding
+from kant_sql.history.verify.sides import Finding
 from kant_sql.sql.catalog import every_name
 from kant_sql.store.store import Store
 

@@ -13,9 +13,8 @@ from sqlalchemy import make_url
 from typing_extensions import override
 
 from kant_sql.history.anchors import AnchoredHead
-from kant_sql.history.verify.findings import Finding, Report
-from kant_sql.history.verify.kept import Kept
-from kant_sql.history.verify.verify import verify_session
+from kant_sql.history.verify.sides import Finding, Report
+from kant_sql.history.verify.verify import Kept, verify_session
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import Backend, Session
 from kant_sql.sql.tables import Base

@@ -26,8 +26,8 @@ from kant_sql.errors import (
     TransactionOpenError,
 )
 from kant_sql.history.verify import verify as verifying
-from kant_sql.history.verify.kept import Kept, keep
 from kant_sql.history.verify.sides import in_order
+from kant_sql.history.verify.verify import Kept, keep
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.operations import knowledge_bases
 from kant_sql.sql.dialects.base import Session

@@ -8,7 +8,7 @@ import pytest
 
 from kant_sql.history.anchors import AnchoredHead
 from kant_sql.history.verify.chain import rest_digest, stream_chain
-from kant_sql.history.verify.findings import LISTED, Finding
+from kant_sql.history.verify.sides import LISTED, Finding
 from kant_sql.knowledge.canonical import archive_text
 from tests.support.worlds.story import NAME
 from tests.verify.bare import TABLES, Bare

@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 
 import kant_sql
 from kant_sql import PddlObjectDto, PddlTypeDto
-from kant_sql.history import involvement
+from kant_sql.history import versions
 from kant_sql.json_values import json_value
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.web.pages import plans
@@ -123,9 +123,9 @@ def test_the_pages_of_an_object_have_each_change_once(
     from kant_sql.web.pages import elements
 
     monkeypatch.setattr(elements, "CHANGES", 5)
-    monkeypatch.setattr(involvement, "INVOLVED", most)
-    monkeypatch.setattr(involvement, "WINDOW", 10)
-    for built in (involvement._versions_of_object, involvement._involving):
+    monkeypatch.setattr(versions, "INVOLVED", most)
+    monkeypatch.setattr(versions, "WINDOW", 10)
+    for built in (versions._versions_of_object, versions._involving):
         built.cache_clear()
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
         expected = {
@@ -145,7 +145,7 @@ def test_the_pages_of_an_object_have_each_change_once(
         before = data["before"]
         if before is None:
             break
-    for built in (involvement._versions_of_object, involvement._involving):
+    for built in (versions._versions_of_object, versions._involving):
         built.cache_clear()
     assert sorted(found) == sorted(expected)
 

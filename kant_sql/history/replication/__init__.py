@@ -8,6 +8,5 @@ from ...later import asked_for
 
 if TYPE_CHECKING:
     from . import calls as calls
-    from . import promote as promote
 else:
     __getattr__ = asked_for(__name__)

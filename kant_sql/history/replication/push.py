@@ -20,8 +20,7 @@ from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
 from .batch import BatchSize, CopyRange, OriginHead, copy_batch, move
 from .copy import Stores
-from .histories import HeadState, diverged, last_archive, read_state
-from .target import ReplicationSide, Target, reading
+from .target import HeadState, ReplicationSide, Target, diverged, last_archive, read_state, reading
 
 T = TypeVar("T")
 

@@ -37,9 +37,8 @@ from ...sql.query import Query
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
 from ...store.store import end_session
-from .histories import read_state
 from .push import Progress, Pushed, Terms, send
-from .target import ReplicationSide, Target, open_store, reading
+from .target import ReplicationSide, Target, open_store, read_state, reading
 
 # What may be over at the next attempt.
 PASSING = (

@@ -16,7 +16,7 @@ from ...sql.intervals import fork
 from ...sql.plans import PlanDefinition, StepDefinition, plan_rows, status_text
 from ...sql.query import Query, in_rows
 from ...sql.rows import KB, looked_up, table_of
-from .identities import IdentityNames, ObjectFunctions, doubles, is_decimal
+from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
 from .sides import AFTER, Check, Side, Touched, differing, interval_fault
 
 

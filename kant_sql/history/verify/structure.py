@@ -18,7 +18,7 @@ from ...sql.query import Query, integer
 from ...sql.rows import KB, table_of
 from ...sql.schema import recorded
 from ...sql.tables import Base, KnowledgeBaseRow
-from .findings import Report
+from .sides import Report
 
 TABLES = tuple(sorted(Base.metadata.tables))
 # Characters of a statement in a message.

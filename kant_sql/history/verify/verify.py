@@ -1,4 +1,7 @@
-"""Verification: recomputes every hash and compares redundant data."""
+"""Verification, and where an intact one ended, to go on from there.
+
+Who may write the table of that can lie in it: what is kept saves time, and proves nothing.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,13 @@ from datetime import datetime
 from functools import partial
 from typing import NamedTuple
 
+from sqlalchemy import bindparam, delete, select, update
+
 from ... import html
 from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
 from ...errors import (
+    UNREADABLE,
     ConnectionLostError,
     InvalidArgumentError,
     NotADatabaseError,
@@ -20,18 +26,22 @@ from ...errors import (
     StoreBusyError,
     StoreError,
     StoreFullError,
+    StoreIntegrityError,
     StoreUnreachableError,
     TransactionOpenError,
 )
+from ...knowledge.canonical import time_text
 from ...sql.dialects.base import Session
+from ...sql.query import Insert, Query, integer
+from ...sql.rows import KB, table_of
+from ...sql.tables import VerificationRow
 from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
-from .definition_check import DefinitionCheck
+from .definition_check import DefinitionCheck, ObjectFunctions, check_names
 from .facts import FactCheck, PlanCheck
-from .findings import Finding, Report
 from .head import (
     Archive,
     archived_since,
@@ -42,10 +52,94 @@ from .head import (
     read_archives,
     read_head_numbers,
 )
-from .identities import ObjectFunctions, check_names
-from .kept import Kept, forget, keep, read_kept
-from .sides import Check
+from .sides import Check, Finding, Report
 from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
+
+_ROW = VerificationRow
+_READ = Query(
+    select(_ROW.revision, _ROW.hash, _ROW.verified_at, _ROW.complete_at).where(_ROW.kb_id == KB)
+)
+# One that began earlier, on an older state, does not put back what a later one has kept.
+_MOVE = Query(
+    update(_ROW)
+    .where(_ROW.kb_id == KB, _ROW.revision <= integer("number"))
+    .values(
+        revision=bindparam("number"),
+        hash=bindparam("digest"),
+        verified_at=bindparam("now"),
+        complete_at=bindparam("complete"),
+    )
+)
+_NEW = Insert(table_of(_ROW), "kb_id", "revision", "hash", "verified_at", "complete_at")
+_FORGET = Query(delete(_ROW).where(_ROW.kb_id == KB))
+
+
+class Kept(NamedTuple):
+    """How far a knowledge base was verified.
+
+    Attributes:
+        revision: the last revision then.
+        hash: its hash then.
+        verified_at: when that was.
+        complete_at: when a verification that began at revision 1 last ended; None: none was kept.
+    """
+
+    revision: int
+    hash: str
+    verified_at: datetime
+    complete_at: datetime | None
+
+    @property
+    def origin(self) -> str:
+        """Name the verification, for a message."""
+        return f"verification of {time_text(self.verified_at)}"
+
+
+def read_kept(session: Session, kb_id: int) -> Kept | None:
+    """Read how far it was verified; None if nothing was kept, or nothing readable."""
+    row = session.first(_READ, kb=kb_id)
+    if row is None:
+        return None
+    number, digest, verified_at, complete_at = row
+    try:
+        moments = (
+            session.to_time(verified_at),
+            None if complete_at is None else session.to_time(complete_at),
+        )
+    except UNREADABLE:
+        return None
+    if type(number) is not int or number < 1 or not isinstance(digest, str):
+        return None
+    return Kept(number, digest, *moments)
+
+
+def keep(store: Store, kb_id: int, number: int, digest: str, before: Kept | None) -> None:
+    """Keep how far it was verified; `before` is what was continued, None if it is complete."""
+
+    def write(session: Session) -> None:
+        now = session.from_time(store.clock(session))
+        last = None if before is None else before.complete_at
+        complete = now if before is None else last and session.from_time(last)
+        given = {"number": number, "digest": digest, "now": now, "complete": complete}
+        if not session.run(_MOVE, kb=kb_id, **given) and session.first(_READ, kb=kb_id) is None:
+            session.insert(_NEW, [(kb_id, number, digest, now, complete)])
+
+    try:
+        store.write_beside(write)
+    except StoreIntegrityError:
+        # Another verification has kept its end at the same moment.
+        if store.query(lambda session, _: session.first(_READ, kb=kb_id)) is None:
+            raise
+
+
+def forget(store: Store, kb_id: int) -> None:
+    """Forget how far it was verified: the next verification begins at revision 1."""
+
+    def write(session: Session) -> None:
+        session.run(_FORGET, kb=kb_id)
+
+    store.write_beside(write)
+
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
 

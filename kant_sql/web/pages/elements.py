@@ -13,11 +13,12 @@ from ...errors import InvalidArgumentError
 from ...history.element_pages import (
     ElementPage,
     ObjectPage,
+    SearchMatch,
     read_element_page,
+    read_matches,
     read_object_page,
 )
 from ...history.plan_pages import StepLine
-from ...history.search import SearchMatch, read_matches
 from ...history.versions import Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
