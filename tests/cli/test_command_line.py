@@ -37,25 +37,12 @@ from tests.support.worlds.robots import robot_at
 SECRET = "hunter2"
 FILES = Path(__file__).parent / "files"
 WITH_URL = [
-    ["show"],
-    ["log"],
-    ["dump"],
-    ["plan"],
-    ["load"],
-    ["db", "upgrade"],
-    ["db", "downgrade"],
-    ["db", "current"],
-    ["db", "check"],
-    ["goals"],
-    ["query"],
-    ["holds"],
-    ["when"],
-    ["rules"],
-    ["why-not"],
-    ["applicable"],
-    ["apply"],
-    ["validate"],
-    ["branch"],
+    words.split()
+    for words in (
+        *("show", "log", "dump", "plan", "load", "goals", "query", "holds", "when", "rules"),
+        *("db upgrade", "db downgrade", "db current", "db check"),
+        *("why-not", "applicable", "apply", "validate", "branch"),
+    )
 ]
 # What follows the URL; commands that take it from the words see whether it is one.
 MORE = {

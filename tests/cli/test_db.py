@@ -309,23 +309,13 @@ def test_plain_alembic_without_a_url_says_how_to_give_one() -> None:
 
 
 READING = [
-    ["show"],
-    ["log"],
-    ["dump"],
-    ["plan"],
-    ["watch"],
-    ["verify"],
-    ["anchor"],
-    ["views"],
-    ["diff", "1", "2"],
-    ["history", "rb1"],
-    ["blame", "rb1"],
-    ["restore", "1"],
-    ["archive", "--before", "1", "--to", "sqlite:///archive.db"],
-    ["load", "problem.pddl"],
-    ["db", "current"],
-    ["db", "check"],
-    ["db", "downgrade", "base"],
+    words.split()
+    for words in (
+        *("show", "log", "dump", "plan", "watch", "verify", "anchor", "views", "diff 1 2"),
+        *("history rb1", "blame rb1", "restore 1", "load problem.pddl"),
+        *("archive --before 1 --to sqlite:///archive.db", "db current", "db check"),
+        "db downgrade base",
+    )
 ]
 
 

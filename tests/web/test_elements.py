@@ -74,25 +74,6 @@ def test_a_fact_leads_to_its_objects_and_to_steps_of_plans(client: TestClient) -
     assert data["versions"][0]["since"]["plan_step"]["position"] == 2
 
 
-def test_what_never_was_is_said_with_a_hint(client: TestClient) -> None:
-    for path, query, status, said in (
-        ("fact", {"text": "(robot_at rb1 t4)"}, 404, "has never been"),
-        ("fact", {"text": "(robot_at rb7 t4)"}, 404, "did you mean rb"),
-        ("fact", {"text": "(("}, 400, "not an element"),
-        ("fact", {"text": ""}, 422, "text"),
-        ("fact", {"text": "\x00"}, 400, "NUL character"),
-        ("object", {"name": "rb7"}, 404, "did you mean rb"),
-        ("object", {"name": "("}, 404, "never had an object"),
-        ("action", {"name": "mov"}, 404, "did you mean move"),
-        ("predicate", {"name": "battery"}, 404, "predicate"),
-        ("plan", {"id": 7777}, 404, "no plan 7777"),
-        ("plan", {"id": -1}, 404, "no plan"),
-        ("plan", {"id": 10**30}, 404, "no plan"),
-    ):
-        answer = client.get(f"/api/{path}", params={"kb": "courier", **query})
-        assert (answer.status_code, said in answer.text) == (status, True), answer.text
-
-
 def test_an_object_has_everything_that_involves_it(client: TestClient) -> None:
     data = get(client, "/object", name="RB1")
     assert data["name"] == "rb1"

@@ -18,8 +18,7 @@ from tests.support.faults import change
 from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at, waypoint
-
-BASE = "http://127.0.0.1"
+from tests.web.conftest import BASE
 
 
 def listed(client: TestClient, query: str = "") -> list[dict[str, Any]]:

@@ -46,6 +46,45 @@ def test_errors_are_one_sentence_with_a_status(client: TestClient) -> None:
         assert set(data.json()) == {"error", "type"}
 
 
+@pytest.mark.parametrize(
+    ("path", "query", "status", "said"),
+    [
+        ("log", {"actor": "executiv"}, 404, "did you mean executive"),
+        ("log", {"element": "(robot_at rb7 t1)"}, 404, "rb7"),
+        ("state", {"at": "37"}, 404, "it is at 36"),
+        ("state", {"at": "never"}, 400, "2026-01-31T09:30:00Z"),
+        ("state", {"object": "rb9"}, 404, "did you mean rb"),
+        ("state", {"predicate": "robot"}, 404, "has never had"),
+        ("state", {"kind": "nothing"}, 422, "kind"),
+        ("state", {"text": "\0"}, 400, "NUL"),
+        *(
+            ("state", {"kind": kind, "after": after}, 400, "the value of `next` of a page")
+            for kind, after in (
+                *(("fact", after) for after in ("-1", "[[0,[1],0]]")),
+                ("goal", "[[0,[1,2,3,4],0]]"),
+            )
+        ),
+        ("fact", {"text": "(robot_at rb1 t4)"}, 404, "has never been"),
+        ("fact", {"text": "(robot_at rb7 t4)"}, 404, "did you mean rb"),
+        ("fact", {"text": "(("}, 400, "not an element"),
+        ("fact", {"text": ""}, 422, "text"),
+        ("fact", {"text": "\x00"}, 400, "NUL character"),
+        ("object", {"name": "rb7"}, 404, "did you mean rb"),
+        ("object", {"name": "("}, 404, "never had an object"),
+        ("action", {"name": "mov"}, 404, "did you mean move"),
+        ("predicate", {"name": "battery"}, 404, "predicate"),
+        ("plan", {"id": 7777}, 404, "no plan 7777"),
+        ("plan", {"id": -1}, 404, "no plan"),
+        ("plan", {"id": 10**30}, 404, "no plan"),
+    ],
+)
+def test_what_is_wrong_or_never_was_is_said(
+    client: TestClient, path: str, query: dict[str, str | int], status: int, said: str
+) -> None:
+    answer = client.get(f"/api/{path}", params={"kb": "courier", **query})
+    assert (answer.status_code, said in answer.text) == (status, True), answer.text
+
+
 def test_the_description_documents_every_answer(client: TestClient) -> None:
     described = client.get("/api/openapi.json").json()
     for path, methods in described["paths"].items():

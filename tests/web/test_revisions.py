@@ -94,15 +94,6 @@ def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Fille
     assert "Camera 7" in str(period)
 
 
-def test_what_never_was_is_said(client: TestClient) -> None:
-    for query, said in (
-        ("actor=executiv", "did you mean executive"),
-        ("element=(robot_at rb7 t1)", "rb7"),
-    ):
-        answer = client.get(f"/api/log?kb=courier&{query}")
-        assert (answer.status_code, said in answer.text) == (404, True), answer.text
-
-
 def walk(client: TestClient, **query: Any) -> Iterator[Any]:
     """Read the pages of a log one after the other."""
     page = log(client, **query)

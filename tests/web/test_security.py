@@ -20,8 +20,8 @@ from kant_sql.web.security import TOKEN_COOKIE, is_loopback
 from tests.support.crawling import Markup
 from tests.support.statements import fill
 from tests.support.stores import Connect, new_file_store
+from tests.web.conftest import BASE
 
-BASE = "http://127.0.0.1"
 TOKEN = "a secret of the tests, long"
 
 

@@ -90,22 +90,6 @@ def test_a_time_is_as_good_as_a_revision(client: TestClient) -> None:
     assert client.get("/state?kb=courier&at=0").status_code == 200
 
 
-def test_a_wrong_question_says_what_is_wrong(client: TestClient) -> None:
-    for query, status, said in (
-        ("at=37", 404, "it is at 36"),
-        ("at=never", 400, "2026-01-31T09:30:00Z"),
-        ("object=rb9", 404, "did you mean rb"),
-        ("predicate=robot", 404, "has never had"),
-        ("kind=nothing", 422, "kind"),
-        ("text=%00", 400, "NUL"),
-        ("kind=fact&after=-1", 400, "the value of `next` of a page"),
-        ("kind=fact&after=[[0,[1],0]]", 400, "the value of `next` of a page"),
-        ("kind=goal&after=[[0,[1,2,3,4],0]]", 400, "the value of `next` of a page"),
-    ):
-        answer = client.get(f"/api/state?kb=courier&{query}")
-        assert (answer.status_code, said in answer.text) == (status, True), answer.text
-
-
 def walk(client: TestClient, address: str) -> Iterator[Any]:
     """Read the pages of the facts one after the other."""
     after: str | None = ""

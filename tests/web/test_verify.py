@@ -21,8 +21,8 @@ from kant_sql.web.application import create_app
 from tests.support.processes.workers import wait_for
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at
+from tests.web.conftest import BASE
 
-BASE = "http://127.0.0.1"
 SOON = 20.0
 
 
