@@ -25,7 +25,7 @@ from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.sql.dialects.sqlite import FileListener, SqliteBackend
 from tests.cli.conftest import write_history
-from tests.support.archives import damage, target_url
+from tests.support.archives import damage, equal_histories, target_url
 from tests.support.processes.commands import (
     CHILD_TIMEOUT,
     PROGRAM,
@@ -35,7 +35,6 @@ from tests.support.processes.commands import (
     run,
     start,
 )
-from tests.support.replicas import equal_histories
 from tests.support.servers import MortalServer, Server
 from tests.support.stores import new_file_store
 from tests.support.worlds.robots import waypoint

@@ -14,12 +14,11 @@ import pytest
 import kant_sql
 from kant_sql import StoreError
 from kant_sql.history.replication import batch
-from tests.support.archives import intact, rows_of, target_url
+from tests.support.archives import equal_histories, intact, rows_of, target_url
 from tests.support.chain import check_chain
 from tests.support.processes.commands import PROGRAM, start
 from tests.support.processes.crashes import all_told, die_after, write_for_ever
 from tests.support.processes.workers import PATIENCE, PROCESSES, killed_later, wait_for
-from tests.support.replicas import equal_histories
 from tests.support.servers import MortalServer
 from tests.support.stores import CITUS, Connect, make_store_url
 from tests.support.worlds import counter

@@ -19,10 +19,9 @@ from kant_sql.history.replication import batch
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import Backend
 from tests.archive.test_properties import WIPE, SharedFactory, alike
-from tests.support.archives import VERSIONS, rows_of, target_url
+from tests.support.archives import VERSIONS, equal_histories, rows_of, target_url
 from tests.support.generators.programs import Program, programs, run, state_of
 from tests.support.profile import PROFILE, hunting
-from tests.support.replicas import equal_histories
 from tests.support.servers import Server
 
 _numbers = itertools.count(1)

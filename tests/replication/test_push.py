@@ -16,8 +16,7 @@ from kant_sql.history.replication.calls import _TARGETS
 from kant_sql.history.replication.push import Terms, send
 from kant_sql.history.replication.target import ReplicationSide, open_target
 from kant_sql.sql.dialects.base import Backend
-from tests.support.archives import count, damage, intact, rows_of
-from tests.support.replicas import equal_histories
+from tests.support.archives import count, damage, equal_histories, intact, rows_of
 from tests.support.servers import Server
 from tests.support.statements import recorded
 from tests.support.stores import Connect

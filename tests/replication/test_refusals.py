@@ -22,8 +22,7 @@ from kant_sql.errors import (
     StoreIntegrityError,
 )
 from kant_sql.history.replication import batch
-from tests.support.archives import count, damage, intact, rows_of, target_url
-from tests.support.replicas import equal_histories
+from tests.support.archives import count, damage, equal_histories, intact, rows_of, target_url
 from tests.support.roles import members
 from tests.support.servers import Server
 from tests.support.statements import recorded

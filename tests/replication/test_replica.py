@@ -12,9 +12,8 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, aio
 from kant_sql.errors import DivergedError, ReplicaError, StoreIntegrityError
-from tests.support.archives import count, intact, rows_of, target_url
+from tests.support.archives import count, equal_histories, intact, rows_of, target_url
 from tests.support.faults import change
-from tests.support.replicas import equal_histories
 from tests.support.statements import READS, recorded
 from tests.support.stores import Connect
 from tests.support.worlds import counter

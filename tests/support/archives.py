@@ -1,4 +1,4 @@
-"""What a store and its archive hold, row by row, to be compared with what there was before."""
+"""What a store, its archive and its replica hold, row by row, to be compared with one another."""
 
 from __future__ import annotations
 
@@ -141,3 +141,36 @@ def count(kb: KnowledgeBase, upto: int) -> None:
     if not kb.revision:
         counter.start(kb)
     counter.increment(kb, upto - kb.revision)
+
+
+# The head of a replica says where it comes from; verification is each store's own.
+OWN = {"head", "verification"}
+SAME = ("revision", "definition_revision", "next_id", "hash", "committed_at")
+
+
+def _known(rows: Rows, table: Table) -> Counter[Row]:
+    """Give the rows of a table but those of elements that never held.
+
+    What one transaction asserts and retracts leaves an identity, which is not knowledge.
+    """
+    owner = table.name.removesuffix("_argument")
+    version = next((other for other in VERSIONS if other.name == f"{owner}_version"), None)
+    key = "id" if owner == table.name else f"{owner}_id"
+    if version is None or key not in table.columns:
+        return rows[table.name]
+    place, of = _place(table, key), _place(version, f"{owner}_id")
+    held = {row[of] for row in rows[version.name]}
+    return Counter({row: n for row, n in rows[table.name].items() if row[place] in held})
+
+
+def equal_histories(source: str, target: str, name: str = "tiago") -> None:
+    """Check that a replica has the same rows of a knowledge base as its source."""
+    here, there = rows_of(source, name), rows_of(target, name)
+    for table in TABLES:
+        if table.name not in OWN:
+            assert there[table.name] == _known(here, table), table.name
+    places = [_place(Base.metadata.tables["head"], column) for column in SAME]
+    one, other = (
+        [[row[place] for place in places] for row in rows["head"]] for rows in (here, there)
+    )
+    assert one == other
