@@ -26,19 +26,6 @@ def go_home() -> PddlActionDto:
     return PddlActionDto("go_home", [robot], [], [effect])
 
 
-def test_an_object_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
-    objects = fresh_kb.objects
-    assert objects.get("rb1") is None
-    assert objects.save(RB1) is True
-    found = objects.get("rb1")
-    assert found is not None
-    assert (found, found.type, str(found)) == (RB1, ROBOT, "rb1 - robot")
-    assert objects.get_all() == [RB1]
-    assert objects.delete(RB1) is True
-    assert objects.get("rb1") is None
-    assert objects.delete(RB1) is False
-
-
 def test_the_type_of_an_object_is_saved_along_with_its_parents(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.objects.save(PddlObjectDto(TIAGO, "rb1"))
     assert state(fresh_kb)["types"] == ["robot", "tiago - robot"]
@@ -46,18 +33,6 @@ def test_the_type_of_an_object_is_saved_along_with_its_parents(fresh_kb: Knowled
     found = fresh_kb.objects.get("rb1")
     assert found is not None
     assert found.type.parent == ROBOT
-
-
-def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
-    objects = fresh_kb.objects
-    assert objects.update(RB1) is False
-    assert state(fresh_kb)["types"] == []
-    assert objects.insert(RB1) is True
-    with nothing_changes(fresh_kb):
-        assert objects.insert(PddlObjectDto(WAYPOINT, "RB1")) is False
-        assert objects.update(RB1) is True
-    assert objects.update(PddlObjectDto(WAYPOINT, "rb1")) is True
-    assert str(objects.get("rb1")) == "rb1 - wp"
 
 
 def test_an_object_without_dependants_can_change_its_type(fresh_kb: KnowledgeBase) -> None:

@@ -30,20 +30,6 @@ Predicate = PddlPredicateDto
 SWAPPED = Predicate("robot_at", [WAYPOINT, ROBOT])
 
 
-def test_a_predicate_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
-    predicates = fresh_kb.predicates
-    assert predicates.get("robot_at") is None
-    assert predicates.save(ROBOT_AT) is True
-    found = predicates.get("robot_at")
-    assert found is not None
-    assert (found, found.types) == (ROBOT_AT, [ROBOT, WAYPOINT])
-    assert str(found) == "(robot_at ?r0 - robot ?w1 - wp)"
-    assert predicates.get_all() == [ROBOT_AT]
-    assert predicates.delete(ROBOT_AT) is True
-    assert predicates.get("robot_at") is None
-    assert predicates.delete(ROBOT_AT) is False
-
-
 @pytest.mark.parametrize(
     "predicate",
     [
@@ -74,18 +60,6 @@ def test_types_that_are_missing_are_saved_along(fresh_kb: KnowledgeBase) -> None
     fresh_kb.predicates.save(Predicate("free", [PddlTypeDto("car", parent=PddlTypeDto("vehicle"))]))
     assert state(fresh_kb)["types"] == ["vehicle", "car - vehicle"]
     assert fresh_kb.revision == 1
-
-
-def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
-    predicates = fresh_kb.predicates
-    assert predicates.update(ROBOT_AT) is False
-    assert state(fresh_kb)["types"] == []
-    assert predicates.insert(ROBOT_AT) is True
-    with nothing_changes(fresh_kb):
-        assert predicates.insert(Predicate("ROBOT_AT")) is False
-        assert predicates.update(ROBOT_AT) is True
-    assert predicates.update(SWAPPED) is True
-    assert str(predicates.get("robot_at")) == "(robot_at ?w0 - wp ?r1 - robot)"
 
 
 @pytest.mark.parametrize(

@@ -15,37 +15,12 @@ from kant_sql import (
     PddlTypeDto,
 )
 from tests.support.reading import last_changes, nothing_changes, refuses, state, versions
-from tests.support.worlds.robots import ROBOT, WAYPOINT, navigation, robot_at
+from tests.support.worlds.robots import WAYPOINT, navigation, robot_at
 
 Type = PddlTypeDto
 VEHICLE = Type("vehicle")
 CAR = Type("car", parent=VEHICLE)
 TAXI = Type("taxi", parent=CAR)
-
-
-def test_a_type_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
-    types = fresh_kb.types
-    assert types.get("robot") is None
-    assert types.save(ROBOT) is True
-    found = types.get("robot")
-    assert (found, str(found)) == (ROBOT, "robot")
-    assert [str(dto) for dto in types.get_all()] == ["robot"]
-    assert types.delete(ROBOT) is True
-    assert types.get("robot") is None
-    assert types.get_all() == []
-    assert types.delete(ROBOT) is False
-
-
-def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
-    types = fresh_kb.types
-    assert types.update(CAR) is False
-    assert types.get_all() == []
-    assert types.insert(CAR) is True
-    with nothing_changes(fresh_kb):
-        assert types.insert(Type("CAR")) is False
-        assert types.update(CAR) is True
-    assert types.update(Type("car")) is True
-    assert str(types.get("car")) == "car"
 
 
 def test_a_parent_that_is_missing_is_saved_along(fresh_kb: KnowledgeBase) -> None:

@@ -12,16 +12,22 @@ import pytest
 from kant_sql import (
     InvalidKnowledgeError,
     KnowledgeBase,
+    PddlActionDto,
     PddlError,
+    PddlEventDto,
+    PddlFunctionDto,
     PddlObjectDto,
+    PddlPredicateDto,
+    PddlProcessDto,
     PddlPropositionDto,
+    PddlTypeDto,
     UnknownNameError,
 )
 from kant_sql.dto.formulas import Atom, Comparison, Constant, Fluent, Not, Number, Or, Variable
 from kant_sql.errors import TypeMismatchError
 from tests.support.parts import dao_of
 from tests.support.reading import last_changes, nothing_changes, refuses
-from tests.support.worlds.robots import navigation, robot_at
+from tests.support.worlds.robots import ROBOT, navigation, robot_at
 
 pytestmark = pytest.mark.every_backend
 
@@ -358,16 +364,17 @@ def test_a_mismatch_of_types_is_one_error(world: KnowledgeBase) -> None:
 
 # Declarations: their text does what their DTO does.
 
-NAVIGATION = str(navigation())
-DECLARED: dict[str, tuple[str, str, str]] = {
-    # The DAO: a text, the name, another text of that name.
-    "types": ("room - place", "ROOM", "room - floor"),
-    "objects": ("rb9 - robot", "RB9", "rb9 - waypoint"),
-    "predicates": ("(near ?a - robot ?b - robot)", "NEAR", "(near ?a - robot)"),
-    "functions": ("(load ?r - robot) - number", "LOAD", "(load) - robot"),
-    "actions": (NAVIGATION, "NAVIGATION", "(:action navigation :parameters (?r - robot))"),
-    "processes": ("(:process drain :parameters (?r - robot))", "DRAIN", "(:process drain)"),
-    "events": ("(:event crash :parameters (?r - robot))", "CRASH", "(:event crash)"),
+R = PddlObjectDto(ROBOT, "r")
+PLACE, FLOOR = PddlTypeDto("place"), PddlTypeDto("floor")
+# The DAO: an element, and another definition of it.
+DECLARED: dict[str, tuple[Any, Any]] = {
+    "types": (PddlTypeDto("room", parent=PLACE), PddlTypeDto("ROOM", parent=FLOOR)),
+    "objects": (PddlObjectDto(ROBOT, "rb9"), PddlObjectDto(FLOOR, "RB9")),
+    "predicates": (PddlPredicateDto("near", [ROBOT, PLACE]), PddlPredicateDto("NEAR", [FLOOR])),
+    "functions": (PddlFunctionDto("load", [PLACE]), PddlFunctionDto("LOAD", value_types=[ROBOT])),
+    "actions": (navigation(), PddlActionDto("NAVIGATION", [R])),
+    "processes": (PddlProcessDto("drain", [R]), PddlProcessDto("DRAIN")),
+    "events": (PddlEventDto("crash", [R]), PddlEventDto("CRASH")),
 }
 
 
@@ -377,30 +384,33 @@ def declared(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     return fresh_kb
 
 
+@pytest.mark.parametrize("form", [lambda dto: dto, str], ids=["dto", "text"])
 @pytest.mark.parametrize("name", DECLARED)
 def test_a_declaration_is_given_as_text_wherever_its_dto_is(
-    declared: KnowledgeBase, name: str
+    declared: KnowledgeBase, name: str, form: Callable[[Any], Any]
 ) -> None:
-    dao, (text, called, other) = dao_of(declared, name), DECLARED[name]
-    assert dao.update(text) is False
-    assert dao.insert(text) is True
-    assert dao.insert(text) is False
-    dto = dao.get(called)
-    assert dto is not None
+    dao, (dto, changed) = dao_of(declared, name), DECLARED[name]
+    given, other, called = form(dto), form(changed), changed.name
+    assert dao.get(called) is None
     with nothing_changes(declared):
-        assert dao.save(text) is dao.save([text, dto]) is dao.save(str(dto)) is True
-        assert dao.save_all([text, dto]) == 0
-        assert dao.update(text) is True
+        assert dao.update(given) is False
+        assert dao.delete(given) is False
+    assert dao.insert(given) is True
+    assert (dao.get(called), str(dao.get(called))) == (dto, str(dto))
+    assert dao.get_all()[-1] == dto
+    with nothing_changes(declared):
+        assert dao.insert(given) is dao.insert(other) is False
+        assert dao.save(given) is dao.save([given, dto]) is dao.update(given) is True
+        assert dao.save_all([given, dto]) == 0
     assert dao.update(other) is True
-    assert str(dao.get(called)) != str(dto)
-    assert dao.save_all(iter([text])) == 1
+    assert str(dao.get(called)).lower() == str(changed).lower()
+    assert dao.save_all(iter([given])) == 1
     assert str(dao.get(called)) == str(dto)
-    assert dao.delete(text) is True
-    assert dao.delete(text) is dao.delete(called) is False
-    dao.save(text)
-    assert dao.delete(called) is True
-    dao.save(text)
-    assert dao.delete_all([text, dto, called]) == 1
+    assert dao.delete(given) is True
+    assert dao.delete(given) is dao.delete(called) is False
+    assert dao.save(given) is dao.delete(called) is True
+    assert dao.save(given) is True
+    assert dao.delete_all([given, dto, called]) == 1
     assert dao.get(called) is None
 
 
@@ -432,7 +442,7 @@ def test_what_a_declaration_refers_to_is_saved_when_it_is_missing(fresh_kb: Know
 
 
 def test_the_text_of_an_action_is_of_its_own_dao(declared: KnowledgeBase) -> None:
-    refuses(declared, InvalidKnowledgeError, declared.pddl.events.save, NAVIGATION)
+    refuses(declared, InvalidKnowledgeError, declared.pddl.events.save, str(navigation()))
     refuses(declared, InvalidKnowledgeError, declared.actions.save, "(:event crash)")
 
 
