@@ -5,29 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..later import asked_for
-from .interfaces import (
-    AnyDao,
-    ConstraintDao,
-    Dao,
-    DerivedPredicateDao,
-    FormulaDao,
-    GoalDao,
-    InitialLiteralDao,
-    MetricDao,
-    NamedDao,
-    PddlActionDao,
-    PddlEventDao,
-    PddlFunctionDao,
-    PddlFunctionValueDao,
-    PddlObjectDao,
-    PddlPredicateDao,
-    PddlProcessDao,
-    PddlPropositionDao,
-    PddlTypeDao,
-    Progress,
-    RedefinableDao,
-    TimedInitialLiteralDao,
-)
+from .interfaces import *  # noqa: F403
+from .interfaces import __all__ as __all__
 
 if TYPE_CHECKING:
     from . import action as action
@@ -38,27 +17,3 @@ if TYPE_CHECKING:
     from . import type as type  # noqa: A004
 else:
     __getattr__ = asked_for(__name__)
-
-__all__ = [
-    "AnyDao",
-    "ConstraintDao",
-    "Dao",
-    "DerivedPredicateDao",
-    "FormulaDao",
-    "GoalDao",
-    "InitialLiteralDao",
-    "MetricDao",
-    "NamedDao",
-    "PddlActionDao",
-    "PddlEventDao",
-    "PddlFunctionDao",
-    "PddlFunctionValueDao",
-    "PddlObjectDao",
-    "PddlPredicateDao",
-    "PddlProcessDao",
-    "PddlPropositionDao",
-    "PddlTypeDao",
-    "Progress",
-    "RedefinableDao",
-    "TimedInitialLiteralDao",
-]

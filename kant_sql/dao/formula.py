@@ -63,7 +63,7 @@ from .interfaces import (
     MetricDao,
     TimedInitialLiteralDao,
 )
-from .proposition import GOALS, check_dto, existing_key, hold_all, key_of_atom, retract_all
+from .proposition import GOALS, References, check_dto, existing_key, key_of_atom, retract_all
 from .text import TextReader, expect_text
 from .type import TYPES
 
@@ -879,7 +879,8 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
         given = [*formulas]
         dtos = [each for each in given if isinstance(each, PddlPropositionDto)]
         with saving(transaction, dtos):
-            changed = hold_all(transaction, dtos, are_goals=True)
+            resolve = References(transaction, are_goals=True).resolve
+            changed = transaction.propositions.hold_all(dict(map(resolve, dtos)))
         others = (each for each in given if not isinstance(each, PddlPropositionDto))
         return changed + super()._save(transaction, others)
 

@@ -29,6 +29,30 @@ from ..dto import (
 )
 from ..dto.formulas import Derived, Equal, Formula, Metric, Node, Not, TimedLiteral
 
+__all__ = [
+    "AnyDao",
+    "ConstraintDao",
+    "Dao",
+    "DerivedPredicateDao",
+    "FormulaDao",
+    "GoalDao",
+    "InitialLiteralDao",
+    "MetricDao",
+    "NamedDao",
+    "PddlActionDao",
+    "PddlEventDao",
+    "PddlFunctionDao",
+    "PddlFunctionValueDao",
+    "PddlObjectDao",
+    "PddlPredicateDao",
+    "PddlProcessDao",
+    "PddlPropositionDao",
+    "PddlTypeDao",
+    "Progress",
+    "RedefinableDao",
+    "TimedInitialLiteralDao",
+]
+
 # What is written as PDDL text or as a node instead of a DTO names only what is known.
 FactLike = PddlPropositionDto | str | Node
 ValueLike = PddlFunctionValueDto | str | Node

@@ -92,7 +92,7 @@ class References(Arguments):
 
     role = "a proposition"
 
-    def __init__(self, transaction: Transaction, are_goals: bool) -> None:
+    def __init__(self, transaction: Transaction, *, are_goals: bool) -> None:
         super().__init__(transaction)
         self._are_goals = are_goals
 
@@ -110,12 +110,6 @@ class References(Arguments):
         ids = " ".join([str(object_.id) for object_ in objects])
         text = atom_text(predicate.name, [object_.name for object_ in objects])
         return AtomKey(self._are_goals, predicate.id, ids), text
-
-
-def hold_all(transaction: Transaction, given: Iterable[FactLike], *, are_goals: bool) -> int:
-    """Save propositions; return the number of changes."""
-    resolve = References(transaction, are_goals).resolve
-    return transaction.propositions.hold_all(dict(map(resolve, given)))
 
 
 _COLUMNS = (
@@ -268,7 +262,8 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
             expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[FactLike]) -> int:
-        return hold_all(transaction, dtos, are_goals=False)
+        resolve = References(transaction, are_goals=False).resolve
+        return transaction.propositions.hold_all(dict(map(resolve, dtos)))
 
     def _holds(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)
