@@ -51,7 +51,7 @@ PROPOSITIONS = """
     JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id
     WHERE v.kb_id = 1 AND v.until IS NULL
 """
-OF_PREDICATE = f"{PROPOSITIONS} AND v.predicate_id = ?"
+OF_PREDICATE = f"{PROPOSITIONS} AND v.predicate_id = ? AND v.is_goal = 0"
 # As the condition of the index says it, which SQLite takes by the letter.
 GOALS = f"{PROPOSITIONS} AND v.is_goal = 1"
 OBJECT = """
@@ -103,6 +103,9 @@ class BareReader:
         self.run = driver.run
         is_sqlite = isinstance(driver, SqliteDriver)
         self.goals = GOALS if is_sqlite else GOALS.replace("is_goal = 1", "is_goal = true")
+        self.facts = (
+            OF_PREDICATE if is_sqlite else OF_PREDICATE.replace("v.is_goal = 0", "NOT v.is_goal")
+        )
         rows: list[Row] = self.run(TYPES).fetchall()
         self.types: dict[int, Row] = {}
         above = {id_: (name, parent) for id_, name, parent in rows}
@@ -132,8 +135,8 @@ class BareReader:
         ]
 
     def get_by_predicate(self, name: str) -> list[Row]:
-        """Read the facts and goals of a predicate."""
-        return self.propositions(self.run(OF_PREDICATE, (self.ids[name.lower()],)).fetchall())
+        """Read the facts of a predicate."""
+        return self.propositions(self.run(self.facts, (self.ids[name.lower()],)).fetchall())
 
     def get_goals(self) -> list[Row]:
         """Read the goals."""
