@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     )
     from .history.revisions import LogEntry as LogEntry, Revision as Revision
     from .history.timeline import Timeline as Timeline
-    from .history.versions import Version as Version
+    from .history.revisions import Version as Version
     from .knowledge_base import (
         KnowledgeBase as KnowledgeBase,
         KnowledgeStore as KnowledgeStore,
@@ -80,9 +80,8 @@ _HOMES = {
     ".documents.exchange": ["Loaded"],
     ".factory": ["DaoFactory", "create_dao_factory"],
     ".history.window": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
-    ".history.revisions": ["LogEntry", "Revision"],
+    ".history.revisions": ["LogEntry", "Revision", "Version"],
     ".history.timeline": ["Timeline"],
-    ".history.versions": ["Version"],
     ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],
     ".limits": ["Limit", "limited"],
     ".planning": ["Plan", "PlanStep"],

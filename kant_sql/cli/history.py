@@ -38,8 +38,7 @@ from .common import (
 from .output import Printer, json_text, write_json
 
 if TYPE_CHECKING:
-    from ..history.revisions import LogEntry, Revision
-    from ..history.versions import Version
+    from ..history.revisions import LogEntry, Revision, Version
     from ..knowledge_base import KnowledgeBase
     from ..sql.changes import Change
 

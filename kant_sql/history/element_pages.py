@@ -31,9 +31,9 @@ from ..sql.tables import TABLES, FunctionValueArgumentRow, PropositionArgumentRo
 from ..store.state import State
 from .elements import Applied, Named, Sought, refuse_unknown_element, sought
 from .plan_pages import StepLine, read_steps
-from .revisions import LARGEST, Revision, read_numbered, read_position
+from .revisions import LARGEST, Revision, Version, read_numbered, read_position
 from .state_parts import HeldElement, StateFilter, read_state
-from .versions import Version, make_versions, read_involvement, read_newest
+from .versions import make_versions, read_involvement, read_newest
 
 # How many elements that hold the page of an object has.
 HELD = 50

@@ -110,6 +110,43 @@ class Revision:
 
 
 @dataclass(frozen=True)
+class Version:
+    """An element from the revision that asserted it until the one that retracted it.
+
+    Attributes:
+        kind: a kind, as in `Change`.
+        text: the element's canonical PDDL text.
+        since: the revision that asserted it: by whom, when and why.
+        until: the revision that retracted it; None while it holds.
+    """
+
+    kind: str
+    text: str
+    since: Revision
+    until: Revision | None
+
+    def _html_row_(self) -> html.Row:
+        until = self.until
+        return {
+            "kind": self.kind,
+            "text": self.text,
+            "since": self.since.number,
+            "asserted at": self.since.committed_at,
+            "asserted by": self.since.actor,
+            "reason": self.since.reason,
+            "source": self.since.source_text,
+            "until": None if until is None else until.number,
+            "retracted at": None if until is None else until.committed_at,
+            "retracted by": None if until is None else until.actor,
+            "reason to retract": None if until is None else until.reason,
+            "source to retract": None if until is None else until.source_text,
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())
+
+
+@dataclass(frozen=True)
 class LogEntry:
     """A revision and its changes, one for each element that was asserted or retracted.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
@@ -45,7 +44,7 @@ from .elements import (
     refuse_unknown_element,
     sought,
 )
-from .revisions import LARGEST, Revision, make_revision, read_numbered, revision_of
+from .revisions import LARGEST, Version, make_revision, read_numbered, revision_of
 
 # Versions of what an object is in that are looked at, to find the newest.
 INVOLVED = 20_000
@@ -176,43 +175,6 @@ def read_involvement(
     if whole:
         changes = newest_of(session, query, LARGEST, **own, low=last, high=last)
     return Involvement(changes if whole else changes[:limit], last, None)
-
-
-@dataclass(frozen=True)
-class Version:
-    """An element from the revision that asserted it until the one that retracted it.
-
-    Attributes:
-        kind: a kind, as in `Change`.
-        text: the element's canonical PDDL text.
-        since: the revision that asserted it: by whom, when and why.
-        until: the revision that retracted it; None while it holds.
-    """
-
-    kind: str
-    text: str
-    since: Revision
-    until: Revision | None
-
-    def _html_row_(self) -> html.Row:
-        until = self.until
-        return {
-            "kind": self.kind,
-            "text": self.text,
-            "since": self.since.number,
-            "asserted at": self.since.committed_at,
-            "asserted by": self.since.actor,
-            "reason": self.since.reason,
-            "source": self.since.source_text,
-            "until": None if until is None else until.number,
-            "retracted at": None if until is None else until.committed_at,
-            "retracted by": None if until is None else until.actor,
-            "reason to retract": None if until is None else until.reason,
-            "source to retract": None if until is None else until.source_text,
-        }
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())
 
 
 # Lookups per statement: SQLite combines at most 500 queries.

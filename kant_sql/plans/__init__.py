@@ -10,7 +10,7 @@ from decimal import Decimal
 from typing import Literal, NamedTuple
 
 from .. import html
-from ..history.versions import Version
+from ..history.revisions import Version
 from ..planning import Plan
 
 __all__ = ["PlanDao", "RecordedPlan", "RecordedStep", "StepStatus"]

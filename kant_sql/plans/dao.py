@@ -21,8 +21,7 @@ from ..dto.elements import atom_text
 from ..dto.lexical import number_text
 from ..errors import InvalidKnowledgeError, PlanError, reading_rows
 from ..history.moments import head_revision, state_at
-from ..history.revisions import LARGEST, read_numbered, refuse_archived_revision
-from ..history.versions import Version
+from ..history.revisions import LARGEST, Version, read_numbered, refuse_archived_revision
 from ..knowledge.definitions import METRIC, ActionDefinition, Definitions, ObjectDefinition
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, DURATIVE_ACTION

@@ -19,7 +19,7 @@ from ...history.element_pages import (
     read_object_page,
 )
 from ...history.plan_pages import StepLine
-from ...history.versions import Version
+from ...history.revisions import Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
 from ..registry import Before, Pages

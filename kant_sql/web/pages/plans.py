@@ -11,8 +11,7 @@ from fastapi.responses import PlainTextResponse, Response
 
 from ...errors import ArchivedError, PlanError, UnknownNameError
 from ...history.plan_pages import PlansPage, Stretch, read_plans_page, read_stretches
-from ...history.revisions import Revision
-from ...history.versions import Version
+from ...history.revisions import Revision, Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...plans import RecordedPlan, RecordedStep
 from ..registry import KbName, Offset, Pages
