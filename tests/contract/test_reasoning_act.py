@@ -16,7 +16,6 @@ from kant_sql import (
     KnowledgeBase,
     NotApplicableError,
     PddlError,
-    PddlPropositionDto,
     PlanError,
     PlanStep,
     ReadOnlyError,
@@ -140,8 +139,7 @@ def test_a_variable_may_be_of_a_wider_type_than_its_predicate(kb: KnowledgeBase)
 
 def test_a_fact_that_held_before_has_the_revision_that_retracted_it(kb: KnowledgeBase) -> None:
     held = kb.revision
-    fact = kb.propositions.get_by_predicate("at")[0]
-    assert str(fact) == "(at p1 c0)"
+    fact = "(at p1 c0)"
     with kb.transaction(actor="perception", reason="the aircraft is gone"):
         kb.propositions.delete(fact)
     [failed] = kb.unsatisfied("(and (at p1 c0) (at h1 c0))")
@@ -389,11 +387,7 @@ def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
 def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
     step = kb.start("(long p1 c0 c1)")
     with kb.transaction(actor="perception", reason="dusk"):
-        lit = kb.predicates.get("lit")
-        c0 = kb.objects.get("c0")
-        assert lit is not None
-        assert c0 is not None
-        kb.propositions.save(PddlPropositionDto(lit, [c0]))
+        kb.propositions.save("(lit c0)")
     dusk = kb.revision
     [broken] = kb.pddl.broken_invariants()
     assert (broken.step.plan_id, broken.unsatisfied.condition) == (step.plan_id, "(not (lit c0))")
@@ -416,19 +410,14 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
 
 
 def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None:
-    lit = kb.predicates.get("lit")
-    c1 = kb.objects.get("c1")
-    assert lit is not None
-    assert c1 is not None
-    fact = PddlPropositionDto(lit, [c1])
-    kb.propositions.save(fact)
+    kb.propositions.save("(lit c1)")
     kb.start("(long p1 c0 c1)")
-    kb.propositions.delete(fact)
+    kb.propositions.delete("(lit c1)")
     kb.end("(long p1 c0 c1)")
     assert kb.holds("(calm)")
     kb.start("(long p1 c1 c0)")
     kb.propositions.delete_all()
-    kb.propositions.save(fact)
+    kb.propositions.save("(lit c1)")
     with pytest.raises(NotApplicableError):
         kb.end("(long p1 c1 c0)")
 
@@ -528,11 +517,7 @@ def test_what_is_promised_can_begin(rooms: KnowledgeBase, step: str, reason: str
 
 def test_a_step_that_rules_allow_is_found(rooms: KnowledgeBase) -> None:
     """What is over all follows by a rule from what the start changes."""
-    door = rooms.objects.get("d1")
-    declared = rooms.predicates.get("open")
-    assert declared is not None
-    assert door is not None
-    rooms.propositions.save(PddlPropositionDto(declared, [door]))
+    rooms.propositions.save("(open d1)")
     assert texts(rooms.applicable_actions("wait")) == ["(wait)"]
     assert not rooms.why_not("(wait)")
     assert not rooms.holds("(ready)")

@@ -22,12 +22,11 @@ from kant_sql import (
     KnowledgeBase,
     NotApplicableError,
     PddlObjectDto,
-    PddlPropositionDto,
     Plan,
     PlanStep,
     UnsupportedConstructError,
 )
-from kant_sql.dto.formulas import And, Atom, variables_text
+from kant_sql.dto.formulas import And, variables_text
 from kant_sql.dto.formulas import walk as nodes_of
 from kant_sql.dto.lexical import fold
 from kant_sql.errors import TypeMismatchError
@@ -42,7 +41,7 @@ from tests.support.evaluator import (
     UndefinedEffectError,
     is_continuous,
 )
-from tests.support.generators.episodes import EPISODES, Change, Episode, Question, free_variables
+from tests.support.generators.episodes import EPISODES, Episode, Question, free_variables
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, undone
 
@@ -58,27 +57,6 @@ def opened(kb: KnowledgeBase, episode: Episode) -> KnowledgeBase:
         new.load_domain(write(episode.domain))
         new.load_problem(write(episode.problem))
     return new
-
-
-def make(kb: KnowledgeBase, change: Change) -> None:
-    """Change a state by calls of the DAOs."""
-
-    def proposition(atom: Atom) -> PddlPropositionDto:
-        predicate = kb.predicates.get(atom.predicate)
-        assert predicate is not None
-        objects = [kb.objects.get(str(term)) for term in atom.terms]
-        return PddlPropositionDto(predicate, [each for each in objects if each is not None])
-
-    kb.propositions.save_all([proposition(atom) for atom in change.added])
-    for atom in change.removed:
-        kb.propositions.delete(proposition(atom))
-    for fluent, value in change.values:
-        names = [str(term) for term in fluent.terms]
-        if value is None:
-            kb.function_values.unset(fluent.function, objects=names)
-        else:
-            given: Any = value if isinstance(value, str) else float(value)
-            kb.function_values.set(fluent.function, objects=names, value=given)
 
 
 def state_in(kb: KnowledgeBase) -> tuple[frozenset[Ground], dict[Ground, Fraction | str]]:
@@ -305,11 +283,11 @@ def test_answers_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> No
         states = [episode.first]
         Judge(kb, episode, states[0], "present").check()
         with kb.transaction():
-            make(kb, first)
+            first.make(kb)
             states.append(first.of(states[0]))
             Judge(kb, episode, states[1], "pending").check()
         revisions = [1, kb.revision]
-        make(kb, second)
+        second.make(kb)
         states.append(second.of(states[1]))
         Judge(kb, episode, states[2], "present again").check()
         for revision, state in zip(revisions, states, strict=False):
@@ -328,7 +306,7 @@ def test_the_past_has_the_same_answers_looked_up_and_read(
     @given(EPISODES)
     def same(episode: Episode) -> None:
         kb = opened(fresh_kb, episode)
-        make(kb, episode.changes[0])
+        episode.changes[0].make(kb)
         Judge(kb.at(1), episode, episode.first, "past").check()
         second = episode.changes[0].of(episode.first)
         Judge(kb.at(kb.revision), episode, second, "past").check()
@@ -345,7 +323,7 @@ def test_steps_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None
         judge.acts()
         judge.lasts()
         with kb.transaction():
-            make(kb, episode.changes[0])
+            episode.changes[0].make(kb)
             Judge(kb, episode, episode.changes[0].of(episode.first), "pending").acts()
 
     same()

@@ -12,13 +12,12 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql import KnowledgeBase, PddlObjectDto, PddlPropositionDto, PddlTypeDto
-from kant_sql.dto.formulas import Atom, Constant, Node, variables_text, walk
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
+from kant_sql.dto.formulas import Constant, Node, variables_text, walk
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import write
 from tests.support.evaluator import Evaluator
 from tests.support.generators.episodes import (
-    Change,
     Episode,
     Question,
     episode,
@@ -43,7 +42,7 @@ def recorded(kb: KnowledgeBase, told: Episode) -> KnowledgeBase:
         new.load_problem(write(told.problem))
     for number, change in enumerate(told.changes):
         with new.transaction():
-            make(new, change)
+            change.make(new)
             if random.random() < 0.3:
                 types = [type_.name for type_ in told.domain.types] or ["object"]
                 new.objects.save(PddlObjectDto(PddlTypeDto(random.choice(types)), f"new{number}"))
@@ -53,32 +52,6 @@ def recorded(kb: KnowledgeBase, told: Episode) -> KnowledgeBase:
             if gone is not None:
                 new.objects.delete(gone)
     return new
-
-
-def make(kb: KnowledgeBase, change: Change) -> None:
-    """Change a state by calls of the DAOs, as far as its objects are there."""
-
-    def proposition(atom: Atom) -> PddlPropositionDto | None:
-        predicate = kb.predicates.get(atom.predicate)
-        assert predicate is not None
-        objects = [kb.objects.get(str(term)) for term in atom.terms]
-        known = [each for each in objects if each is not None]
-        return PddlPropositionDto(predicate, known) if len(known) == len(objects) else None
-
-    kb.propositions.save_all([each for each in map(proposition, change.added) if each is not None])
-    for each in map(proposition, change.removed):
-        if each is not None:
-            kb.propositions.delete(each)
-    for fluent, value in change.values:
-        names = [str(term) for term in fluent.terms]
-        known = {*names, value} if isinstance(value, str) else {*names}
-        if any(kb.objects.get(name) is None for name in known):
-            continue
-        if value is None:
-            kb.function_values.unset(fluent.function, objects=names)
-        else:
-            held: Any = value if isinstance(value, str) else float(value)
-            kb.function_values.set(fluent.function, objects=names, value=held)
 
 
 class Judge:

@@ -51,13 +51,8 @@ def rounds(fresh_kb: KnowledgeBase) -> KnowledgeBase:
 
 def leave(kb: KnowledgeBase) -> None:
     """Have the robot leave home for the hall."""
-    facts = {str(fact): fact for fact in kb.propositions.get_all()}
-    here = facts["(At rb1 home)"]
-    rb1, _ = here.objects
-    hall = kb.objects.get("hall")
-    assert hall is not None
-    kb.propositions.save(type(here)(here.predicate, [rb1, hall]))
-    kb.propositions.delete(here)
+    kb.propositions.save("(At rb1 hall)")
+    kb.propositions.delete("(At rb1 home)")
 
 
 def test_a_plan_is_executed_and_nothing_is_written(rounds: KnowledgeBase) -> None:

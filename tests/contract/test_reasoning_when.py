@@ -278,11 +278,8 @@ def test_derived_predicates_follow_their_rules(fresh_kb: KnowledgeBase) -> None:
         (or (door ?a ?b) (exists (?c - room) (and (door ?a ?c) (path ?c ?b))))))"""
     kb.load_domain(domain)
     kb.load_problem("(define (problem p) (:domain d) (:objects a b c - room) (:init (door a b)))")
-    door = kb.predicates.get("door")
-    assert door is not None
-    link = PddlPropositionDto(door, [PddlObjectDto(PddlTypeDto("room"), x) for x in "bc"])
-    kb.propositions.save(link)
-    kb.propositions.delete(link)
+    kb.propositions.save("(door b c)")
+    kb.propositions.delete("(door b c)")
     assert numbers(kb.when("(path a c)")) == [(3, 4)]
     assert numbers(kb.when("(path a ?x)")) == [("b", 2, None), ("c", 3, 4)]
     # Other rules from revision 5 on.

@@ -14,7 +14,7 @@ from random import Random
 from typing import NamedTuple
 
 import kant_sql
-from kant_sql import KnowledgeBase, PddlPropositionDto, Verdicts
+from kant_sql import KnowledgeBase, Verdicts
 from kant_sql.dto import formulas as f
 from tests.meaning import val
 from tests.meaning.material import ALL, Pair
@@ -112,19 +112,11 @@ def record(kb: KnowledgeBase, case: Case) -> None:
         seen = BASE + timedelta(seconds=time)
         with kb.transaction(actor=f"step {number}", reason=step, observed_at=seen):
             for fact in facts - after:
-                kb.propositions.delete(proposition(kb, fact))
-            kb.propositions.save_all([proposition(kb, fact) for fact in sorted(after - facts)])
+                kb.propositions.delete(fact)
+            kb.propositions.save_all(sorted(after - facts))
             if step == "fill":
                 kb.function_values.increase("level", objects=[], by=1)
         facts = after
-
-
-def proposition(kb: KnowledgeBase, text: str) -> PddlPropositionDto:
-    name, *arguments = text.strip("()").split()
-    predicate = kb.predicates.get(name)
-    assert predicate is not None
-    objects = [kb.objects.get(argument) for argument in arguments]
-    return PddlPropositionDto(predicate, [each for each in objects if each is not None])
 
 
 def counted(verdict: val.Verdict) -> Counter[str]:

@@ -14,12 +14,11 @@ from fractions import Fraction
 from math import prod
 from pathlib import Path
 from random import Random
-from typing import TypeVar
 
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, NotApplicableError, PddlPropositionDto, PlanStep
+from kant_sql import KnowledgeBase, NotApplicableError, PlanStep
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl.document import Action
 from tests.meaning.others import need
@@ -171,11 +170,8 @@ class Replay:
         ours = facts(kb, self.judge.changed)
         with kb.transaction():
             for fact in sorted(ours ^ look.facts):
-                dto = PddlPropositionDto(
-                    expected(kb.predicates.get(fact[0])),
-                    [expected(kb.objects.get(name)) for name in fact[1:]],
-                )
-                (kb.propositions.delete if fact in ours else kb.propositions.save)(dto)
+                change = kb.propositions.delete if fact in ours else kb.propositions.save
+                change(f"({' '.join(fact)})")
             for fluent, value in look.values.items():
                 kb.function_values.set(fluent[0], objects=fluent[1:], value=value)
 
@@ -187,14 +183,6 @@ def is_defined(here: Evaluator, action: Action, step: Ground) -> bool:
     except UndefinedEffectError:
         return False
     return True
-
-
-T = TypeVar("T")
-
-
-def expected(found: T | None) -> T:
-    assert found is not None
-    return found
 
 
 def plain_walk(pair: Plain, steps: int) -> list[Look]:

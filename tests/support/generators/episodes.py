@@ -8,7 +8,7 @@ mostly what is small and alike, which few answers distinguish.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -18,6 +18,7 @@ from typing import NoReturn, TypeVar, cast
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
+from kant_sql import KnowledgeBase
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import ROOT_TYPE, fold
 from kant_sql.pddl.document import (
@@ -71,6 +72,26 @@ class Change:
     added: tuple[f.Atom, ...]
     removed: tuple[f.Atom, ...]
     values: tuple[tuple[f.Fluent, Fraction | str | None], ...]
+
+    def make(self, kb: KnowledgeBase) -> None:
+        """Change a state by calls of the DAOs, as far as its objects are there."""
+
+        def is_known(names: Iterable[object]) -> bool:
+            return all(kb.objects.get(str(name)) is not None for name in names)
+
+        kb.propositions.save_all([str(atom) for atom in self.added if is_known(atom.terms)])
+        for atom in self.removed:
+            if is_known(atom.terms):
+                kb.propositions.delete(str(atom))
+        for fluent, value in self.values:
+            names = [str(term) for term in fluent.terms]
+            if not is_known([*names, value] if isinstance(value, str) else names):
+                continue
+            if value is None:
+                kb.function_values.unset(fluent.function, objects=names)
+            else:
+                held = value if isinstance(value, str) else float(value)
+                kb.function_values.set(fluent.function, objects=names, value=held)
 
     def of(self, state: State) -> State:
         """The state after the change of another."""
