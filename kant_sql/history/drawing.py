@@ -111,19 +111,12 @@ class Drawn:
 
 
 class Drawing(NamedTuple):
-    """A drawing in two parts: a page keeps the first one in view.
+    """A drawing in two parts: a page keeps the first one in view."""
 
-    Attributes:
-        axis: the element of the axis.
-        body: the element of all below it.
-        height: of the body, in pixels.
-        name: what is drawn.
-    """
-
-    axis: str
-    body: str
-    height: int
-    name: str
+    axis: str  # the element of the axis
+    body: str  # the element of all below it
+    height: int  # of the body, in pixels
+    name: str  # what is drawn
 
     def together(self, attributes: str, style: str = "") -> str:
         """Write both in one element."""

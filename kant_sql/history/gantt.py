@@ -86,17 +86,11 @@ _STATUSES = Query(
 
 
 class _Ran(NamedTuple):
-    """What became of a step.
+    """What became of a step."""
 
-    Attributes:
-        status: its last status.
-        since: the revision that started it.
-        until: the revision that ended it.
-    """
-
-    status: str
-    since: int | None
-    until: int | None
+    status: str  # its last status
+    since: int | None  # the revision that started it
+    until: int | None  # the revision that ended it
 
 
 class PlanBars:
@@ -109,14 +103,7 @@ class PlanBars:
     def __init__(
         self, session: Session, kb_id: int, window: Window, question: TimelineQuestion
     ) -> None:
-        """Read them; the revisions are read by the caller.
-
-        Args:
-            session: the session.
-            kb_id: the knowledge base.
-            window: the window.
-            question: which plans: those with a step that has the object and the text.
-        """
+        """Read those with a step that has the object and the text; the caller reads revisions."""
         self.has_more = False
         self._question = question
         self._plans: list[Row] = []

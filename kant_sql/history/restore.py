@@ -237,23 +237,14 @@ _HELD_VALUES = {
 
 
 class Origin(NamedTuple):
-    """The state that a branch begins with.
+    """The state that a branch begins with."""
 
-    Attributes:
-        parent: the knowledge base that it is of.
-        revision: the revision; 0 before the first.
-        hash: the hash of that revision; None before the first.
-        definitions: all that is defined.
-        atoms: the facts and the goals that are atoms, by their ids.
-        values: the values of functions, by the ids of their fluents.
-    """
-
-    parent: str
-    revision: int
-    hash: str | None
-    definitions: Definitions
-    atoms: list[GroundAtom]
-    values: list[HeldValue]
+    parent: str  # the knowledge base that it is of
+    revision: int  # the revision; 0 before the first
+    hash: str | None  # the hash of that revision; None before the first
+    definitions: Definitions  # all that is defined
+    atoms: list[GroundAtom]  # the facts and the goals that are atoms, by their ids
+    values: list[HeldValue]  # the values of functions, by the ids of their fluents
 
     @property
     def reason(self) -> str:

@@ -438,17 +438,11 @@ _GONE = Query(union_all(*(_gone_of(name) for name in VERSION_COLUMNS if name != 
 
 
 class _Question(NamedTuple):
-    """What is asked of a state, with the ids of the names in it.
+    """What is asked of a state, with the ids of the names in it."""
 
-    Attributes:
-        asked: the conditions.
-        at: the revision; None for the present.
-        parameters: the parameters of its statements.
-    """
-
-    asked: StateFilter
-    at: int | None
-    parameters: dict[str, Any]
+    asked: StateFilter  # the conditions
+    at: int | None  # the revision; None for the present
+    parameters: dict[str, Any]  # the parameters of its statements
 
     def shapes(self, kinds: Iterable[str], has_text: bool = False) -> tuple[_Shape, ...]:
         """Return the conditions of the parts that may have any of it."""

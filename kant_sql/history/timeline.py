@@ -350,17 +350,11 @@ class _Reader:
 
 
 class _Cells(NamedTuple):
-    """What began of a lane, by slice.
+    """What began of a lane, by slice."""
 
-    Attributes:
-        ends: the last revision before each slice, and that of the last one.
-        enough: how many versions of a slice are counted.
-        cells: what began in each slice; None for nothing.
-    """
-
-    ends: Sequence[int]
-    enough: int
-    cells: list[Cell | None]
+    ends: Sequence[int]  # the last revision before each slice, and that of the last one
+    enough: int  # how many versions of a slice are counted
+    cells: list[Cell | None]  # what began in each slice; None for nothing
 
     def is_capped(self, place: int) -> bool:
         """Return whether the versions of a slice were not counted to the end."""

@@ -131,17 +131,11 @@ def _involving(is_recent: bool) -> Query:
 
 
 class Involvement(NamedTuple):
-    """A page of the changes of what involves an object, the newest first.
+    """A page of the changes of what involves an object, the newest first."""
 
-    Attributes:
-        changes: each with its revision.
-        before: the revision before which the next page goes on; None after the last.
-        searched: the first revision that was searched, if it is not the first of all.
-    """
-
-    changes: list[tuple[int, Change]]
-    before: int | None
-    searched: int | None
+    changes: list[tuple[int, Change]]  # each with its revision
+    before: int | None  # the revision before which the next page goes on; None after the last
+    searched: int | None  # the first revision that was searched, if it is not the first of all
 
 
 def read_involvement(

@@ -182,27 +182,16 @@ MOST_LANES, MOST_SLICES = 1_000, 10_000
 
 
 class TimelineQuestion(NamedTuple):
-    """What a timeline shows, checked.
+    """What a timeline shows, checked."""
 
-    Attributes:
-        kinds: the kinds of lanes, and `plan`.
-        predicate: the name of the predicate or the function; None for all.
-        object: the name of an object among the arguments; None for all.
-        text: a part of the text; None for all.
-        lanes: how many lanes at most.
-        slices: how many slices at most.
-        after: the source and the place of the lane before the first.
-        unchanged: whether lanes that never changed are shown, too.
-    """
-
-    kinds: tuple[str, ...]
-    predicate: str | None
-    object: str | None
-    text: str | None
-    lanes: int
-    slices: int
-    after: tuple[str, LanePlace] | None
-    unchanged: bool
+    kinds: tuple[str, ...]  # the kinds of lanes, and `plan`
+    predicate: str | None  # the name of the predicate or the function; None for all
+    object: str | None  # the name of an object among the arguments; None for all
+    text: str | None  # a part of the text; None for all
+    lanes: int  # how many lanes at most
+    slices: int  # how many slices at most
+    after: tuple[str, LanePlace] | None  # the source and the place of the lane before the first
+    unchanged: bool  # whether lanes that never changed are shown, too
 
     @property
     def filter(self) -> LaneFilter:
@@ -252,23 +241,14 @@ def check_question(
 
 
 class Window(NamedTuple):
-    """The window of a timeline.
+    """The window of a timeline."""
 
-    Attributes:
-        since: its beginning.
-        until: its end.
-        low: the revision whose state it begins with.
-        high: its last revision.
-        head: the last revision that is known.
-        archived_until: until when ended versions are missing.
-    """
-
-    since: datetime
-    until: datetime
-    low: int
-    high: int
-    head: int
-    archived_until: datetime | None = None
+    since: datetime  # its beginning
+    until: datetime  # its end
+    low: int  # the revision whose state it begins with
+    high: int  # its last revision
+    head: int  # the last revision that is known
+    archived_until: datetime | None = None  # until when ended versions are missing
 
 
 def _time_of(number: Any) -> Any:

@@ -19,17 +19,11 @@ _MOST = 2**63 - 1
 
 
 class Place(NamedTuple):
-    """The end of a page.
+    """The end of a page."""
 
-    Attributes:
-        passed: how many rows come before.
-        key: the key of the last of them, or the beginning of it.
-        skip: how many rows with this key, or after it in the order, come before.
-    """
-
-    passed: int = 0
-    key: Key = ()
-    skip: int = 0
+    passed: int = 0  # how many rows come before
+    key: Key = ()  # the key of the last of them, or the beginning of it
+    skip: int = 0  # how many rows with this key, or after it in the order, come before
 
     @property
     def types(self) -> tuple[type, ...]:

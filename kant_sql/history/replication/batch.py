@@ -40,35 +40,21 @@ class BatchSize:
 
 
 class OriginHead(NamedTuple):
-    """What the head of a replica says of the store that it is replicated from.
+    """What the head of a replica says of the store that it is replicated from."""
 
-    Attributes:
-        label: its URL without a password.
-        revision: its last revision.
-        committed_at: the time of that one.
-        next_id: the id that its next element gets.
-    """
-
-    label: str
-    revision: int
-    committed_at: datetime | None
-    next_id: int
+    label: str  # its URL without a password
+    revision: int  # its last revision
+    committed_at: datetime | None  # the time of that one
+    next_id: int  # the id that its next element gets
 
 
 class CopyRange(NamedTuple):
-    """The revisions to copy.
+    """The revisions to copy."""
 
-    Attributes:
-        low: the first.
-        high: the last.
-        may_return: whether atoms may have other ids in the target, because of an archive.
-        redefined: whether they may change definitions.
-    """
-
-    low: int
-    high: int
-    may_return: bool
-    redefined: bool
+    low: int  # the first
+    high: int  # the last
+    may_return: bool  # whether atoms may have other ids in the target, because of an archive
+    redefined: bool  # whether they may change definitions
 
 
 _MOVE = Query(

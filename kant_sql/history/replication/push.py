@@ -51,17 +51,14 @@ class Pushed(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What a push may do.
+    """What a push may do."""
 
-    Attributes:
-        archive: the URL of the archive that has what the source no longer has; None for the one
-            that the source names.
-        adopt: whether a knowledge base that is not a replica becomes one, if its history fits.
-        is_patient: whether to retry for some seconds while a store is busy or unreachable.
-    """
-
+    # the URL of the archive that has what the source no longer has; None for the one that the
+    # source names
     archive: str | None = None
+    # whether a knowledge base that is not a replica becomes one, if its history fits
     adopt: bool = False
+    # whether to retry for some seconds while a store is busy or unreachable
     is_patient: bool = True
 
 

@@ -51,25 +51,15 @@ _STATE = Query(
 
 
 class HeadState(NamedTuple):
-    """Where a knowledge base stands, read without its lock.
+    """Where a knowledge base stands, read without its lock."""
 
-    Attributes:
-        revision: the last revision; 0 before the first.
-        definition_revision: the last revision that changed a definition.
-        next_id: the id that the next element gets.
-        archived_revision: what ended up to this revision was moved to an archive.
-        hash: the last revision's hash.
-        committed_at: the last revision's time.
-        origin: the store that it is replicated from; None when it is written here.
-    """
-
-    revision: int
-    definition_revision: int
-    next_id: int
-    archived_revision: int
-    hash: str | None
-    committed_at: datetime | None
-    origin: str | None
+    revision: int  # the last revision; 0 before the first
+    definition_revision: int  # the last revision that changed a definition
+    next_id: int  # the id that the next element gets
+    archived_revision: int  # what ended up to this revision was moved to an archive
+    hash: str | None  # the last revision's hash
+    committed_at: datetime | None  # the last revision's time
+    origin: str | None  # the store that it is replicated from; None when it is written here
 
 
 NOTHING = HeadState(0, 0, 0, 0, None, None, None)

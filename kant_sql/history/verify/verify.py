@@ -75,18 +75,12 @@ _FORGET = Query(delete(_ROW).where(_ROW.kb_id == KB))
 
 
 class Kept(NamedTuple):
-    """How far a knowledge base was verified.
+    """How far a knowledge base was verified."""
 
-    Attributes:
-        revision: the last revision then.
-        hash: its hash then.
-        verified_at: when that was.
-        complete_at: when a verification that began at revision 1 last ended; None: none was kept.
-    """
-
-    revision: int
-    hash: str
-    verified_at: datetime
+    revision: int  # the last revision then
+    hash: str  # its hash then
+    verified_at: datetime  # when that was
+    # when a verification that began at revision 1 last ended; None: none was kept
     complete_at: datetime | None
 
     @property
