@@ -33,7 +33,7 @@ from .common import (
 )
 from .documents import STANDARD_INPUT, read_bytes
 from .history import metadata
-from .output import FAILED, NOT_JUDGED, Document, Printer, write_json
+from .output import FAILED, NOT_JUDGED, Printer, write_json
 
 if TYPE_CHECKING:
     from ..history.revisions import Revision
@@ -100,7 +100,7 @@ def query(
 
 def _write_sql(name: str, statement: str, as_json: bool) -> None:
     if as_json:
-        write_json({"knowledge_base": name, "sql": statement})
+        write_json(knowledge_base=name, sql=statement)
     else:
         typer.echo(f"{statement.rstrip().removesuffix(';')};")
 
@@ -118,8 +118,7 @@ def holds(
         url, kb, at, lambda state: state.holds(condition, **fixed)
     )
     if as_json:
-        header = {"knowledge_base": name, "revision": revision}
-        write_json({**header, "condition": condition, "holds": does_hold})
+        write_json(knowledge_base=name, revision=revision, condition=condition, holds=does_hold)
     else:
         Printer().line("holds" if does_hold else "does not hold")
     return 0 if does_hold else FAILED
@@ -147,17 +146,14 @@ def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> 
     )
     found, unsatisfied, (metric, value, lack) = answer
     if as_json:
-        document: Document = {
-            "knowledge_base": name,
-            "revision": revision,
-            "is_reached": not unsatisfied,
-            "goals": found,
-            "unsatisfied": unsatisfied,
-            "metric": None,
-        }
-        if metric is not None:
-            document["metric"] = {"pddl": str(metric), "value": value, "error": lack}
-        write_json(document)
+        write_json(
+            knowledge_base=name,
+            revision=revision,
+            is_reached=not unsatisfied,
+            goals=found,
+            unsatisfied=unsatisfied,
+            metric=metric and {"pddl": str(metric), "value": value, "error": lack},
+        )
     else:
         _write_goals(Printer(), found, unsatisfied)
         if metric is not None:
@@ -313,8 +309,8 @@ def rules(
     with open_state(url, kb, at) as (name, state):
         found = state.pddl.check_rules(source, since=first, until=last, clock=clock)
     if as_json:
-        header = {"knowledge_base": name, "first": found.first, "last": found.last}
-        write_json({**header, "is_satisfied": found.is_satisfied, "rules": found})
+        ends = {"first": found.first, "last": found.last}
+        write_json(knowledge_base=name, **ends, is_satisfied=found.is_satisfied, rules=found)
     else:
         _write_verdicts(Printer(), found)
     if found.is_satisfied:

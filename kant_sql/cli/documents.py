@@ -85,7 +85,8 @@ def check(
     report = check_files([_source(file) for file in files])
     errors = sum(finding.is_error or strict for finding in report.findings)
     if as_json:
-        write_json(_report_document(report, strict))
+        findings = [_finding_document(finding, strict) for finding in report.findings]
+        write_json(documents=report.documents, findings=findings)
     else:
         _write_report(report, strict)
     if errors:
@@ -119,19 +120,13 @@ def _result(checked: CheckedDocument) -> str:
     return f"{text}, checked against domain {checked.domain}"
 
 
-def _report_document(report: CheckReport, strict: bool) -> Document:
+def _finding_document(finding: Diagnostic, strict: bool) -> Document:
     return {
-        "documents": report.documents,
-        "findings": [
-            {
-                "source": finding.source,
-                "line": finding.line,
-                "column": finding.column,
-                "severity": _severity(finding, strict),
-                "message": finding.message,
-            }
-            for finding in report.findings
-        ],
+        "source": finding.source,
+        "line": finding.line,
+        "column": finding.column,
+        "severity": _severity(finding, strict),
+        "message": finding.message,
     }
 
 
@@ -357,8 +352,8 @@ def dump(
             texts["problem"] = state.problem_pddl()
         revision = state.revision
     if as_json:
-        nothing = {"domain": None, "problem": None}
-        write_json({"knowledge_base": name, "revision": revision, **nothing, **texts})
+        both = {"domain": None, "problem": None, **texts}
+        write_json(knowledge_base=name, revision=revision, **both)
         return
     text = "\n".join(texts.values())
     if is_terminal():

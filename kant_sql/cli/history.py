@@ -224,8 +224,7 @@ def diff(
         changes = knowledge_base.diff(first, second)
         if as_json:
             ends = [knowledge_base.at(when).revision for when in (first, second)]
-            document = {"knowledge_base": name, "a": ends[0], "b": ends[1]}
-            write_json({**document, "changes": changes})
+            write_json(knowledge_base=name, a=ends[0], b=ends[1], changes=changes)
         else:
             write_changes(Printer(), changes)
 
@@ -258,8 +257,7 @@ def restore(
         made = knowledge_base.restore(restored, reason=reason, actor=actor)
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
         if as_json:
-            document = {"knowledge_base": name, "restored": restored, "revision": made}
-            write_json({**document, "changes": changes})
+            write_json(knowledge_base=name, restored=restored, revision=made, changes=changes)
             return
         printer = Printer()
         if made is None:
@@ -306,8 +304,8 @@ def branch(
         (first,) = made.store.revisions(limit=1) or (None,)
     source = None if first is None else first.source
     if as_json:
-        document = {"knowledge_base": branched, "revision": None if first is None else first.number}
-        write_json({**document, "source": source})
+        number = None if first is None else first.number
+        write_json(knowledge_base=branched, revision=number, source=source)
     elif first is None:
         Printer().line(f"knowledge base {branched}: nothing was there to begin with")
     else:

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial, wraps
 from importlib import import_module
 from io import TextIOWrapper
@@ -109,26 +109,17 @@ def _wants_json(words: Sequence[str]) -> bool:
     return JSON_OPTION in options
 
 
-def _in_pager(command: Callable[..., object]) -> Callable[..., object]:
-    """Send a command's output through a pager, unless it is JSON."""
+def _within(
+    block: Callable[[], AbstractContextManager[None]], command: Callable[..., object]
+) -> Callable[..., object]:
+    """Run a command in a block; a pager is not for JSON."""
 
     @wraps(command)
-    def run_in_pager(*words: Any, **options: Any) -> object:
-        with nullcontext() if options.get("as_json") else paged():
+    def run_within(*words: Any, **options: Any) -> object:
+        with nullcontext() if block is paged and options.get("as_json") else block():
             return command(*words, **options)
 
-    return run_in_pager
-
-
-def _with_all_work(command: Callable[..., object]) -> Callable[..., object]:
-    """Finish a command whose output nobody reads any more, and keep its exit code."""
-
-    @wraps(command)
-    def run_to_the_end(*words: Any, **options: Any) -> object:
-        with to_the_end():
-            return command(*words, **options)
-
-    return run_to_the_end
+    return run_within
 
 
 # The module of each command; what it is called is the function's name, with `-` for `_`.
@@ -161,8 +152,9 @@ def _find(name: str) -> Any:
     module = import_module(f".{_HOMES[name]}", __package__)
     found = getattr(module, name.replace("-", "_"))
     if name in _PAGED:
-        return _in_pager(found)
-    return _with_all_work(found) if name in _FINISHED else found
+        return _within(paged, found)
+    # Of those whose output nobody reads any more, the work and the exit code stay.
+    return _within(to_the_end, found) if name in _FINISHED else found
 
 
 class Commands(CommandGroup):

@@ -53,8 +53,11 @@ def json_text(value: object, to: TextIO | None = None) -> str:
     return printable(json.dumps(json_value(value), ensure_ascii=ascii_only))
 
 
-def write_json(value: object) -> None:
-    """Write a value or a result as JSON on a line."""
+def write_json(value: object = None, /, **header: object) -> None:
+    """Write a value or a result as JSON on a line, its document behind the keys of a header."""
+    if header:
+        own = json_value(value)
+        value = {**header, **own} if isinstance(own, dict) else header
     sys.stdout.write(json_text(value) + "\n")
 
 

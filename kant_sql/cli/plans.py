@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -101,7 +101,7 @@ def plan(
             found = state.plan(engine=engine, timeout=timeout, strict=strict)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:
-        write_json({"knowledge_base": name, **_plan_document(found, recorded)})
+        write_json(_plan_document(found, recorded), knowledge_base=name)
     else:
         _write_plan(Printer(), found, recorded)
 
@@ -156,16 +156,6 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
     return document
 
 
-@dataclass(frozen=True)
-class _Listed:
-    """A recorded plan, and the knowledge base that has it."""
-
-    _json_ = "knowledge_base", "*plan"
-
-    knowledge_base: str
-    plan: RecordedPlan
-
-
 _PLANS_USAGE = "[URL] [ID]"
 
 
@@ -186,7 +176,7 @@ def plans(
         found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
         if as_json:
             for one in found:
-                write_json(_Listed(name, one))
+                write_json(one, knowledge_base=name)
         elif id_ is None:
             columns = "plan", "recorded in", "planned from", "planner", "status", "steps"
             Printer().table("plans", columns, [_recorded_row(one) for one in found])
@@ -256,8 +246,8 @@ def why_not(words: _Step, kb: Name = None, at: At = None, as_json: AsJson = Fals
     url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
     name, revision, failed = ask_state(url, kb, at, lambda state: state.why_not(step))
     if as_json:
-        header = {"knowledge_base": name, "revision": revision, "step": step}
-        write_json({**header, "is_applicable": not failed, "unsatisfied": failed})
+        asked = {"knowledge_base": name, "revision": revision, "step": step}
+        write_json(**asked, is_applicable=not failed, unsatisfied=failed)
         return
     printer = Printer()
     if failed:
@@ -294,8 +284,7 @@ def applicable(
     printer = Printer()
     for step in steps:
         if as_json:
-            document = {"action": step.action, "arguments": list(step.arguments)}
-            write_json({**document, "step": str(step)})
+            write_json(action=step.action, arguments=step.arguments, step=str(step))
         else:
             printer.line(printable(str(step)))
 
@@ -322,8 +311,7 @@ def apply(
         made = knowledge_base.apply(step, reason=reason)
         changes = [] if made is None else knowledge_base.diff(made - 1, made)
     if as_json:
-        document = {"knowledge_base": name, "step": step, "revision": made}
-        write_json({**document, "changes": changes})
+        write_json(knowledge_base=name, step=step, revision=made, changes=changes)
         return
     printer = Printer()
     if made is None:
@@ -359,21 +347,10 @@ def validate(
         plan = read_plan(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
         found = state.validate(plan)
         if as_json:
-            write_json(_Validated(name, state.revision, found))
+            write_json(found, knowledge_base=name, revision=state.revision)
         else:
             _write_validation(Printer(), found)
     return 0 if found.valid else FAILED
-
-
-@dataclass(frozen=True)
-class _Validated:
-    """A validation, and the state that the plan began in."""
-
-    _json_ = "knowledge_base", "revision", "*validation"
-
-    knowledge_base: str
-    revision: int
-    validation: Validation
 
 
 def _write_validation(printer: Printer, found: Validation) -> None:

@@ -280,7 +280,7 @@ def promote(
     with open_to_read(url, kb) as (name, knowledge_base):
         made = knowledge_base.store.promote(reason=reason, actor=actor)
     if as_json:
-        write_json({"knowledge_base": name, "revision": made})
+        write_json(knowledge_base=name, revision=made)
     elif made is None:
         Printer().line(f"knowledge base {printable(name)} is not a replica; nothing was changed")
     else:

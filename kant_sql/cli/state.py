@@ -97,8 +97,8 @@ def show(
         if not is_part:
             elements = {section.name: section.elements(state) for section in _SECTIONS}
         if as_json:
-            header = {"knowledge_base": name, "revision": state.revision}
-            write_json({**header, "committed_at": committed_at, **_state_document(elements)})
+            header = {"revision": state.revision, "committed_at": committed_at}
+            write_json(_state_document(elements), knowledge_base=name, **header)
             return
         printer = Printer()
         moment = committed_at or "before the first"

@@ -155,7 +155,7 @@ def sql(url: Url, as_json: AsJson = False) -> None:
         return
     text = io.StringIO()
     schema.upgrade_sql(url, text)
-    write_json({"version": schema.VERSIONS[-1], "sql": text.getvalue()})
+    write_json(version=schema.VERSIONS[-1], sql=text.getvalue())
 
 
 @db.command()
@@ -205,7 +205,7 @@ def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = 
 
     version = schema.current(url)
     if as_json:
-        write_json({"version": version, "newest": schema.VERSIONS[-1], **(more or {})})
+        write_json(more, version=version, newest=schema.VERSIONS[-1])
     else:
         typer.echo(version or "none")
 
@@ -216,7 +216,7 @@ def kbs(url: Url, as_json: AsJson = False) -> None:
 
     found = knowledge_bases(url)
     if as_json:
-        write_json({"knowledge_bases": found})
+        write_json(knowledge_bases=found)
         return
     columns: dict[str, Callable[[Inventory], str]] = {
         "knowledge base": lambda one: printable(one.name),
@@ -340,7 +340,7 @@ def archive(
             when, to=to, dry_run=dry_run, reason=reason, actor=actor, progress=progress
         )
     if as_json:
-        write_json({"knowledge_base": name, "dry_run": dry_run, **done._asdict()})
+        write_json(done, knowledge_base=name, dry_run=dry_run)
     else:
         _write_archived(Printer(), name, done, dry_run)
 
@@ -378,7 +378,7 @@ def views(
 
     changes = (drop_views if drop else update_views)(url, knowledge_base=kb, dry_run=dry_run)
     if as_json:
-        write_json({"views": [_view_document(change, dry_run) for change in changes]})
+        write_json(views=[_view_document(change, dry_run) for change in changes])
     elif dry_run:
         statements = (statement for change in changes for statement in change.statements)
         typer.echo("".join(f"{statement};\n" for statement in statements), nl=False)
