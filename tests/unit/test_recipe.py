@@ -32,7 +32,6 @@ OF_FUNCTIONS = {
 BEYOND = {
     "aio.py": "the awaitable DAO has its type",
     "cli/state.py": "the command that sets a value",
-    "dao/__init__.py": "public names",
     "dao/base.py": "a result of values builds the DTOs of their functions",
     "dao/formula.py": "formulas apply functions",
     "dao/function_value.py": "functions have values",
@@ -42,7 +41,6 @@ BEYOND = {
     "dto/__init__.py": "public names",
     "history/elements.py": "the history of a value is asked for by its function",
     "history/verify/definition_check.py": "parameters of both kinds are checked alike",
-    "history/verify/identities.py": "terms are objects or numbers by their function",
     "knowledge/resolved.py": "conditions and effects apply functions",
     "reasoning/effects.py": "effects change the values of functions",
     "knowledge/symbols.py": "conditions apply functions",
