@@ -74,7 +74,6 @@ def test_a_nested_transaction_has_the_outer_one_s(fresh_kb: KnowledgeBase) -> No
     "moment",
     [
         datetime(2026, 1, 31),
-        "2026-01-31T09:30:00Z",
         1_769_851_800,
         SEEN.date(),
         datetime.min.replace(tzinfo=timezone(timedelta(hours=14))),

@@ -61,7 +61,8 @@ def asynchronous_cases(kb: aio.AsyncKnowledgeBase) -> list[Case]:
     for path in PATHS:
         owner, thing = f"kb.{path}".rstrip("."), part(kb, path)
         for name in dir(type(thing)):
-            if not name.startswith("_") and name not in ("close", "factory"):
+            is_part = f"{path}.{name}".lstrip(".") in PATHS
+            if not (name.startswith("_") or is_part or name in ("close", "factory")):
                 found += [Case(owner, name, None, junk) for junk in chooser.sample(quick, 3)]
     return found
 

@@ -399,7 +399,8 @@ def functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
 def methods(subject: object) -> Iterator[str]:
     """Give the names of the public methods of an object; of the drop-in's DAOs two more."""
     for name, _ in inspect.getmembers(type(subject), inspect.isfunction):
-        if name in ("_save", "_update") or (name not in _LEFT_OUT and not name.startswith("_")):
+        is_drop_in = name in ("_save", "_update") and type(subject).__module__ == "kant_sql.compat"
+        if is_drop_in or (name not in _LEFT_OUT and not name.startswith("_")):
             yield name
 
 
