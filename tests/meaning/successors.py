@@ -158,6 +158,14 @@ def literals(effect: f.Node) -> Iterator[f.Atom]:
 
 def looks(judge: str, pair: Plain, steps: int, seconds: float) -> tuple[list[Look], str]:
     """The states of a random walk of another tool, as far as it comes; and why it ended."""
+    lines, ended = _walk(judge, pair, steps, seconds)
+    if not lines:
+        # On a busy machine the tool may not even have been imported by then.
+        lines, ended = _walk(judge, pair, steps, 10 * seconds)
+    return [_look(json.loads(line), pair) for line in lines], ended
+
+
+def _walk(judge: str, pair: Plain, steps: int, seconds: float) -> tuple[list[str], str]:
     program = [sys.executable, str(HERE / "child_successors.py"), judge, *pair.files]
     printed = pair.folder / f"{judge}.jsonl"
     with printed.open("w") as output:
@@ -174,8 +182,8 @@ def looks(judge: str, pair: Plain, steps: int, seconds: float) -> tuple[list[Loo
             ended = done.stderr[-500:] if done.returncode else ""
         except subprocess.TimeoutExpired:
             ended = f"no end within {seconds} s"
-    lines = [line for line in printed.read_text().splitlines(True) if line.endswith("\n")]
-    return [_look(json.loads(line), pair) for line in lines], ended
+    lines = printed.read_text().splitlines(True)
+    return [line for line in lines if line.endswith("\n")], ended
 
 
 def _look(line: dict[str, Any], pair: Plain) -> Look:
