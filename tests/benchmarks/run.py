@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 BENCHMARKS = (
-    *("coffee_shop", "present", "bulk", "history", "asof", "past", "verifying", "documents"),
-    *("answering", "timeline", "following", "exporting", "sizing", "pushing", "knowledge_bases"),
+    *("coffee_shop", "history", "asof", "past", "verifying", "documents", "answering"),
+    *("timeline", "sizing", "pushing", "knowledge_bases"),
 )
 
 
