@@ -245,7 +245,7 @@ def test_names_that_an_older_version_stored_stay_readable(
 ) -> None:
     names = ["-b", "5", "\u3164", "\u0301a"]
     with monkeypatch.context() as older:
-        for module in ("base", "predicate", "type"):
+        for module in ("base", "signatures", "type"):
             older.setattr(f"kant_sql.dao.{module}.check_name", lambda *_: None)
         for name in names:
             fresh_kb.propositions.save(fact(name))
