@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 BENCHMARKS = (
-    *("coffee_shop", "history", "asof", "past", "verifying", "documents", "answering"),
+    *("coffee_shop", "history", "asof", "past", "verifying", "documents"),
     *("timeline", "sizing", "pushing", "knowledge_bases"),
 )
 
