@@ -10,14 +10,7 @@ from types import SimpleNamespace
 from unittest import mock
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlFunctionDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import KnowledgeBase
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.sql.dialects.base import Session
 
@@ -47,36 +40,11 @@ DOMAIN = """
 """
 SLOWER = DOMAIN.replace("(= ?duration 60)", "(= ?duration 90)")
 
-_PLACE = PddlTypeDto("place")
-_TYPES = {
-    "place": _PLACE,
-    "table": PddlTypeDto("table", parent=_PLACE),
-    "robot": PddlTypeDto("robot"),
-    "cup": PddlTypeDto("cup"),
-    "door": PddlTypeDto("door"),
-}
-_OBJECTS = {
-    name: PddlObjectDto(_TYPES[type_], name)
-    for type_, names in {
-        "robot": "rb1 rb2",
-        "place": "dock kitchen",
-        "table": "t1 t2 t3 t4",
-        "cup": "cup1 cup2 cup3",
-        "door": "front",
-    }.items()
-    for name in names.split()
-}
-_PREDICATES = {
-    name: PddlPredicateDto(name, [_TYPES[type_] for type_ in types.split()])
-    for name, types in {
-        "robot_at": "robot place",
-        "waiting": "table",
-        "served": "table",
-        "carrying": "robot cup",
-        "open": "door",
-    }.items()
-}
-_BATTERY = PddlFunctionDto("battery", [_TYPES["robot"]])
+OBJECTS = (
+    *("rb1 - robot", "rb2 - robot", "dock - place", "kitchen - place"),
+    *(f"t{number} - table" for number in range(1, 5)),
+    *("cup1 - cup", "cup2 - cup", "cup3 - cup", "front - door"),
+)
 
 
 def at(time: str, day: int = 2) -> datetime:
@@ -141,10 +109,7 @@ class Teller:
         """Assert `robot_at rb1 t1`, retract `- robot_at rb1 t1`, set the goal `! served t1`."""
         for change in changes:
             sign = change[0] if change[0] in "-!" else "+"
-            name, *arguments = change.lstrip("-! ").split()
-            fact = PddlPropositionDto(
-                _PREDICATES[name], [_OBJECTS[argument] for argument in arguments], sign == "!"
-            )
+            fact = f"({change.lstrip('-! ')})"
             done = self.kb.propositions.delete(fact) if sign == "-" else None
             assert done is not False, change
             if sign == "!":
@@ -154,7 +119,7 @@ class Teller:
 
     def set_battery(self, robot: str, value: str) -> None:
         """Set how much charge a robot has."""
-        self.kb.function_values.set(_BATTERY, objects=[_OBJECTS[robot]], value=Decimal(value))
+        self.kb.function_values.set("battery", objects=[robot], value=Decimal(value))
 
     def set_status(self, step: int, status: str) -> None:
         """Say what becomes of a step of the plan."""
@@ -179,7 +144,7 @@ def _morning(story: Teller) -> None:
     with story.at("08:00", "operator", "opening"):  # 1
         story.kb.load_domain(DOMAIN)
     with story.at("08:05", "operator", "opening"):  # 2
-        story.kb.objects.save_all(_OBJECTS.values())
+        story.kb.objects.save_all(OBJECTS)
         story.say("robot_at rb1 dock", "robot_at rb2 kitchen")
         story.say("carrying rb1 cup1", "carrying rb1 cup2")
     with story.at("08:05:01", "battery_monitor"):  # 3
@@ -267,7 +232,7 @@ def _afternoon(story: Teller) -> None:
     with story.at("16:00", "perception", "log read late", None, "15:30"):  # 34
         story.say("waiting t4")
     with story.at("17:00", "maintenance", "door taken out"):  # 35
-        story.kb.objects.delete(_OBJECTS["front"])
+        story.kb.objects.delete("front")
     with story.at(at("08:00", day=3), "operator", "opening"):  # 36
         story.say("robot_at rb1 dock", "- robot_at rb1 kitchen")
 
@@ -275,11 +240,11 @@ def _afternoon(story: Teller) -> None:
 def record_store(url: str) -> str:
     """Record the story in a store; another robot in it has the same names for other things."""
     with kant_sql.connect(url, knowledge_base="other", actor="nobody") as other:
-        robot, place = PddlTypeDto("robot"), PddlTypeDto("place")
-        robot_at = PddlPredicateDto("robot_at", [robot, place])
-        objects = [PddlObjectDto(robot, "rb1"), PddlObjectDto(place, "t2")]
-        other.propositions.save(PddlPropositionDto(robot_at, objects))
-        other.goals.save(PddlPropositionDto(robot_at, objects))
+        with other.transaction():
+            other.objects.save_all(["rb1 - robot", "t2 - place"])
+            other.predicates.save("(robot_at ?r0 - robot ?p1 - place)")
+            other.propositions.save("(robot_at rb1 t2)")
+        other.goals.save("(robot_at rb1 t2)")
     with kant_sql.connect(url, knowledge_base="courier") as kb:
         record(kb)
     return url

@@ -7,7 +7,7 @@ from decimal import Decimal
 import pytest
 
 from kant_sql import FailedCondition, Plan, PlanStep, Validation
-from kant_sql.errors import InvalidKnowledgeError, UnsupportedConstructError
+from kant_sql.errors import UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.reasoning.validate import validate_plan
 
@@ -173,12 +173,6 @@ def test_processes_and_events_are_refused_by_name() -> None:
         domain = domain.replace(":effect (p)", ":effect (and)") if kind == "process" else domain
         with pytest.raises(UnsupportedConstructError, match=f"the {kind} leak"):
             run(domain, "(:init) (:goal (and))")
-
-
-def test_negative_cycles_of_rules_are_refused() -> None:
-    domain = "(:predicates (p) (q)) (:derived (p) (not (q))) (:derived (q) (p))"
-    with pytest.raises(InvalidKnowledgeError, match="stratified"):
-        run(domain, "(:init) (:goal (and))")
 
 
 # Temporal plans.
