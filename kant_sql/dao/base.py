@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -629,6 +630,10 @@ def _quoted(text: str) -> str:
     return text if text.startswith("(") else f"'{text}'"
 
 
+# What no name has, and each text that says more than a name.
+_TEXT = re.compile(r"[\s();]")
+
+
 class SqlNamedDao(SqlDao, NamedDao[D]):
     """Reads, saves and deletes one kind of named element."""
 
@@ -743,7 +748,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
     def _name(self, text: TextReader, given: D | str) -> str | None:
         """Return the name of the element to delete; None for a text that names what is gone."""
         if isinstance(given, str):
-            if given.lstrip()[:1] != "(" and " - " not in given:
+            if _TEXT.search(given) is None:
                 return given
             found = text.read_stored(self._reads, given, needs_names=self._needs_names)
             return None if found is None else str(found.name)

@@ -44,7 +44,7 @@ class TextReader:
     """Reads what is given as text, with the names of a transaction as it is now."""
 
     def __init__(self, transaction: Transaction) -> None:
-        self._transaction = transaction
+        self.transaction = transaction
         self._symbols: SymbolTable | None = None
 
     def read(self, read: Callable[..., T], given: str | Node, *, needs_names: bool = True) -> T:
@@ -52,7 +52,7 @@ class TextReader:
         if not needs_names:
             return read(str(given))
         if self._symbols is None:
-            self._symbols = symbols_of(self._transaction.definitions)
+            self._symbols = symbols_of(self.transaction.definitions)
         return read(str(given), symbols=self._symbols)
 
     def read_stored(
@@ -72,7 +72,7 @@ class TextReader:
 
     def _names_what_was(self, text: str) -> bool:
         """Return whether a text names something that is gone, and nothing that never was."""
-        elements = self._transaction.definitions.elements
+        elements = self.transaction.definitions.elements
         words = {
             word
             for word in tokenize(fold(text))
@@ -83,7 +83,7 @@ class TextReader:
             word for word in words if all(elements(kind).named(word) is None for kind in _NAMED)
         }
         for kind in _NAMED if gone else ():
-            self._transaction.look_up(kind, gone)
+            self.transaction.look_up(kind, gone)
         return bool(gone) and all(
             any(elements(kind).id_of(word) is not None for kind in _NAMED) for word in gone
         )

@@ -18,7 +18,7 @@ from ..store.transaction import Transaction
 from .base import Definer, DtoBuilder, SqlNamedDao
 from .dependants import Scope, of_types
 from .interfaces import PddlObjectDao, PddlTypeDao
-from .text import refuse_unknown
+from .text import TextReader, refuse_unknown
 
 
 class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
@@ -245,6 +245,15 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
     dto_class = PddlObjectDto
     _reads = staticmethod(read_object)
     definer = OBJECTS
+
+    @override
+    def _dto(self, text: TextReader, given: PddlObjectDto | str) -> PddlObjectDto:
+        dto = super()._dto(text, given)
+        if isinstance(given, str):
+            # A text cannot say it, so it stays.
+            stored = text.transaction.definitions.objects.named(dto.name)
+            dto.set_is_constant(stored is not None and stored.is_constant)
+        return dto
 
     @override
     def get_by_type(self, name: str) -> list[PddlObjectDto]:

@@ -482,3 +482,23 @@ def test_the_metric_is_given_as_text(world: KnowledgeBase) -> None:
     ):
         refuses(world, PddlError, metric.set, wrong)
     assert metric.set(None) is True
+
+
+@pytest.mark.parametrize(
+    "text", ["rb1 - robot", " rb1 ", "rb1\t- robot", "rb1\n-\nrobot", "rb1;\n"]
+)
+def test_a_text_in_delete_is_told_from_a_name_by_any_space(world: KnowledgeBase, text: str) -> None:
+    assert world.objects.delete(text) is True
+    assert world.objects.get("rb1") is None
+    with nothing_changes(world), pytest.raises(PddlError):
+        world.objects.delete("rb2 wp1")
+
+
+def test_an_object_that_is_given_as_text_stays_a_constant(world: KnowledgeBase) -> None:
+    hub = PddlObjectDto(PddlTypeDto("wp"), "hub", is_constant=True)
+    world.objects.save(hub)
+    with nothing_changes(world):
+        world.objects.save(str(hub))
+        world.objects.save_all(["HUB - wp"])
+        world.objects.update("hub - wp")
+    assert [each.name for each in world.objects.get_all() if each.is_constant] == ["hub"]
