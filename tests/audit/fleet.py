@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import kant_sql
-from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from tests.audit.story import Clock, at
 
 DOMAIN = """
@@ -18,13 +17,8 @@ DOMAIN = """
 """
 BOLD = DOMAIN.replace("(and (open ?d))", "(and)")
 ROBOTS = "tiago", "pepper", "rosie"
-
-
-ROBOT, DOOR = PddlTypeDto("robot"), PddlTypeDto("door")
-OPEN = PddlPredicateDto("open", [DOOR])
-D1, D2 = (PddlPropositionDto(OPEN, [PddlObjectDto(DOOR, name)]) for name in ("d1", "d2"))
-R1, D3 = PddlObjectDto(ROBOT, "r1"), PddlObjectDto(DOOR, "d3")
-PASSED = PddlPropositionDto(PddlPredicateDto("passed", [ROBOT, DOOR]), [R1, D3])
+D1, D2, PASSED = "(open d1)", "(open d2)", "(passed r1 d3)"
+OBJECTS = {D1: ["d1 - door"], D2: ["d2 - door"], PASSED: ["r1 - robot", "d3 - door"]}
 # When, who, whether it began, and what.
 SEEN = (
     ("09:00", "tiago", True, D1),
@@ -50,6 +44,7 @@ def write_fleet(url: str) -> str:
         for time, name, has_begun, fact in SEEN:
             clock.moment, dao = at(time), kbs[name].propositions
             with kbs[name].transaction(actor="perception", reason="saw it"):
+                kbs[name].objects.save_all(OBJECTS[fact])
                 assert (dao.save if has_begun else dao.delete)(fact)
         clock.moment = at("13:00")
         with kbs["tiago"].transaction(actor="loader", reason="deployed"):

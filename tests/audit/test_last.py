@@ -13,17 +13,13 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from tests.support.pages import rows_of
 from tests.support.servers import Server
+from tests.support.worlds.robots import BATTERY, RB1, robot_at, waypoint
 
 pytestmark = pytest.mark.every_backend
 
 LENGTHS = {"short": 50, "long": 400}
-ROBOT, WAYPOINT = PddlTypeDto("robot"), PddlTypeDto("wp")
-ROBOT_AT = PddlPredicateDto("robot_at", [ROBOT, WAYPOINT])
-BATTERY = kant_sql.PddlFunctionDto("battery", [ROBOT])
-RB1 = PddlObjectDto(ROBOT, "rb1")
 
 HERE = "knowledge_base = '{kb}'"
 LAST = f"(SELECT revision - 20 FROM audit_knowledge_base WHERE {HERE})"
@@ -88,17 +84,15 @@ ON_SQLITE = {
 
 def record(url: str) -> str:
     """Record a short and a long history in a store."""
-    places = [PddlObjectDto(WAYPOINT, f"wp{number}") for number in range(10)]
     for name, length in LENGTHS.items():
         with kant_sql.connect(url, knowledge_base=name, actor="test") as kb:
-            kb.goals.save(PddlPropositionDto(ROBOT_AT, [RB1, places[0]], is_goal=True))
-            for here, there in itertools.islice(
-                itertools.pairwise(itertools.cycle(places)), length
-            ):
+            kb.goals.save(robot_at(place=waypoint(0), is_goal=True))
+            for number in range(length):
+                here, there = number % 10, (number + 1) % 10
                 with kb.transaction():
-                    kb.propositions.delete(PddlPropositionDto(ROBOT_AT, [RB1, here]))
-                    kb.propositions.save(PddlPropositionDto(ROBOT_AT, [RB1, there]))
-                    kb.function_values.set(BATTERY, objects=[RB1], value=int(there.name[2:]))
+                    kb.propositions.delete(robot_at(place=waypoint(here)))
+                    kb.propositions.save(robot_at(place=waypoint(there)))
+                    kb.function_values.set(BATTERY, objects=[RB1], value=there)
     return url
 
 

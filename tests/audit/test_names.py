@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from kant_sql import PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from tests.support.pages import ask
 from tests.support.stores import Connect
 
@@ -84,11 +83,10 @@ def test_a_row_is_taken_apart_rightly(named: str, query: str, lines: list[str]) 
 
 def test_a_parameter_has_the_name_of_its_time(scratch_url: str, connect: Connect) -> None:
     kb = connect(scratch_url, knowledge_base="renamed")
-    cup = PddlTypeDto("cup")
     for number, name in enumerate(("one", "two")):
-        full = PddlPredicateDto("full", [cup])
         kb.load_domain(f"(define (domain d) (:types cup) (:predicates (full ?{name} - cup)))")
-        kb.propositions.save(PddlPropositionDto(full, [PddlObjectDto(cup, f"c{number}")]))
+        kb.objects.save(f"c{number} - cup")
+        kb.propositions.save(f"(full c{number})")
     query = (
         "SELECT object, parameter, until FROM audit_fact_argument "
         "WHERE knowledge_base = 'renamed' ORDER BY since"

@@ -11,87 +11,23 @@ from hypothesis import given
 from kant_sql.dto import formulas as f
 from kant_sql.errors import InvalidKnowledgeError
 from kant_sql.pddl import read_domain, read_problem
-from kant_sql.pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
+from kant_sql.pddl.document import Action, Domain, Function, Predicate, Problem
 from kant_sql.pddl.writer import node_text, write, write_problem
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
 
-ROBOT, WP = ("robot",), ("wp",)
-R, FROM, TO = f.TypedName("r", ROBOT), f.TypedName("from", WP), f.TypedName("to", WP)
+ROBOT = ("robot",)
+R = f.TypedName("r", ROBOT)
 FREE = f.Atom("free")
 BATTERY = f.Fluent("battery", (f.Variable("r"),))
 GROWS = f.Assign("increase", BATTERY, f.Number(Decimal(1)))
-HOLDS = f.Preference("p1", f.Atom("robot_at", (f.Constant("rb1"), f.Constant("wp2"))))
 
 
 def number(text: str) -> f.Number:
     return f.Number(Decimal(text))
 
 
-def domain() -> Domain:
-    move = Action(
-        "durative-action",
-        "move",
-        (R, FROM, TO),
-        (f.Comparison("=", f.Variable("duration"), number("10")),),
-        (f.Timed("at start", f.Atom("robot_at", (f.Variable("r"), f.Variable("from")))),),
-        (
-            f.Timed("at end", f.Not(FREE)),
-            f.Assign("decrease", BATTERY, f.Arithmetic("*", (f.ContinuousTime(), number("0.50")))),
-        ),
-    )
-    wait = Action("action", "wait", effect=(f.When(FREE, f.Not(FREE)),))
-    return Domain(
-        "Tiago",
-        (":typing", ":fluents"),
-        (
-            f.TypedName("robot"),
-            f.TypedName("door", WP),
-            f.TypedName("window", WP),
-            f.TypedName("wp"),
-        ),
-        (
-            f.TypedName("d1", ("door",)),
-            f.TypedName("d2", ("door",)),
-            f.TypedName("w", ("robot", "wp")),
-        ),
-        (Predicate("robot_at", (R, f.TypedName("r", WP))), Predicate("free")),
-        (
-            Function("battery", (R,)),
-            Function("home", (R,), WP),
-            Function("total-cost"),
-        ),
-        (f.Modal("always", (), (FREE,)),),
-        (f.Derived("free", (), f.And()),),
-        (move, wait),
-    )
-
-
-def problem() -> Problem:
-    rb1, wp2 = f.Constant("rb1"), f.Constant("wp2")
-    battery = f.Fluent("battery", (rb1,))
-    return Problem(
-        "P",
-        "Tiago",
-        (),
-        (f.TypedName("rb1", ROBOT), f.TypedName("wp2", WP), f.TypedName("thing")),
-        (f.Atom("robot_at", (rb1, wp2)), FREE),
-        (f.Not(f.Atom("robot_at", (rb1, rb1))), f.Equal(rb1, rb1)),
-        (FunctionValue(battery, number("-1.50")), FunctionValue(f.Fluent("home", (rb1,)), wp2)),
-        (
-            f.TimedLiteral(number("5"), f.Not(FREE)),
-            f.TimedLiteral(number("6"), f.Assign("assign", battery, number("1E+2"))),
-        ),
-        (FREE, HOLDS),
-        (f.Timed("at end", FREE),),
-        f.Metric("minimize", f.IsViolated("p1")),
-    )
-
-
-def test_the_layout_of_a_domain() -> None:
-    assert (
-        write(domain())
-        == """\
+LAYOUT = """\
 (define (domain Tiago)
   (:requirements :typing :fluents)
   (:types
@@ -136,13 +72,7 @@ def test_the_layout_of_a_domain() -> None:
   )
 )
 """
-    )
-
-
-def test_the_layout_of_a_problem() -> None:
-    assert (
-        write(problem())
-        == """\
+OF_PROBLEM = """\
 (define (problem P)
   (:domain Tiago)
   (:objects
@@ -170,7 +100,13 @@ def test_the_layout_of_a_problem() -> None:
   (:metric minimize (is-violated p1))
 )
 """
-    )
+# An exponent is written out.
+PROBLEM = read_problem(OF_PROBLEM.replace("100", "1e2"))
+
+
+def test_the_layout_of_a_document() -> None:
+    assert write(read_domain(LAYOUT)) == LAYOUT
+    assert write(PROBLEM) == OF_PROBLEM
 
 
 def test_an_empty_document_has_what_the_standard_requires() -> None:
@@ -218,8 +154,8 @@ def test_numeric_functions_alone_need_no_type() -> None:
 
 def test_facts_may_be_given_as_text() -> None:
     facts = (fact for fact in ["(free)", "(robot_at rb1 wp2)"])
-    given_ = write_problem(replace(problem(), facts=()), facts)
-    assert given_ == write(replace(problem(), facts=(FREE, problem().facts[0])))
+    given_ = write_problem(replace(PROBLEM, facts=()), facts)
+    assert given_ == write(replace(PROBLEM, facts=(FREE, PROBLEM.facts[0])))
 
 
 @hunting(PROFILE.texts)

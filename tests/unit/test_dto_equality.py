@@ -16,6 +16,8 @@ from kant_sql import (
     KantSqlError,
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
@@ -24,6 +26,8 @@ from kant_sql import (
 from kant_sql.errors import InvalidNameError
 from tests.support.generators.junk import JUNK, SLOW, World
 from tests.support.worlds.robots import (
+    DISTANCE,
+    LOCATION,
     RB1,
     ROBOT,
     ROBOT_AT,
@@ -103,6 +107,17 @@ def test_equality_of_names_implies_one_hash(one: str, other: str) -> None:
     assert left == PddlTypeDto(one)
     if left == right:
         assert hash(left) == hash(right)
+
+
+def test_a_function_is_known_by_its_name_and_a_value_by_its_fluent() -> None:
+    assert PddlFunctionDto("LOC") == LOCATION
+    assert PddlPredicateDto("loc") != LOCATION
+    ten, twenty = (PddlFunctionValueDto(DISTANCE, [WP1, WP2], value) for value in (10, 20))
+    assert ten == twenty
+    assert hash(ten) == hash(twenty)
+    assert ten != PddlFunctionValueDto(DISTANCE, [WP2, WP1], 10)
+    assert ten != PddlFunctionValueDto(LOCATION, [WP1, WP2], 10)
+    assert ten == PddlFunctionValueDto(PddlFunctionDto("Distance"), [WP1, WP2])
 
 
 def test_a_name_that_is_no_string_cannot_be_compared() -> None:

@@ -1,8 +1,11 @@
-"""`str()` of a DTO is its PDDL text, in exactly the shapes that other programs parse."""
+"""`str()` of a DTO is its PDDL text, exactly as other programs parse it; numbers are exact."""
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
+from decimal import Decimal
 
 import pytest
 from hypothesis import given
@@ -10,16 +13,34 @@ from hypothesis import strategies as st
 
 from kant_sql import (
     Dto,
+    InvalidKnowledgeError,
     PddlActionDto,
     PddlConditionEffectDto,
+    PddlEitherTypeDto,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
+from kant_sql.dto.formulas import Number
+from tests.support.worlds.robots import (
+    DISTANCE,
+    LOCATION,
+    RB1,
+    ROBOT,
+    ROBOT_AT,
+    WAYPOINT,
+    WP1,
+    WP2,
+    assigned,
+    navigation,
+    robot_at,
+)
 
 Literal = PddlConditionEffectDto
+EITHER = PddlEitherTypeDto([ROBOT, PddlTypeDto("human")])
 
 NAVIGATION = (
     "(:durative-action navigation\n"
@@ -93,6 +114,33 @@ def wait() -> PddlActionDto:
         (navigation(), NAVIGATION),
         (wait(), PLAIN),
         (PddlActionDto("nothing"), BARE),
+        (DISTANCE, "(distance ?w0 - wp ?w1 - wp)"),
+        (PddlFunctionDto("total-cost"), "(total-cost)"),
+        (LOCATION, "(loc ?r0 - robot) - wp"),
+        (PddlFunctionDto("next", value_types=[WAYPOINT, ROBOT]), "(next) - (either wp robot)"),
+        (PddlFunctionDto("next", value_types=[EITHER]), "(next) - (either robot human)"),
+        (
+            PddlFunctionDto("d", [WAYPOINT, WAYPOINT], parameter_names=["from", "to"]),
+            "(d ?from - wp ?to - wp)",
+        ),
+        (PddlFunctionDto("age", [EITHER]), "(age ?r0 - (either robot human))"),
+        (
+            PddlPredicateDto("near", [EITHER, WAYPOINT]),
+            "(near ?r0 - (either robot human) ?w1 - wp)",
+        ),
+        (
+            PddlPredicateDto("same", [ROBOT, ROBOT], parameter_names=["x", "x"]),
+            "(same ?x - robot ?x - robot)",
+        ),
+        (
+            PddlPredicateDto("p", [ROBOT, ROBOT], parameter_names=["x"]),
+            "(p ?x - robot ?r1 - robot)",
+        ),
+        (EITHER, "(either robot human)"),
+        (PddlObjectDto(EITHER, "rb1"), "rb1 - (either robot human)"),
+        (PddlFunctionValueDto(DISTANCE, [WP1, WP2], 10), "(= (distance wp1 wp2) 10)"),
+        (PddlFunctionValueDto(PddlFunctionDto("total-cost")), "(= (total-cost) 0)"),
+        (PddlFunctionValueDto(LOCATION, [RB1], WP2), "(= (loc rb1) wp2)"),
     ],
 )
 def test_a_dto_prints_as_pddl(dto: Dto, text: str) -> None:
@@ -113,28 +161,43 @@ def test_a_variable_starts_with_the_first_letter_of_the_type_in_its_own_spelling
 
 
 @pytest.mark.parametrize(
-    ("duration", "text"),
+    ("value", "text"),
     [
         (0, "0"),
-        (7, "7"),
+        (-3, "-3"),
         (2**80, "1208925819614629174706176"),
         (10.0, "10.0"),
+        (-0.0, "0.0"),
+        (7, "7"),
         (2.5, "2.5"),
+        (0.1, "0.1"),
         (1e-7, "0.0000001"),
         (1e16, "10000000000000000.0"),
         (1e23, "100000000000000000000000.0"),
+        (5e-324, f"0.{'0' * 323}5"),
+        (Decimal("10.50"), "10.50"),
+        (Decimal("-0"), "0"),
+        (Decimal("1E+3"), "1000"),
+        (Decimal("1E-3"), "0.001"),
+        (Decimal(10) ** 399, f"1{'0' * 399}"),
     ],
 )
-def test_a_duration_is_printed_in_digits(duration: int | float, text: str) -> None:
-    action = PddlActionDto("a", duration=duration)
-    assert f"\t:duration (= ?duration {text})\n" in str(action)
+def test_a_number_is_printed_exactly_and_without_an_exponent(
+    value: int | float | Decimal, text: str
+) -> None:
+    printed = str(PddlFunctionValueDto(DISTANCE, [WP1, WP2], value))
+    assert printed == f"(= (distance wp1 wp2) {text})"
+    assert f"\t:duration (= ?duration {text})\n" in str(PddlActionDto("a", duration=value))
 
 
-@given(st.floats(min_value=0, allow_nan=False, allow_infinity=False))
-def test_a_float_duration_is_printed_exactly_and_without_an_exponent(duration: float) -> None:
-    found = re.search(r"\?duration (\d+\.\d+)\)", str(PddlActionDto("a", duration=duration)))
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_float_is_read_back_from_its_text(value: float) -> None:
+    text = str(PddlFunctionValueDto(PddlFunctionDto("f"), [], value))
+    assert "e" not in text.lower()
+    assert float(text.removeprefix("(= (f) ").removesuffix(")")) == value
+    found = re.search(r"\?duration (\d+\.\d+)\)", str(PddlActionDto("a", duration=abs(value))))
     assert found is not None
-    assert float(found[1]) == duration
+    assert float(found[1]) == abs(value)
 
 
 def test_a_subclass_of_float_is_printed_as_a_float() -> None:
@@ -143,3 +206,38 @@ def test_a_subclass_of_float_is_printed_as_a_float() -> None:
             return f"{float(self)} s"
 
     assert "(= ?duration 2.5)" in str(PddlActionDto("a", duration=Seconds(2.5)))
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        float("nan"),
+        float("inf"),
+        Decimal("NaN"),
+        Decimal("sNaN"),
+        Decimal("-Infinity"),
+        Decimal("1E+1000000"),
+        Decimal("1E-1000000"),
+        Decimal("0E-1000000"),
+        10**400,
+    ],
+    ids=repr,
+)
+def test_what_no_text_carries_is_refused(value: int | float | Decimal) -> None:
+    with pytest.raises(InvalidKnowledgeError, match="is a finite number of at most 400 digits"):
+        PddlFunctionValueDto(PddlFunctionDto("f"), [], value)
+    with pytest.raises(InvalidKnowledgeError, match="is a finite number of at most 400 digits"):
+        Number(value)
+    wrong = assigned(PddlFunctionValueDto(PddlFunctionDto("f")), value=value)
+    with pytest.raises(InvalidKnowledgeError, match="give a finite number of at most 400 digits"):
+        str(wrong)
+
+
+def test_the_name_of_several_types_follows_them() -> None:
+    either = PddlEitherTypeDto([ROBOT])
+    assert either.name == "robot"
+    either.set_types([WAYPOINT, ROBOT])
+    assert (either.name, either.get_types()) == ("(either wp robot)", [WAYPOINT, ROBOT])
+    for twin in (copy.deepcopy(either), pickle.loads(pickle.dumps(either))):
+        assert twin == either
+        assert twin.types == either.types
