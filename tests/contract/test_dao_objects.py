@@ -7,23 +7,14 @@ from kant_sql import (
     DependantsError,
     KnowledgeBase,
     PddlActionDto,
-    PddlConditionEffectDto,
     PddlObjectDto,
     PddlPropositionDto,
     PddlTypeDto,
 )
-from tests.support.atoms import Atoms
-from tests.support.reading import facts, last_changes, nothing_changes, refuses, state, versions
+from tests.support.reading import facts, last_changes, refuses, state, versions
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
 
 TIAGO = PddlTypeDto("tiago", parent=ROBOT)
-
-
-def go_home() -> PddlActionDto:
-    """An action that mentions an object, wp1, as a constant."""
-    robot = PddlObjectDto(ROBOT, "r")
-    effect = PddlConditionEffectDto(ROBOT_AT, [robot, WP1], PddlConditionEffectDto.AT_END)
-    return PddlActionDto("go_home", [robot], [], [effect])
 
 
 def test_the_type_of_an_object_is_saved_along_with_its_parents(fresh_kb: KnowledgeBase) -> None:
@@ -74,27 +65,6 @@ def test_what_refers_to_a_type_with_another_parent_is_refused_naming_both(
         assert "'robot - machine'" in str(caught.value)
 
 
-def test_redefining_an_object_with_dependants_is_refused_with_the_list(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
-    fresh_kb.actions.save(go_home())
-    home = PddlObjectDto(ROBOT, "wp1")
-    for call in (
-        lambda: fresh_kb.objects.save(home),
-        lambda: fresh_kb.objects.update(home),
-        lambda: fresh_kb.objects.save_all([WP2, home]),
-    ):
-        caught = refuses(fresh_kb, DependantsError, call)
-        assert isinstance(caught.value, DependantsError)
-        assert caught.value.dependants == (
-            "action go_home",
-            "fact (robot_at rb1 wp1)",
-            "goal (robot_at rb1 wp1)",
-        )
-        assert "object wp1 - wp cannot become 'wp1 - robot'" in str(caught.value)
-
-
 def test_the_message_shows_some_dependants_and_the_error_has_all(
     fresh_kb: KnowledgeBase,
 ) -> None:
@@ -106,49 +76,6 @@ def test_the_message_shows_some_dependants_and_the_error_has_all(
     assert isinstance(caught.value, DependantsError)
     assert len(caught.value.dependants) == 12
     assert "(robot_at r09 wp1) and 2 more depend on it" in str(caught.value)
-
-
-def test_redefining_an_object_with_cascade_retracts_its_dependants_in_the_same_revision(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
-    fresh_kb.actions.save(go_home())
-    before = fresh_kb.revision
-    assert fresh_kb.objects.save(PddlObjectDto(ROBOT, "wp1"), cascade=True) is True
-    assert fresh_kb.revision == before + 1
-    after = state(fresh_kb)
-    assert after["objects"] == ["rb1 - robot", "wp1 - robot", "wp2 - wp"]
-    assert (after["facts"], after["goals"], after["actions"]) == (["(robot_at rb1 wp2)"], [], [])
-
-
-def test_deleting_an_object_deletes_what_mentions_it_in_one_revision(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2), robot_at(is_goal=True)])
-    fresh_kb.actions.save(go_home())
-    before = fresh_kb.revision
-    assert fresh_kb.objects.delete(PddlObjectDto(PddlTypeDto("any"), "WP1")) is True
-    assert fresh_kb.revision == before + 1
-    assert [line.splitlines()[0] for line in last_changes(fresh_kb)] == [
-        "- action (:durative-action go_home",
-        "- fact (robot_at rb1 wp1)",
-        "- goal (robot_at rb1 wp1)",
-        "- object wp1 - wp",
-    ]
-    assert facts(fresh_kb) == ["(robot_at rb1 wp2)"]
-    assert state(fresh_kb)["types"] == ["robot", "wp"]
-
-
-def test_deleting_all_objects_deletes_all_facts_about_any(fresh_kb: KnowledgeBase) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(RB1, WP2, is_goal=True)])
-    before = fresh_kb.revision
-    assert fresh_kb.objects.delete_all() == 3
-    assert fresh_kb.revision == before + 1
-    after = state(fresh_kb)
-    assert (after["objects"], after["facts"], after["goals"]) == ([], [], [])
-    assert after["predicates"] == ["(robot_at ?r0 - robot ?w1 - wp)"]
-    with nothing_changes(fresh_kb):
-        assert fresh_kb.objects.delete_all() == 0
 
 
 def test_a_deleted_object_does_not_bring_its_old_facts_back(fresh_kb: KnowledgeBase) -> None:

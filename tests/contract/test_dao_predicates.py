@@ -6,7 +6,6 @@ import pytest
 
 from kant_sql import (
     ConflictError,
-    DependantsError,
     KnowledgeBase,
     PddlObjectDto,
     PddlPredicateDto,
@@ -14,17 +13,12 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.errors import ArityError
-from tests.support.atoms import Atoms
 from tests.support.reading import (
-    facts,
-    last_changes,
     nothing_changes,
     refuses,
-    rows,
     state,
-    versions,
 )
-from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, navigation, robot_at
+from tests.support.worlds.robots import ROBOT, ROBOT_AT, WAYPOINT, robot_at
 
 Predicate = PddlPredicateDto
 SWAPPED = Predicate("robot_at", [WAYPOINT, ROBOT])
@@ -102,47 +96,6 @@ def test_what_refers_to_a_parameter_type_with_another_parent_is_refused_naming_b
         assert "'robot - machine'" in str(caught.value)
 
 
-def test_redefining_a_predicate_with_dependants_is_refused_with_the_list(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
-    fresh_kb.actions.save(navigation())
-    for call in (
-        lambda: fresh_kb.predicates.save(SWAPPED),
-        lambda: fresh_kb.predicates.update(SWAPPED),
-        lambda: fresh_kb.predicates.save_all([Predicate("raining"), SWAPPED]),
-    ):
-        caught = refuses(fresh_kb, DependantsError, call)
-        assert isinstance(caught.value, DependantsError)
-        assert caught.value.dependants == (
-            "action navigation",
-            "fact (robot_at rb1 wp1)",
-            "goal (robot_at rb1 wp1)",
-        )
-        assert (
-            "predicate (robot_at ?r0 - robot ?w1 - wp) cannot become "
-            "(robot_at ?w0 - wp ?r1 - robot)" in str(caught.value)
-        )
-
-
-def test_redefining_a_predicate_with_cascade_retracts_its_dependants_in_the_same_revision(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
-    fresh_kb.actions.save(navigation())
-    before = fresh_kb.revision
-    assert fresh_kb.predicates.save(SWAPPED, cascade=True) is True
-    assert fresh_kb.revision == before + 1
-    after = state(fresh_kb)
-    assert after["predicates"] == ["(robot_at ?w0 - wp ?r1 - robot)"]
-    assert after["facts"] == after["goals"] == after["actions"] == []
-    assert versions(fresh_kb, "predicate") == [
-        ("(robot_at ?r0 - robot ?w1 - wp)", 1, before + 1),
-        ("(robot_at ?w0 - wp ?r1 - robot)", before + 1, None),
-    ]
-    assert len(rows(fresh_kb, "SELECT * FROM predicate_parameter WHERE kb_id = :kb")) == 4
-
-
 def test_saving_the_same_definition_is_no_redefinition(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
     shouted = Predicate("ROBOT_AT", [PddlTypeDto("ROBOT"), PddlTypeDto("WP")])
@@ -150,40 +103,6 @@ def test_saving_the_same_definition_is_no_redefinition(fresh_kb: KnowledgeBase) 
         assert fresh_kb.predicates.save(shouted) is True
         assert fresh_kb.predicates.update(shouted, cascade=True) is True
         assert fresh_kb.predicates.save_all([shouted]) == 0
-
-
-def test_deleting_a_predicate_deletes_what_uses_it_in_one_revision(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    raining = PddlPropositionDto(Predicate("raining"))
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True), raining])
-    fresh_kb.actions.save(navigation())
-    before = fresh_kb.revision
-    assert fresh_kb.predicates.delete(Predicate("Robot_At")) is True
-    assert fresh_kb.revision == before + 1
-    assert [line.splitlines()[0] for line in last_changes(fresh_kb)] == [
-        "- action (:durative-action navigation",
-        "- fact (robot_at rb1 wp1)",
-        "- goal (robot_at rb1 wp1)",
-        "- predicate (robot_at ?r0 - robot ?w1 - wp)",
-    ]
-    assert facts(fresh_kb) == ["(raining)"]
-    assert RB1 in fresh_kb.objects.get_all()
-
-
-def test_deleting_all_predicates_deletes_all_facts_goals_and_actions_on_them(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    Atoms(fresh_kb).save_all([robot_at(), robot_at(is_goal=True)])
-    fresh_kb.actions.save(navigation())
-    before = fresh_kb.revision
-    assert fresh_kb.predicates.delete_all() == 1
-    assert fresh_kb.revision == before + 1
-    after = state(fresh_kb)
-    assert after["predicates"] == after["facts"] == after["goals"] == after["actions"] == []
-    assert after["types"] == ["robot", "wp"]
-    with nothing_changes(fresh_kb):
-        assert fresh_kb.predicates.delete_all() == 0
 
 
 def test_save_all_counts_what_changed(fresh_kb: KnowledgeBase) -> None:
