@@ -8,6 +8,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -38,38 +39,9 @@ def replace_by_a_new_file(path: Path) -> None:
     path.write_bytes(b"")
 
 
-def empty(path: Path) -> None:
-    os.truncate(path, 0)
-
-
-def cut(path: Path) -> None:
-    os.truncate(path, path.stat().st_size // 2)
-
-
-def remove_log(path: Path) -> None:
-    Path(f"{path}-wal").unlink()
-
-
-def remove_shared_memory(path: Path) -> None:
-    Path(f"{path}-shm").unlink()
-
-
-def replace_log(path: Path) -> None:
-    remove_log(path)
-    Path(f"{path}-wal").write_bytes(b"")
-
-
-def empty_log(path: Path) -> None:
-    os.truncate(f"{path}-wal", 0)
-
-
 def into_a_folder(path: Path) -> None:
     path.unlink()
     path.mkdir()
-
-
-def move_folder(path: Path) -> None:
-    path.parent.rename(path.parent.with_name("moved"))
 
 
 FILE: dict[str, Attack] = {
@@ -77,16 +49,16 @@ FILE: dict[str, Attack] = {
     "renamed": lambda path: path.rename(path.with_suffix(".old")),
     "replaced": replace,
     "replaced by a new file": replace_by_a_new_file,
-    "emptied": empty,
-    "cut off": cut,
+    "emptied": lambda path: os.truncate(path, 0),
+    "cut off": lambda path: os.truncate(path, path.stat().st_size // 2),
     "a folder": into_a_folder,
-    "its folder moved": move_folder,
+    "its folder moved": lambda path: path.parent.rename(path.parent.with_name("moved")),
 }
 LOG: dict[str, Attack] = {
-    "log deleted": remove_log,
-    "log replaced": replace_log,
-    "log emptied": empty_log,
-    "shared memory deleted": remove_shared_memory,
+    "log deleted": lambda path: Path(f"{path}-wal").unlink(),
+    "log replaced": lambda path: replace_by_a_new_file(Path(f"{path}-wal")),
+    "log emptied": lambda path: os.truncate(f"{path}-wal", 0),
+    "shared memory deleted": lambda path: Path(f"{path}-shm").unlink(),
 }
 
 
@@ -102,10 +74,15 @@ def kb(path: Path) -> Iterator[KnowledgeBase]:
     with kant_sql.connect(f"sqlite:///{path}") as kb:
         fill(kb, 5)
         # All in the file itself, so that what is cut off is missed.
-        with closing(sqlite3.connect(path)) as other:
-            other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        checkpoint(path, "TRUNCATE")
         kb.propositions.delete(fact(1))
         yield kb
+
+
+def checkpoint(path: Path, mode: str = "PASSIVE") -> None:
+    """Write the log into the file, as another process may."""
+    with closing(sqlite3.connect(path)) as other:
+        other.execute(f"PRAGMA wal_checkpoint({mode})")
 
 
 def attack_before_commit(patch: pytest.MonkeyPatch, attack: Attack, path: Path) -> None:
@@ -173,8 +150,7 @@ def test_a_backup_copied_over_the_open_file_is_noticed(kb: KnowledgeBase, path: 
 def test_another_store_copied_over_the_open_file_is_noticed(
     kb: KnowledgeBase, path: Path, connect: Connect, tmp_path: Path
 ) -> None:
-    with closing(sqlite3.connect(path)) as other:
-        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    checkpoint(path)
     kb.propositions.get_all()
     foreign = connect(f"sqlite:///{tmp_path / 'foreign.db'}")
     fill(foreign, 8)
@@ -293,31 +269,23 @@ def test_a_change_of_folder_changes_no_file(
     monkeypatch.chdir(elsewhere)
     kb.propositions.delete(fact(1))
     # A thread of its own has a connection of its own.
-    seen: list[object] = []
-    with kb.transaction(reason="hold the first connection"):
-        thread = threading.Thread(target=lambda: seen.append(kb.at(1).propositions.get_all()))
-        thread.start()
-        thread.join()
-    assert len(seen) == 1
+    with kb.transaction(reason="hold the first connection"), ThreadPoolExecutor(1) as pool:
+        pool.submit(kb.at(1).propositions.get_all).result()
     assert not [*elsewhere.iterdir()]
 
 
 def test_a_new_connection_does_not_open_another_file(kb: KnowledgeBase, path: Path) -> None:
     replace(path)
-    errors: list[BaseException] = []
+    begin = threading.Barrier(3)
 
-    def read() -> None:
-        try:
-            kb.propositions.get_all()
-        except StoreReplacedError as error:
-            errors.append(error)
+    def read() -> object:
+        # Each in a thread of its own.
+        begin.wait(30)
+        return kb.propositions.get_all()
 
-    threads = [threading.Thread(target=read) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(errors) == 3
+    with ThreadPoolExecutor(3) as pool:
+        for call in [pool.submit(read) for _ in range(3)]:
+            assert isinstance(call.exception(), StoreReplacedError)
 
 
 def test_who_waits_for_news_is_told(
@@ -356,8 +324,7 @@ def overwrite(kb: KnowledgeBase, path: Path) -> Callable[[], object]:
     """Give what copies an older state over the open file, as no replacement of the file does."""
     backup = path.with_suffix(".backup")
     shutil.copy(path, backup)
-    with closing(sqlite3.connect(path)) as other:
-        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    checkpoint(path)
     kb.propositions.get_all()
     return lambda: path.write_bytes(backup.read_bytes().ljust(path.stat().st_size, b"\0"))
 
@@ -438,8 +405,7 @@ def test_a_name_of_the_file_may_lead_elsewhere_when_another_stays(
     link.unlink()
     link.symlink_to(foreign)
     second.propositions.save(fact(1))
-    with closing(sqlite3.connect(path)) as other:
-        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    checkpoint(path)
     assert fact(1) in second.propositions.get_all()
     with pytest.raises(StoreReplacedError, match="another file"):
         first.propositions.get_all()
@@ -450,8 +416,7 @@ def test_a_checkpoint_is_looked_into_once_in_a_process(
 ) -> None:
     others = [connect(f"sqlite:///{path}") for _ in range(3)]
     kb.propositions.save(fact(1))
-    with closing(sqlite3.connect(path)) as other:
-        other.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    checkpoint(path)
     compared: list[Path] = []
     compare = Contents.compare
 
