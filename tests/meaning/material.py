@@ -6,8 +6,7 @@ those of the planning competitions lie in `shared/pddl`, beside the checkout, if
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,8 +21,6 @@ PLANS = HERE / "plans"
 # Everything, instead of what takes little time.
 ALL = PROFILE.is_whole
 
-Regenerate = Callable[[Path, Path], tuple[str, str]]
-
 
 @dataclass(frozen=True)
 class Pair:
@@ -32,6 +29,21 @@ class Pair:
     name: str
     domain: Path
     problem: Path
+
+    @classmethod
+    def written(cls, name: str, folder: Path, domain: str, problem: str) -> Pair:
+        """Write a pair into a folder."""
+        pair = cls(name, folder / "domain.pddl", folder / "problem.pddl")
+        pair.domain.write_text(domain, encoding="utf-8")
+        pair.problem.write_text(problem, encoding="utf-8")
+        return pair
+
+    def changed(self, which: str, text: str, instead: str, folder: Path) -> Pair:
+        """Write it into a folder, with another text in the place of one in one of its files."""
+        texts = {"domain": self.domain.read_text(), "problem": self.problem.read_text()}
+        assert text in texts[which]
+        texts[which] = texts[which].replace(text, instead)
+        return Pair.written(self.name, folder, **texts)
 
     @property
     def size(self) -> int:
@@ -68,35 +80,15 @@ def by_documents(domain: Path, problem: Path) -> tuple[str, str]:
     return write(document), write(read_problem(problem, domain=document))
 
 
-class ByStore:
-    """Loads two files into a knowledge base, and has it say what it holds."""
-
-    def __init__(self, folder: Path) -> None:
-        self._url = f"sqlite:///{folder / 'store.db'}"
-        self._numbers = itertools.count(1)
-
-    def __call__(self, domain: Path, problem: Path) -> tuple[str, str]:
-        kb = kant_sql.connect(self._url, knowledge_base=f"pair-{next(self._numbers)}")
-        try:
-            kb.load_domain(domain)
-            kb.load_problem(problem)
-            return kb.domain_pddl(), kb.problem_pddl()
-        finally:
-            kb.close()
-
-
 class Workshop:
     """Makes our text of pairs, once each, in a folder.
 
-    `way` is how kant_sql gets from two files to our text. Without one, the tests' own pairs go all
-    the way through a store; those of the competitions do so in `corpus/test_store.py`, which sees
-    that the text is the same, and are just read and written here.
+    The tests' own pairs go all the way through a store; those of the competitions do so in
+    `corpus/test_store.py`, which sees that the text is the same; here they are read and written.
     """
 
-    def __init__(self, folder: Path, way: Regenerate | None = None) -> None:
+    def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._way = way
-        self._by_store = ByStore(folder)
         self._made: dict[str, Pair] = {}
 
     def ours(self, pair: Pair) -> Pair:
@@ -104,13 +96,18 @@ class Workshop:
         if pair.name not in self._made:
             folder = self._folder / pair.name
             folder.mkdir(parents=True)
-            made = Pair(pair.name, folder / "domain.pddl", folder / "problem.pddl")
-            given = by_documents if CORPUS in pair.domain.parents else self._by_store
-            domain, problem = (self._way or given)(pair.domain, pair.problem)
-            made.domain.write_text(domain, encoding="utf-8")
-            made.problem.write_text(problem, encoding="utf-8")
-            self._made[pair.name] = made
+            way = by_documents if CORPUS in pair.domain.parents else self._by_store
+            texts = way(pair.domain, pair.problem)
+            self._made[pair.name] = Pair.written(pair.name, folder, *texts)
         return self._made[pair.name]
+
+    def _by_store(self, domain: Path, problem: Path) -> tuple[str, str]:
+        """Load two files into a knowledge base, and have it say what it holds."""
+        url, name = f"sqlite:///{self._folder / 'store.db'}", f"pair-{len(self._made)}"
+        with kant_sql.connect(url, knowledge_base=name) as kb:
+            kb.load_domain(domain)
+            kb.load_problem(problem)
+            return kb.domain_pddl(), kb.problem_pddl()
 
 
 def small(pairs: Sequence[Pair], most: int) -> list[Pair]:

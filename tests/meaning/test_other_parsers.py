@@ -43,7 +43,7 @@ def test_unified_planning_reads_the_same_of_the_competitions(workshop: Workshop)
 def test_unified_planning_sees_a_change(workshop: Workshop, tmp_path: Path) -> None:
     others.need("unified_planning")
     pair = _own("conditional")
-    changed = _changed(workshop.ours(pair), "problem", "(dirty mug)", "", tmp_path)
+    changed = workshop.ours(pair).changed("problem", "(dirty mug)", "", tmp_path)
     (answer,) = others.unified_planning([pair], [changed])
     assert answer.outcome == "differs"
 
@@ -61,7 +61,7 @@ def test_fast_downward_reads_the_same(workshop: Workshop, tmp_path: Path) -> Non
 def test_fast_downward_sees_a_change(workshop: Workshop, tmp_path: Path) -> None:
     others.need("fast_downward")
     pair = _own("derived")
-    changed = _changed(workshop.ours(pair), "problem", "(burnt hall)", "", tmp_path)
+    changed = workshop.ours(pair).changed("problem", "(burnt hall)", "", tmp_path)
     assert _by_fast_downward(pair, changed, tmp_path).outcome == "differs"
 
 
@@ -89,16 +89,6 @@ def _own(name: str) -> Pair:
 def _by_fast_downward(pair: Pair, ours: Pair, folder: Path) -> Answer:
     original = others.fast_downward(pair, folder)
     return others.compare(pair.name, original, others.fast_downward(ours, folder))
-
-
-def _changed(ours: Pair, which: str, text: str, instead: str, folder: Path) -> Pair:
-    texts = {"domain": ours.domain.read_text(), "problem": ours.problem.read_text()}
-    assert text in texts[which]
-    texts[which] = texts[which].replace(text, instead)
-    changed = Pair(ours.name, folder / "domain.pddl", folder / "problem.pddl")
-    changed.domain.write_text(texts["domain"])
-    changed.problem.write_text(texts["problem"])
-    return changed
 
 
 def _check(answers: list[Answer], expected: list[str], least: int = 0) -> None:

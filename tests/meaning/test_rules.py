@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import kant_sql
 from kant_sql import KnowledgeBase, Verdicts
-from kant_sql.dto import formulas as f
 from tests.meaning import val
 from tests.meaning.material import ALL, Pair
+from tests.meaning.walks import modal, preferences
 
 CASES = 1_000 if ALL else 120
 BASE = datetime(2026, 1, 1, tzinfo=UTC)
@@ -38,8 +38,6 @@ ACTIONS = (
     *("put-a", "put-b", "clear-a", "clear-b", "swap", "fill"),
     *("turn x", "turn y", "turn z", "dim x", "dim y"),
 )
-# VAL takes the time of hold-after for 0, and judges hold-during by one state (`trajectory.py`).
-OPERATORS = [*sorted(f.MODALS.keys() - {"hold-after", "hold-during"}), "at end"]
 INNER = (
     *("(a)", "(b)", "(not (a))", "(or (a) (b))", "(exists (?y) (lit ?y))", "(>= (level) 2)"),
     "(forall (?y) (imply (lit ?y) (b)))",
@@ -65,22 +63,8 @@ class Case(NamedTuple):
         return "".join(f"{time}: ({step})\n" for time, step in self.steps)
 
 
-def modal(random: Random, pool: tuple[str, ...]) -> str:
-    operator = random.choice(OPERATORS)
-    times, formulas = f.MODALS.get(operator, (0, 1))
-    numbers = " ".join(str(time) for time in sorted(random.randint(1, 9) for _ in range(times)))
-    inner = " ".join(random.choice(pool) for _ in range(formulas))
-    return f"({operator} {numbers} {inner})" if numbers else f"({operator} {inner})"
-
-
 def make_case(random: Random) -> Case:
-    rules = []
-    for number in range(12):
-        if number % 3 == 2:
-            own = modal(random, (*INNER, "(lit ?x)", "(lit ?x)"))
-            rules.append(f"(forall (?x) (preference p{number} {own}))")
-        else:
-            rules.append(f"(preference p{number} {modal(random, INNER)})")
+    rules = preferences(random, 12, INNER)
     hard = modal(random, INNER) if random.random() < 0.4 else None
     initial = frozenset(fact for fact in ("(a)", "(b)", "(lit x)") if random.random() < 0.3)
     times = sorted(random.sample(range(1, 21), random.randint(1, 8)))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.meaning import val
-from tests.meaning.material import ALL, Pair, Workshop, corpus_pairs, own_pairs, small
+from tests.meaning.material import ALL, Workshop, corpus_pairs, own_pairs, small
 from tests.support.corpus import WITHOUT_CORPUS
 
 OWN = {pair.name: pair for pair in own_pairs()}
@@ -46,13 +46,7 @@ def test_val_reads_the_same(name: str, workshop: Workshop) -> None:
 def test_val_sees_a_change(
     name: str, which: str, text: str, instead: str, tmp_path: Path, workshop: Workshop
 ) -> None:
-    ours = workshop.ours(OWN[name])
-    changed = Pair(name, tmp_path / "domain.pddl", tmp_path / "problem.pddl")
-    texts = {"domain": ours.domain.read_text(), "problem": ours.problem.read_text()}
-    assert text in texts[which]
-    texts[which] = texts[which].replace(text, instead)
-    changed.domain.write_text(texts["domain"])
-    changed.problem.write_text(texts["problem"])
+    changed = workshop.ours(OWN[name]).changed(which, text, instead, tmp_path)
     assert val.parse(changed).tree != val.parse(OWN[name]).tree
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import islice
@@ -26,7 +26,7 @@ from tests.meaning import val
 from tests.meaning.judging import Judged, judge
 from tests.meaning.material import ALL, Pair, Workshop, corpus_pairs, own_pairs
 from tests.meaning.plan_mutations import KINDS, mutations
-from tests.meaning.walks import walk
+from tests.meaning.walks import preferences, walk
 from tests.support.corpus import WITHOUT_CORPUS
 
 # Processes happen by themselves.
@@ -94,24 +94,25 @@ def walks(task: Task, count: int) -> Iterator[Case]:
                 yield Case("changed walk", other)
 
 
-def check(task: Task, cases: list[Case], folder: Path, wrong: list[str]) -> Counter[str]:
-    """Judge plans; count them by origin and outcome, and note what is judged differently."""
+def check(given: Iterable[tuple[Task, Iterable[Case]]], folder: Path) -> Counter[str]:
+    """Check that plans are judged alike; count them by origin and outcome."""
+    counts: Counter[str] = Counter()
+    wrong: list[str] = []
+    for task, cases in given:
 
-    def one(number: int) -> Judged:
-        file = folder / f"{task.pair.name}.{number}.plan"
-        return judge(task.pair, task.domain, task.problem, cases[number].plan, file)
+        def one(numbered: tuple[int, Case], task: Task = task) -> tuple[str, Judged]:
+            number, case = numbered
+            file = folder / f"{task.pair.name}.{number}.plan"
+            return case.origin, judge(task.pair, task.domain, task.problem, case.plan, file)
 
-    with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(one, range(len(cases))))
-    wrong += [
-        f"{task.pair.name} {case.origin}: {judged.difference}"
-        for case, judged in zip(cases, found, strict=True)
-        if judged.difference
-    ]
-    counts = Counter(
-        f"{case.origin}: {judged.outcome}" for case, judged in zip(cases, found, strict=True)
-    )
-    counts["with VAL's tolerance"] += sum(judged.is_tolerant for judged in found)
+        with ThreadPoolExecutor(2) as pool:
+            for origin, judged in pool.map(one, enumerate(cases)):
+                counts[f"{origin}: {judged.outcome}"] += 1
+                counts["with VAL's tolerance"] += judged.is_tolerant
+                if judged.difference:
+                    wrong.append(f"{task.pair.name} {origin}: {judged.difference}")
+    print(sum(counts.values()), dict(sorted(counts.items())))
+    assert not wrong, "\n\n".join(wrong)
     return counts
 
 
@@ -129,40 +130,26 @@ def tasks(workshop: Workshop) -> list[Task]:
 @pytest.mark.parametrize("pair", OWN, ids=lambda pair: pair.name)
 def test_own_plans_are_judged_as_val_judges_them(pair: Pair, tmp_path: Path) -> None:
     task = read(pair)
-    wrong: list[str] = []
-    counts = check(task, [*changed(task, 2 * EACH)], tmp_path, wrong)
     free = without_goal(task, tmp_path)
-    counts += check(free, [*walks(free, WALKS), *changed(free, EACH)], tmp_path, wrong)
-    print(pair.name, dict(counts))
-    assert not wrong, "\n\n".join(wrong)
+    cases = [*walks(free, WALKS), *changed(free, EACH)]
+    counts = check([(task, changed(task, 2 * EACH)), (free, cases)], tmp_path)
     assert counts["plan: valid"] == 2
 
 
 def test_plans_of_the_competitions_are_judged_as_val_judges_them(
     workshop: Workshop, tmp_path: Path
 ) -> None:
-    counts: Counter[str] = Counter()
-    wrong: list[str] = []
-    for task in tasks(workshop):
-        if task.pair.plan.exists():
-            counts += check(task, [*changed(task, EACH)], tmp_path, wrong)
-    print(sum(counts.values()), dict(sorted(counts.items())))
-    assert not wrong, "\n\n".join(wrong)
+    planned = (task for task in tasks(workshop) if task.pair.plan.exists())
+    counts = check(((task, changed(task, EACH)) for task in planned), tmp_path)
     for origin in KINDS:
         assert any(name.startswith(f"{origin}: ") for name in counts), origin
     assert counts["plan: valid"] >= (80 if ALL else 3)
 
 
 def test_random_steps_are_judged_as_val_judges_them(workshop: Workshop, tmp_path: Path) -> None:
-    counts: Counter[str] = Counter()
-    wrong: list[str] = []
-    for task in tasks(workshop):
-        if ALL:
-            counts += check(task, [*walks(task, WALKS)], tmp_path, wrong)
-        free = without_goal(task, tmp_path)
-        counts += check(free, [*walks(free, WALKS)], tmp_path, wrong)
-    print(sum(counts.values()), dict(sorted(counts.items())))
-    assert not wrong, "\n\n".join(wrong)
+    found = tasks(workshop)
+    judged = [*(found if ALL else ()), *(without_goal(task, tmp_path) for task in found)]
+    counts = check(((task, walks(task, WALKS)) for task in judged), tmp_path)
     assert counts["walk: valid"] >= 3
 
 
@@ -184,53 +171,29 @@ SWITCHES = """(define (domain switches)
   (:durative-action wait :parameters () :duration (= ?duration 3) :condition (over all (ready))
     :effect (at end (ready))))"""
 SETS = ("put-a", "put-b", "clear-a", "clear-b", "turn x", "turn y", "turn z")
-
-
-# VAL takes the time of hold-after for 0, and judges hold-during by one state (`trajectory.py`).
-OPERATORS = [*sorted(f.MODALS.keys() - {"hold-after", "hold-during"}), "at end"]
-
-
-def random_constraints(chance: random.Random, count: int) -> str:
-    """Write preferences over modal formulas of each kind, also quantified ones."""
-    found = []
-    for number in range(count):
-        operator = chance.choice(OPERATORS)
-        times, formulas = f.MODALS.get(operator, (0, 1))
-        numbers = " ".join(str(time) for time in sorted(chance.randint(1, 9) for _ in range(times)))
-        pool = ("(a)", "(b)", "(not (a))", "(or (a) (b))", "(exists (?y) (lit ?y))", "(lit ?x)")
-        inner = " ".join(chance.choice(pool[: 6 if number % 2 else 5]) for _ in range(formulas))
-        modal = f"({operator} {numbers} {inner})"
-        if number % 2:
-            modal = f"(forall (?x) (preference p{number} {modal}))"
-        else:
-            modal = f"(preference p{number} {modal})"
-        found.append(modal)
-    return " ".join(found)
+INNER = ("(a)", "(b)", "(not (a))", "(or (a) (b))", "(exists (?y) (lit ?y))")
 
 
 def test_constraints_are_judged_as_val_judges_them(tmp_path: Path) -> None:
     """Each preference stands for its constraint, so that one plan is judged by many."""
     chance = random.Random(3)
-    wrong: list[str] = []
-    counts: Counter[str] = Counter()
+    given = []
     for number in range(40 if ALL else 4):
-        domain = read_domain(SWITCHES)
         text = f"""(define (problem p) (:domain switches) (:objects x y z)
           (:init {chance.choice(("", "(a)", "(b)"))} (ready)) (:goal (and))
-          (:constraints (and {random_constraints(chance, 24)})) (:metric minimize (total-time)))"""
-        problem = read_problem(text, domain=domain)
-        pair = Pair(f"switches-{number}", tmp_path / "domain.pddl", tmp_path / f"{number}.pddl")
-        pair.domain.write_text(SWITCHES)
-        pair.problem.write_text(text)
+          (:constraints (and {" ".join(preferences(chance, 24, INNER))}))
+          (:metric minimize (total-time)))"""
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        task = read(Pair.written(f"switches-{number}", folder, SWITCHES, text))
         cases = []
         for _ in range(6):
             times = sorted(chance.sample(range(1, 11), chance.randint(1, 6)))
             lines = [f"{time}: ({chance.choice(SETS)})" for time in times]
             lines += [f"{time - 0.5}: (wait) [3]" for time in times[:1]]
             cases.append(Case("switched", Plan.read("\n".join([*lines, ""]))))
-        counts += check(Task(pair, domain, problem), cases, tmp_path, wrong)
-    print(dict(counts))
-    assert not wrong, "\n\n".join(wrong)
+        given.append((task, cases))
+    counts = check(given, tmp_path)
     assert counts["switched: valid"] == sum(counts.values())
 
 
@@ -251,20 +214,14 @@ def test_interference_with_a_condition_at_the_start_is_judged_as_val_judges_it(
     tmp_path: Path,
 ) -> None:
     chance = random.Random(7)
-    domain = read_domain(LATE)
-    pair = Pair("late", tmp_path / "domain.pddl", tmp_path / "problem.pddl")
-    pair.domain.write_text(LATE)
-    pair.problem.write_text(LATER)
     cases = []
     for _ in range(500 if ALL else 30):
         chosen = [(chance.randint(1, 6), chance.choice(DONE)) for _ in range(3)]
         lasts = {"first": " [2]", "both x": " [3]"}
         lines = [f"{time}: ({step}){lasts.get(step, '')}" for time, step in chosen]
         cases.append(Case("late", Plan.read("\n".join([*lines, ""]))))
-    wrong: list[str] = []
-    counts = check(Task(pair, domain, read_problem(LATER, domain=domain)), cases, tmp_path, wrong)
-    print(dict(counts))
-    assert not wrong, "\n\n".join(wrong)
+    task = read(Pair.written("late", tmp_path, LATE, LATER))
+    counts = check([(task, cases)], tmp_path)
     assert min(counts["late: valid"], counts["late: step"]) > len(cases) / 20
 
 
@@ -288,10 +245,6 @@ WATER = """(define (problem p) (:domain tank)
 
 def test_continuous_change_is_judged_as_val_judges_it(tmp_path: Path) -> None:
     chance = random.Random(5)
-    domain = read_domain(TANK)
-    pair = Pair("tank", tmp_path / "domain.pddl", tmp_path / "problem.pddl")
-    pair.domain.write_text(TANK)
-    pair.problem.write_text(WATER)
     cases = []
     for _ in range(500 if ALL else 30):
         lines = []
@@ -301,8 +254,6 @@ def test_continuous_change_is_judged_as_val_judges_it(tmp_path: Path) -> None:
             lasts = f" [{duration}]" if action in ("fill", "drain", "watch") else ""
             lines.append(f"{start}: ({action}){lasts}")
         cases.append(Case("filled", Plan.read("\n".join([*lines, ""]))))
-    wrong: list[str] = []
-    counts = check(Task(pair, domain, read_problem(WATER, domain=domain)), cases, tmp_path, wrong)
-    print(dict(counts))
-    assert not wrong, "\n\n".join(wrong)
+    task = read(Pair.written("tank", tmp_path, TANK, WATER))
+    counts = check([(task, cases)], tmp_path)
     assert min(counts["filled: valid"], counts["filled: step"]) > len(cases) / 10

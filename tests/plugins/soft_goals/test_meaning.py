@@ -11,7 +11,7 @@ from kant_sql import NoPlanError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.planning import solve
 from tests.meaning import val
-from tests.meaning.material import ALL, Pair, corpus_pairs
+from tests.meaning.material import ALL, corpus_pairs
 from tests.support.corpus import WITHOUT_CORPUS
 
 pytest.importorskip("unified_planning")
@@ -47,14 +47,9 @@ def test_soft_goals_make_plans_better(name: str, tmp_path: Path) -> None:
     indifferent = solve(domain, problem=replace(problem, metric=None), timeout=SECONDS)
     # VAL says which of two values of a metric is which only by its sign.
     sign = 1 if problem.metric is None or problem.metric.optimization == "minimize" else -1
-    values = [sign * value_of(pair, str(found), tmp_path) for found in (plan, indifferent)]
+    values = [
+        sign * float(val.carried_out(pair, found, tmp_path / "plan").value)
+        for found in (plan, indifferent)
+    ]
     assert values[0] <= values[1] or plan.ignored
     assert name not in SOLVED or not plan.ignored
-
-
-def value_of(pair: Pair, plan: str, folder: Path) -> float:
-    file = folder / "plan"
-    file.write_text(plan)
-    verdict = val.validate(pair, file)
-    assert verdict.valid, verdict.output
-    return float(verdict.value)

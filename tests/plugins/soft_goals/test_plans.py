@@ -269,12 +269,8 @@ class Evening:
 
 
 def measured(evening: Evening, plan: Plan, folder: Path) -> val.Verdict:
-    names = [folder / name for name in ("domain.pddl", "problem.pddl", "plan")]
-    for path, text in zip(names, (DOMAIN, evening.problem_text(), str(plan)), strict=True):
-        path.write_text(text)
-    verdict = val.validate(Pair("evening", names[0], names[1]), names[2])
-    assert verdict.valid, verdict.output
-    return verdict
+    pair = Pair.written("evening", folder, DOMAIN, evening.problem_text())
+    return val.carried_out(pair, plan, folder / "plan")
 
 
 def value_of(evening: Evening, verdict: val.Verdict) -> Fraction:
