@@ -127,11 +127,7 @@ class Teller:
 
 
 def record(kb: KnowledgeBase) -> None:
-    """Record the day of 2 March 2026, and the next morning.
-
-    Args:
-        kb: an empty knowledge base; another robot's may be in the same store.
-    """
+    """Record the day of 2 March 2026, and the next morning, in an empty knowledge base."""
     with Clock().ruling() as clock:
         story = Teller(kb, clock)
         _morning(story)

@@ -18,10 +18,12 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from functools import partial
 from typing import NamedTuple
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlPropositionDto
+from tests.benchmarks.support import seconds
 from tests.support.citus import Cluster, citus_url
 from tests.support.worlds.robots import RB1, robot_at, waypoint
 
@@ -71,12 +73,7 @@ FEW = {"save 1,000 facts": 20, "facts of a predicate": 10, "facts of the past": 
 
 def median_ms(call: Call, kb: KnowledgeBase, numbers: range) -> float:
     """The median time of a call."""
-    took = []
-    for number in numbers:
-        began = time.perf_counter()
-        call(kb, number)
-        took.append((time.perf_counter() - began) * 1e3)
-    return statistics.median(took)
+    return 1e3 * statistics.median(seconds(partial(call, kb, number)) for number in numbers)
 
 
 def compare(places: Places, calls: int) -> dict[str, tuple[float, float, float]]:
@@ -95,7 +92,7 @@ def compare(places: Places, calls: int) -> dict[str, tuple[float, float, float]]
     return found
 
 
-def throughput(url: str, writers: int, seconds: float) -> float:
+def throughput(url: str, writers: int, duration: float) -> float:
     """Commits a second of some writers, each over its share of the knowledge bases."""
     counts = [0] * writers
 
@@ -110,13 +107,13 @@ def throughput(url: str, writers: int, seconds: float) -> float:
         kbs = [store.knowledge_base(f"robot {each}") for each in range(KNOWLEDGE_BASES)]
         for kb in kbs:
             kb.propositions.save(robot_at())
-        end = time.monotonic() + seconds
+        end = time.monotonic() + duration
         threads = [threading.Thread(target=write, args=[number]) for number in range(writers)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-    return sum(counts) / seconds
+    return sum(counts) / duration
 
 
 def own_node(cluster: Cluster, url: str, kb_id: int) -> str:
@@ -140,7 +137,7 @@ def plain_store(cluster: Cluster) -> str:
     return url
 
 
-def run(cluster: Cluster, calls: int, seconds: float) -> None:
+def run(cluster: Cluster, calls: int, duration: float) -> None:
     """Measure, and print a table of each."""
     plain, distributed = plain_store(cluster), cluster.new_store(shards=32)
     for url in (plain, distributed):
@@ -159,7 +156,7 @@ def run(cluster: Cluster, calls: int, seconds: float) -> None:
             )
     print(f"{'writers':30} {'plain':>9} {'coordinator':>17}")
     for writers in WRITERS:
-        bare, through = (throughput(url, writers, seconds) for url in (plain, distributed))
+        bare, through = (throughput(url, writers, duration) for url in (plain, distributed))
         print(f"{writers:<30} {bare:7.0f}/s {through:9.0f}/s ({through / bare:4.2f}x)")
     cluster.run("DROP DATABASE kant_sql_benchmark_plain WITH (FORCE)")
 

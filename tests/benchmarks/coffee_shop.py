@@ -46,19 +46,12 @@ Ready = list[tuple[str, Callable[[], Any]]]
 
 
 class Stores(NamedTuple):
-    """Two empty stores of one kind.
+    """Two empty stores of one kind."""
 
-    Attributes:
-        connect: opens the library's store for a component.
-        drive: opens the bare driver's store.
-        shared: whether all components have to share one connection.
-        urls: the URLs of both stores; none when they are in memory.
-    """
-
-    connect: Callable[..., KnowledgeBase]
-    drive: Callable[[], Driver]
-    shared: bool
-    urls: tuple[str, ...]
+    connect: Callable[..., KnowledgeBase]  # opens the library's store for a component
+    drive: Callable[[], Driver]  # opens the bare driver's store
+    shared: bool  # whether all components have to share one connection
+    urls: tuple[str, ...]  # the URLs of both stores; none when they are in memory
 
 
 class Round(NamedTuple):
@@ -70,19 +63,12 @@ class Round(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Medians over all rounds, in seconds: in all, and of each kind of call.
+    """Medians over all rounds, in seconds: in all, and of each kind of call."""
 
-    Attributes:
-        steps: how many steps of each kind there are in an iteration.
-        calls: how many calls there are in all steps; a transaction is one step of some calls.
-        bare: the bare driver's times.
-        library: the library's times.
-    """
-
-    steps: dict[str, int]
-    calls: int
-    bare: dict[str, float]
-    library: dict[str, float]
+    steps: dict[str, int]  # how many steps of each kind there are in an iteration
+    calls: int  # how many calls there are in all steps; a transaction is one step of some calls
+    bare: dict[str, float]  # the bare driver's times
+    library: dict[str, float]  # the library's times
 
 
 # Making the steps ready to run, so that looking methods up is not measured.

@@ -53,15 +53,10 @@ Make = Callable[[int], Callable[[], object]]
 
 
 class Case(NamedTuple):
-    """A problem to measure with.
+    """A problem to measure with."""
 
-    Attributes:
-        title: what it is called in the tables.
-        text: the problem.
-    """
-
-    title: str
-    text: str
+    title: str  # what it is called in the tables
+    text: str  # the problem
 
 
 def rows_of(url: str) -> Tables:

@@ -16,15 +16,10 @@ Row = tuple[Any, ...]
 
 
 class Driver(ABC):
-    """A bare driver: the same few steps on each backend; parameters are `?`.
+    """A bare driver: the same few steps on each backend; parameters are `?`."""
 
-    Attributes:
-        begin: begins a transaction that writes.
-        lock: what locks the rows of a SELECT.
-    """
-
-    begin: str
-    lock: str
+    begin: str  # begins a transaction that writes
+    lock: str  # what locks the rows of a SELECT
     connection: Any
 
     @abstractmethod

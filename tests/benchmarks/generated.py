@@ -26,12 +26,7 @@ SHARES = {"at": 10, "in": 10}
 
 
 def problem(facts: int, values: int = 0) -> str:
-    """Give a problem of the domain as PDDL, the same one each time.
-
-    Args:
-        facts: how many facts it has, up to a million.
-        values: how many values of a numeric function.
-    """
+    """Give a problem of so many facts, up to a million, and values: the same one each time."""
     places, vehicles, parcels = (
         [f"{word}{number}" for number in range(count)]
         for word, count in (("place", PLACES), ("vehicle", VEHICLES), ("parcel", PARCELS))

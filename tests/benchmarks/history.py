@@ -63,19 +63,12 @@ def save_present(kb: KnowledgeBase) -> None:
 
 
 class Past(NamedTuple):
-    """A history to be loaded.
+    """A history to be loaded."""
 
-    Attributes:
-        name: its name in the table.
-        atoms: how many facts or goals there were.
-        is_goal: whether they were goals.
-        at_once: how many came, and went, in one revision.
-    """
-
-    name: str
-    atoms: int
-    is_goal: bool
-    at_once: int
+    name: str  # its name in the table
+    atoms: int  # how many facts or goals there were
+    is_goal: bool  # whether they were goals
+    at_once: int  # how many came, and went, in one revision
 
 
 def pasts(rows: int) -> tuple[Past, ...]:

@@ -114,14 +114,7 @@ class RecordingFactory(SqliteDaoFactory):
 
 
 def record(folder: Path) -> tuple[list[Step], list[Step]]:
-    """Let the robot work once.
-
-    Args:
-        folder: where the store is put.
-
-    Returns:
-        The steps that fill a new store, and those of one iteration on a store that is full.
-    """
+    """Let the robot work once: the steps that fill a new store, and those of an iteration on it."""
     steps: list[Step] = []
     url = f"sqlite:///{folder / 'recorded.db'}"
 

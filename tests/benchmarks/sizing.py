@@ -51,19 +51,12 @@ FLEETS = (10, 1_000, 100_000)
 
 
 class Spent(NamedTuple):
-    """What was used up to a moment.
+    """What was used up to a moment."""
 
-    Attributes:
-        disk: bytes that the store takes.
-        log: bytes that the server wrote to its log, and sends to a standby.
-        client: seconds of CPU of this process.
-        server: seconds of CPU of the server's processes.
-    """
-
-    disk: float
-    log: float
-    client: float
-    server: float
+    disk: float  # bytes that the store takes
+    log: float  # bytes that the server wrote to its log, and sends to a standby
+    client: float  # seconds of CPU of this process
+    server: float  # seconds of CPU of the server's processes
 
     def per(self, before: Spent, changes: int) -> Spent:
         """Give what each of some changes has used since."""

@@ -28,17 +28,11 @@ DOMAIN = """
 
 
 class Shape(NamedTuple):
-    """How intervals are spread.
+    """How intervals are spread."""
 
-    Attributes:
-        name: what it is called.
-        parts: how many facts or fluents they are of; so many times fewer are of each.
-        are_values: whether they are of fluents.
-    """
-
-    name: str
-    parts: int
-    are_values: bool = False
+    name: str  # what it is called
+    parts: int  # how many facts or fluents they are of; so many times fewer are of each
+    are_values: bool = False  # whether they are of fluents
 
 
 SHAPES = (

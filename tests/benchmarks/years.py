@@ -82,15 +82,10 @@ def ids_of(store: Driver, kb: int) -> dict[tuple[str, str], int]:
 
 
 class Writer:
-    """Writes one knowledge base's past with the bare driver: the library would take hours.
+    """Writes one knowledge base's past with the bare driver: the library would take hours."""
 
-    Attributes:
-        is_goal: whether it writes goals.
-        level_of: what has levels.
-    """
-
-    is_goal = False
-    level_of = "robot"
+    is_goal = False  # whether it writes goals
+    level_of = "robot"  # what has levels
 
     def __init__(self, store: Driver, name: str) -> None:
         self.store = store
@@ -195,13 +190,7 @@ class Writer:
 
 
 def fill(url: str, changes: int, knowledge_bases: int = 10) -> int:
-    """Fill a store; gives the last revision of each knowledge base.
-
-    Args:
-        url: an empty store with its tables.
-        changes: how many changes in all.
-        knowledge_bases: over how many knowledge bases, `robot0` and so on.
-    """
+    """Fill `robot0` and so on with so many changes in all; gives the last revision of each."""
     last = 0
     for number in range(knowledge_bases):
         with kant_sql.connect(url, knowledge_base=f"robot{number}") as kb:

@@ -178,18 +178,6 @@ def test_metrics(problem: model.Problem) -> None:
     )
 
 
-def _bounded(problem: model.Problem) -> None:
-    problem.add_fluent("level", IntType(0, 3), default_initial_value=0)
-
-
-def _numbered(problem: model.Problem) -> None:
-    problem.add_fluent("level", BoolType(), default_initial_value=False, floor=IntType(0, 3))
-
-
-def _unknown(problem: model.Problem) -> None:
-    problem.add_fluent("open")
-
-
 def _delayed(problem: model.Problem) -> None:
     action = model.DurativeAction("late")
     action.add_effect(model.StartTiming(2), problem.fluent("battery"), 3)
@@ -208,24 +196,26 @@ def _simulated(problem: model.Problem) -> None:
     problem.add_action(action)
 
 
-def _sensing(problem: model.Problem) -> None:
-    problem.add_action(model.SensingAction("look"))
-
-
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (_bounded, r"integer\[0, 3\] level in fluent level: a number has no bounds"),
-        (_numbered, "a parameter of type integer.* in fluent level: parameters are objects"),
-        (_unknown, "unknown values of open in the initial state"),
+        (
+            lambda made: made.add_fluent("level", IntType(0, 3)),
+            r"integer\[0, 3\] level in fluent level: a number has no bounds",
+        ),
+        (
+            lambda made: made.add_fluent("level", floor=IntType(0, 3)),
+            "a parameter of type integer.* in fluent level: parameters are objects",
+        ),
+        (lambda made: made.add_fluent("open"), "unknown values of open in the initial state"),
         (_delayed, r"time start \+ 2 in action late"),
         (_timed_goal, r"a goal in \[start \+ 5\] in the goals"),
         (_simulated, "a simulated effect in action simulate"),
-        (_sensing, "SensingAction in action look"),
+        (lambda made: made.add_action(model.SensingAction("look")), "SensingAction in action look"),
     ],
 )
 def test_what_pddl_cannot_express_is_named_with_its_place(
-    problem: model.Problem, spoil: Callable[[model.Problem], None], message: str
+    problem: model.Problem, spoil: Callable[[model.Problem], object], message: str
 ) -> None:
     spoil(problem)
     with pytest.raises(UnsupportedConstructError, match=f"PDDL cannot express {message}"):

@@ -35,15 +35,10 @@ class _Impatient(Report):
 
 
 class Bare(NamedTuple):
-    """A store without constraints.
+    """A store without constraints."""
 
-    Attributes:
-        backend: the database.
-        session: the session that tampers and verifies.
-    """
-
-    backend: Backend
-    session: Session
+    backend: Backend  # the database
+    session: Session  # the session that tampers and verifies
 
     def run(self, sql: str, *values: Any) -> list[tuple[Any, ...]]:
         """Run a statement of SQLite, whose parameters are question marks."""

@@ -19,19 +19,12 @@ _FREE = ("key", "name")
 
 
 class Mutation(NamedTuple):
-    """A change of a store.
+    """A change of a store."""
 
-    Attributes:
-        table: the table.
-        column: the column; for a whole row `delete`, `double`, or `insert`: another of a new key.
-        row: the row.
-        changes: what is set.
-    """
-
-    table: str
-    column: str
-    row: Row
-    changes: Row
+    table: str  # the table
+    column: str  # the column; for a whole row `delete`, `double`, or `insert`: another of a new key
+    row: Row  # the row
+    changes: Row  # what is set
 
     def apply(self, bare: Bare) -> None:
         """Make the change."""
