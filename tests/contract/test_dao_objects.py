@@ -6,13 +6,11 @@ from kant_sql import (
     ConflictError,
     DependantsError,
     KnowledgeBase,
-    PddlActionDto,
     PddlObjectDto,
-    PddlPropositionDto,
     PddlTypeDto,
 )
 from tests.support.reading import facts, last_changes, refuses, state, versions
-from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at
 
 TIAGO = PddlTypeDto("tiago", parent=ROBOT)
 
@@ -99,12 +97,3 @@ def test_save_all_counts_what_changed_and_the_last_definition_stands(
     assert fresh_kb.revision == 1
     assert state(fresh_kb)["objects"] == ["rb1 - robot", "wp1 - robot"]
     assert [row[0] for row in versions(fresh_kb, "object")] == ["rb1 - robot", "wp1 - robot"]
-
-
-def test_an_object_may_have_the_name_of_its_type_or_of_an_action(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    robot = PddlObjectDto(ROBOT, "robot")
-    fresh_kb.actions.save(PddlActionDto("robot"))
-    fresh_kb.propositions.save(PddlPropositionDto(ROBOT_AT, [robot, WP1]))
-    assert facts(fresh_kb) == ["(robot_at robot wp1)"]

@@ -28,8 +28,8 @@ from kant_sql import (
 )
 from kant_sql.errors import InvalidNameError
 from tests.support.parts import dao_of
-from tests.support.reading import Undone, nothing_changes, refuses, undone
-from tests.support.worlds.robots import RB1, ROBOT, assigned, robot_at
+from tests.support.reading import Undone, nothing_changes, refuses
+from tests.support.worlds.robots import ROBOT, robot_at
 
 Path = tuple[str | int, ...]
 
@@ -201,18 +201,3 @@ def test_a_tuple_does_for_a_list(fresh_kb: KnowledgeBase) -> None:
     fact.objects = tuple(fact.objects)  # type: ignore[assignment]
     fresh_kb.propositions.save(fact)
     assert fresh_kb.propositions.get_all() == [robot_at()]
-
-
-def test_the_rest_of_a_transaction_survives_what_does_not_belong(
-    fresh_kb: KnowledgeBase,
-) -> None:
-    with fresh_kb.transaction():
-        fresh_kb.propositions.save(robot_at())
-        broken = assigned(robot_at(), objects=[RB1, None])
-        with pytest.raises(InvalidKnowledgeError):
-            fresh_kb.propositions.save(broken)
-        assert fresh_kb.propositions.get_all() == [robot_at()]
-    assert fresh_kb.propositions.get_all() == [robot_at()]
-    with undone(fresh_kb):
-        fresh_kb.propositions.delete_all()
-    assert fresh_kb.revision == 1

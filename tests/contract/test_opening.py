@@ -124,16 +124,13 @@ def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect
 
 
 @migrates
-def test_a_new_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None:
+@pytest.mark.parametrize("is_there", [False, True], ids=["new", "empty"])
+def test_a_new_or_empty_file_becomes_a_store(
+    tmp_path: Path, connect: Connect, is_there: bool
+) -> None:
     path = tmp_path / "with space, ü & 100%.db"
-    connect(sqlite_url(path)).propositions.save(robot_at())
-    assert check_chain(sqlite_url(path)) == {"default": 1}
-
-
-@migrates
-def test_an_empty_file_becomes_a_store(tmp_path: Path, connect: Connect) -> None:
-    path = tmp_path / "empty.db"
-    path.touch()
+    if is_there:
+        path.touch()
     connect(sqlite_url(path)).propositions.save(robot_at())
     assert check_chain(sqlite_url(path)) == {"default": 1}
 
