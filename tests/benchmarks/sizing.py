@@ -26,19 +26,13 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from tests.benchmarks.drivers import bare
 from tests.benchmarks.support import BACKENDS, print_table, read_options
+from tests.benchmarks.years import DOMAIN
 from tests.support.servers import Server
 
 REVISIONS = 6_000
 # Autovacuum cleans a table when a fifth of it is dead: about so often here.
 PARTS = 12
 PLACES, THINGS, DOORS = 40, 20, 10
-DOMAIN = """
-(define (domain robot) (:requirements :strips :typing :numeric-fluents)
-  (:types robot wp thing door)
-  (:predicates (robot_at ?r - robot ?w - wp) (thing_at ?t - thing ?w - wp)
-               (door_open ?d - door) (door_closed ?d - door))
-  (:functions (level ?r - robot)))
-"""
 THING, WP = PddlTypeDto("thing"), PddlTypeDto("wp")
 THING_AT = PddlPredicateDto("thing_at", [THING, WP])
 # Revisions that a robot pushes at once.
@@ -131,7 +125,7 @@ class Work:
         counts = {"robot": 1, "wp": PLACES, "thing": THINGS, "door": DOORS}
         kb.load_domain(DOMAIN)
         objects = (f"{kind}{n} - {kind}" for kind, count in counts.items() for n in range(count))
-        kb.load_problem(f"(define (problem p) (:domain robot) (:objects {' '.join(objects)}))")
+        kb.load_problem(f"(define (problem p) (:domain fleet) (:objects {' '.join(objects)}))")
 
     def write(self, revisions: int) -> None:
         """Write so many revisions of what is known."""

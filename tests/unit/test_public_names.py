@@ -1,9 +1,10 @@
-"""The public names: each resolves when it is asked for, and type checkers see the same one."""
+"""Names: each public one resolves, type checkers see the same one, and each has one meaning."""
 
 from __future__ import annotations
 
 import ast
 import importlib
+from collections import Counter
 from pathlib import Path
 from types import ModuleType
 
@@ -63,3 +64,16 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="'kant_sql' has no attribute 'KnowledgBase'"):
         getattr(kant_sql, name)
     assert not hasattr(kant_sql, "cli_")
+
+
+def test_no_two_classes_share_a_name() -> None:
+    names = Counter(
+        node.name
+        for path in SOURCE.parent.rglob("*.py")
+        # The drop-in has the original library's names.
+        if path.name != "compat.py"
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert len(names) > 200
+    assert [name for name, count in names.items() if count > 1] == []
