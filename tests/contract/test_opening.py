@@ -286,31 +286,32 @@ def public_folder() -> Iterator[Path]:
         folder.chmod(0o755)
 
 
-def test_a_file_without_the_right_to_write_can_be_read(public_folder: Path) -> None:
+@pytest.fixture
+def public_store(public_folder: Path) -> Path:
+    """A file with a fact in it, in that folder, which nobody may write."""
     path = public_folder / "store.db"
     with kant_sql.connect(sqlite_url(path)) as kb:
         kb.propositions.save(robot_at())
     path.chmod(0o444)
-    public_folder.chmod(0o777)
-    in_processes((sharing.read_but_not_write, sqlite_url(path)))
+    return path
 
 
-def test_a_folder_without_the_right_to_write_says_how_to_read(public_folder: Path) -> None:
-    path = public_folder / "store.db"
-    with kant_sql.connect(sqlite_url(path)) as kb:
-        kb.propositions.save(robot_at())
-    path.chmod(0o444)
-    public_folder.chmod(0o555)
+def test_a_file_without_the_right_to_write_can_be_read(public_store: Path) -> None:
+    public_store.parent.chmod(0o777)
+    in_processes((sharing.read_but_not_write, sqlite_url(public_store)))
+
+
+def test_a_folder_without_the_right_to_write_says_how_to_read(public_store: Path) -> None:
+    path = public_store
+    path.parent.chmod(0o555)
     (message,) = in_processes((sharing.refused, sqlite_url(path), ReadOnlyStoreError))
     assert "?mode=immutable" in message
     in_processes((sharing.read_but_not_write, sqlite_url(path, "?mode=immutable")))
 
 
-def test_a_file_without_the_right_to_read_is_refused(public_folder: Path) -> None:
-    path = public_folder / "store.db"
-    kant_sql.connect(sqlite_url(path)).close()
-    path.chmod(0)
-    in_processes((sharing.refused, sqlite_url(path), StoreUnreachableError))
+def test_a_file_without_the_right_to_read_is_refused(public_store: Path) -> None:
+    public_store.chmod(0)
+    in_processes((sharing.refused, sqlite_url(public_store), StoreUnreachableError))
 
 
 # Competing creations.

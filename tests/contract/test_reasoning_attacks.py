@@ -31,7 +31,7 @@ DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicat
   (:predicates (at ?r - robot ?w - wp) (p ?x ?y) (done) (lamp ?w - wp)
     (six ?a ?b ?c ?d ?e ?f) (link ?x ?y - wp) (reach ?x ?y - wp) (docked ?x - wp)
     (cut-off ?x - wp))
-  (:functions (level ?x - object) (total-cost) - number
+  (:functions (level ?x - object) - number
     (place ?r - robot) - wp (next ?w - wp) - wp (boss ?r - robot) - robot)
   (:derived (reach ?x ?y - wp)
     (or (link ?x ?y) (exists (?z - wp) (and (reach ?x ?z) (reach ?z ?y)))))
@@ -44,7 +44,6 @@ DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicat
   (:durative-action light :parameters (?w - wp) :duration (= ?duration 2)
     :condition (at start (not (lamp ?w)))
     :effect (and (at start (done)) (when (at end (done)) (at end (lamp ?w)))))
-  (:action pay :parameters () :effect (increase (total-cost) 2))
   (:action follow :parameters (?r - robot) :precondition (done)
     :effect (and (at ?r (place (boss ?r))) (assign (place ?r) (place (boss ?r))))))
 """
@@ -310,11 +309,6 @@ def test_a_condition_at_the_end_of_an_effect_there(yard: KnowledgeBase) -> None:
     assert yard.holds("(lamp b)")
     yard.apply("(light k)")
     assert yard.holds("(lamp k)")
-
-
-def test_the_cost_of_a_plan_begins_at_zero(yard: KnowledgeBase) -> None:
-    yard.apply("(pay)")
-    assert yard.function_values.get("total-cost", objects=[]) == 2
 
 
 # At work.
