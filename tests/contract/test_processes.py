@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -46,12 +47,12 @@ def test_processes_that_read_while_others_write_see_whole_revisions(
 def test_a_process_acts_on_what_another_has_changed(
     shared_url: str,
     connect: Connect,
-    changes: Callable[[KnowledgeBase], None],
+    changes: list[caches.Call],
     then: Callable[[KnowledgeBase], None],
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     caches.world(kb)
-    in_processes((change, shared_url, changes))
+    in_processes((change, shared_url, partial(caches.make, changes)))
     then(kb)
     newcomer = connect(shared_url, knowledge_base="tiago")
     for dao in ("types", "objects", "predicates", "actions", "propositions"):

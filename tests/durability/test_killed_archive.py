@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import signal
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,7 @@ from tests.support.archives import (
     versions_upto,
 )
 from tests.support.processes.crashes import die_after
-from tests.support.processes.workers import PATIENCE, PROCESSES
+from tests.support.processes.workers import dies
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import robot_at, waypoint
@@ -84,12 +83,7 @@ def test_a_killed_archive_is_gone_on_with(
     while not is_done:
         # The first one never reaches the end, so that there is always one to be gone on with.
         statements = random.randrange(MOST if kills else MOST // 10)
-        arguments = (shared_url, there, upto + 1, statements)
-        process = PROCESSES.Process(target=archive_and_die, args=arguments, daemon=True)
-        process.start()
-        process.join(PATIENCE)
-        assert process.exitcode in (0, -signal.SIGKILL)
-        kills += process.exitcode != 0
+        kills += dies(archive_and_die, shared_url, there, upto + 1, statements)
         is_done = check(shared_url, there, before, upto)
     assert kills > 0
     assert kb.store.archive(upto + 1, to=there).revision is None

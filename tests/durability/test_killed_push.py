@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -18,7 +17,7 @@ from tests.support.archives import equal_histories, intact, rows_of, target_url
 from tests.support.chain import check_chain
 from tests.support.processes.commands import PROGRAM, start
 from tests.support.processes.crashes import all_told, die_after, write_for_ever
-from tests.support.processes.workers import PATIENCE, PROCESSES, killed_later, wait_for
+from tests.support.processes.workers import PATIENCE, dies, killed_later, wait_for
 from tests.support.servers import MortalServer
 from tests.support.stores import CITUS, Connect, make_store_url
 from tests.support.worlds import counter
@@ -73,18 +72,12 @@ def check_same(source: str, target: str) -> None:
 def test_a_killed_push_is_gone_on_with(shared_url: str, target: str) -> None:
     write_whole_story(shared_url)
     before, kills, last = rows_of(shared_url), 0, 0
-    while True:
-        arguments = (shared_url, target, random.randrange(MOST))
-        process = PROCESSES.Process(target=push_and_die, args=arguments, daemon=True)
-        process.start()
-        process.join(PATIENCE)
-        assert process.exitcode in (0, -signal.SIGKILL)
-        upto = check_prefix(shared_url, target)
-        assert upto >= last
-        last = upto
-        if process.exitcode == 0:
-            break
-        kills += 1
+    is_killed = True
+    while is_killed:
+        is_killed = dies(push_and_die, shared_url, target, random.randrange(MOST))
+        kills += is_killed
+        before_it, last = last, check_prefix(shared_url, target)
+        assert last >= before_it
     assert kills > 0
     check_same(shared_url, target)
     assert rows_of(shared_url) == before

@@ -6,6 +6,7 @@ import random
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from kant_sql import KantSqlError, KnowledgeBase
 from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import base as retry
 from tests.support.processes.watchers import LAST, follow, open_files, waiting, write_many
-from tests.support.processes.workers import PATIENCE, PROCESSES, in_processes
+from tests.support.processes.workers import PATIENCE, PROCESSES, in_processes, killed_later
 from tests.support.servers import MortalServer
 from tests.support.stores import Connect
 from tests.support.worlds.robots import waypoint
@@ -28,18 +29,10 @@ WRITERS, WRITES, KILLS = 3, 40, 4
 @contextmanager
 def follower(url: str, folder: Path) -> Iterator[Connection]:
     """Follow in a process of its own, until the end of the block; then it is killed."""
-    told, tell = PROCESSES.Pipe(duplex=False)
-    process = PROCESSES.Process(target=follow, args=(url, folder, tell), daemon=True)
-    process.start()
-    tell.close()
-    try:
-        with told:
-            assert told.poll(PATIENCE)
-            told.recv()
-            yield told
-    finally:
-        process.kill()
-        process.join(PATIENCE)
+    with killed_later(partial(follow, folder), url) as told, told:
+        assert told.poll(PATIENCE)
+        told.recv()
+        yield told
 
 
 def check_seen(folder: Path, kb: KnowledgeBase) -> None:

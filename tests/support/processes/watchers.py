@@ -76,7 +76,7 @@ def waiting(
     yield call
 
 
-def follow(url: str, folder: Path, tell: Connection) -> None:
+def follow(folder: Path, url: str, tell: Connection) -> None:
     """Follow a feed for ever, and keep on disk what was seen: it may be killed at any moment."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb, (folder / "seen").open("a") as seen:
         tell.send("begins")

@@ -99,6 +99,15 @@ def killed_later(work: Callable[[str, Connection], None], url: str) -> Iterator[
     assert process.exitcode == -signal.SIGKILL, "the writer has failed by itself"
 
 
+def dies(work: Callable[..., None], *arguments: object) -> bool:
+    """Run a writer in a process of its own to its end; tell whether it was killed."""
+    process = PROCESSES.Process(target=work, args=arguments, daemon=True)
+    process.start()
+    process.join(PATIENCE)
+    assert process.exitcode in (0, -signal.SIGKILL)
+    return process.exitcode != 0
+
+
 class Child:
     """A fork of this process that runs a function."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql import KnowledgeBase
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.plans import RecordedPlan
 from tests.support.reading import beside
@@ -71,12 +71,7 @@ def recorded(kb: KnowledgeBase) -> RecordedPlan:
 
 def arrive(kb: KnowledgeBase, place: str) -> None:
     """Let the robot be at one place more."""
-    predicate = kb.predicates.get("at")
-    objects = [kb.objects.get(name) for name in ("rb1", place)]
-    assert predicate is not None
-    assert kb.propositions.insert(
-        PddlPropositionDto(predicate, [dto for dto in objects if dto is not None])
-    )
+    assert kb.propositions.insert(f"(at rb1 {place})")
 
 
 def beside_of(kb: KnowledgeBase) -> KnowledgeBase:

@@ -6,18 +6,9 @@ from datetime import UTC, datetime
 from decimal import Decimal
 
 import kant_sql
-from kant_sql import (
-    KnowledgeBase,
-    PddlActionDto,
-    PddlObjectDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-    Plan,
-    PlanStep,
-)
+from kant_sql import KnowledgeBase, PddlActionDto, Plan, PlanStep
 from kant_sql.dto.formulas import Or
 from kant_sql.plans import RecordedPlan
-from tests.support.atoms import Atoms
 from tests.support.worlds.depot import CONDITIONS, CONSTRAINTS
 
 NAME = "depot"
@@ -77,25 +68,21 @@ def _change(kb: KnowledgeBase) -> None:
     kb.goals.save(Or((CONDITIONS["object fluent"], CONDITIONS["arithmetic"])))
     kb.goals.delete(CONDITIONS["shadowed"])
     kb.pddl.constraints.save(CONSTRAINTS["hold-during"])
-    facts = {str(fact): fact for fact in kb.propositions.get_all()}
-    fact = facts["(at t1 p1)"]
     with kb.transaction():
-        kb.propositions.delete(fact)
+        kb.propositions.delete("(at t1 p1)")
         # All that is said of it goes into the archive.
-        kb.propositions.delete(facts["(linked hub p1)"])
-    kb.propositions.save(fact)
-    function = kb.functions.get("fuel")
-    assert function is not None
-    kb.function_values.set(function, objects=["t1"], value=Decimal("5.25"))
-    kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "p3"))
-    kb.objects.save(PddlObjectDto(PddlTypeDto("truck"), "p3"))
-    kb.objects.delete(PddlObjectDto(PddlTypeDto("truck"), "p3"))
+        kb.propositions.delete("(linked hub p1)")
+    kb.propositions.save("(at t1 p1)")
+    kb.function_values.set("fuel", objects=["t1"], value=Decimal("5.25"))
+    kb.objects.save("p3 - place")
+    kb.objects.save("p3 - truck")
+    kb.objects.delete("p3")
     _define_again(kb)
 
 
 def _define_again(kb: KnowledgeBase) -> None:
-    kb.types.save(PddlTypeDto("crate"))
-    kb.types.save(PddlTypeDto("crate", parent=PddlTypeDto("machine")))
+    kb.types.save("crate")
+    kb.types.save("crate - machine")
     kb.actions.save(PddlActionDto("rest", durative=False))
     kb.actions.save(PddlActionDto("rest", duration=2.5))
 
@@ -138,27 +125,20 @@ def _redefine(kb: KnowledgeBase) -> None:
         kb.goals.delete(formula)
     kb.pddl.constraints.save(CONSTRAINTS["hold-during"])
     _define_again(kb)
-    load = kb.actions.get("load")
-    assert load is not None
-    kb.actions.delete(load)
+    assert kb.actions.delete("load")
     kb.load_domain(DOMAIN)
     kb.load_problem(PROBLEM, mode="replace")
 
 
 def _come_and_go(kb: KnowledgeBase) -> None:
     """Let facts and values come and go: of objects that stay, and of one that does not."""
-    at, fuel = kb.predicates.get("at"), kb.functions.get("fuel")
-    assert at is not None
-    assert fuel is not None
-    t1, p1 = PddlObjectDto(PddlTypeDto("truck"), "t1"), PddlObjectDto(PddlTypeDto("place"), "p1")
-    t9 = PddlObjectDto(PddlTypeDto("truck"), "t9")
-    for truck in (t1, t9, t1):
-        fact = PddlPropositionDto(at, [truck, p1], is_goal=truck is t9)
-        Atoms(kb).save(fact)
-        kb.function_values.set(fuel, objects=[truck.name], value=Decimal("5.25"))
-        kb.function_values.set(fuel, objects=[truck.name], value=3)
-        Atoms(kb).delete(fact)
-    kb.objects.delete(t9)
+    kb.objects.save("t9 - truck")
+    for truck, dao in (("t1", kb.propositions), ("t9", kb.goals), ("t1", kb.propositions)):
+        dao.save(f"(at {truck} p1)")
+        kb.function_values.set("fuel", objects=[truck], value=Decimal("5.25"))
+        kb.function_values.set("fuel", objects=[truck], value=3)
+        dao.delete(f"(at {truck} p1)")
+    kb.objects.delete("t9")
 
 
 def _follow_a_plan(kb: KnowledgeBase) -> None:
