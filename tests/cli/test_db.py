@@ -254,11 +254,6 @@ def test_an_upgrade_that_fails_leaves_no_new_file(
     assert os.listdir(tmp_path) == []
 
 
-def test_one_argument_of_downgrade_is_the_version_when_the_url_is_known(new_url: str) -> None:
-    run("db", "upgrade", url=new_url)
-    assert run("db", "downgrade", "base", url=new_url).stdout == "none\n"
-
-
 def test_downgrade_needs_just_a_url_and_a_version(new_url: str) -> None:
     run("db", "upgrade", new_url)
     for known in (new_url, None):

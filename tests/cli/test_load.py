@@ -220,45 +220,34 @@ def test_two_problems_are_refused(url: str) -> None:
     assert (result.exit_code, result.stdout) == (1, "")
 
 
-def make_unreadable(folder: Path) -> dict[str, Path]:
-    """Files that cannot be read as PDDL."""
-    contents = {
-        "nesting": b"(define (domain deep) (:predicates (p)) (:action a :precondition "
-        + b"(not " * 100_000
-        + b"(p)",
-        "parentheses": b"(" * 100_000,
-        "encoding": b"(define (domain \xff\xfe))",
-        "nul": b"(define (domain d)\0)",
-        "nothing": b"",
-        "a word": b"domain",
-        "unclosed": b"(define (domain d) (:predicates (p)",
-        "unknown": b"(define (domain d) (:action a :precondition (flies) :effect (and)))",
-    }
-    paths = {name: folder / f"{name} (1).pddl" for name in contents}
-    for name, content in contents.items():
-        paths[name].write_bytes(content)
-    return {**paths, "missing": folder / "missing.pddl", "folder": folder}
-
-
-UNREADABLE = {
-    "nesting": "found the end of the text, expected 100002 more ')'",
-    "parentheses": "found '('",
-    "encoding": "1:17: found the byte 0xFF",
-    "nul": "a NUL character",
-    "nothing": "found the end of the text",
-    "a word": "found 'domain', expected (define",
-    "unclosed": "expected ')'",
-    "unknown": "in action a, :precondition: found",
-    "missing": "No such file or directory",
-    "folder": "Is a directory",
+NESTING = b"(define (domain deep) (:predicates (p)) (:action a :precondition "
+NESTING += b"(not " * 100_000 + b"(p)"
+# What cannot be read as PDDL, and what is said of it; None: there is no file.
+UNREADABLE: dict[str, tuple[bytes | None, str]] = {
+    "nesting": (NESTING, "found the end of the text, expected 100002 more ')'"),
+    "parentheses": (b"(" * 100_000, "found '('"),
+    "encoding": (b"(define (domain \xff\xfe))", "1:17: found the byte 0xFF"),
+    "nul": (b"(define (domain d)\0)", "a NUL character"),
+    "nothing": (b"", "found the end of the text"),
+    "a word": (b"domain", "found 'domain', expected (define"),
+    "unclosed": (b"(define (domain d) (:predicates (p)", "expected ')'"),
+    "unknown": (
+        b"(define (domain d) (:action a :precondition (flies) :effect (and)))",
+        "in action a, :precondition: found",
+    ),
+    "missing": (None, "No such file or directory"),
+    "folder": (None, "Is a directory"),
 }
 
 
-@pytest.mark.parametrize(("kind", "message"), UNREADABLE.items())
+@pytest.mark.parametrize("kind", UNREADABLE)
 def test_a_file_that_cannot_be_read_is_one_line_and_nothing_is_stored(
-    url: str, tmp_path: Path, kind: str, message: str
+    url: str, tmp_path: Path, kind: str
 ) -> None:
-    path = make_unreadable(tmp_path)[kind]
+    content, message = UNREADABLE[kind]
+    path = tmp_path if kind == "folder" else tmp_path / f"{kind} (1).pddl"
+    if content is not None:
+        path.write_bytes(content)
     for words in ([str(path)], [DOMAIN, str(path)], [str(path), PROBLEM]):
         result = run("load", url, *words)
         line = one_line(result.stderr)
@@ -270,8 +259,8 @@ def test_a_file_that_cannot_be_read_is_one_line_and_nothing_is_stored(
     assert message in line
 
 
-def test_a_process_ends_with_one_line_too(url: str, tmp_path: Path) -> None:
-    done = child("load", url, str(make_unreadable(tmp_path)["nesting"]))
+def test_a_process_ends_with_one_line_too(url: str) -> None:
+    done = child("load", url, "-", given=NESTING.decode())
     one_line(done.stderr)
     assert (done.returncode, done.stdout) == (1, "")
 
@@ -371,22 +360,16 @@ def test_json_has_the_warnings_in_it(url: str, write: Callable[[str, str], str])
     assert warning["message"] in text.stderr
 
 
-WRONG = "(define (domain d) (:predicates (p)) (:action a :effect (q)))"
-
-
-def test_a_load_that_fails_leaves_no_new_file(tmp_path: Path) -> None:
-    (tmp_path / "wrong.pddl").write_text(WRONG)
-    result = run("load", f"sqlite:///{tmp_path}/new.db", str(tmp_path / "wrong.pddl"))
-    one_line(result.stderr)
-    assert result.exit_code == 1
-    assert os.listdir(tmp_path) == ["wrong.pddl"]
-
-
-def test_a_load_that_fails_leaves_a_file_that_was_there(tmp_path: Path) -> None:
-    (tmp_path / "wrong.pddl").write_text(WRONG)
-    (tmp_path / "empty.db").touch()
-    assert run("load", f"sqlite:///{tmp_path}/empty.db", f"{tmp_path}/wrong.pddl").exit_code == 1
-    assert (tmp_path / "empty.db").exists()
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_load_that_fails_leaves_no_new_file_and_one_that_was_there(
+    url: str, tmp_path: Path, write: Callable[[str, str], str], is_there: bool
+) -> None:
+    if is_there:
+        (tmp_path / "robot.db").touch()
+    wrong = write("wrong.pddl", "(define (domain d) (:predicates (p)) (:action a :effect (q)))")
+    complaint("load", url, wrong)
+    assert ((tmp_path / "robot.db").exists(), os.path.exists(wrong)) == (is_there, True)
+    assert is_there or os.listdir(tmp_path) == ["wrong.pddl"]
 
 
 def test_a_load_that_fails_leaves_what_somebody_else_has_written(

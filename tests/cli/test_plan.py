@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from decimal import Decimal
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -51,13 +52,6 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, object]]:
 
     monkeypatch.setattr(KnowledgeBase, "plan", plan)
     return calls
-
-
-def answer_with(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
-    def plan(kb: KnowledgeBase, **words: object) -> Plan:
-        raise error
-
-    monkeypatch.setattr(KnowledgeBase, "plan", plan)
 
 
 @pytest.mark.more
@@ -126,7 +120,7 @@ def test_json_says_all_of_the_plan(url: str) -> None:
 def test_what_keeps_from_planning_is_one_line(
     url: str, monkeypatch: pytest.MonkeyPatch, error: Exception, words: list[str]
 ) -> None:
-    answer_with(monkeypatch, error)
+    monkeypatch.setattr(KnowledgeBase, "plan", Mock(side_effect=error))
     result = run("plan", url, *words)
     if words:
         document = {"error": str(error), "type": type(error).__name__, "exit_code": 1}

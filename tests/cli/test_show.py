@@ -15,9 +15,6 @@ import pytest
 import kant_sql
 import kant_sql.cli.state
 from kant_sql import (
-    PddlFunctionDto,
-    PddlFunctionValueDto,
-    PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
     PddlTypeDto,
@@ -341,11 +338,11 @@ def test_only_what_is_asked_for_is_shown(
 
 def test_function_values_of_an_object_are_shown(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'values.db'}"
-    robot = PddlTypeDto("robot")
-    fuel = PddlFunctionDto("fuel", [robot])
     with kant_sql.connect(url) as kb:
+        kb.functions.save("(fuel ?r - robot)")
         for name in ("r1", "r2"):
-            kb.function_values.save(PddlFunctionValueDto(fuel, [PddlObjectDto(robot, name)], 7))
+            kb.objects.save(f"{name} - robot")
+            kb.function_values.save(f"(= (fuel {name}) 7)")
     document = json.loads(run("show", url, "--object", "r1", "--json").stdout)
     assert [value["pddl"] for value in document["function_values"]] == ["(= (fuel r1) 7)"]
 

@@ -11,10 +11,26 @@ from fastapi.testclient import TestClient
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.web.application import create_app
+from tests.support.statements import count, fill
 
 BASE = "http://127.0.0.1"
 # A knowledge base to fill, and a reader of it.
 Filled = tuple[KnowledgeBase, TestClient]
+
+
+def archive_some(kb: KnowledgeBase, folder: Path) -> None:
+    """Give a knowledge base seven revisions or more, and move the first five to old.db."""
+    fill(kb, 5)
+    for _ in range(3):
+        kb.propositions.delete("(robot_at rb1 wp1)")
+        kb.propositions.save("(robot_at rb1 wp1)")
+    kb.store.archive(6, to=f"sqlite:///{folder / 'old.db'}")
+
+
+def statements_of(client: TestClient, path: str) -> int:
+    """How many statements a page takes that was shown before."""
+    client.get(path)
+    return count(lambda: client.get(path))
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

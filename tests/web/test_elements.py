@@ -18,8 +18,8 @@ from kant_sql.planning import Plan, PlanStep
 from kant_sql.web.pages import plans
 from kant_sql.web.pages.elements import _difference
 from kant_sql.web.rendering import address_of
-from tests.support.statements import count, fill
-from tests.web.conftest import Filled
+from tests.support.statements import fill
+from tests.web.conftest import Filled, archive_some, statements_of
 
 
 def get(client: TestClient, path: str, **query: Any) -> Any:
@@ -297,19 +297,13 @@ def test_pages_take_as_many_statements_however_much_is_stored(
             f"/plan?kb=courier&id={plan.id}",
             "/search?kb=courier&q=wp1",
         ):
-            client.get(path)
-            number = count(lambda path=path: client.get(path))  # type: ignore[misc]
-            taken.setdefault(path.split("id=")[0], set()).add(number)
+            taken.setdefault(path.split("id=")[0], set()).add(statements_of(client, path))
     assert all(len(counts) == 1 and max(counts) <= 24 for counts in taken.values()), taken
 
 
 def test_an_archive_is_named(filled: Filled, tmp_path: Path) -> None:
     kb, client = filled
-    fill(kb, 5)
-    for _ in range(3):
-        kb.propositions.delete("(robot_at rb1 wp1)")
-        kb.propositions.save("(robot_at rb1 wp1)")
-    kb.store.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
+    archive_some(kb, tmp_path)
     data = get(client, "/fact", text="(robot_at rb1 wp1)")
     assert data["archived"] == 5
     page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb1 wp1)"}).text

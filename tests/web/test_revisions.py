@@ -17,8 +17,8 @@ from kant_sql.json_values import json_value
 from kant_sql.sql import changes
 from kant_sql.web.rendering import shifted
 from kant_sql.web.report import report_html
-from tests.support.statements import count, fill
-from tests.web.conftest import Filled
+from tests.support.statements import fill
+from tests.web.conftest import Filled, archive_some, statements_of
 
 
 def log(client: TestClient, **query: Any) -> Any:
@@ -261,19 +261,13 @@ def test_pages_take_as_many_statements_however_much_is_stored(
             "/revision?kb=courier&number=2",
             "/difference?kb=courier&a=1",
         ):
-            client.get(path)
-            number = count(lambda path=path: client.get(path))  # type: ignore[misc]
-            taken.setdefault(path, set()).add(number)
+            taken.setdefault(path, set()).add(statements_of(client, path))
     assert all(len(counts) == 1 and max(counts) <= 12 for counts in taken.values()), taken
 
 
 def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> None:
     kb, client = filled
-    fill(kb, 5)
-    for _ in range(3):
-        kb.propositions.delete("(robot_at rb1 wp1)")
-        kb.propositions.save("(robot_at rb1 wp1)")
-    kb.store.archive(6, to=f"sqlite:///{tmp_path / 'old.db'}")
+    archive_some(kb, tmp_path)
     data = client.get("/api/revision?kb=courier&number=4").json()
     assert "old.db" in data["archive"]
     assert client.get("/api/revision?kb=courier&number=7").json()["archive"] is None

@@ -9,18 +9,11 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from kant_sql import (
-    PddlFunctionDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
 from kant_sql.history import state_parts
 from kant_sql.history.state_parts import StateFilter, read_state
 from kant_sql.knowledge_base import state_of
-from tests.support.statements import count, fill
-from tests.web.conftest import Filled
+from tests.support.statements import fill
+from tests.web.conftest import Filled, statements_of
 
 
 def part(data: Any, kind: str) -> Any:
@@ -120,19 +113,20 @@ def test_pages_go_on_after_their_last_element(
 ) -> None:
     monkeypatch.setattr(state_parts, "SORTED", bound)
     kb, _ = filled
-    wp = PddlTypeDto("wp")
-    one, two = PddlPredicateDto("clean", [wp]), PddlPredicateDto("linked", [wp, wp, wp])
-    places = [PddlObjectDto(wp, f"wp{n}") for n in range(4)]
     with kb.transaction():
-        for name in ("awake", "zealous"):
-            kb.propositions.save(PddlPropositionDto(PddlPredicateDto(name, []), []))
-        for is_goal, place in itertools.product((False, True), places):
-            save = (kb.goals if is_goal else kb.propositions).save
-            save(PddlPropositionDto(one, [place], is_goal))
-            for other in places[:2]:
-                save(PddlPropositionDto(two, [places[0], other, place], is_goal))
+        kb.load_domain(
+            "(define (domain d) (:types wp) (:functions (level ?a - wp))"
+            "(:predicates (awake) (zealous) (clean ?a - wp) (linked ?a ?b ?c - wp)))"
+        )
+        places = "wp0", "wp1", "wp2", "wp3"
+        kb.objects.save_all(f"{place} - wp" for place in places)
         for place in places:
-            kb.function_values.set(PddlFunctionDto("level", [wp]), objects=[place], value=1)
+            for dao in (kb.propositions, kb.goals):
+                dao.save(f"(clean {place})")
+                for other in ("wp0", "wp1"):
+                    dao.save(f"(linked wp0 {other} {place})")
+            kb.function_values.save(f"(= (level {place}) 1)")
+        kb.propositions.save_all(["(awake)", "(zealous)"])
         kb.goals.save("(or (awake) (zealous))")
     kb.propositions.delete("(clean wp1)")
     then = kb.revision
@@ -190,7 +184,6 @@ def test_a_state_takes_as_many_statements_however_much_holds(
         fill(kb, size)
         kb.propositions.delete("(robot_at rb1 wp1)")
         for query in ("", "at=1", "object=rb1", "text=wp1", "predicate=robot_at", "kind=fact"):
-            client.get(f"/state?kb=courier&{query}")
-            number = count(lambda query=query: client.get(f"/state?kb=courier&{query}"))  # type: ignore[misc]
+            number = statements_of(client, f"/state?kb=courier&{query}")
             taken.setdefault(query, set()).add(number)
     assert all(len(numbers) == 1 and max(numbers) <= 20 for numbers in taken.values()), taken
