@@ -7,6 +7,7 @@ runs for the tests of one module.
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, expect, sync_playwright
+from sqlalchemy import make_url
 
 from tests.support.browsing import ARGUMENTS, Serving, Visitor, chromium
 
@@ -50,6 +52,12 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
             return serving
 
         yield serve_
+
+
+@pytest.fixture
+def own_story(sqlite_story: str, tmp_path: Path) -> str:
+    """The URL of a store of the story on SQLite that a test may write to."""
+    return f"sqlite:///{shutil.copy(str(make_url(sqlite_story).database), tmp_path / 'own.db')}"
 
 
 @pytest.fixture

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-import shutil
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import expect
-from sqlalchemy import make_url
 
 import kant_sql
 from tests.audit.story import record_store
@@ -22,11 +19,10 @@ HEAD = 36
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def own_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def own_url(request: pytest.FixtureRequest) -> str:
     """The URL of a store of the story that a test may write to."""
     if request.param == "sqlite":
-        story = make_url(request.getfixturevalue("sqlite_story")).database
-        return f"sqlite:///{shutil.copy(str(story), tmp_path / 'own.db')}"
+        return str(request.getfixturevalue("own_story"))
     return record_store(request.getfixturevalue("server").new_store())
 
 

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
-from pathlib import Path
-
 import pytest
 from playwright.sync_api import expect
-from sqlalchemy import make_url
 
 import kant_sql
 from tests.browser.addresses import address
 from tests.browser.conftest import Serve, Visit
 
 FACT = "(robot_at rb1 t4)"
-
-
-def write(url: str) -> None:
-    """Write a revision, as another program does."""
-    with kant_sql.connect(url, knowledge_base="courier", actor="night shift") as kb:
-        assert kb.propositions.save(FACT)
 
 
 @pytest.mark.parametrize(
@@ -34,21 +24,15 @@ def write(url: str) -> None:
     ],
 )
 def test_a_page_of_the_present_follows_and_one_of_the_past_does_not(
-    sqlite_story: str,
-    serve: Serve,
-    visit: Visit,
-    tmp_path: Path,
-    path: str,
-    element: str,
-    is_followed: bool,
+    own_story: str, serve: Serve, visit: Visit, path: str, element: str, is_followed: bool
 ) -> None:
-    own = f"sqlite:///{shutil.copy(str(make_url(sqlite_story).database), tmp_path / 'own.db')}"
-    visitor = visit(serve(own).address)
+    visitor = visit(serve(own_story).address)
     visitor.open(path)
     part = visitor.page.locator(element)
     before = part.inner_text()
     assert FACT not in before
-    write(own)
+    with kant_sql.connect(own_story, knowledge_base="courier", actor="night shift") as kb:
+        assert kb.propositions.save(FACT)
     status = visitor.page.locator("#live")
     expect(status).to_contain_text("39 revisions" if path == "/" else "night shift")
     if is_followed:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
-from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, unquote_plus, urlsplit
 
 import pytest
 from playwright.sync_api import expect
-from sqlalchemy import make_url
 
 import kant_sql
 from tests.browser.addresses import address
@@ -107,14 +104,13 @@ def test_the_drawing_has_the_colours_of_its_page(sqlite_served: Serving, visit: 
 
 
 def test_a_window_without_an_end_follows_what_happens(
-    sqlite_story: str, tmp_path: Path, serve: Serve, visit: Visit
+    own_story: str, serve: Serve, visit: Visit
 ) -> None:
-    own = f"sqlite:///{shutil.copy(str(make_url(sqlite_story).database), tmp_path / 'own.db')}"
-    serving = serve(own)
+    serving = serve(own_story)
     visitor, other = visit(serving.address), visit(serving.address)
     visitor.open(DAY)
     other.open(NOON)
-    with kant_sql.connect(own, knowledge_base="courier", actor="night") as kb:
+    with kant_sql.connect(own_story, knowledge_base="courier", actor="night") as kb:
         kb.propositions.save("(waiting t3)")
     visitor.page.wait_for_selector(".pinned + svg a[href*='waiting+t3']")
     visitor.page.wait_for_selector("#shown table :text('(waiting t3)')")
