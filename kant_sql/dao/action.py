@@ -260,8 +260,10 @@ class _SqlActionDao(SqlNamedDao[A]):
     def _check(self, dto: object) -> None:
         super()._check(dto)
         if isinstance(dto, PddlActionDto) and dto.keyword not in self.keywords:
+            article = "an" if dto.keyword[0] in "ae" else "a"
             raise InvalidKnowledgeError(
-                f"{dto.name!r} is a {dto.keyword}, which has a DAO of its own; save it there"
+                f"{dto.name!r} is {article} {dto.keyword}, which has a DAO of its own; save it "
+                "there"
             )
 
     def _put(self, transaction: Transaction, dto: A, cascade: bool) -> bool:

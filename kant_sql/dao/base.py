@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import contextmanager
 from contextvars import ContextVar
 from decimal import Decimal
-from functools import lru_cache, partial, wraps
+from functools import lru_cache, wraps
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -738,21 +738,23 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         if given is None:
             found = self._all(definitions)
         else:
-            names = map(partial(self._name, TextReader(transaction)), given)
-            found = [self._named(definitions, name) for name in names if name is not None]
+            found = [self._named(definitions, self._name(each)) for each in given]
         ids = {definition.id for definition in found if definition is not None}
         if ids:
             self._remove(transaction, list(ids))
         return len(ids)
 
-    def _name(self, text: TextReader, given: D | str) -> str | None:
-        """Return the name of the element to delete; None for a text that names what is gone."""
-        if isinstance(given, str):
-            if _TEXT.search(given) is None:
-                return given
-            found = text.read_stored(self._reads, given, needs_names=self._needs_names)
-            return None if found is None else str(found.name)
-        return given.name
+    def _name(self, given: D | str) -> str:
+        """Return the name of the element to delete."""
+        if not isinstance(given, str):
+            return given.name
+        name = given.strip()
+        if _TEXT.search(name) is None:
+            return name
+        # Only the name counts: what else it names may be gone.
+        found = self._reads(name)
+        self._check(found)
+        return str(found.name)
 
     def _dto(self, text: TextReader, given: D | str) -> D:
         """Return a DTO, which may be given as text."""

@@ -55,16 +55,14 @@ class TextReader:
             self._symbols = symbols_of(self.transaction.definitions)
         return read(str(given), symbols=self._symbols)
 
-    def read_stored(
-        self, read: Callable[..., T], given: str | Node, *, needs_names: bool = True
-    ) -> T | None:
+    def read_stored(self, read: Callable[..., T], given: str | Node) -> T | None:
         """Read what may be stored; None if it names something that holds no more.
 
         Raises:
             PddlError: the text is wrong, or it names an element that never existed.
         """
         try:
-            return self.read(read, given, needs_names=needs_names)
+            return self.read(read, given)
         except PddlError:
             if self._names_what_was(str(given)):
                 return None

@@ -387,9 +387,13 @@ def read_function(text: str) -> PddlFunctionDto:
     )
 
 
-def read_action(text: str, *, symbols: SymbolTable) -> PddlActionDto:
-    """Read an action, a durative action, a process or an event, such as `(:action ...)`."""
+def read_action(text: str, *, symbols: SymbolTable | None = None) -> PddlActionDto:
+    """Read an action, a durative action, a process or an event, such as `(:action ...)`.
+
+    Without symbols, it may use any names.
+    """
     expect(text, str, "the action", InvalidArgumentError)
+    symbols = symbols or SymbolTable(unknown_domain=True)
     reader = ActionReader(Diagnostics(strict=False), _section(text), symbols, "the action")
     keyword = reader.peek_head("an action such as (:action ...)", "a keyword such as :action")
     if keyword.lower() not in ACTIONS:

@@ -502,3 +502,23 @@ def test_an_object_that_is_given_as_text_stays_a_constant(world: KnowledgeBase) 
         world.objects.save_all(["HUB - wp"])
         world.objects.update("hub - wp")
     assert [each.name for each in world.objects.get_all() if each.is_constant] == ["hub"]
+
+
+def test_an_action_is_deleted_by_a_text_that_names_what_is_gone(world: KnowledgeBase) -> None:
+    leave = "(:action leave :parameters (?r - robot) :effect (not (idle)))"
+    world.actions.save(leave)
+    assert world.actions.delete(leave.replace("idle", "never")) is True
+    world.actions.save(leave)
+    world.types.delete("robot")
+    with nothing_changes(world):
+        assert world.actions.delete(leave) is False
+
+
+def test_each_dao_of_actions_deletes_by_texts_of_its_own_kind(world: KnowledgeBase) -> None:
+    world.pddl.events.save("(:event stop :effect (not (idle)))")
+    with nothing_changes(world):
+        with pytest.raises(InvalidKnowledgeError, match="'stop' is an event, which has a DAO"):
+            world.actions.delete("(:event stop)")
+        with pytest.raises(InvalidKnowledgeError, match="PddlEventDto, or its text, not"):
+            world.pddl.events.delete("(:action stop)")
+    assert world.pddl.events.delete("stop\n") is True
