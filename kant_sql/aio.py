@@ -17,7 +17,7 @@ from contextlib import AbstractAsyncContextManager, AbstractContextManager, Exit
 from contextvars import ContextVar
 from functools import partial, update_wrapper
 from types import MethodType, TracebackType
-from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
+from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar, overload
 
 from . import knowledge_base as sync
 from .dao.interfaces import (
@@ -603,7 +603,15 @@ class _Beside(Generic[T]):
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
-    def __get__(self, part: _Part, owner: type[_Part] | None = None) -> T:
+    @overload
+    def __get__(self, part: None, owner: type[_Part]) -> Self: ...
+
+    @overload
+    def __get__(self, part: _Part, owner: type[_Part] | None = None) -> T: ...
+
+    def __get__(self, part: _Part | None, owner: type[_Part] | None = None) -> T | Self:
+        if part is None:
+            return self
         made = self._make(part._door, find=lambda: getattr(part._find(), self._name))
         return part.__dict__.setdefault(self._name, made)  # type: ignore[no-any-return]
 

@@ -693,3 +693,8 @@ def test_ctrl_c_in_a_block_writes_nothing_of_it_and_ends(shared_url: str) -> Non
     with kant_sql.connect(shared_url, knowledge_base="tiago") as kb:
         assert [found.name for found in kb.types.get_all()] == ["before"]
         assert kb.store.verify().is_intact
+
+
+def test_the_parts_of_the_class_are_there_for_whoever_inspects_it() -> None:
+    for name in ("types", "goals", "pddl"):
+        assert inspect.getattr_static(AsyncKnowledgeBase, name) is getattr(AsyncKnowledgeBase, name)
