@@ -12,6 +12,7 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from tests.migrations.stores import ADDED, Make, as_before, record, rows_of, write_story
 from tests.migrations.test_golden import connected, dump_of
+from tests.support.atoms import Atoms
 from tests.support.chain import check_chain
 from tests.support.reading import findings
 from tests.support.stores import Connect
@@ -50,9 +51,10 @@ def come_and_go(kb: KnowledgeBase) -> None:
     """Let every fact and goal have a past, and some of both hold."""
     kb.load_domain(DOMAIN)
     kb.load_problem(PROBLEM)
-    every = kb.propositions.get_all()
-    kb.propositions.delete_all()
-    kb.propositions.save_all(every[::2])
+    atoms = Atoms(kb)
+    every = atoms.get_all()
+    atoms.delete_all()
+    atoms.save_all(every[::2])
 
 
 def write_old(url: str) -> None:
