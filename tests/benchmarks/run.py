@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 BENCHMARKS = (
-    *("coffee_shop", "history", "asof", "past", "verifying", "documents"),
+    *("coffee_shop", "history", "asof", "past", "verifying", "documents", "answering"),
     *("timeline", "sizing", "pushing", "knowledge_bases"),
 )
 
