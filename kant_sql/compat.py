@@ -26,7 +26,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from graphlib import TopologicalSorter
 from types import ModuleType
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 from typing_extensions import override
 
@@ -320,6 +320,13 @@ class DaoFactory:
         self._given_actor = actor
         self.knowledge_base = knowledge_base
         self.connect()
+
+    @classmethod
+    def of(cls, factory: _SqlDaoFactory) -> Self:
+        """Create the DAOs of a store that is open; its transactions are theirs."""
+        made = cls.__new__(cls)
+        made._factory = factory
+        return made
 
     @property
     def actor(self) -> str | None:

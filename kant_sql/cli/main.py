@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import partial, wraps
 from importlib import import_module
 from io import TextIOWrapper
+from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -136,6 +137,7 @@ _HOMES = {
     **dict.fromkeys(("views", "export"), "store"),
     "watch": "history",
     **dict.fromkeys(("serve", "report"), "web"),
+    **dict.fromkeys(("ros", "import"), "ros"),
     "verify": "verifying",
     **dict.fromkeys(("anchor", "backup", "archive"), "store"),
     **dict.fromkeys(("push", "promote"), "replication"),
@@ -150,7 +152,7 @@ _FINISHED = {"verify", "push", "promote"}
 def _find(name: str) -> Any:
     """Import the function of a command."""
     module = import_module(f".{_HOMES[name]}", __package__)
-    found = getattr(module, name.replace("-", "_"))
+    found = getattr(module, f"{name}_" if iskeyword(name) else name.replace("-", "_"))
     if name in _PAGED:
         return _within(paged, found)
     # Of those whose output nobody reads any more, the work and the exit code stay.

@@ -1,0 +1,203 @@
+"""What the services answer, without ROS: requests and responses with the fields of the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.compat import DaoFactory
+from kant_sql.errors import InvalidKnowledgeError, KantSqlError
+from kant_sql.knowledge_base import factory_of
+from kant_sql.ros import paper
+from kant_sql.ros.experts import DomainExpert, Planner, ProblemExpert
+from kant_sql.ros.service import Service
+from kant_sql.ros.trees import FUNCTION, PREDICATE, write_tree
+from tests.ros import messages
+from tests.ros.test_trees import MADE
+
+DOMAIN = """(define (domain ward)
+  (:requirements :typing :durative-actions :fluents :derived-predicates :existential-preconditions)
+  (:types robot place - object dock - place)
+  (:constants home - dock)
+  (:predicates (at ?r - robot ?p - place) (door ?a ?b - place) (docked ?r - robot))
+  (:functions (battery ?r - robot))
+  (:derived (docked ?r - robot) (exists (?d - dock) (at ?r ?d)))
+  (:action charge :parameters (?r - robot) :precondition (and (at ?r home))
+    :effect (and (assign (battery ?r) 100)))
+  (:durative-action move :parameters (?r - robot ?a ?b - place) :duration (= ?duration 5)
+    :condition (and (at start (at ?r ?a)) (over all (door ?a ?b)) (at start (> (battery ?r) 20)))
+    :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b)) (at end (decrease (battery ?r) 2.5)))))
+"""
+PROBLEM = """(define (problem round) (:domain ward) (:objects rb1 - robot hall - place)
+  (:init (at rb1 hall) (door hall home) (= (battery rb1) 80.5)) (:goal (and (docked rb1))))"""
+
+
+class Kinds:
+    """Stands for a module of services: the class of a service is its name."""
+
+    def __getattr__(self, name: str) -> str:
+        return name
+
+
+@pytest.fixture
+def kb() -> Iterator[KnowledgeBase]:
+    with kant_sql.connect("sqlite://", actor="executive") as kb:
+        kb.load_domain(DOMAIN)
+        yield kb
+
+
+class Client:
+    """Calls services as a client does; an answer has the fields that were set."""
+
+    def __init__(self, services: list[Service]) -> None:
+        self._services = {each.name.rpartition("/")[2]: each for each in services}
+
+    def __call__(self, name: str, **request: Any) -> SimpleNamespace:
+        response = SimpleNamespace()
+        self._services[name].answer(SimpleNamespace(**request), response)
+        return response
+
+    def __len__(self) -> int:
+        return len(self._services)
+
+
+@pytest.fixture
+def problem(kb: KnowledgeBase) -> Client:
+    return Client(list(ProblemExpert(kb, messages).services(Kinds())))
+
+
+@pytest.fixture
+def domain(kb: KnowledgeBase) -> Client:
+    return Client(list(DomainExpert(kb, messages).services(Kinds())))
+
+
+def node(kind: int, name: str, *terms: str, value: float = 0.0) -> messages.Node:
+    parameters = [messages.Param(each) for each in terms]
+    return messages.Node(node_type=kind, name=name, parameters=parameters, value=value)
+
+
+def test_the_domain_is_described_as_plansys2_does(domain: Client) -> None:
+    assert domain("get_domain_name").name == "ward"
+    assert domain("get_domain_types").types == ["object", "robot", "place", "dock"]
+    assert domain("get_domain_constants", type="place").constants == ["home"]
+    assert domain("get_domain_actions").actions == ["charge"]
+    assert domain("get_domain_durative_actions").actions == ["move"]
+    assert [each.name for each in domain("get_domain_functions").states] == ["battery"]
+    assert [each.name for each in domain("get_domain_derived_predicates").states] == ["docked"]
+    found = domain("get_domain_predicate_details", expression="AT").node
+    assert [(each.name, each.type, each.sub_types) for each in found.parameters] == [
+        ("?robot0", "robot", []),
+        ("?place1", "place", ["dock"]),
+    ]
+    [rule] = domain("get_domain_derived_predicate_details", predicate="docked").predicates
+    exists, inner = rule.preconditions.nodes[1:]
+    assert [(each.name, each.type) for each in exists.parameters] == [("?1", "dock")]
+    assert [each.name for each in inner.parameters] == ["?0", "?1"]
+
+
+def test_a_durative_action_has_a_tree_for_each_time(domain: Client) -> None:
+    given = {"durative_action": "move", "parameters": ["rb1", "hall"]}
+    found = domain("get_domain_durative_action_details", **given).durative_action
+    assert [each.name for each in found.parameters] == ["rb1", "hall", "?2"]
+    start = found.at_start_requirements.nodes
+    assert [each.name for each in start if each.node_type == PREDICATE] == ["at"]
+    assert [each.value for each in start if each.node_type == 9] == [20.0]
+    assert [each.name for each in found.over_all_requirements.nodes[1].parameters] == ["hall", "?2"]
+    assert found.at_end_requirements.nodes == []
+    with pytest.raises(KantSqlError, match="no action 'charge'"):
+        domain("get_domain_durative_action_details", durative_action="charge", parameters=[])
+
+
+def test_the_problem_is_written_and_read(kb: KnowledgeBase, problem: Client) -> None:
+    problem("add_problem_instance", param=messages.Param("rb1", "robot"))
+    problem("add_problem_instance", param=messages.Param("hall", "place"))
+    with pytest.raises(KantSqlError, match="no type 'SCIENTIFIC'"):
+        problem("add_problem_instance", param=messages.Param("Paco", "SCIENTIFIC"))
+    with pytest.raises(KantSqlError, match="with another type"):
+        problem("add_problem_instance", param=messages.Param("rb1", "place"))
+    at = node(PREDICATE, "at", "rb1", "hall")
+    problem("add_problem_predicate", node=at)
+    assert problem("exist_problem_predicate", node=at).exist
+    battery = node(FUNCTION, "battery", "rb1", value=1.1)
+    with pytest.raises(KantSqlError, match="no value yet"):
+        problem("update_problem_function", node=battery)
+    problem("add_problem_function", node=battery)
+    assert problem("get_problem_function", expression="(battery rb1)").node.value == 1.1
+    assert str(kb.function_values.get("(battery rb1)")) == "1.1"
+    problem("remove_problem_function", node=battery)
+    assert not problem("exist_problem_function", node=battery).exist
+    problem("remove_problem_predicate", node=at)
+    problem("remove_problem_predicate", node=at)
+    assert problem("get_problem_predicates").states == []
+    problem("remove_problem_instance", param=messages.Param("rb1", "robot"))
+    assert [each.name for each in problem("get_problem_instances").instances] == ["home", "hall"]
+
+
+def test_a_problem_is_added_solved_and_cleared(kb: KnowledgeBase, problem: Client) -> None:
+    problem("add_problem", problem=PROBLEM)
+    problem("add_problem", problem=PROBLEM)
+    goal = problem("get_problem_goal").tree
+    assert not problem("is_problem_goal_satisfied", tree=goal).satisfied
+    kb.apply("(move rb1 hall home)")
+    assert problem("is_problem_goal_satisfied", tree=goal).satisfied
+    assert [each.name for each in problem("get_problem_predicates").states][-1] == "docked"
+    assert [each.value for each in problem("get_problem_functions").states] == [78.0]
+    assert "(:goal" in problem("get_problem").problem
+    problem("add_problem_goal", tree=messages.Tree(write_tree(kb.goals.get_all()[0], MADE)))
+    problem("remove_problem_goal")
+    assert kb.goals.get_all() == []
+    with pytest.raises(InvalidKnowledgeError, match="empty tree"):
+        problem("add_problem_goal", tree=messages.Tree())
+    problem("clear_problem_knowledge")
+    assert [str(each) for each in kb.objects.get_all()] == ["home - dock"]
+
+
+def test_a_plan_is_made_of_the_texts_of_the_request() -> None:
+    planner = Client(list(Planner(messages).services(Kinds())))
+    simple = "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))"
+    asked = "(define (problem q) (:domain d) (:init) (:goal (p)))"
+    [step] = planner("get_plan", domain=simple, problem=asked).plan.items
+    assert (step.action, step.duration) == ("(a)", 0.0)
+    planner("validate_domain", domain=simple)
+    with pytest.raises(KantSqlError):
+        planner("validate_domain", domain="(define (domain d) (:predicates (p)")
+
+
+def test_the_paper_s_services_are_fifteen_and_answer(kb: KnowledgeBase) -> None:
+    client = Client(list(paper.services(DaoFactory.of(factory_of(kb)), messages, Kinds(), object)))
+    assert len(client) == 15
+    writer = paper.Writer(messages)
+    robot, place = kant_sql.PddlTypeDto("robot"), kant_sql.PddlTypeDto("place")
+    seen = kant_sql.PddlPredicateDto("seen", [robot, place])
+    objects = [kant_sql.PddlObjectDto(robot, "rb1"), kant_sql.PddlObjectDto(place, "hall")]
+    fact = kant_sql.PddlPropositionDto(seen, objects, is_goal=True)
+    update = {"update_konwledge": messages.message(update_type=paper.SAVE)}
+    sent = writer.proposition(fact)
+    assert client("update_proposition", pddl_proposition=sent, **update).success
+    for get_type, count in ((paper.ALL, 1), (paper.GOALS, 1), (paper.NO_GOALS, 0), (9, 0)):
+        found = client("get_propositions", get_type=get_type).pddl_propositions
+        assert [paper.read_proposition(each) for each in found] == [fact] * count
+    assert client("get_types", type_name="nowhere").pddl_types == []
+    # A duration of 2.5 and arithmetic are left out of the answer, with a line in the log.
+    assert client("get_actions", action_name="").pddl_actions == []
+    update = {"update_konwledge": messages.message(update_type=paper.DELETE)}
+    assert client("update_object", pddl_object=writer.object(objects[0]), **update).success
+    assert not client("update_object", pddl_object=writer.object(objects[0]), **update).success
+    client("delete_all_propositions")
+    assert kb.goals.get_all() == []
+
+
+def test_what_an_action_s_message_cannot_hold_is_refused() -> None:
+    writer = paper.Writer(messages)
+    half = kant_sql.PddlActionDto("wait", duration=2.5)
+    with pytest.raises(InvalidKnowledgeError, match="no whole number"):
+        writer.action(half)
+    timeless = kant_sql.PddlConditionEffectDto(kant_sql.PddlPredicateDto("p"))
+    made = writer.action(kant_sql.PddlActionDto("go", [], [timeless], [timeless], durative=False))
+    assert [each.time for each in made.effects] == [""]
+    assert paper.read_action(made).conditions == [timeless]
