@@ -175,7 +175,7 @@ class _Reader:
         operator = self._word(position, _OPERATOR, node.expression_type)
         if operator in ARITHMETIC:
             return Arithmetic(operator, (left, right))  # type: ignore[arg-type]
-        if operator == "=" and isinstance(left, Constant | Variable):
+        if operator == "=" and any(isinstance(each, Constant | Variable) for each in (left, right)):
             return Equal(left, right)  # type: ignore[arg-type]
         return Comparison(operator, left, right)  # type: ignore[arg-type]
 

@@ -40,7 +40,7 @@ def message(**fields: Any) -> SimpleNamespace:
 class Tree:
     """plansys2_msgs/msg/Tree."""
 
-    def __init__(self, nodes: Sequence[Node] = ()) -> None:
+    def __init__(self, nodes: Sequence[Any] = ()) -> None:
         self.nodes = list(nodes)
 
 

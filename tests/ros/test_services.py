@@ -31,7 +31,8 @@ DOMAIN = """(define (domain ward)
     :effect (and (assign (battery ?r) 100)))
   (:durative-action move :parameters (?r - robot ?a ?b - place) :duration (= ?duration 5)
     :condition (and (at start (at ?r ?a)) (over all (door ?a ?b)) (at start (> (battery ?r) 20)))
-    :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b)) (at end (decrease (battery ?r) 2.5)))))
+    :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b))
+                 (at end (decrease (battery ?r) 2.5)))))
 """
 PROBLEM = """(define (problem round) (:domain ward) (:objects rb1 - robot hall - place)
   (:init (at rb1 hall) (door hall home) (= (battery rb1) 80.5)) (:goal (and (docked rb1))))"""
