@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import ExtraMissingError
-from .common import DEFAULT_NAME, Actor, AsJson, Url, leaving_nothing
+from .common import DEFAULT_NAME, Actor, AsJson, Url, leaving_nothing, split_url, words_argument
 from .output import write_json
 
 ROS_MISSING = (
@@ -19,16 +19,25 @@ ROS_MISSING = (
 _Kb = Annotated[str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")]
 
 
-def ros(url: Url, kb: _Kb = DEFAULT_NAME, actor: Actor = None) -> None:
+_USAGE = "URL [ROS_ARGUMENT]..."
+_EXAMPLE = "kant-sql ros sqlite:///robot.db -- --ros-args -r __ns:=/rb1"
+
+
+def ros(
+    words: Annotated[list[str], words_argument(_USAGE, "behind -- the arguments of ROS 2.")],
+    kb: _Kb = DEFAULT_NAME,
+    actor: Actor = None,
+) -> None:
     """Serve the store as a node of ROS 2: the services of KANT and of PlanSys2's experts.
 
     Ends with Ctrl-C. Words after -- are the node's, such as: -- --ros-args -r __ns:=/rb1
     """
+    url, arguments = split_url(words, _USAGE, _EXAMPLE)
     try:
         from ..ros.node import main
     except ImportError as error:
         raise ExtraMissingError(ROS_MISSING) from error
-    main(sys.argv[:1], url=url, knowledge_base=kb, actor=actor)
+    main([sys.argv[0], *arguments], url=url, knowledge_base=kb, actor=actor or "")
 
 
 def import_(

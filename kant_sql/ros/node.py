@@ -6,127 +6,140 @@ It needs `rclpy`, which comes with ROS 2 and not from an index of Python package
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from functools import wraps
 from types import ModuleType
 from typing import Any
 
 import rclpy
-from builtin_interfaces.msg import Time
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.executors import ExternalShutdownException
-from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from ..arguments import URL_VARIABLE
 from ..compat import DaoFactory
-from ..errors import KantSqlError
+from ..errors import InvalidUrlError, KantSqlError
 from ..knowledge_base import KnowledgeBase, connect, factory_of
+from ..sql.dialects import parse_url
+from ..sql.dialects.base import url_label
+from . import own, paper
 from .experts import DomainExpert, Planner, ProblemExpert
-from .own import OwnServices, write_revision
-from .paper import services as paper_services
 from .service import Service
+from .threads import Threads
 
 # Messages that a publisher keeps for those who come late, as PlanSys2's does.
 KEPT = 100
 # Seconds between looks whether the node is to stop.
 LOOK = 0.5
+# Seconds before new revisions are read: the answer to who wrote them goes first.
+PAUSE = 0.01
 _LATE = QoSProfile(depth=KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def _transition(step: Callable[[KnowledgeNode], None]) -> Callable[..., TransitionCallbackReturn]:
+    """Make a transition of a step: its error, which rclpy would drop, is logged and fails it."""
+
+    @wraps(step)
+    def run(node: KnowledgeNode, _: object = None) -> TransitionCallbackReturn:
+        try:
+            step(node)
+        except Exception as error:
+            is_known = isinstance(error, KantSqlError)
+            node.get_logger().error(str(error) if is_known else traceback.format_exc())
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    return run
 
 
 class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
     """Answers the services of the paper's node and of PlanSys2's experts from a knowledge base.
 
-    Parameters of the node: `url`, the database; `knowledge_base`, its name; `actor`, who writes
-    (the name of the node by default). Services whose interfaces are not installed are left out.
+    Parameters of the node: `url`, the database, by default what the environment variable
+    `KANT_SQL_URL` has; `knowledge_base`, its name; `actor`, who writes (the name of the node by
+    default). Services whose interfaces are not installed are left out.
     """
 
-    def __init__(self, parameters: Mapping[str, str | None]) -> None:
+    def __init__(self, url: str = "", knowledge_base: str = "default", actor: str = "") -> None:
         super().__init__("kant_sql")
-        for parameter, default in (("url", ""), ("knowledge_base", "default"), ("actor", "")):
-            self.declare_parameter(parameter, parameters.get(parameter) or default)
+        self._url = url or os.environ.get(URL_VARIABLE, "")
+        shown = ""
+        with suppress(InvalidUrlError):  # Configuring says what is wrong.
+            shown = "" if _has_password(self._url) else self._url
+        self.declare_parameter("url", shown)
+        self.declare_parameter("knowledge_base", knowledge_base)
+        self.declare_parameter("actor", actor)
+        # Changes are made in the order in which they come; questions do not wait for one another.
+        self._groups = MutuallyExclusiveCallbackGroup(), ReentrantCallbackGroup()
         self._kb: KnowledgeBase | None = None
-        self._made: list[tuple[Callable[[Any], object], Any]] = []
-        self._expert: ProblemExpert | None = None
-        self._stop = threading.Event()
-        self._watcher: threading.Thread | None = None
+        self._active = ExitStack()
 
-    def _parameter(self, name: str) -> str:
-        return str(self.get_parameter(name).value)
-
-    def on_configure(self, state: State) -> TransitionCallbackReturn:
+    @_transition
+    def on_configure(self) -> None:
         """Open the knowledge base; the node stays unconfigured where that fails."""
-        del state
-        name = self._parameter("knowledge_base")
-        actor = self._parameter("actor") or self.get_name()
-        try:
-            self._kb = connect(self._parameter("url"), knowledge_base=name, actor=actor)
-        except KantSqlError as error:
-            self.get_logger().error(str(error))
-            self._close()
-            return TransitionCallbackReturn.FAILURE
-        return TransitionCallbackReturn.SUCCESS
+        url, name, actor = (
+            str(self.get_parameter(each).value) for each in ("url", "knowledge_base", "actor")
+        )
+        if url and _has_password(url):
+            raise InvalidUrlError(
+                "each node can read the parameter url, and this one has a password; put the URL "
+                f"into the environment variable {URL_VARIABLE}, or the password into ~/.pgpass"
+            )
+        actor = actor or self.get_name()
+        self._kb = connect(url or self._url, knowledge_base=name, actor=actor)
 
-    def on_activate(self, state: State) -> TransitionCallbackReturn:
+    @_transition
+    def on_activate(self) -> None:
         """Offer the services and the topics."""
-        for service in self._offered():
-            made = self.create_service(service.kind, service.name, self._guarded(service))
-            self._made.append((self.destroy_service, made))
-        self._watch()
-        return super().on_activate(state)
+        assert self._kb is not None
+        with self._active:
+            for service in self._offered(self._kb):
+                group = self._groups[service.is_question]
+                answer = self._guarded(service)
+                made = self.create_service(service.kind, service.name, answer, callback_group=group)
+                self._active.callback(self.destroy_service, made)
+            self._watch(self._kb)
+            self._active = self._active.pop_all()
 
-    def on_deactivate(self, state: State) -> TransitionCallbackReturn:
+    @_transition
+    def on_deactivate(self) -> None:
         """Withdraw the services and the topics."""
-        self._stop.set()
-        if self._watcher is not None:
-            self._watcher.join()
-        while self._made:
-            destroy, made = self._made.pop()
-            destroy(made)
-        return super().on_deactivate(state)
+        self._active.close()
 
-    def on_cleanup(self, state: State) -> TransitionCallbackReturn:
-        """Close the knowledge base."""
-        del state
-        self._close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
+    @_transition
+    def on_cleanup(self) -> None:
         """Withdraw everything, and close the knowledge base."""
-        self.on_deactivate(state)
-        self._close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def _close(self) -> None:
+        self._active.close()
         if self._kb is not None:
             self._kb.close()
-        self._kb = None
 
-    def _offered(self) -> Iterator[Service]:
+    on_shutdown = on_error = on_cleanup
+
+    def _offered(self, kb: KnowledgeBase) -> Iterator[Service]:
         """Yield the services whose interfaces are installed."""
-        assert self._kb is not None
         messages, kinds = _interfaces("kant_sql_msgs")
-        if kinds is not None:
-            yield from OwnServices(self._kb, messages, Time).services(kinds)
+        if messages is not None:
+            yield from own.services(kb, messages, kinds)
         messages, kinds = _interfaces("kant_msgs")
-        if kinds is not None:
+        if messages is not None:
             empty = importlib.import_module("std_srvs.srv").Empty
-            yield from paper_services(DaoFactory.of(factory_of(self._kb)), messages, kinds, empty)
+            yield from paper.services(DaoFactory.of(factory_of(kb)), messages, kinds, empty)
         messages, kinds = _interfaces("plansys2_msgs")
         if messages is not None:
-            self._expert = ProblemExpert(self._kb, messages)
-            yield from DomainExpert(self._kb, messages).services(kinds)
-            yield from self._noticed(self._expert.services(kinds), messages)
+            yield from DomainExpert(kb, messages).services(kinds)
+            yield from self._noticed(ProblemExpert(kb, messages), messages, kinds)
             yield from Planner(messages).services(kinds)
 
-    def _noticed(self, services: Iterator[Service], messages: Any) -> Iterator[Service]:
+    def _noticed(self, expert: ProblemExpert, messages: Any, kinds: Any) -> Iterator[Service]:
         """Publish what the problem expert knows after each call that may have changed it."""
         empty = importlib.import_module("std_msgs.msg").Empty
-        expert = self._expert
-        assert expert is not None
-        notify = self.create_publisher(empty, "problem_expert/update_notify", KEPT)
-
+        notify = self._publisher(empty, "problem_expert/update_notify", KEPT)
         is_late = threading.Event()
 
         def publish() -> None:
@@ -140,78 +153,86 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
             if is_late.is_set():
                 publish()
 
-        matched = PublisherEventCallbacks(matched=listened)
-        knowledge = self.create_publisher(
-            messages.Knowledge, "problem_expert/knowledge", _LATE, event_callbacks=matched
+        knowledge = self._publisher(
+            messages.Knowledge,
+            "problem_expert/knowledge",
+            _LATE,
+            event_callbacks=PublisherEventCallbacks(matched=listened),
         )
-        self._made += [(self.destroy_publisher, one) for one in (notify, knowledge)]
 
         def changing(service: Service) -> Service:
             def answer(request: Any, response: Any) -> None:
                 service.answer(request, response)
-                notify.publish(empty())
+                if notify.get_subscription_count():
+                    notify.publish(empty())
                 publish()
 
             return service._replace(answer=answer)
 
-        for service in services:
-            yield changing(service) if "_expert/get_" not in service.name else service
+        for service in expert.services(kinds):
+            yield service if service.is_question else changing(service)
+
+    def _publisher(self, *arguments: Any, **options: Any) -> Any:
+        publisher = self.create_publisher(*arguments, **options)
+        self._active.callback(self.destroy_publisher, publisher)
+        return publisher
 
     def _guarded(self, service: Service) -> Callable[[Any, Any], Any]:
         """Answer with the error of a request that cannot be answered; the node goes on."""
 
         def answer(request: Any, response: Any) -> Any:
+            said = ""
             try:
                 service.answer(request, response)
             except KantSqlError as error:
-                self.get_logger().warning(f"{service.name}: {error}")
-                _say(response, success=False, error_info=str(error))
+                said = str(error)
+                self.get_logger().warning(f"{service.name}: {said}")
             except Exception as error:
-                # An exception that left here would end the node, and with it all other services.
+                said = f"{type(error).__name__}: {error}"
                 self.get_logger().error(f"{service.name}: {traceback.format_exc()}")
-                _say(response, success=False, error_info=f"{type(error).__name__}: {error}")
-            else:
-                if hasattr(response, "error_info"):
-                    response.success = True
+            if hasattr(response, "error_info"):
+                response.success, response.error_info = not said, said
+            elif said and hasattr(response, "success"):
+                response.success = False
             return response
 
         return answer
 
-    def _watch(self) -> None:
+    def _watch(self, kb: KnowledgeBase) -> None:
         """Publish each revision, whoever writes it, in order and without gaps."""
         messages, _ = _interfaces("kant_sql_msgs")
         if messages is None:
             return
-        publisher = self.create_publisher(messages.Revision, "~/changes", _LATE)
-        self._made.append((self.destroy_publisher, publisher))
-        kb = self._kb
-        assert kb is not None
-        last = max(kb.revision - 1, 0)
-        self._stop.clear()
+        publisher = self._publisher(messages.Revision, "~/changes", _LATE)
+        stop = threading.Event()
+        first = max(kb.revision - 1, 0)
 
         def run() -> None:
-            after = last
-            while not self._stop.is_set():
+            after = first
+            while not stop.wait(PAUSE) and self.context.ok():
                 try:
                     for entry in kb.changes(after):
-                        publisher.publish(write_revision(entry, messages, Time))
+                        publisher.publish(own.write_revision(entry, messages))
                         after = entry.revision.number
                     kb.watch(after, timeout=LOOK)
-                except KantSqlError as error:
-                    self.get_logger().warning(f"~/changes: {error}")
-                    self._stop.wait(LOOK)
+                except Exception as error:
+                    # Ctrl-C ends the context at any moment.
+                    if self.context.ok():
+                        self.get_logger().warning(f"~/changes: {error}")
+                        stop.wait(LOOK)
 
-        self._watcher = threading.Thread(target=run, name="kant_sql changes", daemon=True)
-        self._watcher.start()
-
-
-def _say(response: Any, **fields: object) -> None:
-    for field, value in fields.items():
-        if hasattr(response, field):
-            setattr(response, field, value)
+        watcher = threading.Thread(target=run, name="kant_sql changes", daemon=True)
+        watcher.start()
+        self._active.callback(watcher.join)
+        self._active.callback(stop.set)
 
 
-def _interfaces(package: str) -> tuple[ModuleType | None, ModuleType | None]:
+def _has_password(url: str) -> bool:
+    parsed = parse_url(url)
+    return url_label(parsed) != parsed.render_as_string(hide_password=False)
+
+
+def _interfaces(package: str) -> tuple[ModuleType, ModuleType] | tuple[None, None]:
     """Import the messages and the services of a package, if it is installed."""
     try:
         return importlib.import_module(f"{package}.msg"), importlib.import_module(f"{package}.srv")
@@ -219,24 +240,30 @@ def _interfaces(package: str) -> tuple[ModuleType | None, ModuleType | None]:
         return None, None
 
 
-def main(arguments: Sequence[str] | None = None, **parameters: str | None) -> None:
+def main(arguments: Sequence[str] | None = None, **given: str) -> None:
     """Run the node until Ctrl-C; with a `url` it is configured and active at once.
 
     Args:
         arguments: the arguments of ROS 2, such as `--ros-args -r __ns:=/rb1`.
-        **parameters: `url`, `knowledge_base` and `actor`.
+        **given: `url`, `knowledge_base` and `actor`.
+
+    Raises:
+        SystemExit: the node could not be configured, as its log says.
     """
     rclpy.init(args=list(sys.argv if arguments is None else arguments))
-    node = KnowledgeNode(parameters)
+    node = KnowledgeNode(**given)
     try:
-        if parameters.get("url"):
+        if given:
             for step in (node.trigger_configure, node.trigger_activate):
                 if step() is not TransitionCallbackReturn.SUCCESS:
                     raise SystemExit(1)
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(node, Threads(node))
+    except KeyboardInterrupt:
         pass
+    except Exception:
+        if rclpy.ok():
+            raise
     finally:
-        node.on_shutdown(None)
+        node.on_shutdown()
         node.destroy_node()
         rclpy.try_shutdown()

@@ -14,53 +14,44 @@ from .service import Service
 MOST = 1000
 
 
-def write_revision(entry: LogEntry, made: Any, time: Any) -> Any:
-    """Write a revision and its changes.
-
-    Args:
-        entry: the revision.
-        made: the module `kant_sql_msgs.msg`.
-        time: `builtin_interfaces.msg.Time`.
-    """
+def write_revision(entry: LogEntry, made: Any) -> Any:
+    """Write a revision and its changes; `made` is the module `kant_sql_msgs.msg`."""
     revision = entry.revision
-    seconds, micros = divmod(round(revision.committed_at.timestamp() * 1_000_000), 1_000_000)
-    return made.Revision(
+    message = made.Revision(
         number=revision.number,
-        committed_at=time(sec=seconds, nanosec=micros * 1000),
         actor=revision.actor or "",
         reason=revision.reason or "",
         source="" if revision.source is None else json.dumps(revision.source),
         hash=revision.hash,
         changes=[made.Change(sign=one.sign, kind=one.kind, text=one.text) for one in entry.changes],
     )
+    at = message.committed_at
+    at.sec, at.nanosec = (
+        int(revision.committed_at.timestamp()),
+        revision.committed_at.microsecond * 1000,
+    )
+    return message
 
 
-class OwnServices:
-    """Answers for `~/get_revisions`, `~/query` and `~/apply`."""
+def services(kb: KnowledgeBase, made: Any, kinds: Any) -> Iterator[Service]:
+    """Yield `~/get_revisions`, `~/query` and `~/apply`; `kinds` is `kant_sql_msgs.srv`."""
 
-    def __init__(self, kb: KnowledgeBase, made: Any, time: Any) -> None:
-        self._kb = kb
-        self._made = made
-        self._time = time
+    def get_revisions(request: Any, response: Any) -> None:
+        response.head = kb.revision
+        entries = kb.changes(request.after, limit=min(request.limit, MOST))
+        response.revisions = [write_revision(one, made) for one in entries]
 
-    def services(self, kinds: Any) -> Iterator[Service]:
-        """Yield the services; `kinds` is `kant_sql_msgs.srv`."""
-        yield Service("~/get_revisions", kinds.GetRevisions, self._revisions)
-        yield Service("~/query", kinds.Query, self._query)
-        yield Service("~/apply", kinds.Apply, self._apply)
-
-    def _revisions(self, request: Any, response: Any) -> None:
-        response.head = self._kb.revision
-        entries = self._kb.changes(request.after, limit=min(request.limit, MOST))
-        response.revisions = [write_revision(one, self._made, self._time) for one in entries]
-
-    def _query(self, request: Any, response: Any) -> None:
-        asked = self._kb.at(request.at) if request.at else self._kb
+    def query(request: Any, response: Any) -> None:
+        asked = kb.at(request.at) if request.at else kb
         answers = asked.query(request.condition, limit=min(request.limit, MOST))
         response.columns = list(answers.columns)
-        response.answers = [self._made.Answer(objects=list(answer)) for answer in answers]
+        response.answers = [made.Answer(objects=list(answer)) for answer in answers]
         response.holds = bool(response.answers)
 
-    def _apply(self, request: Any, response: Any) -> None:
-        made = self._kb.apply(request.action, reason=request.reason or None)
-        response.revision = made or self._kb.revision
+    def apply(request: Any, response: Any) -> None:
+        revision = kb.apply(request.action, reason=request.reason or None)
+        response.revision = revision or kb.revision
+
+    yield Service("~/get_revisions", kinds.GetRevisions, get_revisions)
+    yield Service("~/query", kinds.Query, query)
+    yield Service("~/apply", kinds.Apply, apply)

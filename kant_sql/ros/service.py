@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+_QUESTIONS = "get_", "exist_", "is_", "query", "validate_"
+
 
 class Service(NamedTuple):
     """A service.
@@ -18,3 +20,8 @@ class Service(NamedTuple):
     name: str
     kind: Any
     answer: Callable[[Any, Any], None]
+
+    @property
+    def is_question(self) -> bool:
+        """Whether it changes nothing."""
+        return self.name.rpartition("/")[2].startswith(_QUESTIONS)

@@ -1,0 +1,91 @@
+"""Follow the revisions of a node: each once, in order, whatever is lost or restarted meanwhile."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+# Seconds between looks whether revisions are missing, and until a question counts as lost.
+PERIOD, PATIENCE = 1.0, 5.0
+
+
+class Follower:
+    """Delivers revisions in order, and asks for those that are missing.
+
+    Attributes:
+        last: the number of the last revision that was delivered.
+    """
+
+    def __init__(
+        self, deliver: Callable[[Any], object], ask: Callable[[int], bool], after: int
+    ) -> None:
+        self.last = after
+        self._deliver, self._ask = deliver, ask
+        self._head = math.inf  # Until the node has said how many there are.
+        self._asked = -math.inf
+        # The threads of an executor may bring a message and an answer at the same time.
+        self._lock = threading.RLock()
+
+    def look(self) -> None:
+        """Ask for what is missing, if that was not done lately; `ask` says whether it could."""
+        with self._lock:
+            now = time.monotonic()
+            if self.last < self._head and now > self._asked + PATIENCE and self._ask(self.last):
+                self._asked = now
+
+    def take(self, revisions: Iterable[Any], head: float = 0, is_answer: bool = False) -> None:
+        """Deliver the next ones of these; `head` is the number of the newest there is."""
+        with self._lock:
+            before = self.last
+            for revision in revisions:
+                head = max(head, revision.number)
+                if revision.number == self.last + 1:
+                    self._deliver(revision)
+                    self.last += 1
+            self._head = head if self._head == math.inf else max(self._head, head)
+            if is_answer and self.last > before:
+                self._asked = -math.inf
+            self.look()
+
+
+def follow(
+    node: Any, deliver: Callable[[Any], object], *, after: int = 0, name: str = "kant_sql"
+) -> Follower:
+    """Call a function with each revision of a knowledge base, while the caller's node is spun.
+
+    Args:
+        node: the caller's node.
+        deliver: takes a `kant_sql_msgs/msg/Revision`; if it raises, it gets the same one again.
+        after: the last revision that was taken, 0 for none. Keep the follower's `last`, and give
+            it here after a restart.
+        name: the name of the node that is followed, with its namespace.
+
+    Returns:
+        The follower.
+    """
+    from kant_sql_msgs.msg import Revision
+    from kant_sql_msgs.srv import GetRevisions
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    client = node.create_client(GetRevisions, f"{name}/get_revisions")
+
+    def ask(last: int) -> bool:
+        if client.service_is_ready():
+            client.call_async(GetRevisions.Request(after=last)).add_done_callback(answered)
+        return bool(client.service_is_ready())
+
+    def answered(future: Any) -> None:
+        answer = future.result()
+        if not answer.success:
+            node.get_logger().error(f"{name}/get_revisions: {answer.error_info}")
+        else:
+            follower.take(answer.revisions, answer.head, is_answer=True)
+
+    follower = Follower(deliver, ask, after)
+    durable = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(Revision, f"{name}/changes", lambda one: follower.take([one]), durable)
+    node.create_timer(PERIOD, follower.look)
+    return follower
