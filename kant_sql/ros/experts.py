@@ -7,284 +7,256 @@ changes nothing, because what it asks for is so already, writes no revision here
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from itertools import chain, zip_longest
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain
 from typing import Any
 
-import kant_sql
-
-from ..dto import PddlObjectDto, PddlPropositionDto, PddlTypeDto
-from ..dto.formulas import (
-    AT_END,
-    AT_START,
-    TIMES,
-    And,
-    Atom,
-    Derived,
-    Fluent,
-    Formula,
-    Timed,
-    TypedName,
-)
+from .. import planning
+from ..dto import PddlObjectDto
+from ..dto.formulas import And, Formula, Number, Timed, TypedName
 from ..dto.lexical import ROOT_TYPE, fold
-from ..errors import InvalidKnowledgeError, UnknownNameError
+from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError
 from ..knowledge_base import KnowledgeBase
 from ..pddl import Action, Domain, Function, Predicate, read_domain, read_problem
+from ..pddl.lexer import STRING, Text
 from .service import Service
-from .trees import FUNCTION, PREDICATE, Messages, read_node, read_tree, write_tree
+from .trees import FUNCTION, PREDICATE, Messages, read_tree, write_tree
 
-Answer = Callable[[Any, Any], None]
+# Seconds that the planner takes at most, as PlanSys2's.
+LONGEST = 15.0
+# Seconds from one step to the next in a plan without times, as POPF writes it: PlanSys2's executor
+# takes steps of one time as simultaneous.
+STEP = 0.001
+
+# What answers a service, by its name, its interface, and the field of the response that it fills.
+_Rows = Mapping[str, Callable[[Any], object]]
+
+
+def _services(begin: str, kinds: Any, rows: _Rows) -> Iterator[Service]:
+    for key, value in rows.items():
+        name, kind, *fields = key.split(" ")
+        yield Service(begin + name, getattr(kinds, kind), partial(_fill, fields, value))
+
+
+def _fill(fields: list[str], value: Callable[[Any], object], request: Any, response: Any) -> None:
+    found = value(request)
+    for field in fields:
+        setattr(response, field, found)
 
 
 def messages_of(domain: Domain, made: Any) -> Messages:
     """Return how messages of a domain's formulas are made; `made` is `plansys2_msgs.msg`."""
-    below: dict[str, list[str]] = {}
-    above = {fold(each.name): [fold(one) for one in each.types] for each in domain.types}
-    for name, types in above.items():
-        todo, seen = list(types), {name}
-        while todo:
-            one = todo.pop()
-            if one not in seen:
-                seen.add(one)
-                below.setdefault(one, []).append(name)
-                todo.extend(above.get(one, ()))
+    children: defaultdict[str, list[str]] = defaultdict(list)
+    for each in domain.types:
+        for parent in each.types:
+            children[fold(parent)].append(each.name)
+
+    def below(name: str) -> list[str]:
+        found = chain.from_iterable((each, *below(each)) for each in children.get(fold(name), ()))
+        return list(dict.fromkeys(found))
+
     signature = {
         fold(each.name): [parameter.type_text for parameter in each.parameters]
         for each in chain[Predicate | Function](domain.predicates, domain.functions)
     }
-    return Messages(made.Node, made.Param, signature, below)
+    return Messages(made.Node, made.Param, signature, {name: below(name) for name in children})
 
 
 class DomainExpert:
     """Answers for `domain_expert/...`."""
 
     def __init__(self, kb: KnowledgeBase, made: Any) -> None:
-        self._kb = kb
-        self._made = made
+        self._kb, self._made = kb, made
 
     def services(self, kinds: Any) -> Iterator[Service]:
         """Yield the services; `kinds` is `plansys2_msgs.srv`."""
-        for name, kind, answer in (
-            ("domain", "GetDomain", self._text),
-            ("domain_name", "GetDomainName", self._name),
-            ("domain_types", "GetDomainTypes", self._types),
-            ("domain_constants", "GetDomainConstants", self._constants),
-            ("domain_actions", "GetDomainActions", self._actions("action")),
-            ("domain_durative_actions", "GetDomainActions", self._actions("durative-action")),
-            ("domain_action_details", "GetDomainActionDetails", self._action),
-            ("domain_durative_action_details", "GetDomainDurativeActionDetails", self._durative),
-            ("domain_predicates", "GetStates", self._names("predicates", PREDICATE)),
-            ("domain_functions", "GetStates", self._names("functions", FUNCTION)),
-            ("domain_predicate_details", "GetNodeDetails", self._details("predicates", PREDICATE)),
-            ("domain_function_details", "GetNodeDetails", self._details("functions", FUNCTION)),
-            ("domain_derived_predicates", "GetStates", self._derived_names),
-            ("domain_derived_predicate_details", "GetDomainDerivedPredicateDetails", self._derived),
-        ):
-            yield Service(f"domain_expert/get_{name}", getattr(kinds, kind), answer)
+        kb, names, details = self._kb, self._names, self._details
+        action = partial(self._action, "action", self._made.Action)
+        durative = partial(self._action, "durative_action", self._made.DurativeAction)
+        rows: _Rows = {
+            " GetDomain domain": lambda _: kb.domain_pddl(),
+            "_name GetDomainName name": lambda _: kb.pddl.domain().name,
+            "_types GetDomainTypes types": lambda _: list(
+                dict.fromkeys([ROOT_TYPE, *(each.name for each in kb.pddl.domain().types)])
+            ),
+            # PlanSys2's own client leaves the type out.
+            "_constants GetDomainConstants constants": lambda asked: [
+                each.name
+                for each in kb.objects.get_by_type(asked.type or ROOT_TYPE)
+                if each.is_constant
+            ],
+            "_predicates GetStates states": partial(names, PREDICATE, "predicates"),
+            "_predicate_details GetNodeDetails node": partial(details, PREDICATE, "predicates"),
+            "_functions GetStates states": partial(names, FUNCTION, "functions"),
+            "_function_details GetNodeDetails node": partial(details, FUNCTION, "functions"),
+            "_derived_predicates GetStates states": partial(names, PREDICATE, "derived"),
+            "_derived_predicate_details GetDomainDerivedPredicateDetails predicates": self._rules,
+            "_actions GetDomainActions actions": partial(self._actions, "action"),
+            "_action_details GetDomainActionDetails action": action,
+            "_durative_actions GetDomainActions actions": partial(self._actions, "durative-action"),
+            "_durative_action_details GetDomainDurativeActionDetails durative_action": durative,
+        }
+        return _services("domain_expert/get_domain", kinds, rows)
 
-    def _text(self, _: Any, response: Any) -> None:
-        response.domain = self._kb.domain_pddl()
+    def _names(self, node_type: int, section: str, _: Any) -> list[Any]:
+        found = getattr(self._kb.pddl.domain(), section)
+        names = [each.predicate if section == "derived" else each.name for each in found]
+        return [self._made.Node(node_type=node_type, name=each) for each in names]
 
-    def _name(self, _: Any, response: Any) -> None:
-        response.name = self._kb.pddl.domain().name
-
-    def _types(self, _: Any, response: Any) -> None:
-        found = [each.name for each in self._kb.pddl.domain().types]
-        response.types = found if not found or ROOT_TYPE in found else [ROOT_TYPE, *found]
-
-    def _constants(self, request: Any, response: Any) -> None:
-        found = self._kb.objects.get_by_type(request.type)
-        response.constants = [each.name for each in found if each.is_constant]
-
-    def _actions(self, kind: str) -> Answer:
-        def answer(_: Any, response: Any) -> None:
-            actions = self._kb.pddl.domain().actions
-            response.actions = [each.name for each in actions if each.kind == kind]
-
-        return answer
-
-    def _names(self, section: str, node_type: int) -> Answer:
-        def answer(_: Any, response: Any) -> None:
-            found = getattr(self._kb.pddl.domain(), section)
-            response.states = [self._named(node_type, each.name) for each in found]
-
-        return answer
-
-    def _named(self, node_type: int, name: str) -> Any:
-        return self._made.Node(node_type=node_type, name=name)
-
-    def _details(self, section: str, node_type: int) -> Answer:
-        def answer(request: Any, response: Any) -> None:
-            domain = self._kb.pddl.domain()
-            found = _find(getattr(domain, section), request.expression, section[:-1])
-            messages = messages_of(domain, self._made)
-            response.node = self._declared(node_type, found.name, found.parameters, messages)
-
-        return answer
+    def _details(self, node_type: int, section: str, request: Any) -> Any:
+        domain = self._kb.pddl.domain()
+        found = _find(getattr(domain, section), request.expression, section)
+        messages = messages_of(domain, self._made)
+        return self._declared(node_type, found.name, found.parameters, messages)
 
     def _declared(
-        self, node_type: int, name: str, parameters: Iterable[TypedName], messages: Messages
+        self, node_type: int, name: str, typed: Sequence[TypedName], messages: Messages
     ) -> Any:
-        node = self._named(node_type, name)
-        node.parameters = [
-            messages.make_param(f"?{each.type_text}{index}", each.type_text, all_types=True)
-            for index, each in enumerate(parameters)
-        ]
-        return node
+        terms = [f"?{each.type_text}{index}" for index, each in enumerate(typed)]
+        parameters = _parameters(terms, typed, messages)
+        return self._made.Node(node_type=node_type, name=name, parameters=parameters)
 
-    def _derived_names(self, _: Any, response: Any) -> None:
-        rules = self._kb.pddl.domain().derived
-        response.states = [self._named(PREDICATE, each.predicate) for each in rules]
+    def _rules(self, request: Any) -> list[Any]:
+        domain, made, found = self._kb.pddl.domain(), self._made, []
+        messages = messages_of(domain, made)
+        for rule in domain.derived:
+            if fold(rule.predicate) == fold(request.predicate):
+                names = {fold(each.name): f"?{index}" for index, each in enumerate(rule.variables)}
+                node = self._declared(PREDICATE, rule.predicate, rule.variables, messages)
+                tree = made.Tree(nodes=_nodes([rule.formula], messages, names))
+                found.append(made.Derived(predicate=node, preconditions=tree))
+        if not found:
+            raise UnknownNameError(f"there is no {request.predicate!r} in the derived predicates")
+        return found
 
-    def _derived(self, request: Any, response: Any) -> None:
-        domain = self._kb.pddl.domain()
-        messages = messages_of(domain, self._made)
-        name = fold(request.predicate)
-        rules = [each for each in domain.derived if fold(each.predicate) == name]
-        if not rules:
-            raise UnknownNameError(f"there is no derived predicate {request.predicate!r}")
-        response.predicates = [self._rule(each, messages) for each in rules]
+    def _actions(self, kind: str, _: Any) -> list[str]:
+        return [each.name for each in self._kb.pddl.domain().actions if each.kind == kind]
 
-    def _rule(self, rule: Derived, messages: Messages) -> Any:
-        names = {fold(each.name): f"?{index}" for index, each in enumerate(rule.variables)}
-        node = self._declared(PREDICATE, rule.predicate, rule.variables, messages)
-        return self._made.Derived(
-            predicate=node, preconditions=self._tree((rule.formula,), messages, names)
-        )
-
-    def _tree(self, parts: Iterable[Formula], messages: Messages, names: dict[str, str]) -> Any:
-        given = tuple(parts)
-        if not given:
-            return self._made.Tree()
-        formula = given[0] if len(given) == 1 and isinstance(given[0], And) else And(given)
-        return self._made.Tree(nodes=write_tree(formula, messages, names))
-
-    def _action(self, request: Any, response: Any) -> None:
-        domain = self._kb.pddl.domain()
-        action = _find(domain.actions, request.action, "action", "action")
-        made, messages, names = self._begun(self._made.Action, action, domain, request.parameters)
-        made.preconditions = self._tree(action.condition, messages, names)
-        made.effects = self._tree(action.effect, messages, names)
-        response.action = made
-
-    def _durative(self, request: Any, response: Any) -> None:
-        domain = self._kb.pddl.domain()
-        action = _find(domain.actions, request.durative_action, "action", "durative-action")
-        kind = self._made.DurativeAction
-        made, messages, names = self._begun(kind, action, domain, request.parameters)
-        for field, parts, times in (
-            ("requirements", action.condition, TIMES),
-            ("effects", action.effect, (AT_START, AT_END)),
-        ):
-            timed = [_timed(action, each) for each in parts]
-            for time in times:
-                at_time = [each.formula for each in timed if each.time == time]
-                tree = self._tree(at_time, messages, names)
-                setattr(made, f"{time.replace(' ', '_')}_{field}", tree)
-        response.durative_action = made
-
-    def _begun(
-        self, kind: Any, action: Action, domain: Domain, given: list[str]
-    ) -> tuple[Any, Messages, dict[str, str]]:
-        messages = messages_of(domain, self._made)
-        shown = [*given, *(f"?{index}" for index in range(len(given), len(action.parameters)))]
-        names = {
-            fold(each.name): name for each, name in zip(action.parameters, shown, strict=False)
+    def _action(self, field: str, make: Callable[..., Any], request: Any) -> Any:
+        domain, kind, given = self._kb.pddl.domain(), field.replace("_", "-"), request.parameters
+        chosen = [each for each in domain.actions if each.kind == kind]
+        action = _find(chosen, getattr(request, field), f"{kind}s")
+        messages, typed = messages_of(domain, self._made), action.parameters
+        terms = [*given, *(f"?{index}" for index in range(len(given), len(typed)))]
+        names = {fold(each.name): term for each, term in zip(typed, terms, strict=False)}
+        trees = {
+            part: self._made.Tree(nodes=_nodes(formulas, messages, names))
+            for part, formulas in _parts(action).items()
         }
-        parameters = [
-            messages.make_param(name, each.type_text, all_types=True)
-            for each, name in zip(action.parameters, shown, strict=False)
-        ]
-        return kind(name=action.name, parameters=parameters), messages, names
+        return make(name=action.name, parameters=_parameters(terms, typed, messages), **trees)
 
 
-def _timed(action: Action, part: Formula) -> Timed:
-    if isinstance(part, Timed):
-        return part
-    raise InvalidKnowledgeError(
-        f"{part} of action {action.name} has no form in PlanSys2's messages; "
-        "ask for the domain as PDDL text"
-    )
+def _parts(action: Action) -> Mapping[str, Sequence[Formula]]:
+    """Return the conjuncts of each tree of an action's message, by its field."""
+    if action.kind == "action":
+        return {"preconditions": action.condition, "effects": action.effect}
+    found: defaultdict[str, list[Formula]] = defaultdict(list)
+    for what, parts in (("requirements", action.condition), ("effects", action.effect)):
+        for part in parts:
+            if not isinstance(part, Timed):
+                raise InvalidKnowledgeError(
+                    f"{part} of {action.name} has no form in PlanSys2's messages; "
+                    "ask for the domain as PDDL text"
+                )
+            found[f"{part.time.replace(' ', '_')}_{what}"].append(part.formula)
+    return found
 
 
-def _find(declared: Iterable[Any], name: str, what: str, kind: str | None = None) -> Any:
+def _find(declared: Iterable[Any], name: str, what: str) -> Any:
     for each in declared:
-        if fold(each.name) == fold(name) and (kind is None or each.kind == kind):
+        if fold(each.name) == fold(name):
             return each
-    raise UnknownNameError(f"there is no {what} {name!r}")
+    raise UnknownNameError(f"there is no {name!r} in the {what}")
+
+
+def _parameters(terms: Iterable[str], typed: Iterable[TypedName], messages: Messages) -> list[Any]:
+    pairs = zip(terms, typed, strict=False)
+    return [messages.make_param(term, each.type_text, all_types=True) for term, each in pairs]
+
+
+def _nodes(
+    parts: Iterable[Formula], messages: Messages, names: Mapping[str, str] | None = None
+) -> Any:
+    """Write a conjunction of formulas as the nodes of a tree; of none as no node."""
+    flat = [one for each in parts for one in (each.formulas if isinstance(each, And) else (each,))]
+    return write_tree(And(tuple(flat)), messages, names) if flat else []
 
 
 class ProblemExpert:
     """Answers for `problem_expert/...`."""
 
     def __init__(self, kb: KnowledgeBase, made: Any) -> None:
-        self._kb = kb
-        self._made = made
+        self._kb, self._made = kb, made
 
     def services(self, kinds: Any) -> Iterator[Service]:
         """Yield the services; `kinds` is `plansys2_msgs.srv`."""
-        for name, kind, answer in (
-            ("add_problem", "AddProblem", self._add_problem),
-            ("add_problem_goal", "AddProblemGoal", self._set_goal),
-            ("add_problem_instance", "AffectParam", self._add_instance),
-            ("add_problem_predicate", "AffectNode", self._add_predicate),
-            ("add_problem_function", "AffectNode", self._set_function),
-            ("get_problem", "GetProblem", self._text),
-            ("get_problem_goal", "GetProblemGoal", self._goal),
-            ("get_problem_instance", "GetProblemInstanceDetails", self._instance),
-            ("get_problem_instances", "GetProblemInstances", self._instances),
-            ("get_problem_predicate", "GetNodeDetails", self._predicate),
-            ("get_problem_predicates", "GetStates", self._predicates),
-            ("get_problem_function", "GetNodeDetails", self._function),
-            ("get_problem_functions", "GetStates", self._functions),
-            ("is_problem_goal_satisfied", "IsProblemGoalSatisfied", self._is_satisfied),
-            ("remove_problem_goal", "RemoveProblemGoal", self._remove_goal),
-            ("remove_problem_instance", "AffectParam", self._remove_instance),
-            ("remove_problem_predicate", "AffectNode", self._remove_predicate),
-            ("remove_problem_function", "AffectNode", self._remove_function),
-            ("clear_problem_knowledge", "ClearProblemKnowledge", self._clear),
-            ("exist_problem_predicate", "ExistNode", self._exists_predicate),
-            ("exist_problem_function", "ExistNode", self._exists_function),
-            ("update_problem_function", "AffectNode", self._update_function),
-        ):
-            yield Service(f"problem_expert/{name}", getattr(kinds, kind), answer)
+        kb, facts, values = self._kb, self._kb.propositions, self._kb.function_values
+        rows: _Rows = {
+            "add_problem AddProblem": self._add_problem,
+            "add_problem_goal AddProblemGoal": self._set_goal,
+            "add_problem_instance AffectParam": self._add_instance,
+            "add_problem_predicate AffectNode": lambda it: facts.save(_text(it.node)),
+            "add_problem_function AffectNode": lambda it: values.save(_value(it.node)),
+            "update_problem_function AffectNode": self._update_function,
+            "get_problem GetProblem problem": lambda _: kb.problem_pddl(),
+            "get_problem_goal GetProblemGoal tree": self._goal,
+            "get_problem_instance GetProblemInstanceDetails instance": self._instance,
+            "get_problem_instances GetProblemInstances instances": self._instances,
+            "get_problem_predicate GetNodeDetails node": self._predicate,
+            "get_problem_predicates GetStates states": self._predicates,
+            "get_problem_function GetNodeDetails node": self._function,
+            "get_problem_functions GetStates states": self._functions,
+            "is_problem_goal_satisfied IsProblemGoalSatisfied satisfied": self._is_satisfied,
+            "exist_problem_predicate ExistNode exist": lambda it: kb.holds(_text(it.node)),
+            "exist_problem_function ExistNode exist": self._exists_function,
+            "remove_problem_goal RemoveProblemGoal": lambda _: kb.goals.delete_all(),
+            "remove_problem_instance AffectParam": self._remove_instance,
+            "remove_problem_predicate AffectNode": lambda it: facts.delete(_text(it.node)),
+            "remove_problem_function AffectNode": lambda it: values.delete(_text(it.node)),
+            "clear_problem_knowledge ClearProblemKnowledge": self._clear,
+        }
+        return _services("problem_expert/", kinds, rows)
 
     def knowledge(self) -> Any:
         """Write what holds as a `plansys2_msgs/msg/Knowledge`."""
         goals = self._kb.goals.get_all()
         return self._made.Knowledge(
-            instances=[each.name for each in self._kb.objects.get_all()],
-            predicates=[str(each) for each in self._kb.propositions.get_all()],
-            functions=[str(each) for each in self._kb.function_values.get_all()],
+            instances=[each.name for each in self._instances()],
+            predicates=[_text(each) for each in self._predicates()],
+            functions=[_text(each) for each in self._functions()],
             goal=str(And(tuple(goals))) if goals else "",
         )
 
-    def _text(self, _: Any, response: Any) -> None:
-        response.problem = self._kb.problem_pddl()
-
-    def _add_problem(self, request: Any, _: Any) -> None:
-        domain = self._kb.pddl.domain()
+    def _add_problem(self, request: Any) -> None:
+        kb, domain = self._kb, self._kb.pddl.domain()
         # As PlanSys2 reads it: its clients compare names letter by letter.
-        problem = read_problem(fold(request.problem), domain=domain)
-        with self._kb.transaction():
-            self._kb.goals.delete_all()
-            known = {fold(each.name) for each in self._kb.objects.get_all()}
+        problem = read_problem(_document(fold(request.problem)), domain=domain)
+        with kb.transaction():
+            kb.goals.delete_all()
             for each in problem.objects:
-                if fold(each.name) not in known:
-                    self._kb.objects.save(PddlObjectDto(PddlTypeDto(each.type_text), each.name))
-            self._kb.propositions.save_all(problem.facts)
-            self._kb.function_values.save_all(f"(= {one} {value})" for one, value in problem.values)
-            if problem.goal:
-                self._kb.goals.save(list(problem.goal))
+                self._insert(f"{each.name} - {each.type_text}")
+            kb.propositions.save_all(problem.facts)
+            kb.function_values.save_all(f"(= {one} {value})" for one, value in problem.values)
+            kb.goals.save_all(problem.goal)
+            kb.pddl.initial_literals.save_all(problem.literals)
+            kb.pddl.timed_initial_literals.save_all(problem.timed)
+            kb.pddl.constraints.save_all(problem.constraints)
+            if problem.metric is not None:
+                kb.pddl.metric.set(problem.metric)
 
-    def _goal(self, _: Any, response: Any) -> None:
-        goals = tuple(self._kb.goals.get_all())
-        if goals:
-            messages = messages_of(self._kb.pddl.domain(), self._made)
-            formula = And(goals)
-            response.tree = self._made.Tree(nodes=write_tree(formula, messages))
+    def _clear(self, _: Any) -> None:
+        # PlanSys2 gives each problem this name.
+        name = self._kb.pddl.domain().name
+        empty = f"(define (problem problem_1) (:domain {name}) (:init) (:goal (and)))"
+        self._kb.load_problem(empty)
 
-    def _set_goal(self, request: Any, _: Any) -> None:
+    def _goal(self, _: Any) -> Any:
+        messages = messages_of(self._kb.pddl.domain(), self._made)
+        return self._made.Tree(nodes=_nodes(self._kb.goals.get_all(), messages))
+
+    def _set_goal(self, request: Any) -> None:
         if not request.tree.nodes:
             raise InvalidKnowledgeError("the goal is an empty tree; remove_problem_goal removes it")
         goal = read_tree(request.tree.nodes)
@@ -292,177 +264,130 @@ class ProblemExpert:
             self._kb.goals.delete_all()
             self._kb.goals.save(goal)
 
-    def _remove_goal(self, _: Any, __: Any) -> None:
-        self._kb.goals.delete_all()
+    def _is_satisfied(self, request: Any) -> bool:
+        return self._kb.holds(read_tree(request.tree.nodes))
 
-    def _is_satisfied(self, request: Any, response: Any) -> None:
-        response.satisfied = self._kb.holds(read_tree(request.tree.nodes))
-
-    def _add_instance(self, request: Any, _: Any) -> None:
+    def _add_instance(self, request: Any) -> None:
         name, type_name = request.param.name, request.param.type
         if fold(type_name) != ROOT_TYPE and self._kb.types.get(type_name) is None:
             raise UnknownNameError(f"there is no type {type_name!r} for instance {name!r}")
-        dto = PddlObjectDto(PddlTypeDto(type_name), name)
-        if not self._kb.objects.insert(dto):
-            stored = self._kb.objects.get(name)
-            if stored is not None and stored.type != dto.type:
-                raise InvalidKnowledgeError(f"{stored} exists, with another type than {type_name}")
+        self._insert(f"{name} - {type_name}")
 
-    def _instance(self, request: Any, response: Any) -> None:
-        response.instance = self._param(_stored(self._kb.objects.get(request.instance), request))
+    def _insert(self, text: str) -> None:
+        if not self._kb.objects.insert(text):
+            stored = self._stored(text.partition(" ")[0])
+            if fold(str(stored)) != fold(text):
+                raise ConflictError(f"{stored} exists already; it cannot be added as {text}")
 
-    def _instances(self, _: Any, response: Any) -> None:
-        response.instances = [self._param(each) for each in self._kb.objects.get_all()]
+    def _stored(self, name: str) -> PddlObjectDto:
+        found = self._kb.objects.get(name)
+        if found is None:
+            raise UnknownNameError(f"there is no instance {name!r}")
+        return found
+
+    def _instance(self, request: Any) -> Any:
+        return self._param(self._stored(request.instance))
+
+    def _instances(self, _: Any = None) -> list[Any]:
+        found = self._kb.objects.get_all()
+        # PlanSys2 has a domain's constants as instances from the first problem on.
+        is_empty = all(each.is_constant for each in found)
+        return [] if is_empty else [self._param(each) for each in found]
 
     def _param(self, dto: PddlObjectDto) -> Any:
         return self._made.Param(name=dto.name, type=dto.type.name)
 
-    def _remove_instance(self, request: Any, _: Any) -> None:
-        if not self._kb.objects.delete(request.param.name):
-            raise UnknownNameError(f"there is no instance {request.param.name!r}")
+    def _remove_instance(self, request: Any) -> None:
+        stored = self._stored(request.param.name)
+        if stored.is_constant:
+            # Its actions would go with it.
+            raise InvalidKnowledgeError(f"{stored} is a constant; only the domain can leave it out")
+        self._kb.objects.delete(stored)
 
-    def _clear(self, _: Any, __: Any) -> None:
-        with self._kb.transaction():
-            self._kb.goals.delete_all()
-            self._kb.propositions.delete_all(self._kb.propositions.get_all())
-            self._kb.function_values.delete_all()
-            objects = self._kb.objects.get_all()
-            self._kb.objects.delete_all([each for each in objects if not each.is_constant])
+    def _update_function(self, request: Any) -> None:
+        if not self._kb.function_values.update(_value(request.node)):
+            fluent = _text(request.node)
+            raise UnknownNameError(f"{fluent} has no value yet; add_problem_function sets one")
 
-    def _add_predicate(self, request: Any, _: Any) -> None:
-        self._kb.propositions.save(_atom(request.node))
+    def _exists_function(self, request: Any) -> bool:
+        return self._kb.function_values.get(_text(request.node)) is not None
 
-    def _remove_predicate(self, request: Any, _: Any) -> None:
-        self._kb.propositions.delete(_atom(request.node))
-
-    def _exists_predicate(self, request: Any, response: Any) -> None:
-        response.exist = self._kb.holds(_atom(request.node))
-
-    def _predicate(self, request: Any, response: Any) -> None:
+    def _predicate(self, request: Any) -> Any:
         if not self._kb.holds(request.expression):
             raise UnknownNameError(f"{request.expression} does not hold")
-        name, *terms = request.expression.strip().strip("()").split()
-        response.node = self._node(PREDICATE, name, terms)
+        return self._ground(PREDICATE, request.expression)
 
-    def _node(self, kind: int, name: str, terms: Iterable[str], value: float = 0.0) -> Any:
-        declared = (self._kb.predicates if kind == PREDICATE else self._kb.functions).get(name)
-        types = [] if declared is None else [each.name for each in declared.types]
-        parameters = [
-            self._made.Param(name=each, type=type_)
-            for each, type_ in zip_longest(terms, types, fillvalue="")
-        ]
-        return self._made.Node(node_type=kind, name=name, parameters=parameters, value=value)
-
-    def _predicates(self, _: Any, response: Any) -> None:
-        facts = [self._of_dto(each) for each in self._kb.propositions.get_all()]
-        response.states = [*facts, *self._inferred()]
-
-    def _of_dto(self, dto: PddlPropositionDto) -> Any:
-        made = self._made
-        parameters = [made.Param(name=each.name, type=each.type.name) for each in dto.objects]
-        return made.Node(node_type=PREDICATE, name=dto.predicate.name, parameters=parameters)
-
-    def _inferred(self) -> Iterator[Any]:
-        for rule in {fold(one.predicate): one for one in self._kb.pddl.domain().derived}.values():
-            variables = [f"?a{index}" for index in range(len(rule.variables))]
-            for terms in self._kb.query(f"({' '.join([rule.predicate, *variables])})"):
-                yield self._node(PREDICATE, rule.predicate, terms)
-
-    def _set_function(self, request: Any, _: Any) -> None:
-        fluent = _fluent(request.node)
-        self._kb.function_values.set(str(fluent), value=request.node.value)
-
-    def _update_function(self, request: Any, response: Any) -> None:
-        fluent = _fluent(request.node)
-        with self._kb.transaction():
-            if self._kb.function_values.get(str(fluent)) is None:
-                raise UnknownNameError(f"{fluent} has no value yet; add_problem_function sets one")
-            self._set_function(request, response)
-
-    def _remove_function(self, request: Any, _: Any) -> None:
-        self._kb.function_values.unset(str(_fluent(request.node)))
-
-    def _exists_function(self, request: Any, response: Any) -> None:
-        response.exist = self._kb.function_values.get(str(_fluent(request.node))) is not None
-
-    def _function(self, request: Any, response: Any) -> None:
+    def _function(self, request: Any) -> Any:
         value = self._kb.function_values.get(request.expression)
-        if value is None:
-            raise UnknownNameError(f"{request.expression} has no value")
-        name, *terms = request.expression.strip().strip("()").split()
-        response.node = self._node(FUNCTION, name, terms, _number(request.expression, value))
+        if value is None or isinstance(value, PddlObjectDto):
+            raise UnknownNameError(f"{request.expression} has no number, but {value}")
+        return self._ground(FUNCTION, request.expression, float(value))
 
-    def _functions(self, _: Any, response: Any) -> None:
-        values = self._kb.function_values.get_all()
-        response.states = [
-            self._node(
-                FUNCTION,
-                each.function.name,
-                [one.name for one in each.objects],
-                _number(each, each.value),
-            )
-            for each in values
+    def _ground(self, node_type: int, expression: str, value: float = 0.0) -> Any:
+        name, *terms = expression.strip("() \t\n").split()
+        return self._node(node_type, name, map(self._stored, terms), value)
+
+    def _node(
+        self, node_type: int, name: str, objects: Iterable[PddlObjectDto], value: float = 0.0
+    ) -> Any:
+        parameters = [self._param(each) for each in objects]
+        return self._made.Node(node_type=node_type, name=name, parameters=parameters, value=value)
+
+    def _predicates(self, _: Any = None) -> list[Any]:
+        kb, made = self._kb, self._made
+        facts = kb.propositions.get_all()
+        found = [self._node(PREDICATE, each.predicate.name, each.objects) for each in facts]
+        for rule in {fold(one.predicate): one for one in kb.pddl.domain().derived}.values():
+            variables = [f"?a{index}" for index in range(len(rule.variables))]
+            for terms in kb.query(f"({' '.join([rule.predicate, *variables])})"):
+                parameters = [made.Param(name=term) for term in terms]
+                node = made.Node(node_type=PREDICATE, name=rule.predicate, parameters=parameters)
+                found.append(node)
+        return found
+
+    def _functions(self, _: Any = None) -> list[Any]:
+        # A node has a number, and no object.
+        return [
+            self._node(FUNCTION, each.function.name, each.objects, float(each.value))
+            for each in self._kb.function_values.get_all()
+            if not isinstance(each.value, PddlObjectDto)
         ]
 
 
-def _stored(dto: PddlObjectDto | None, request: Any) -> PddlObjectDto:
-    if dto is None:
-        raise UnknownNameError(f"there is no instance {request.instance!r}")
-    return dto
+def _text(node: Any) -> str:
+    """Write a predicate or a function with its arguments, whichever the node says that it is."""
+    return f"({' '.join([node.name, *(each.name for each in node.parameters)])})"
 
 
-def _number(fluent: object, value: object) -> float:
-    if isinstance(value, PddlObjectDto):
-        raise InvalidKnowledgeError(f"{fluent} is an object, and PlanSys2's messages have numbers")
-    return float(value)  # type: ignore[arg-type]
+def _value(node: Any) -> str:
+    return f"(= {_text(node)} {Number(node.value)})"
 
 
-def _atom(node: Any) -> Atom:
-    found = read_node(node) if node.node_type else read_node(_as(node, PREDICATE))
-    if not isinstance(found, Atom):
-        raise InvalidKnowledgeError(f"{found} is a function, expected a predicate")
-    return found
+def _document(text: str) -> Text:
+    """Take a text that came in a message as PDDL, and never as a path."""
+    return Text(STRING, whole=text)
 
 
-def _fluent(node: Any) -> Fluent:
-    found = read_node(node) if node.node_type else read_node(_as(node, FUNCTION))
-    if not isinstance(found, Fluent):
-        raise InvalidKnowledgeError(f"{found} is a predicate, expected a function")
-    return found
+def planner_services(made: Any, kinds: Any) -> Iterator[Service]:
+    """Yield `planner/...`, which answer from the texts of the request alone.
+
+    Args:
+        made: the module `plansys2_msgs.msg`.
+        kinds: the module `plansys2_msgs.srv`.
+    """
+    rows: _Rows = {
+        "validate_domain ValidateDomain": lambda asked: read_domain(_document(asked.domain)),
+        "get_plan GetPlan plan": partial(_plan, made),
+    }
+    return _services("planner/", kinds, rows)
 
 
-def _as(node: Any, node_type: int) -> Any:
-    """Say what a node is that leaves it out, as PlanSys2's details of predicates do."""
-    node.node_type = node_type
-    return node
-
-
-class Planner:
-    """Answers for `planner/...`, from the texts of the request alone."""
-
-    def __init__(self, made: Any) -> None:
-        self._made = made
-
-    def services(self, kinds: Any) -> Iterator[Service]:
-        """Yield the services; `kinds` is `plansys2_msgs.srv`."""
-        yield Service("planner/validate_domain", kinds.ValidateDomain, _validate)
-        yield Service("planner/get_plan", kinds.GetPlan, self._plan)
-
-    def _plan(self, request: Any, response: Any) -> None:
-        with kant_sql.connect("sqlite://") as kb:
-            kb.load_domain(request.domain)
-            kb.load_problem(request.problem)
-            plan = kb.plan()
-        items = [
-            self._made.PlanItem(
-                time=float(step.start or 0),
-                action=f"({' '.join((step.action, *step.arguments))})",
-                duration=float(step.duration or 0),
-            )
-            for step in plan.steps
-        ]
-        response.plan = self._made.Plan(items=items)
-
-
-def _validate(request: Any, _: Any) -> None:
-    read_domain(request.domain)
+def _plan(made: Any, request: Any) -> Any:
+    domain = read_domain(_document(request.domain))
+    problem = read_problem(_document(request.problem), domain=domain)
+    items: list[Any] = []
+    for step in planning.solve(domain, problem=problem, timeout=LONGEST).steps:
+        start = len(items) * STEP if step.start is None else float(step.start)
+        action = f"({' '.join((step.action, *step.arguments))})"
+        items.append(made.PlanItem(time=start, action=action, duration=float(step.duration or 0)))
+    return made.Plan(items=items)

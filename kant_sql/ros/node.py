@@ -29,7 +29,7 @@ from ..knowledge_base import KnowledgeBase, connect, factory_of
 from ..sql.dialects import parse_url
 from ..sql.dialects.base import url_label
 from . import own, paper
-from .experts import DomainExpert, Planner, ProblemExpert
+from .experts import DomainExpert, ProblemExpert, planner_services
 from .service import Service
 from .threads import Threads
 
@@ -134,7 +134,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         if messages is not None:
             yield from DomainExpert(kb, messages).services(kinds)
             yield from self._noticed(ProblemExpert(kb, messages), messages, kinds)
-            yield from Planner(messages).services(kinds)
+            yield from planner_services(messages, kinds)
 
     def _noticed(self, expert: ProblemExpert, messages: Any, kinds: Any) -> Iterator[Service]:
         """Publish what the problem expert knows after each call that may have changed it."""
