@@ -22,7 +22,7 @@ from ..knowledge_base import KnowledgeBase
 from ..pddl import Action, Domain, Function, Predicate, read_domain, read_problem
 from ..pddl.lexer import STRING, Text
 from .service import Service
-from .trees import FUNCTION, PREDICATE, Messages, read_tree, write_tree
+from .trees import FUNCTION, PREDICATE, Messages, Scope, read_node, read_tree, write_tree
 
 # Seconds that the planner takes at most, as PlanSys2's.
 LONGEST = 15.0
@@ -61,7 +61,7 @@ def messages_of(domain: Domain, made: Any) -> Messages:
         fold(each.name): [parameter.type_text for parameter in each.parameters]
         for each in chain[Predicate | Function](domain.predicates, domain.functions)
     }
-    return Messages(made.Node, made.Param, signature, {name: below(name) for name in children})
+    return Messages(made, signature, {name: below(name) for name in children})
 
 
 class DomainExpert:
@@ -123,9 +123,10 @@ class DomainExpert:
         messages = messages_of(domain, made)
         for rule in domain.derived:
             if fold(rule.predicate) == fold(request.predicate):
-                names = {fold(each.name): f"?{index}" for index, each in enumerate(rule.variables)}
+                variables = enumerate(rule.variables)
+                scope = tuple((fold(each.name), f"?{index}") for index, each in variables)
                 node = self._declared(PREDICATE, rule.predicate, rule.variables, messages)
-                tree = made.Tree(nodes=_nodes([rule.formula], messages, names))
+                tree = made.Tree(nodes=write_tree(rule.formula, messages, scope))
                 found.append(made.Derived(predicate=node, preconditions=tree))
         if not found:
             raise UnknownNameError(f"there is no {request.predicate!r} in the derived predicates")
@@ -140,9 +141,10 @@ class DomainExpert:
         action = _find(chosen, getattr(request, field), f"{kind}s")
         messages, typed = messages_of(domain, self._made), action.parameters
         terms = [*given, *(f"?{index}" for index in range(len(given), len(typed)))]
-        names = {fold(each.name): term for each, term in zip(typed, terms, strict=False)}
+        names = (fold(each.name) for each in typed)
+        scope = tuple(zip(names, terms, strict=False))
         trees = {
-            part: self._made.Tree(nodes=_nodes(formulas, messages, names))
+            part: self._made.Tree(nodes=_nodes(formulas, messages, scope, part.endswith("effects")))
             for part, formulas in _parts(action).items()
         }
         return make(name=action.name, parameters=_parameters(terms, typed, messages), **trees)
@@ -177,11 +179,11 @@ def _parameters(terms: Iterable[str], typed: Iterable[TypedName], messages: Mess
 
 
 def _nodes(
-    parts: Iterable[Formula], messages: Messages, names: Mapping[str, str] | None = None
+    parts: Iterable[Formula], messages: Messages, scope: Scope = (), is_effect: bool = False
 ) -> Any:
     """Write a conjunction of formulas as the nodes of a tree; of none as no node."""
     flat = [one for each in parts for one in (each.formulas if isinstance(each, And) else (each,))]
-    return write_tree(And(tuple(flat)), messages, names) if flat else []
+    return write_tree(And(tuple(flat)), messages, scope, is_effect=is_effect) if flat else []
 
 
 class ProblemExpert:
@@ -197,7 +199,7 @@ class ProblemExpert:
             "add_problem AddProblem": self._add_problem,
             "add_problem_goal AddProblemGoal": self._set_goal,
             "add_problem_instance AffectParam": self._add_instance,
-            "add_problem_predicate AffectNode": lambda it: facts.save(_text(it.node)),
+            "add_problem_predicate AffectNode": lambda it: facts.save(read_node(it.node)),
             "add_problem_function AffectNode": lambda it: values.save(_value(it.node)),
             "update_problem_function AffectNode": self._update_function,
             "get_problem GetProblem problem": lambda _: kb.problem_pddl(),
@@ -209,12 +211,12 @@ class ProblemExpert:
             "get_problem_function GetNodeDetails node": self._function,
             "get_problem_functions GetStates states": self._functions,
             "is_problem_goal_satisfied IsProblemGoalSatisfied satisfied": self._is_satisfied,
-            "exist_problem_predicate ExistNode exist": lambda it: kb.holds(_text(it.node)),
+            "exist_problem_predicate ExistNode exist": lambda it: kb.holds(read_node(it.node)),
             "exist_problem_function ExistNode exist": self._exists_function,
             "remove_problem_goal RemoveProblemGoal": lambda _: kb.goals.delete_all(),
             "remove_problem_instance AffectParam": self._remove_instance,
-            "remove_problem_predicate AffectNode": lambda it: facts.delete(_text(it.node)),
-            "remove_problem_function AffectNode": lambda it: values.delete(_text(it.node)),
+            "remove_problem_predicate AffectNode": lambda it: facts.delete(read_node(it.node)),
+            "remove_problem_function AffectNode": lambda it: values.delete(read_node(it.node)),
             "clear_problem_knowledge ClearProblemKnowledge": self._clear,
         }
         return _services("problem_expert/", kinds, rows)
@@ -224,8 +226,8 @@ class ProblemExpert:
         goals = self._kb.goals.get_all()
         return self._made.Knowledge(
             instances=[each.name for each in self._instances()],
-            predicates=[_text(each) for each in self._predicates()],
-            functions=[_text(each) for each in self._functions()],
+            predicates=[read_node(each) for each in self._predicates()],
+            functions=[read_node(each) for each in self._functions()],
             goal=str(And(tuple(goals))) if goals else "",
         )
 
@@ -306,11 +308,11 @@ class ProblemExpert:
 
     def _update_function(self, request: Any) -> None:
         if not self._kb.function_values.update(_value(request.node)):
-            fluent = _text(request.node)
+            fluent = read_node(request.node)
             raise UnknownNameError(f"{fluent} has no value yet; add_problem_function sets one")
 
     def _exists_function(self, request: Any) -> bool:
-        return self._kb.function_values.get(_text(request.node)) is not None
+        return self._kb.function_values.get(read_node(request.node)) is not None
 
     def _predicate(self, request: Any) -> Any:
         if not self._kb.holds(request.expression):
@@ -354,13 +356,8 @@ class ProblemExpert:
         ]
 
 
-def _text(node: Any) -> str:
-    """Write a predicate or a function with its arguments, whichever the node says that it is."""
-    return f"({' '.join([node.name, *(each.name for each in node.parameters)])})"
-
-
 def _value(node: Any) -> str:
-    return f"(= {_text(node)} {Number(node.value)})"
+    return f"(= {read_node(node)} {Number(node.value)})"
 
 
 def _document(text: str) -> Text:

@@ -1,67 +1,38 @@
 """Formulas as the node trees of PlanSys2's messages, in both directions.
 
-A tree is a list of nodes in preorder that refer to their children by position. A message of
-`plansys2_msgs` says what a node can be; it has no `imply` and no `forall`, which are written by
-what they mean (PDDL 2.1, section 2: `(or (not a) b)`, `(not (exists ... (not a)))`), and no
-operation on more than two numbers.
+A tree is a list of nodes that refer to their children by position, the root first. It is read as
+PDDL text, which the library's reader checks against the domain. `plansys2_msgs/msg/Node` has no
+`imply` and no `forall`, which are written by what they mean (PDDL 2.1, section 2: `(or (not a) b)`,
+`(not (exists ... (not a)))`), and no operation on more than two numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import zip_longest
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
-from ..dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    COMPARISONS,
-    MAX_NESTING,
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    Equal,
-    Exists,
-    Expression,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    Node,
-    Not,
-    Number,
-    Or,
-    Term,
-    TypedName,
-    Variable,
-)
-from ..dto.lexical import ROOT_TYPE, fold
+from ..dto import formulas as f
+from ..dto.lexical import ROOT_TYPE, check_name, fold
 from ..errors import InvalidKnowledgeError
 
-AND, OR, NOT, PREDICATE, FUNCTION, EXPRESSION, MODIFIER = 1, 2, 3, 5, 6, 7, 8
-NUMBER, CONSTANT, PARAMETER, EXISTS = 9, 10, 11, 12
-# The numbers that plansys2_msgs/msg/Node gives to operators.
-_OPERATORS = dict(
-    zip((*COMPARISONS, *ARITHMETIC), (17, 16, 13, 14, 15, 20, 21, 18, 19), strict=True)
-)
-_OPERATOR = {number: operator for operator, number in _OPERATORS.items()}
-_MODIFIERS = dict(zip(ASSIGNMENTS, range(22, 27), strict=True))
-_MODIFIER = {number: operator for operator, number in _MODIFIERS.items()}
-
-
-class ParamMessage(Protocol):
-    """`plansys2_msgs/msg/Param`: a name, its type, and the types below that."""
-
-    name: str
-    type: str
-    sub_types: Any
+# Types of nodes, and operators by their node_type, expression_type and modifier_type, as
+# plansys2_msgs/msg/Node numbers them.
+PREDICATE, FUNCTION, EXPRESSION, MODIFIER, NUMBER, CONSTANT, PARAMETER, EXISTS = range(5, 13)
+_EXPRESSIONS = ("=", ">=", ">", "<=", "<", "*", "/", "+", "-")
+_WORDS = {
+    **{(number, 0, 0): word for number, word in enumerate(("and", "or", "not"), 1)},
+    **{(EXPRESSION, number, 0): word for number, word in enumerate(_EXPRESSIONS, 13)},
+    **{(MODIFIER, 0, number): word for number, word in enumerate(f.ASSIGNMENTS, 22)},
+}
+_NUMBERS = {word: numbers for numbers, word in _WORDS.items()}
+# Names of variables in scope, folded, each with what is written for it.
+Scope = tuple[tuple[str, str], ...]
 
 
 class NodeMessage(Protocol):
-    """`plansys2_msgs/msg/Node`: a node of a tree."""
+    """`plansys2_msgs/msg/Node`: a node of a tree; its parameters are `Param` messages."""
 
     node_type: int
     expression_type: int
@@ -71,288 +42,189 @@ class NodeMessage(Protocol):
     name: str
     parameters: Any
     value: float
-    negate: bool
 
 
 class Messages(NamedTuple):
     """How messages are made.
 
     Attributes:
-        node: makes an empty `plansys2_msgs/msg/Node`.
-        param: makes an empty `plansys2_msgs/msg/Param`.
+        made: `plansys2_msgs.msg`, which has the classes of messages.
         signature: the types of the parameters of a predicate or a function, by its folded name.
         subtypes: the names of the types below a type, by its folded name.
     """
 
-    node: Callable[[], NodeMessage]
-    param: Callable[[], ParamMessage]
+    made: Any
     signature: Mapping[str, Sequence[str]]
     subtypes: Mapping[str, Sequence[str]]
 
     def make_param(self, name: str, type_name: str = "", *, all_types: bool = False) -> Any:
         """Make a parameter; with `all_types`, with the types below its own."""
-        made = self.param()
-        made.name, made.type = name, type_name
-        if all_types:
-            made.sub_types = list(self.subtypes.get(fold(type_name), ()))
-        return made
+        below = self.subtypes.get(fold(type_name), ()) if all_types else ()
+        return self.made.Param(name=name, type=type_name, sub_types=list(below))
 
 
-def read_tree(nodes: Sequence[NodeMessage]) -> Formula:
+def read_tree(nodes: Sequence[NodeMessage]) -> str:
     """Read a condition or an effect from the nodes of a tree; an empty tree is `(and)`.
 
     Args:
         nodes: the nodes, the root first. `negate` of a node is ignored: a negation is a node.
 
-    Raises:
-        InvalidKnowledgeError: the nodes are not a tree of a formula; with the node's position.
-    """
-    return _Reader(nodes).formula(0) if nodes else And()
-
-
-def read_node(node: NodeMessage) -> Atom | Fluent:
-    """Read a predicate or a function with its arguments from one node.
+    Returns:
+        PDDL text, for example for `kb.goals.save` or `kb.holds`, which check what it says.
 
     Raises:
-        InvalidKnowledgeError: it is neither.
+        InvalidKnowledgeError: the nodes are no tree, or PDDL text cannot express one of them.
     """
-    found = _Reader([node]).read(0, 1)
-    if not isinstance(found, Atom | Fluent):
-        raise InvalidKnowledgeError(f"the node is {found}, expected a predicate or a function")
-    return found
+    words: list[str] = []
+    unread = dict(enumerate(nodes))
+    todo: list[int | str] = [0] if nodes else [" (and)"]
+    while todo:
+        part = todo.pop()
+        if isinstance(part, str):
+            words.append(part)
+            continue
+        node = unread.pop(part, None)
+        try:
+            opening, closing = _parentheses(node)
+        except InvalidKnowledgeError as error:
+            raise InvalidKnowledgeError(f"node {part} of the tree: {error}") from error
+        words.append(f" {opening}")
+        todo += [closing, *reversed(nodes[part].children)]
+    if unread:
+        raise InvalidKnowledgeError(f"node {min(unread)} of the tree: it has no parent")
+    return "".join(words)[1:]
 
 
-class _Reader:
-    """Reads nodes of a tree, each once."""
+def read_node(node: NodeMessage) -> str:
+    """Read a predicate or a function with its arguments from one node, as PDDL text.
 
-    def __init__(self, nodes: Sequence[NodeMessage]) -> None:
-        self._nodes = nodes
-        self._seen: set[int] = set()
-
-    def formula(self, position: int, depth: int = 1) -> Formula:
-        """Read the formula that begins with a node."""
-        found = self.read(position, depth)
-        if isinstance(found, Atom | Equal | Comparison | Not | And | Or | Exists | Assign):
-            return found
-        raise self._wrong(position, f"{found} stands where a formula is expected")
-
-    def read(self, position: int, depth: int) -> Node:
-        """Read whatever begins with a node."""
-        # A node that is met twice would make a cycle, or a formula that grows exponentially.
-        if not 0 <= position < len(self._nodes) or position in self._seen:
-            raise self._wrong(position, "there is no such node, or it has two parents")
-        if depth > MAX_NESTING:
-            raise self._wrong(position, f"it is more than {MAX_NESTING} levels deep")
-        self._seen.add(position)
-        node = self._nodes[position]
-        if node.node_type in (PREDICATE, FUNCTION):
-            terms = tuple(_term(each.name) for each in node.parameters)
-            return (Atom if node.node_type == PREDICATE else Fluent)(node.name, terms)
-        if node.node_type == NUMBER:
-            return Number(node.value)
-        if node.node_type == CONSTANT:
-            return Constant(node.name)
-        if node.node_type == PARAMETER and node.parameters:
-            return _term(node.parameters[0].name)
-        return self._inner(position, node, depth + 1)
-
-    def _inner(self, position: int, node: NodeMessage, depth: int) -> Node:
-        kind, children = node.node_type, list(node.children)
-        if kind == AND:
-            return And(tuple(self.formula(child, depth) for child in children))
-        if kind == OR:
-            return Or(tuple(self.formula(child, depth) for child in children))
-        if kind in (NOT, EXISTS):
-            if len(children) != 1:
-                raise self._wrong(position, f"it has {len(children)} parts, expected one")
-            formula = self.formula(children[0], depth)
-            return Not(formula) if kind == NOT else Exists(_variables(node), formula)
-        if kind not in (EXPRESSION, MODIFIER) or len(children) != 2:
-            raise self._wrong(position, f"type {kind} with {len(children)} parts is no formula")
-        left, right = (self.read(child, depth) for child in children)
-        if kind == MODIFIER:
-            return Assign(self._word(position, _MODIFIER, node.modifier_type), left, right)  # type: ignore[arg-type]
-        operator = self._word(position, _OPERATOR, node.expression_type)
-        if operator in ARITHMETIC:
-            return Arithmetic(operator, (left, right))  # type: ignore[arg-type]
-        if operator == "=" and any(isinstance(each, Constant | Variable) for each in (left, right)):
-            return Equal(left, right)  # type: ignore[arg-type]
-        return Comparison(operator, left, right)  # type: ignore[arg-type]
-
-    def _word(self, position: int, words: Mapping[int, str], number: int) -> str:
-        if number not in words:
-            raise self._wrong(position, f"{number} is no operator")
-        return words[number]
-
-    def _wrong(self, position: int, problem: str) -> InvalidKnowledgeError:
-        return InvalidKnowledgeError(f"node {position} of the tree: {problem}")
+    Raises:
+        InvalidKnowledgeError: PDDL text cannot express a name.
+    """
+    check_name("function" if node.node_type == FUNCTION else "predicate", node.name)
+    return f"({' '.join([node.name, *(_term(each.name) for each in node.parameters)])})"
 
 
-def _term(name: str) -> Term:
-    return Variable(name[1:]) if name.startswith("?") else Constant(name)
+def _parentheses(node: NodeMessage | None) -> tuple[str, str]:
+    """Return the text of a node before its children, and after them."""
+    if node is None:
+        raise InvalidKnowledgeError("there is none, or it has two parents")
+    kind, count = node.node_type, len(node.children)
+    operators = node.expression_type * (kind == EXPRESSION), node.modifier_type * (kind == MODIFIER)
+    word = f"exists ({_variables(node)})" if kind == EXISTS else _WORDS.get((kind, *operators))
+    if word is not None:
+        return f"({word}", ")"
+    if kind in (PREDICATE, FUNCTION) and not count:
+        return read_node(node), ""
+    if kind == NUMBER and not count:
+        return str(f.Number(node.value)), ""
+    if kind in (CONSTANT, PARAMETER) and not count:
+        return _term(node.parameters[0].name if len(node.parameters) else node.name), ""
+    raise InvalidKnowledgeError(f"type {kind}, operators {operators}, {count} children: no formula")
 
 
-def _variables(node: NodeMessage) -> tuple[TypedName, ...]:
-    # PlanSys2 leaves the type of a quantified variable out: it means all objects.
-    return tuple(
-        TypedName(each.name.removeprefix("?"), (each.type or ROOT_TYPE,))
-        for each in node.parameters
-    )
+def _term(name: str) -> str:
+    check_name("variable" if name[:1] == "?" else "object", name.removeprefix("?"))
+    return name
+
+
+def _variables(node: NodeMessage) -> str:
+    """Return typed variables; PlanSys2 leaves types out, or has `-` and the type as variables."""
+    names = [each.name if each.name == "-" else _term(each.name) for each in node.parameters]
+    types = [each.type or ROOT_TYPE for each in node.parameters]
+    for each in types:
+        check_name("type", each)
+    typed = [f"{name} - {type_}" for name, type_ in zip(names, types, strict=True)]
+    return " ".join(names if "-" in names else typed)
 
 
 def write_tree(
-    formula: Formula, messages: Messages, names: Mapping[str, str] | None = None
+    formula: f.Formula, messages: Messages, names: Scope = (), *, is_effect: bool = False
 ) -> list[NodeMessage]:
     """Write a condition or an effect as the nodes of a tree.
 
     Args:
         formula: the formula, without times of a durative action.
         messages: how messages are made.
-        names: what to write for a free variable, by its folded name: `?0`, or an object's name.
-            Variables of quantifiers are numbered after them; others keep their names.
+        names: the free variables, with `?0` and so on, or an object's name. Variables of
+            quantifiers are numbered after them; others keep their names.
+        is_effect: whether it is an effect, where a `forall` has no other form.
 
     Returns:
         The nodes, in preorder.
 
     Raises:
         InvalidKnowledgeError: the formula has a part that no tree can hold: a preference, a
-            conditional effect, a constraint, a function's value as an argument, or `either`.
+            conditional or universal effect, a constraint, `?duration`, a function's value as an
+            argument, `either`, or a number beyond 64 bits.
     """
-    writer = _Writer(messages)
-    writer.write(formula, dict(names or {}))
-    return writer.nodes
+    nodes: list[NodeMessage] = []
+    todo: list[tuple[f.Node, Scope, Any]] = [(formula, names, None)]
+    while todo:
+        part, scope, parent = todo.pop()
+        part = _plain(part, is_effect)
+        node = messages.made.Node(node_id=len(nodes))
+        nodes.append(node)
+        if parent is not None:
+            parent.children.append(node.node_id)
+        if isinstance(part, f.Exists):
+            variables = enumerate(part.variables, len(scope))
+            scope += tuple([(fold(each.name), f"?{number}") for number, each in variables])
+        _describe(node, part, messages, dict(scope))
+        if not isinstance(part, f.Atom | f.Fluent):
+            todo += [(each, scope, node) for each in reversed(f.children(part))]
+    return nodes
 
 
-def write_node(part: Atom | Fluent, messages: Messages, value: float = 0.0) -> NodeMessage:
-    """Write one fact, or one function with its arguments and its value, as a node."""
-    (node,) = write_tree(part, messages)  # type: ignore[arg-type]
-    node.value = value
-    return node
-
-
-class _Writer:
-    """Writes nodes of one tree."""
-
-    def __init__(self, messages: Messages) -> None:
-        self._messages = messages
-        self.nodes: list[NodeMessage] = []
-
-    def write(self, part: Node, names: Mapping[str, str]) -> int:
-        """Write a part, and return the position of its node."""
-        part = _plain(part)
-        node = self._messages.node()
-        node.node_id = len(self.nodes)
-        self.nodes.append(node)
-        if isinstance(part, Exists):
-            names = {**names, **_numbered(part.variables, len(names))}
-            node.parameters = [self._quantified(each, names) for each in part.variables]
-        self._describe(node, part, names)
-        node.children = [self.write(child, names) for child in _parts(part)]
-        return node.node_id
-
-    def _quantified(self, variable: TypedName, names: Mapping[str, str]) -> ParamMessage:
-        if len(variable.types) > 1:
-            raise _refused(f"?{variable.name} - {variable.type_text}")
-        type_name = variable.types[0]
-        shown = "" if fold(type_name) == ROOT_TYPE else type_name
-        made: ParamMessage = self._messages.make_param(
-            names[fold(variable.name)], shown, all_types=True
-        )
-        return made
-
-    def _describe(self, node: NodeMessage, part: Node, names: Mapping[str, str]) -> None:
-        """Fill in what a node says of itself."""
-        node.node_type = _KINDS.get(type(part)) or _refuse(part)
-        if isinstance(part, Atom | Fluent):
-            node.name = part.predicate if isinstance(part, Atom) else part.function
-            types = self._messages.signature.get(fold(node.name), ())
-            node.parameters = [
-                self._messages.make_param(_name(term, names), type_name)  # type: ignore[arg-type]
-                for term, type_name in zip_longest(
-                    part.terms, types[: len(part.terms)], fillvalue=""
-                )
-            ]
-        elif isinstance(part, Number):
-            node.value = float(part.value)
-        elif isinstance(part, Constant):
-            node.name = part.name
-        elif isinstance(part, Variable):
-            node.parameters = [self._messages.make_param(_name(part, names))]
-        elif isinstance(part, Assign):
-            node.modifier_type = _MODIFIERS[part.operator]
-        elif isinstance(part, Comparison | Arithmetic):
-            node.expression_type = _OPERATORS[part.operator]
-        elif isinstance(part, Equal):
-            node.expression_type = _OPERATORS["="]
-
-
-_KINDS: dict[type[Node], int] = {
-    And: AND,
-    Or: OR,
-    Not: NOT,
-    Exists: EXISTS,
-    Atom: PREDICATE,
-    Fluent: FUNCTION,
-    Number: NUMBER,
-    Constant: CONSTANT,
-    Variable: PARAMETER,
-    Comparison: EXPRESSION,
-    Equal: EXPRESSION,
-    Arithmetic: EXPRESSION,
-    Assign: MODIFIER,
-}
-
-
-def _plain(part: Node) -> Node:
-    """Say a part by what a tree can hold."""
-    if isinstance(part, Imply):
-        return Or((Not(part.condition), part.formula))
-    if isinstance(part, Forall):
-        return Not(Exists(part.variables, Not(part.formula)))
-    if isinstance(part, Arithmetic) and len(part.operands) != 2:
-        return _binary(part)
+def _plain(part: f.Node, is_effect: bool) -> f.Node:
+    """Say a part by what a tree can hold; operations on numbers nest from the left."""
+    match part:
+        case f.Imply(condition, formula):
+            return f.Or((f.Not(condition), formula))
+        case f.Forall(variables, formula) if not is_effect:
+            return f.Not(f.Exists(variables, f.Not(formula)))
+        case f.Arithmetic(operator, (first, *others)) if len(others) != 1:
+            others, first = (others, first) if others else ([first], f.Number(0))
+            return reduce(lambda left, right: f.Arithmetic(operator, (left, right)), others, first)
     return part
 
 
-def _binary(part: Arithmetic) -> Expression:
-    """Nest an operation on one number, or on more than two, from the left."""
-    operands: Iterable[Expression] = part.operands
-    first, *others = (Number(0), *operands) if len(part.operands) == 1 else operands
-    for other in others:
-        first = Arithmetic(part.operator, (first, other))
-    return first
+def _describe(node: Any, part: f.Node, messages: Messages, names: Mapping[str, str]) -> None:
+    """Fill in what a node says of itself."""
+    match part:
+        case f.Atom(name, terms) | f.Fluent(name, terms):
+            node.node_type = PREDICATE if isinstance(part, f.Atom) else FUNCTION
+            node.name = name
+            types = [*messages.signature.get(fold(name), ()), *("" for _ in terms)]
+            shown = [_shown(term, names) for term in terms]
+            node.parameters = list(map(messages.make_param, shown, types))
+        case f.Variable():
+            node.node_type, node.name = PARAMETER, _shown(part, names)
+            node.parameters = [messages.make_param(node.name)]
+        case f.Constant(name):
+            node.node_type, node.name = CONSTANT, name
+        case f.Number(value) if isfinite(value):
+            node.node_type, node.value = NUMBER, float(value)
+        case f.Exists(variables) if all(len(each.types) == 1 for each in variables):
+            node.node_type = EXISTS
+            node.parameters = [
+                messages.make_param(names[fold(each.name)], each.type_text, all_types=True)
+                for each in variables
+            ]
+        case f.And() | f.Or() | f.Not() | f.Comparison() | f.Equal() | f.Arithmetic() | f.Assign():
+            node.node_type, node.expression_type, node.modifier_type = _NUMBERS[f.head(part)]
+        case _:
+            raise _refused(part)
 
 
-def _parts(part: Node) -> tuple[Node, ...]:
-    if isinstance(part, And | Or):
-        return part.formulas
-    if isinstance(part, Not | Exists):
-        return (part.formula,)
-    if isinstance(part, Comparison | Equal):
-        return (part.left, part.right)
-    if isinstance(part, Arithmetic):
-        return part.operands
-    return (part.fluent, part.value) if isinstance(part, Assign) else ()
+def _shown(term: f.Term, names: Mapping[str, str]) -> str:
+    key = fold(term.name) if isinstance(term, f.Variable) else ""
+    if isinstance(term, f.Fluent) or (key == f.DURATION and key not in names):
+        raise _refused(term)
+    return names.get(key, str(term))
 
 
-def _numbered(variables: Iterable[TypedName], first: int) -> dict[str, str]:
-    return {fold(each.name): f"?{first + index}" for index, each in enumerate(variables)}
-
-
-def _name(term: Term, names: Mapping[str, str]) -> str:
-    if isinstance(term, Fluent):
-        _refuse(term)
-    if isinstance(term, Constant):
-        return term.name
-    assert isinstance(term, Variable)
-    return names.get(fold(term.name), f"?{term.name}")
-
-
-def _refuse(part: Node) -> int:
-    raise _refused(str(part))
-
-
-def _refused(text: str) -> InvalidKnowledgeError:
+def _refused(part: f.Node) -> InvalidKnowledgeError:
     return InvalidKnowledgeError(
-        f"{text} has no form in PlanSys2's messages; ask for the domain or the problem as PDDL text"
+        f"{part} has no form in PlanSys2's messages; ask for the domain or the problem as PDDL text"
     )

@@ -96,7 +96,7 @@ def test_the_domain_is_described_as_plansys2_does(domain: Client) -> None:
         ("?place1", "place", ["dock"]),
     ]
     [rule] = domain("get_domain_derived_predicate_details", predicate="docked").predicates
-    exists, inner = rule.preconditions.nodes[1:]
+    exists, inner = rule.preconditions.nodes
     assert [(each.name, each.type) for each in exists.parameters] == [("?1", "dock")]
     assert [each.name for each in inner.parameters] == ["?0", "?1"]
 
