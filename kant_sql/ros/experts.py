@@ -30,6 +30,9 @@ LONGEST = 15.0
 # takes steps of one time as simultaneous.
 STEP = 0.001
 
+# Texts in messages are PDDL, and never paths.
+_pddl = partial(Text, STRING)
+
 # What answers a service, by its name, its interface, and the field of the response that it fills.
 _Rows = Mapping[str, Callable[[Any], object]]
 
@@ -108,26 +111,18 @@ class DomainExpert:
     def _details(self, node_type: int, section: str, request: Any) -> Any:
         domain = self._kb.pddl.domain()
         found = _find(getattr(domain, section), request.expression, section)
-        messages = messages_of(domain, self._made)
-        return self._declared(node_type, found.name, found.parameters, messages)
-
-    def _declared(
-        self, node_type: int, name: str, typed: Sequence[TypedName], messages: Messages
-    ) -> Any:
-        terms = [f"?{each.type_text}{index}" for index, each in enumerate(typed)]
-        parameters = _parameters(terms, typed, messages)
-        return self._made.Node(node_type=node_type, name=name, parameters=parameters)
+        parameters = _parameters(found.parameters, messages_of(domain, self._made))
+        return self._made.Node(node_type=node_type, name=found.name, parameters=parameters)
 
     def _rules(self, request: Any) -> list[Any]:
         domain, made, found = self._kb.pddl.domain(), self._made, []
         messages = messages_of(domain, made)
         for rule in domain.derived:
             if fold(rule.predicate) == fold(request.predicate):
-                variables = enumerate(rule.variables)
-                scope = tuple((fold(each.name), f"?{index}") for index, each in variables)
-                node = self._declared(PREDICATE, rule.predicate, rule.variables, messages)
-                tree = made.Tree(nodes=write_tree(rule.formula, messages, scope))
-                found.append(made.Derived(predicate=node, preconditions=tree))
+                parameters = _parameters(rule.variables, messages)
+                node = made.Node(node_type=PREDICATE, name=rule.predicate, parameters=parameters)
+                tree = write_tree(rule.formula, messages, _scope(rule.variables))
+                found.append(made.Derived(predicate=node, preconditions=made.Tree(nodes=tree)))
         if not found:
             raise UnknownNameError(f"there is no {request.predicate!r} in the derived predicates")
         return found
@@ -140,14 +135,19 @@ class DomainExpert:
         chosen = [each for each in domain.actions if each.kind == kind]
         action = _find(chosen, getattr(request, field), f"{kind}s")
         messages, typed = messages_of(domain, self._made), action.parameters
-        terms = [*given, *(f"?{index}" for index in range(len(given), len(typed)))]
-        names = (fold(each.name) for each in typed)
-        scope = tuple(zip(names, terms, strict=False))
+        scope = _scope(typed, given)
         trees = {
             part: self._made.Tree(nodes=_nodes(formulas, messages, scope, part.endswith("effects")))
             for part, formulas in _parts(action).items()
         }
-        return make(name=action.name, parameters=_parameters(terms, typed, messages), **trees)
+        parameters = _parameters(typed, messages, [term for _, term in scope])
+        return make(name=action.name, parameters=parameters, **trees)
+
+
+def _scope(typed: Sequence[TypedName], given: Sequence[str] = ()) -> Scope:
+    """Name parameters as they are given, and the others by their place."""
+    terms = [*given, *(f"?{index}" for index in range(len(given), len(typed)))]
+    return tuple((fold(each.name), term) for each, term in zip(typed, terms, strict=False))
 
 
 def _parts(action: Action) -> Mapping[str, Sequence[Formula]]:
@@ -173,9 +173,13 @@ def _find(declared: Iterable[Any], name: str, what: str) -> Any:
     raise UnknownNameError(f"there is no {name!r} in the {what}")
 
 
-def _parameters(terms: Iterable[str], typed: Iterable[TypedName], messages: Messages) -> list[Any]:
-    pairs = zip(terms, typed, strict=False)
-    return [messages.make_param(term, each.type_text, all_types=True) for term, each in pairs]
+def _parameters(
+    typed: Sequence[TypedName], messages: Messages, terms: Sequence[str] = ()
+) -> list[Any]:
+    """Write parameters under given names, or as PlanSys2 names them, by type and place."""
+    names = terms or [f"?{each.type_text}{index}" for index, each in enumerate(typed)]
+    types = [each.type_text for each in typed]
+    return [messages.make_param(*each, all_types=True) for each in zip(names, types, strict=True)]
 
 
 def _nodes(
@@ -210,9 +214,13 @@ class ProblemExpert:
             "get_problem_predicates GetStates states": self._predicates,
             "get_problem_function GetNodeDetails node": self._function,
             "get_problem_functions GetStates states": self._functions,
-            "is_problem_goal_satisfied IsProblemGoalSatisfied satisfied": self._is_satisfied,
+            "is_problem_goal_satisfied IsProblemGoalSatisfied satisfied": (
+                lambda it: kb.holds(read_tree(it.tree.nodes))
+            ),
             "exist_problem_predicate ExistNode exist": lambda it: kb.holds(read_node(it.node)),
-            "exist_problem_function ExistNode exist": self._exists_function,
+            "exist_problem_function ExistNode exist": (
+                lambda it: values.get(read_node(it.node)) is not None
+            ),
             "remove_problem_goal RemoveProblemGoal": lambda _: kb.goals.delete_all(),
             "remove_problem_instance AffectParam": self._remove_instance,
             "remove_problem_predicate AffectNode": lambda it: facts.delete(read_node(it.node)),
@@ -234,7 +242,7 @@ class ProblemExpert:
     def _add_problem(self, request: Any) -> None:
         kb, domain = self._kb, self._kb.pddl.domain()
         # As PlanSys2 reads it: its clients compare names letter by letter.
-        problem = read_problem(_document(fold(request.problem)), domain=domain)
+        problem = read_problem(_pddl(whole=fold(request.problem)), domain=domain)
         with kb.transaction():
             kb.goals.delete_all()
             for each in problem.objects:
@@ -266,9 +274,6 @@ class ProblemExpert:
             self._kb.goals.delete_all()
             self._kb.goals.save(goal)
 
-    def _is_satisfied(self, request: Any) -> bool:
-        return self._kb.holds(read_tree(request.tree.nodes))
-
     def _add_instance(self, request: Any) -> None:
         name, type_name = request.param.name, request.param.type
         if fold(type_name) != ROOT_TYPE and self._kb.types.get(type_name) is None:
@@ -288,16 +293,15 @@ class ProblemExpert:
         return found
 
     def _instance(self, request: Any) -> Any:
-        return self._param(self._stored(request.instance))
+        return self._params([self._stored(request.instance)])[0]
 
     def _instances(self, _: Any = None) -> list[Any]:
         found = self._kb.objects.get_all()
         # PlanSys2 has a domain's constants as instances from the first problem on.
-        is_empty = all(each.is_constant for each in found)
-        return [] if is_empty else [self._param(each) for each in found]
+        return [] if all(each.is_constant for each in found) else self._params(found)
 
-    def _param(self, dto: PddlObjectDto) -> Any:
-        return self._made.Param(name=dto.name, type=dto.type.name)
+    def _params(self, objects: Iterable[PddlObjectDto]) -> list[Any]:
+        return [self._made.Param(name=each.name, type=each.type.name) for each in objects]
 
     def _remove_instance(self, request: Any) -> None:
         stored = self._stored(request.param.name)
@@ -310,9 +314,6 @@ class ProblemExpert:
         if not self._kb.function_values.update(_value(request.node)):
             fluent = read_node(request.node)
             raise UnknownNameError(f"{fluent} has no value yet; add_problem_function sets one")
-
-    def _exists_function(self, request: Any) -> bool:
-        return self._kb.function_values.get(read_node(request.node)) is not None
 
     def _predicate(self, request: Any) -> Any:
         if not self._kb.holds(request.expression):
@@ -327,61 +328,49 @@ class ProblemExpert:
 
     def _ground(self, node_type: int, expression: str, value: float = 0.0) -> Any:
         name, *terms = expression.strip("() \t\n").split()
-        return self._node(node_type, name, map(self._stored, terms), value)
-
-    def _node(
-        self, node_type: int, name: str, objects: Iterable[PddlObjectDto], value: float = 0.0
-    ) -> Any:
-        parameters = [self._param(each) for each in objects]
+        parameters = self._params(map(self._stored, terms))
         return self._made.Node(node_type=node_type, name=name, parameters=parameters, value=value)
 
     def _predicates(self, _: Any = None) -> list[Any]:
-        kb, made = self._kb, self._made
+        kb, made, node = self._kb, self._made, partial(self._made.Node, node_type=PREDICATE)
         facts = kb.propositions.get_all()
-        found = [self._node(PREDICATE, each.predicate.name, each.objects) for each in facts]
+        found = [
+            node(name=one.predicate.name, parameters=self._params(one.objects)) for one in facts
+        ]
         for rule in {fold(one.predicate): one for one in kb.pddl.domain().derived}.values():
             variables = [f"?a{index}" for index in range(len(rule.variables))]
             for terms in kb.query(f"({' '.join([rule.predicate, *variables])})"):
                 parameters = [made.Param(name=term) for term in terms]
-                node = made.Node(node_type=PREDICATE, name=rule.predicate, parameters=parameters)
-                found.append(node)
+                found.append(node(name=rule.predicate, parameters=parameters))
         return found
 
     def _functions(self, _: Any = None) -> list[Any]:
-        # A node has a number, and no object.
-        return [
-            self._node(FUNCTION, each.function.name, each.objects, float(each.value))
-            for each in self._kb.function_values.get_all()
-            if not isinstance(each.value, PddlObjectDto)
-        ]
+        found = []
+        for one in self._kb.function_values.get_all():
+            # A node has a number, and no object.
+            if not isinstance(one.value, PddlObjectDto):
+                node = self._made.Node(node_type=FUNCTION, name=one.function.name)
+                node.parameters, node.value = self._params(one.objects), float(one.value)
+                found.append(node)
+        return found
 
 
 def _value(node: Any) -> str:
     return f"(= {read_node(node)} {Number(node.value)})"
 
 
-def _document(text: str) -> Text:
-    """Take a text that came in a message as PDDL, and never as a path."""
-    return Text(STRING, whole=text)
-
-
 def planner_services(made: Any, kinds: Any) -> Iterator[Service]:
-    """Yield `planner/...`, which answer from the texts of the request alone.
-
-    Args:
-        made: the module `plansys2_msgs.msg`.
-        kinds: the module `plansys2_msgs.srv`.
-    """
+    """Yield `planner/...`; `made` and `kinds` are `plansys2_msgs.msg` and `.srv`."""
     rows: _Rows = {
-        "validate_domain ValidateDomain": lambda asked: read_domain(_document(asked.domain)),
+        "validate_domain ValidateDomain": lambda asked: read_domain(_pddl(whole=asked.domain)),
         "get_plan GetPlan plan": partial(_plan, made),
     }
     return _services("planner/", kinds, rows)
 
 
 def _plan(made: Any, request: Any) -> Any:
-    domain = read_domain(_document(request.domain))
-    problem = read_problem(_document(request.problem), domain=domain)
+    domain = read_domain(_pddl(whole=request.domain))
+    problem = read_problem(_pddl(whole=request.problem), domain=domain)
     items: list[Any] = []
     for step in planning.solve(domain, problem=problem, timeout=LONGEST).steps:
         start = len(items) * STEP if step.start is None else float(step.start)

@@ -21,6 +21,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..arguments import URL_VARIABLE
 from ..compat import DaoFactory
@@ -40,6 +41,8 @@ LOOK = 0.5
 # Seconds before new revisions are read: the answer to who wrote them goes first.
 PAUSE = 0.01
 _LATE = QoSProfile(depth=KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# The events of a service: deep enough for a recorder that is held up for a moment.
+_EVENTS = QoSProfile(depth=1000)
 
 
 def _transition(step: Callable[[KnowledgeNode], None]) -> Callable[..., TransitionCallbackReturn]:
@@ -63,7 +66,8 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
 
     Parameters of the node: `url`, the database, by default what the environment variable
     `KANT_SQL_URL` has; `knowledge_base`, its name; `actor`, who writes (the name of the node by
-    default). Services whose interfaces are not installed are left out.
+    default); `introspection`, whether calls of services are published for recorders, with their
+    contents (false by default). Services whose interfaces are not installed are left out.
     """
 
     def __init__(self, url: str = "", knowledge_base: str = "default", actor: str = "") -> None:
@@ -75,6 +79,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         self.declare_parameter("url", shown)
         self.declare_parameter("knowledge_base", knowledge_base)
         self.declare_parameter("actor", actor)
+        self.declare_parameter("introspection", False)
         # Changes are made in the order in which they come; questions do not wait for one another.
         self._groups = MutuallyExclusiveCallbackGroup(), ReentrantCallbackGroup()
         self._kb: KnowledgeBase | None = None
@@ -104,6 +109,9 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
                 answer = self._guarded(service)
                 made = self.create_service(service.kind, service.name, answer, callback_group=group)
                 self._active.callback(self.destroy_service, made)
+                if self.get_parameter("introspection").value:
+                    contents = ServiceIntrospectionState.CONTENTS
+                    made.configure_introspection(self.get_clock(), _EVENTS, contents)
             self._watch(self._kb)
             self._active = self._active.pop_all()
 
