@@ -65,6 +65,7 @@ _COMMON = {
     "reason": ("string", "why"),
     "source": ("string", "what the writer said of its source, as JSON"),
     "observed_at": ("string", "when it was sensed"),
+    "committed_at": ("string", "when it was written"),
 }
 _VALUES = {
     "boolean": "whether it holds",
@@ -87,8 +88,9 @@ def export_transitions(
 ) -> Exported:
     """Write state transitions of facts and values to MCAP files, one for each knowledge base.
 
-    Messages are JSON with a JSON schema. Their log time is that of the commit, and their publish
-    time that of the observation, if the writer gave it.
+    Messages are JSON with a JSON schema. Their log time and publish time are that of the
+    observation, if the writer gave it, and else of the commit: a viewer goes by one of them, and
+    shows what was sensed beside the robot's own recording of that time.
 
     Args:
         url: the database URL.
@@ -227,6 +229,7 @@ class _Lane:
             "reason": change.reason,
             "source": change.source,
             "observed_at": observed,
+            "committed_at": time_text(change.committed_at),
         }
         return {key: value for key, value in said.items() if value is not None}
 
@@ -329,13 +332,12 @@ class _Recording:
         for lane in lanes:
             change = lane.last
             assert change is not None
-            logged = _nanoseconds(change.committed_at if moment is None else moment)
-            observed = change.observed_at or change.committed_at
+            at = _nanoseconds(moment or change.observed_at or change.committed_at)
             self._writer.add_message(
                 lane.channel,
-                log_time=logged,
+                log_time=at,
                 data=json.dumps(lane.message(), ensure_ascii=False).encode(),
-                publish_time=_nanoseconds(observed),
+                publish_time=at,
                 sequence=change.revision & 0xFFFFFFFF,
             )
             self.messages += 1
@@ -406,7 +408,8 @@ _NAMES = Query(
 )
 _TIME_OF = Query(
     text(
-        "SELECT committed_at FROM audit_revision WHERE kb_id = :kb AND revision = :revision"
+        "SELECT COALESCE(observed_at, committed_at) FROM audit_revision"
+        " WHERE kb_id = :kb AND revision = :revision"
     ).bindparams(bindparam("revision", type_=BigInteger))
 )
 
@@ -456,6 +459,6 @@ def _names_ever(session: Session, kb_id: int) -> list[str]:
 
 
 def _time_of_revision(session: Session, kb_id: int, revision: int) -> datetime | None:
-    """Return when a revision was committed; None without it."""
+    """Return when a revision was sensed, or else committed; None without it."""
     row = session.first(_TIME_OF, kb=kb_id, revision=revision)
     return None if row is None else session.to_time(row[0])

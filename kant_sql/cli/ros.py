@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ..errors import ExtraMissingError
-from .common import DEFAULT_NAME, Actor, AsJson, Url, leaving_nothing, split_url, words_argument
-from .output import write_json
+from .common import DEFAULT_NAME, Actor, AsJson, leaving_nothing, split_url, words_argument
+from .output import Printer, plural, write_json
 
 ROS_MISSING = (
     "this needs rclpy, which comes with ROS 2 and not from pip; run: source "
@@ -20,6 +19,7 @@ _Kb = Annotated[str, typer.Option("--kb", metavar="NAME", help="The knowledge ba
 
 
 _USAGE = "URL [ROS_ARGUMENT]..."
+_IMPORT_USAGE = "[URL] BAG"
 _EXAMPLE = "kant-sql ros sqlite:///robot.db -- --ros-args -r __ns:=/rb1"
 
 
@@ -41,21 +41,32 @@ def ros(
 
 
 def import_(
-    url: Url,
-    bag: Annotated[Path, typer.Argument(metavar="BAG", help="The folder or the file of a bag.")],
+    words: Annotated[
+        list[str], words_argument(_IMPORT_USAGE, "the folder of a bag of ROS 2, or its file.")
+    ],
+    namespace: Annotated[
+        str | None, typer.Option(metavar="NS", help="The namespace of the node, such as /rb1.")
+    ] = None,
     kb: _Kb = DEFAULT_NAME,
     actor: Actor = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take over a recording of rosbag2: requests and changes, with their times in the bag."""
+    """Take over a recording of the node by rosbag2, with its times: each message is a revision.
+
+    Messages of the node's topic changes are taken, or else calls of its services. After an
+    interruption, run it again: it goes on where it ended.
+    """
     from ..knowledge_base import connect
     from ..ros.bags import import_bag
 
+    url, (bag,) = split_url(words, _IMPORT_USAGE, "sqlite:///flight.db rosbag2_2026_03_02-14_03_00")
     with leaving_nothing(url), connect(url, knowledge_base=kb, actor=actor) as knowledge_base:
-        made = import_bag(knowledge_base, bag)
+        made = import_bag(knowledge_base, bag, namespace=namespace)
     if as_json:
         write_json(made._asdict())
     else:
-        sys.stdout.write(
-            f"{made.messages} messages, {made.revisions} revisions, {made.refused} refused\n"
+        known = f", {made.known} known from an earlier import" if made.known else ""
+        Printer().line(
+            f"{bag}: {plural(made.messages, 'message')}, {plural(made.revisions, 'revision')}, "
+            f"{made.refused} refused{known}"
         )

@@ -5,175 +5,320 @@ A bag of ROS 2 (rosbag2) is read by `rosbags`, which needs no ROS.
 
 from __future__ import annotations
 
-import errno
 import logging
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 from ..compat import DaoFactory
-from ..errors import ExtraMissingError, InvalidArgumentError, KantSqlError, SourceError
+from ..errors import (
+    ArchivedError,
+    ExtraMissingError,
+    InvalidArgumentError,
+    KantSqlError,
+    NotApplicableError,
+    ReadOnlyError,
+    ReplicaError,
+    StoreError,
+)
 from ..knowledge_base import KnowledgeBase, factory_of
+from . import own, paper
 from .experts import ProblemExpert
-from .paper import services as paper_services
 
 logger = logging.getLogger(__name__)
 
-EVENT = "/_service_event"
-# service_msgs/msg/ServiceEventInfo: the server has received a request.
-RECEIVED = 1
+_CHANGES = ("kant_sql_msgs/msg/Revision", "changes")
+_EVENT = "/_service_event"
+# Of service_msgs/msg/ServiceEventInfo: what the server says of a call.
+_RECEIVED, _ANSWERED = 1, 2
+_LINE = "=" * 80 + "\n"
+_REPAIR = (
+    "of a recording that was cut off, make one that is whole: ros2 bag reindex (sqlite3) or mcap "
+    "recover; of one of ROS 1: rosbags-convert --src OLD.bag --dst NEW"
+)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+# What a definition or a value is of: `rb1`, `move`, `(robot_at`, `(= (battery rb1)`.
+_NAMED = re.compile(r"(?:\(:\S+ )?(\(= \(.*?\)|\S+)")
 
 
 class Imported(NamedTuple):
     """What was read of a bag.
 
     Attributes:
-        messages: the messages that said something.
+        messages: the requests and revisions that it has.
         revisions: the revisions that they made; what was known already makes none.
-        refused: the messages that could not be taken over; the log says why.
+        refused: those that the server refused, or the knowledge base does; the log says why.
+        known: those that an earlier import of the bag has taken over.
     """
 
     messages: int
     revisions: int
     refused: int
+    known: int
 
 
-def import_bag(kb: KnowledgeBase, path: str | Path) -> Imported:
-    """Take over a recording of requests to the node's services, and of its changes.
-
-    A request is what a service event of `kant_msgs` or of PlanSys2's problem expert holds, or a
-    message of `~/changes`. Each is one revision, with its time in the bag as `observed_at`.
-
-    Args:
-        kb: the knowledge base that is written.
-        path: the folder of the bag, or its MCAP file.
-
-    Raises:
-        ExtraMissingError: `rosbags` is not installed.
-        SourceError: the bag cannot be read.
-        InvalidArgumentError: it has none of these messages.
-    """
-    answers = _answers(kb)
-    before = kb.revision
-    count = refused = 0
-    for said in _read(Path(path), set(answers)):
-        count += 1
-        at = _EPOCH + timedelta(microseconds=said.time // 1000)
-        source = {"bag": str(path), "topic": said.topic}
-        try:
-            with kb.transaction(observed_at=at, source=source):
-                answers[said.name](said.message, SimpleNamespace())
-        except KantSqlError as error:
-            refused += 1
-            logger.warning("%s at %s: %s", said.topic, at.isoformat(), error)
-    if not count:
-        raise InvalidArgumentError(
-            f"{path} has no request to a service of the node and no message of ~/changes; record "
-            "with service introspection, for example: ros2 bag record --service --all"
-        )
-    return Imported(count, kb.revision - before, refused)
+_Key = tuple[str, str]  # the type of a topic, and the last word of its name
+_Taker = Callable[[Any, Any], object]
 
 
 class _Said(NamedTuple):
-    """A message: its topic, what it is for, its time in nanoseconds, and its content."""
+    """A revision or a request: its topic, its time in nanoseconds, and why it is left out."""
 
     topic: str
-    name: str
+    key: _Key
     time: int
     message: Any
+    refusal: str = ""
 
 
-def _answers(kb: KnowledgeBase) -> dict[str, Callable[[Any, Any], None]]:
-    """Return what takes over a message, by the name of its service, or by its type."""
-    made = _Anything()
-    paper = paper_services(DaoFactory.of(factory_of(kb)), made, made, SimpleNamespace)
-    services = [*paper, *ProblemExpert(kb, made).services(made)]
-    reads = ("get_", "exist_", "is_")
-    answers = {
-        each.name: each.answer
-        for each in services
-        if not each.name.rpartition("/")[2].startswith(reads)
+def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = None) -> Imported:
+    """Take over a recording of a node: its revisions, or else the requests to its services.
+
+    Revisions are the messages of `~/changes`, which have what every writer changed, except plans,
+    derived predicates and constraints. Without any, requests are the service events of KANT's
+    services, of PlanSys2's problem expert and of `~/apply` that were answered with success.
+
+    Each becomes one revision, with its time in the bag as `observed_at`, and the bag, the topic
+    and its number in the bag as `source`. An import that was interrupted goes on where it ended
+    when it is run again; of one that was not, nothing is made twice. A revision from before the
+    recording, which the node repeats for late listeners, has the time of its commit.
+
+    Args:
+        kb: the knowledge base that is written.
+        path: the folder of the bag, or one of its files.
+        namespace: that of the node, such as `/rb1`, if the bag has several nodes.
+
+    Raises:
+        ExtraMissingError: `rosbags` is not installed.
+        InvalidArgumentError: the bag cannot be read, or has none of these messages, or has those
+            of several nodes.
+        StoreError: the knowledge base cannot be written; what was taken over stays.
+    """
+    path, before, takers = Path(path), kb.revision, _takers(kb)
+    source: dict[str, object] = {"bag": path.name}
+    count = refused = known = 0
+    for count, said in enumerate(_read(path, takers, namespace), start=1):
+        at = _EPOCH + timedelta(microseconds=said.time // 1000)
+        if count == 1:
+            source["begun"] = at.isoformat()
+            known = _known(kb, source)
+            _refuse_own(kb, said)
+        if count <= known:
+            continue
+        place = {**source, "topic": said.topic, "message": count}
+        actor, reason = (getattr(said.message, name, "") or None for name in ("actor", "reason"))
+        try:
+            if said.refusal:
+                raise NotApplicableError(said.refusal)
+            with kb.transaction(observed_at=at, source=place, actor=actor, reason=reason):
+                takers[said.key](said.message, SimpleNamespace())
+        except (StoreError, ReadOnlyError, ReplicaError):
+            raise
+        except KantSqlError as error:
+            refused += 1
+            logger.warning("%s at %s: %s", said.topic, at.isoformat(), error)
+    return Imported(count, kb.revision - before, refused, known)
+
+
+def _known(kb: KnowledgeBase, source: dict[str, object]) -> int:
+    """Return the number of the last message of a bag that was taken over before."""
+    with suppress(ArchivedError):
+        for entry in kb.log():
+            made = entry.revision.source
+            if isinstance(made, dict) and source.items() <= made.items():
+                return int(made["message"])
+    return 0
+
+
+def _refuse_own(kb: KnowledgeBase, said: _Said) -> None:
+    """Refuse a recording of the knowledge base itself, which has what is in it."""
+    number = said.message.number if said.key == _CHANGES else 0
+    for one in kb.store.revisions(number - 1, limit=1) if 0 < number <= kb.revision else ():
+        if one.hash == said.message.hash:
+            raise InvalidArgumentError(
+                f"revision {number} of {said.topic} is of this knowledge base; import the "
+                "recording into another one"
+            )
+
+
+class _Kinds:
+    """Stands for the module of a package's services, and names the types of their events."""
+
+    def __init__(self, package: str) -> None:
+        self._package = package
+
+    def __getattr__(self, name: str) -> str:
+        return f"{self._package}/srv/{name}_Event"
+
+
+def _takers(kb: KnowledgeBase) -> dict[_Key, _Taker]:
+    """Return what takes over a message, by the key of its topic."""
+    made: Any = None  # the modules of messages, of which an import makes none
+    empty: Any = _Kinds("std_srvs").Empty
+    services = (
+        *paper.services(DaoFactory.of(factory_of(kb)), made, _Kinds("kant_msgs"), empty),
+        *ProblemExpert(kb, made).services(_Kinds("plansys2_msgs")),
+        *own.services(kb, made, _Kinds("kant_sql_msgs")),
+    )
+    takers: dict[_Key, _Taker] = {
+        (one.kind, one.name.rpartition("/")[2]): one.answer
+        for one in services
+        if not one.is_question
     }
-    return {**answers, "Revision": lambda message, _: _replay(kb, message)}
-
-
-class _Anything:
-    """Stands for the modules of messages, of which an import makes none."""
-
-    def __getattr__(self, name: str) -> Callable[..., object]:
-        return SimpleNamespace
+    return takers | {_CHANGES: lambda message, _: _replay(kb, message)}
 
 
 def _replay(kb: KnowledgeBase, revision: Any) -> None:
-    """Write the changes of a revision again; plans and documents stay behind."""
+    """Write the changes of a revision again."""
     daos: dict[str, Any] = {
-        "type": kb.types,
-        "object": kb.objects,
-        "predicate": kb.predicates,
-        "function": kb.functions,
-        "action": kb.actions,
-        "fact": kb.propositions,
-        "value": kb.function_values,
-        "goal": kb.goals,
+        **{"type": kb.types, "object": kb.objects, "predicate": kb.predicates},
+        **{"function": kb.functions, "action": kb.actions, "value": kb.function_values},
+        **{"fact": kb.propositions, "goal": kb.goals},
     }
-    order = list(daos)
-    changes = [each for each in revision.changes if each.kind in daos]
+    saved = {_element(one) for one in revision.changes if one.sign == "+"}
+    kinds = list(daos)
     # What others are built on is saved before them, and deleted after them.
-    for change in sorted(changes, key=lambda one: order.index(one.kind)):
-        if change.sign == "+":
-            daos[change.kind].save(change.text)
-    for change in sorted(changes, key=lambda one: -order.index(one.kind)):
-        if change.sign == "-":
-            daos[change.kind].delete(change.text)
+    for sign, chosen in (("-", kinds[:4:-1]), ("+", kinds), ("-", kinds[4::-1])):
+        for kind in chosen:
+            for one in revision.changes:
+                if (one.sign, one.kind) != (sign, kind):
+                    continue
+                if sign == "+":
+                    daos[kind].save(one.text)
+                elif _element(one) not in saved:
+                    daos[kind].delete(one.text)
 
 
-def _read(path: Path, names: set[str]) -> Iterator[_Said]:
-    """Yield the messages of a bag that are for one of these names, in their order."""
+def _element(change: Any) -> tuple[str, str]:
+    """Return what a change is of: a definition or a fluent is replaced, a fact is not."""
+    found = None if change.kind in ("fact", "goal") else _NAMED.match(change.text)
+    return change.kind, change.text if found is None else found[1]
+
+
+def _read(path: Path, keys: Collection[_Key], namespace: str | None) -> Iterator[_Said]:
+    """Yield what a bag has of one node, in the order of the bag."""
     try:
-        from rosbags.rosbag2 import Reader, ReaderError
+        from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+        from rosbags.rosbag2 import Reader, storage_mcap
     except ImportError as error:
         raise ExtraMissingError("this needs rosbags; run: pip install 'kant-sql[bags]'") from error
+
+    def definition(schema: Any) -> Any:
+        return MessageDefinition(MessageDefinitionFormat.MSG, schema.data if schema else "")
+
     try:
-        with Reader(path) as reader:
-            wanted = {one.topic: _name(one.topic, one.msgtype, names) for one in reader.connections}
-            chosen = [one for one in reader.connections if wanted[one.topic]]
-            store = _types(chosen)
-            for connection, time, raw in reader.messages(chosen) if chosen else ():
-                message = store.deserialize_cdr(raw, connection.msgtype)
-                for part in _requests(connection.topic, message):
-                    yield _Said(connection.topic, wanted[connection.topic] or "", time, part)
-    except (ReaderError, OSError) as error:
-        raise SourceError(errno.EINVAL, f"is no bag of ROS 2: {error}", str(path)) from error
+        # rosbags refuses a service without messages, whose definition rosbag2 calls `unknown`.
+        with patch.object(storage_mcap, "get_msgdef", definition), Reader(path) as reader:
+            chosen = _choose(path, reader.connections, keys, namespace)
+            store, kinds = _types(reader.storage, chosen)
+            messages = (
+                (one, time, store.deserialize_cdr(raw, kinds[one.msgtype]))
+                for one, time, raw in reader.messages(chosen)
+            )
+            if _key(chosen[0]) == _CHANGES:
+                yield from _revisions(messages, reader.start_time)
+            else:
+                yield from _requests(messages)
+    except KantSqlError:
+        raise
+    except Exception as error:
+        # Of a damaged file, rosbags raises whatever comes.
+        raise InvalidArgumentError(f"cannot read the bag {path}: {error}; {_REPAIR}") from error
 
 
-def _types(connections: list[Any]) -> Any:
-    """Read the types of messages from the definitions in a bag."""
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    for connection in connections:
-        text = connection.msgdef.data
-        is_msg = connection.msgdef.format.name == "MSG"
-        made = get_types_from_msg(text, connection.msgtype) if is_msg else get_types_from_idl(text)
-        # rosbags takes each type for one of a message, and those of services are not.
-        own = {name.replace("/srv/msg/", "/srv/"): parts for name, parts in made.items()}
-        store.register({name: parts for name, parts in own.items() if name not in store.types})
-    return store
+def _key(connection: Any) -> _Key:
+    return connection.msgtype, connection.topic.removesuffix(_EVENT).rpartition("/")[2]
 
 
-def _name(topic: str, kind: str, names: set[str]) -> str | None:
-    """Return which of the names a topic is for; namespaces come before it."""
-    if kind == "kant_sql_msgs/msg/Revision":
-        return "Revision"
-    service = topic.removesuffix(EVENT)
-    found = [one for one in names if service.endswith(f"/{one}")]
-    return found[0] if found and service != topic else None
+def _choose(
+    path: Path, connections: Iterable[Any], keys: Collection[_Key], namespace: str | None
+) -> list[Any]:
+    """Choose the connections of one node: that of its revisions, or those of its services."""
+    prefix = "/" if namespace is None else f"/{namespace.strip('/')}/"
+    found: dict[_Key, Any] = {}
+    for one in connections:
+        if one.msgcount and _key(one) in keys and one.topic.startswith(prefix):
+            other = found.setdefault(_key(one), one).topic
+            if other != one.topic:
+                raise InvalidArgumentError(
+                    f"{path} has several nodes: {other} and {one.topic}; choose a namespace"
+                )
+    if not found:
+        raise InvalidArgumentError(
+            f"{path} has no message of ~/changes and no call of a service below {prefix}; record "
+            "the node's topic, such as: ros2 bag record /kant_sql/changes"
+        )
+    return [found[_CHANGES]] if _CHANGES in found else list(found.values())
 
 
-def _requests(topic: str, message: Any) -> list[Any]:
-    if not topic.endswith(EVENT):
-        return [message]
-    return list(message.request) if message.info.event_type == RECEIVED else []
+def _types(storage: Any, connections: Iterable[Any]) -> tuple[Any, dict[str, str]]:
+    """Read the definitions in a bag; return the store of types, and the name of each there."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    files = getattr(storage, "storages", [storage])
+    texts = {
+        each["name"]: each["msgdef"] for file in files for each in getattr(file, "msgtypes", ())
+    }
+    store, kinds = get_typestore(Stores.ROS2_JAZZY), {}
+    for one in connections:
+        text = one.msgdef.data or texts[one.msgtype.removesuffix("_Event")]
+        made = get_types_from_msg(_as_message(text), one.msgtype)
+        kinds[one.msgtype] = next(iter(made))
+        store.register({name: parts for name, parts in made.items() if name not in store.types})
+    return store, kinds
+
+
+def _as_message(text: str) -> str:
+    """Write the definition of a service, as rosbag2 embeds it, as that of its events."""
+    found = re.match(rf"{_LINE}SRV: (.*)\n((?:.*\n)*?)---.*\n?", text)
+    if found is None:
+        return text
+    service, request = found[1], found[2]
+    parts = [
+        f"service_msgs/ServiceEventInfo info\n{service}_Request[<=1] request\n"
+        f"{service}_Response[<=1] response\n",
+        f"MSG: {service}_Request\n{request}",
+        f"MSG: {service}_Response\n{text[found.end() :]}",
+    ]
+    return _LINE.join(parts)
+
+
+def _revisions(messages: Iterable[tuple[Any, int, Any]], begun: int) -> Iterator[_Said]:
+    """Yield revisions, each once: a node that is activated again repeats the last one."""
+    seen: set[str] = set()
+    last = None
+    for connection, time, message in messages:
+        if message.hash in seen:
+            continue
+        seen.add(message.hash)
+        if last is not None and message.number != last + 1:
+            lost = "%s: revision %d follows %d; what is between was not recorded"
+            logger.warning(lost, connection.topic, message.number, last)
+        last = message.number
+        stamp = message.committed_at
+        made = stamp.sec * 10**9 + stamp.nanosec
+        yield _Said(connection.topic, _CHANGES, made if made < begun else time, message)
+
+
+def _requests(messages: Iterable[tuple[Any, int, Any]]) -> Iterator[_Said]:
+    """Yield requests when they are answered."""
+    asked: dict[object, _Said] = {}
+    for connection, time, message in messages:
+        info = message.info
+        call = connection.topic, bytes(info.client_gid), info.sequence_number
+        if info.event_type == _RECEIVED and message.request:
+            asked[call] = _Said(connection.topic, _key(connection), time, message.request[0])
+        elif info.event_type == _ANSWERED and call in asked:
+            said = asked.pop(call)
+            for response in message.response:
+                if not getattr(response, "success", True):
+                    why = getattr(response, "error_info", "")
+                    said = said._replace(refusal=f"the server refused it: {why}".rstrip(": "))
+            yield said
+    for said in asked.values():
+        yield said._replace(refusal="the recording ends before the answer")

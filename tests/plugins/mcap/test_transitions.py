@@ -47,7 +47,7 @@ class Message(NamedTuple):
     topic: str
     type: str
     at: datetime
-    sensed: datetime
+    published: datetime
     data: dict[str, Any]
 
 
@@ -109,7 +109,7 @@ def test_a_robot_is_at_one_place_after_the_other(story_url: str, tmp_path: Path)
         (at("08:00", day=3), "dock"),
     ]
     assert of(found, "/courier/fact/robot_at/rb2")[1:] == [
-        (at("14:00"), "kitchen, t4"),
+        (at("13:59:58"), "kitchen, t4"),
         (at("14:10"), "t4"),
     ]
     assert of(found, BATTERY_RB1) == [
@@ -118,7 +118,10 @@ def test_a_robot_is_at_one_place_after_the_other(story_url: str, tmp_path: Path)
         (at("13:30"), 40.0),
         (at("15:00"), 100.0),
     ]
-    assert of(found, "/courier/fact/waiting/t1") == [(at("09:00"), True), (at("09:07:10"), False)]
+    assert of(found, "/courier/fact/waiting/t1") == [
+        (at("08:59:59"), True),
+        (at("09:07:10"), False),
+    ]
     assert [each.at for each in found] == sorted(each.at for each in found)
     (file,) = exported.files
     assert (file.content, file.rows) == ("transitions", len(found))
@@ -156,11 +159,12 @@ def test_messages_say_who_why_and_when_it_was_sensed(story_url: str, tmp_path: P
         "reason": "guest sat down",
         "source": '{"camera":1}',
         "observed_at": "2026-03-02T08:59:59.000000Z",
+        "committed_at": "2026-03-02T09:00:00.000000Z",
     }
-    assert (first.at, first.sensed) == (at("09:00"), at("08:59:59"))
+    assert (first.at, first.published) == (at("08:59:59"), at("08:59:59"))
     assert second.data["text"] == ""
     assert "source" not in second.data
-    assert second.at == second.sensed
+    assert second.at == second.published == at("09:07:10")
 
 
 def topic_of(kind: str, text: str) -> str:
@@ -237,7 +241,7 @@ def test_a_window_begins_with_the_state_before(story_url: str, tmp_path: Path) -
     assert of(found, ROBOT_AT_RB1)[0] == (before, "t1")
     assert of(found, "/courier/fact/robot_at/rb2") == [
         (before, "kitchen"),
-        (at("14:00"), "kitchen, t4"),
+        (at("13:59:58"), "kitchen, t4"),
     ]
     assert found[0].data["revision"] == 2
     assert of(found, "/courier/fact/waiting/t1") == []
