@@ -44,6 +44,7 @@ from .dto import (
     PddlTypeDto,
 )
 from .dto.elements import NamedDto
+from .dto.formulas import Atom
 from .dto.lexical import fold
 from .errors import (
     ConflictError,
@@ -261,10 +262,16 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
         except UnknownNameError:
             return []
         name = fold(predicate_name)
-        return facts + [goal for goal in self.get_goals() if fold(goal.predicate.name) == name]
+        return facts + [
+            goal for goal in self._goals.get_propositions() if fold(goal.predicate.name) == name
+        ]
 
     def get_goals(self) -> list[PddlPropositionDto]:
-        """Read the goals."""
+        """Read the goals that are propositions; others are left out, and the log says so."""
+        others = [goal for goal in self._goals.get_all() if not isinstance(goal, Atom)]
+        if others:
+            said = ", ".join(map(str, others))
+            logger.warning("formulas are no propositions, and as goals are left out: %s", said)
         return self._goals.get_propositions()
 
     def get_no_goals(self) -> list[PddlPropositionDto]:
@@ -277,14 +284,14 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
         if self._of(dto) is self._dao:
             return super()._update(dto)
         with self._factory.transaction():
-            stored = {fold(str(goal)) for goal in self.get_goals()}
+            stored = {fold(str(goal)) for goal in self._goals.get_propositions()}
             return fold(str(dto)) in stored and self.save(dto)
 
     @override
     def delete_all(self) -> bool:
         """Delete all facts and goals; return True."""
         with self._factory.transaction():
-            self._goals.delete_all(self.get_goals())
+            self._goals.delete_all(self._goals.get_propositions())
             return super().delete_all()
 
     @override

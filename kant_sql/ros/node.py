@@ -6,6 +6,7 @@ It needs `rclpy`, which comes with ROS 2 and not from an index of Python package
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 import sys
 import threading
@@ -104,6 +105,9 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         """Offer the services and the topics."""
         assert self._kb is not None
         with self._active:
+            log = _Log(self)
+            logging.getLogger("kant_sql").addHandler(log)
+            self._active.callback(logging.getLogger("kant_sql").removeHandler, log)
             for service in self._offered(self._kb):
                 group = self._groups[service.is_question]
                 answer = self._guarded(service)
@@ -233,6 +237,18 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         watcher.start()
         self._active.callback(watcher.join)
         self._active.callback(stop.set)
+
+
+class _Log(logging.Handler):
+    """Passes what the library logs, such as why a call was refused, on to the node's log."""
+
+    def __init__(self, node: KnowledgeNode) -> None:
+        super().__init__(logging.WARNING)
+        self._node = node
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log a line; rclpy wants one severity from each place that logs."""
+        self._node.get_logger().warning(self.format(record))
 
 
 def _has_password(url: str) -> bool:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
+from kant_sql.ros.service import Service
+
 
 @dataclass
 class Param:
@@ -42,6 +44,28 @@ class Tree:
 
     def __init__(self, nodes: Sequence[Any] = ()) -> None:
         self.nodes = list(nodes)
+
+
+class Kinds:
+    """Stands for a module of services: the class of a service is its name."""
+
+    def __getattr__(self, name: str) -> str:
+        return name
+
+
+class Client:
+    """Calls services as a client does; an answer has the fields that were set."""
+
+    def __init__(self, services: list[Service]) -> None:
+        self._services = {each.name.rpartition("/")[2]: each for each in services}
+
+    def __call__(self, name: str, **request: Any) -> SimpleNamespace:
+        response = SimpleNamespace()
+        self._services[name].answer(SimpleNamespace(**request), response)
+        return response
+
+    def __len__(self) -> int:
+        return len(self._services)
 
 
 def __getattr__(name: str) -> Any:

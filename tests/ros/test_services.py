@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.compat import DaoFactory
 from kant_sql.errors import InvalidKnowledgeError, KantSqlError
-from kant_sql.knowledge_base import factory_of
-from kant_sql.ros import paper
 from kant_sql.ros.experts import DomainExpert, ProblemExpert, planner_services
-from kant_sql.ros.service import Service
 from kant_sql.ros.trees import FUNCTION, PREDICATE, write_tree
 from tests.ros import messages
+from tests.ros.messages import Client, Kinds
 from tests.ros.test_trees import MADE
 
 DOMAIN = """(define (domain ward)
@@ -38,33 +33,11 @@ PROBLEM = """(define (problem round) (:domain ward) (:objects rb1 - robot hall -
   (:init (at rb1 hall) (door hall home) (= (battery rb1) 80.5)) (:goal (and (docked rb1))))"""
 
 
-class Kinds:
-    """Stands for a module of services: the class of a service is its name."""
-
-    def __getattr__(self, name: str) -> str:
-        return name
-
-
 @pytest.fixture
 def kb() -> Iterator[KnowledgeBase]:
     with kant_sql.connect("sqlite://", actor="executive") as kb:
         kb.load_domain(DOMAIN)
         yield kb
-
-
-class Client:
-    """Calls services as a client does; an answer has the fields that were set."""
-
-    def __init__(self, services: list[Service]) -> None:
-        self._services = {each.name.rpartition("/")[2]: each for each in services}
-
-    def __call__(self, name: str, **request: Any) -> SimpleNamespace:
-        response = SimpleNamespace()
-        self._services[name].answer(SimpleNamespace(**request), response)
-        return response
-
-    def __len__(self) -> int:
-        return len(self._services)
 
 
 @pytest.fixture
@@ -167,38 +140,3 @@ def test_a_plan_is_made_of_the_texts_of_the_request() -> None:
     planner("validate_domain", domain=simple)
     with pytest.raises(KantSqlError):
         planner("validate_domain", domain="(define (domain d) (:predicates (p)")
-
-
-def test_the_paper_s_services_are_fifteen_and_answer(kb: KnowledgeBase) -> None:
-    client = Client(list(paper.services(DaoFactory.of(factory_of(kb)), messages, Kinds(), object)))
-    assert len(client) == 15
-    writer = paper.Writer(messages)
-    robot, place = kant_sql.PddlTypeDto("robot"), kant_sql.PddlTypeDto("place")
-    seen = kant_sql.PddlPredicateDto("seen", [robot, place])
-    objects = [kant_sql.PddlObjectDto(robot, "rb1"), kant_sql.PddlObjectDto(place, "hall")]
-    fact = kant_sql.PddlPropositionDto(seen, objects, is_goal=True)
-    update = {"update_konwledge": messages.message(update_type=paper.SAVE)}
-    sent = writer.proposition(fact)
-    assert client("update_proposition", pddl_proposition=sent, **update).success
-    for get_type, count in ((paper.ALL, 1), (paper.GOALS, 1), (paper.NO_GOALS, 0), (9, 0)):
-        found = client("get_propositions", get_type=get_type).pddl_propositions
-        assert [paper.read_proposition(each) for each in found] == [fact] * count
-    assert client("get_types", type_name="nowhere").pddl_types == []
-    # A duration of 2.5 and arithmetic are left out of the answer, with a line in the log.
-    assert client("get_actions", action_name="").pddl_actions == []
-    update = {"update_konwledge": messages.message(update_type=paper.DELETE)}
-    assert client("update_object", pddl_object=writer.object(objects[0]), **update).success
-    assert not client("update_object", pddl_object=writer.object(objects[0]), **update).success
-    client("delete_all_propositions")
-    assert kb.goals.get_all() == []
-
-
-def test_what_an_action_s_message_cannot_hold_is_refused() -> None:
-    writer = paper.Writer(messages)
-    half = kant_sql.PddlActionDto("wait", duration=2.5)
-    with pytest.raises(InvalidKnowledgeError, match="no whole number"):
-        writer.action(half)
-    timeless = kant_sql.PddlConditionEffectDto(kant_sql.PddlPredicateDto("p"))
-    made = writer.action(kant_sql.PddlActionDto("go", [], [timeless], [timeless], durative=False))
-    assert [each.time for each in made.effects] == [""]
-    assert paper.read_action(made).conditions == [timeless]
