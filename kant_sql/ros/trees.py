@@ -1,15 +1,15 @@
 """Formulas as the node trees of PlanSys2's messages, in both directions.
 
 A tree is a list of nodes that refer to their children by position, the root first. It is read as
-PDDL text, which the library's reader checks against the domain. `plansys2_msgs/msg/Node` has no
-`imply` and no `forall`, which are written by what they mean (PDDL 2.1, section 2: `(or (not a) b)`,
-`(not (exists ... (not a)))`), and no operation on more than two numbers.
+PDDL text, which the library's reader checks against the domain. There is no node for `imply` and
+`forall`, which are written by what they mean (PDDL 2.1, section 2: `(or (not a) b)`, `(not (exists
+... (not a)))`), and none for an operation on more than two numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import reduce
+from functools import partial, reduce
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
@@ -17,8 +17,7 @@ from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, check_name, fold
 from ..errors import InvalidKnowledgeError
 
-# Types of nodes, and operators by their node_type, expression_type and modifier_type, as
-# plansys2_msgs/msg/Node numbers them.
+# As plansys2_msgs/msg/Node numbers types of nodes, and operators in three of its fields.
 PREDICATE, FUNCTION, EXPRESSION, MODIFIER, NUMBER, CONSTANT, PARAMETER, EXISTS = range(5, 13)
 _EXPRESSIONS = ("=", ">=", ">", "<=", "<", "*", "/", "+", "-")
 _WORDS = {
@@ -83,9 +82,8 @@ def read_tree(nodes: Sequence[NodeMessage]) -> str:
         if isinstance(part, str):
             words.append(part)
             continue
-        node = unread.pop(part, None)
         try:
-            opening, closing = _parentheses(node)
+            opening, closing = _parentheses(unread.pop(part, None))
         except InvalidKnowledgeError as error:
             raise InvalidKnowledgeError(f"node {part} of the tree: {error}") from error
         words.append(f" {opening}")
@@ -101,8 +99,11 @@ def read_node(node: NodeMessage) -> str:
     Raises:
         InvalidKnowledgeError: PDDL text cannot express a name.
     """
-    check_name("function" if node.node_type == FUNCTION else "predicate", node.name)
-    return f"({' '.join([node.name, *(_term(each.name) for each in node.parameters)])})"
+    terms = [_term(each.name) for each in node.parameters]
+    # PlanSys2's clients send `(idle)` with the name `idle)`.
+    name = node.name if terms else node.name.removesuffix(")")
+    check_name("function" if node.node_type == FUNCTION else "predicate", name)
+    return f"({' '.join([name, *terms])})"
 
 
 def _parentheses(node: NodeMessage | None) -> tuple[str, str]:
@@ -131,17 +132,14 @@ def _term(name: str) -> str:
 def _variables(node: NodeMessage) -> str:
     """Return typed variables; PlanSys2 leaves types out, or has `-` and the type as variables."""
     names = [each.name if each.name == "-" else _term(each.name) for each in node.parameters]
-    types = [each.type or ROOT_TYPE for each in node.parameters]
-    for each in types:
-        check_name("type", each)
-    typed = [f"{name} - {type_}" for name, type_ in zip(names, types, strict=True)]
-    return " ".join(names if "-" in names else typed)
+    types = [_term(each.type or ROOT_TYPE) for each in node.parameters]
+    return " ".join(names if "-" in names else map(" - ".join, zip(names, types, strict=True)))
 
 
 def write_tree(
     formula: f.Formula, messages: Messages, names: Scope = (), *, is_effect: bool = False
 ) -> list[NodeMessage]:
-    """Write a condition or an effect as the nodes of a tree.
+    """Write a condition or an effect as the nodes of a tree, in preorder.
 
     Args:
         formula: the formula, without times of a durative action.
@@ -150,29 +148,24 @@ def write_tree(
             quantifiers are numbered after them; others keep their names.
         is_effect: whether it is an effect, where a `forall` has no other form.
 
-    Returns:
-        The nodes, in preorder.
-
     Raises:
-        InvalidKnowledgeError: the formula has a part that no tree can hold: a preference, a
-            conditional or universal effect, a constraint, `?duration`, a function's value as an
-            argument, `either`, or a number beyond 64 bits.
+        InvalidKnowledgeError: a part that no tree can hold: a preference, a constraint, `either`, a
+            conditional or universal effect, a function as an argument, `?duration`, `#t`, 1e400.
     """
     nodes: list[NodeMessage] = []
-    todo: list[tuple[f.Node, Scope, Any]] = [(formula, names, None)]
+    todo: list[tuple[f.Node, Scope, Any]] = [(formula, names, [])]
     while todo:
-        part, scope, parent = todo.pop()
+        part, scope, siblings = todo.pop()
         part = _plain(part, is_effect)
+        siblings.append(len(nodes))
         node = messages.made.Node(node_id=len(nodes))
         nodes.append(node)
-        if parent is not None:
-            parent.children.append(node.node_id)
         if isinstance(part, f.Exists):
             variables = enumerate(part.variables, len(scope))
             scope += tuple([(fold(each.name), f"?{number}") for number, each in variables])
         _describe(node, part, messages, dict(scope))
         if not isinstance(part, f.Atom | f.Fluent):
-            todo += [(each, scope, node) for each in reversed(f.children(part))]
+            todo += [(each, scope, node.children) for each in reversed(f.children(part))]
     return nodes
 
 
@@ -193,10 +186,9 @@ def _describe(node: Any, part: f.Node, messages: Messages, names: Mapping[str, s
     """Fill in what a node says of itself."""
     match part:
         case f.Atom(name, terms) | f.Fluent(name, terms):
-            node.node_type = PREDICATE if isinstance(part, f.Atom) else FUNCTION
-            node.name = name
+            node.node_type, node.name = PREDICATE if isinstance(part, f.Atom) else FUNCTION, name
             types = [*messages.signature.get(fold(name), ()), *("" for _ in terms)]
-            shown = [_shown(term, names) for term in terms]
+            shown = (_shown(term, names) for term in terms)
             node.parameters = list(map(messages.make_param, shown, types))
         case f.Variable():
             node.node_type, node.name = PARAMETER, _shown(part, names)
@@ -207,10 +199,8 @@ def _describe(node: Any, part: f.Node, messages: Messages, names: Mapping[str, s
             node.node_type, node.value = NUMBER, float(value)
         case f.Exists(variables) if all(len(each.types) == 1 for each in variables):
             node.node_type = EXISTS
-            node.parameters = [
-                messages.make_param(names[fold(each.name)], each.type_text, all_types=True)
-                for each in variables
-            ]
+            make = partial(messages.make_param, all_types=True)
+            node.parameters = [make(names[fold(each.name)], each.types[0]) for each in variables]
         case f.And() | f.Or() | f.Not() | f.Comparison() | f.Equal() | f.Arithmetic() | f.Assign():
             node.node_type, node.expression_type, node.modifier_type = _NUMBERS[f.head(part)]
         case _:
@@ -225,6 +215,4 @@ def _shown(term: f.Term, names: Mapping[str, str]) -> str:
 
 
 def _refused(part: f.Node) -> InvalidKnowledgeError:
-    return InvalidKnowledgeError(
-        f"{part} has no form in PlanSys2's messages; ask for the domain or the problem as PDDL text"
-    )
+    return InvalidKnowledgeError(f"{part} has no form in PlanSys2's messages; ask for PDDL text")

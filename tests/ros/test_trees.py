@@ -45,15 +45,8 @@ def parsed(text: str) -> Any:
 
 def numbered(words: list[str], scope: Scope) -> tuple[list[str], Scope]:
     """Give variables their numbers, and each its own type."""
-    types: list[tuple[str, str]] = []
-    type_name = "object"
-    while words:
-        *words, word = words
-        if words[-1:] == ["-"]:
-            type_name = "object" if fold(word) == "object" else word
-            words = words[:-1]
-        else:
-            types.insert(0, (word, type_name))
+    runs = re.findall(r"((?:\?\S+ ?)+)(?:- (\S+))?", " ".join(words))
+    types = [(word, type_name or "object") for run, type_name in runs for word in run.split()]
     numbers = [f"?{len(scope) + at}" for at in range(len(types))]
     typed = [part for at, (_, name) in zip(numbers, types, strict=True) for part in (at, "-", name)]
     return typed, (
@@ -81,13 +74,13 @@ def normal(part: Any, scope: Scope) -> Any:
     return [head, *(normal(each, scope) for each in rest)]
 
 
-def formulas_of(domain: Domain) -> Iterator[tuple[f.Formula, tuple[f.TypedName, ...], int]]:
-    """Yield conditions and effects without times, their parameters, and 0 or EFFECT."""
-    yield from ((each.formula, each.variables, 0) for each in domain.derived)
+def formulas_of(domain: Domain) -> Iterator[tuple[f.Formula, tuple[f.TypedName, ...], bool]]:
+    """Yield formulas without times, their parameters, and whether they are effects."""
+    yield from ((each.formula, each.variables, False) for each in domain.derived)
     for action in domain.actions:
-        for parts, context in ((action.condition, 0), (action.effect, EFFECT)):
-            bare = [each.formula if isinstance(each, f.Timed) else each for each in parts]
-            yield from ((each, action.parameters, context) for each in bare)
+        for each in (*action.condition, *action.effect):
+            formula = each.formula if isinstance(each, f.Timed) else each
+            yield formula, action.parameters, each in action.effect
 
 
 def is_held(part: f.Node, is_effect: bool) -> bool:
@@ -100,36 +93,32 @@ def is_held(part: f.Node, is_effect: bool) -> bool:
     return not isinstance(part, refused) and part != f.Variable("duration")
 
 
+def read(text: str, symbols: SymbolTable = ANY_DOMAIN, *given: str, context: int = 0) -> f.Formula:
+    return ConditionReader(symbols, text, "the tree", *given).whole(context)
+
+
 @hunting(PROFILE.texts)
 @given(domains())
 def test_what_a_tree_can_hold_is_read_as_it_was_written(domain: Domain) -> None:
     symbols = SymbolTable.of_domain(domain)
-    for formula, parameters, context in formulas_of(domain):
+    for formula, parameters, is_effect in formulas_of(domain):
         scope = tuple((fold(each.name), f"?{at}") for at, each in enumerate(parameters))
-        if not all(is_held(part, context == EFFECT) for part in f.walk(formula)):
+        if not all(is_held(part, is_effect) for part in f.walk(formula)):
             with pytest.raises(InvalidKnowledgeError, match="no form in PlanSys2"):
-                write_tree(formula, MADE, scope, is_effect=context == EFFECT)
+                write_tree(formula, MADE, scope, is_effect=is_effect)
             continue
-        nodes = write_tree(formula, MADE, scope, is_effect=context == EFFECT)
-        text = read_tree(nodes)
+        nodes = write_tree(formula, MADE, scope, is_effect=is_effect)
+        words = parsed(read_tree(nodes))
+        assert words == normal(parsed(str(formula)), tuple((f"?{key}", at) for key, at in scope))
         assert [node.node_id for node in nodes] == list(range(len(nodes)))
-        words = tuple((f"?{name}", number) for name, number in scope)
-        assert parsed(text) == normal(parsed(str(formula)), words)
         declared = " ".join(f"?{at} - {each.type_text}" for at, each in enumerate(parameters))
-        found = ConditionReader(symbols, text, "the tree", declared).whole(context)
-        assert normal(parsed(str(found)), tuple((number, number) for _, number in words)) == parsed(
-            text
-        )
-
-
-def read_condition(text: str) -> f.Formula:
-    return ConditionReader(ANY_DOMAIN, text, "the condition").whole(0)
+        found = read(read_tree(nodes), symbols, declared, context=EFFECT * is_effect)
+        assert normal(parsed(str(found)), tuple((at, at) for _, at in scope)) == words
 
 
 @pytest.mark.parametrize(
     ("text", "tree"),
     [
-        ("(and)", "(and)"),
         ("(imply (a) (b))", "(or (not (a)) (b))"),
         ("(forall (?x - wp) (p ?x))", "(not (exists (?0 - wp) (not (p ?0))))"),
         # The inner variable hides the outer one, and counts on.
@@ -138,28 +127,28 @@ def read_condition(text: str) -> f.Formula:
             "(exists (?0 - object) (exists (?1 - object) (exists (?2 - object) (p ?1 ?2))))",
         ),
         ("(< (+ 1 2.50 (f)) (- (f)))", "(< (+ (+ 1.0 2.5) (f)) (- 0.0 (f)))"),
-        ("(= ?a home)", "(= ?a home)"),
     ],
 )
 def test_a_tree_is_written_by_what_a_formula_means(text: str, tree: str) -> None:
-    assert read_tree(write_tree(read_condition(text), MADE)) == tree
+    assert read_tree(write_tree(read(text), MADE)) == tree
 
 
 def test_parameters_have_the_types_that_are_declared() -> None:
-    formula = read_condition("(exists (?p - wp) (and (robot_at ?r ?p) (= ?r ?p)))")
+    formula = read("(exists (?p - wp) (and (robot_at ?r ?p) (= ?r ?p)))")
     exists, _, at, _, equal, _ = write_tree(formula, MADE, (("r", "rb1"),))
     assert exists.parameters == [Param("?1", "wp", ["dock"])]
     assert at.parameters == [Param("rb1", "robot"), Param("?1", "wp")]
     assert (equal.name, equal.parameters) == ("rb1", [Param("rb1")])
 
 
-def test_plansys2_s_own_text_of_typed_variables_is_read() -> None:
+def test_what_plansys2_makes_of_texts_is_read() -> None:
     typed = Node(12, children=[1], parameters=[Param("?x"), Param("-"), Param("robot")])
     nodes = [typed, Node(5, name="idle", parameters=[Param("?x")])]
     assert read_tree(nodes) == "(exists (?x - robot) (idle ?x))"
     assert read_tree([]) == "(and)"
     # PlanSys2's details of a predicate leave the type of the node out.
     assert read_node(Node(name="idle", parameters=[Param("rb1")])) == "(idle rb1)"
+    assert read_node(Node(5, name="idle)")) == "(idle)"
 
 
 LEAF = Node(5, name="p")
@@ -172,13 +161,10 @@ LEAF = Node(5, name="p")
         ([Node(5, name="and")], "node 0 .* reserved"),
         ([Node(1, children=[1]), Node(5, name="p", parameters=[Param("")])], "node 1 .* empty"),
         ([Node(5, name="p", parameters=[Param("?a b")])], "node 0 of the tree: 'a b'"),
-        ([Node(10, name="5")], "node 0 .* as a number"),
         ([Node(12, children=[1], parameters=[Param("?x", "a)")]), LEAF], "node 0 of the tree: 'a"),
         ([Node(9, value=float("nan"))], "node 0 of the tree: .*finite"),
-        ([Node(9, value=float("-inf"))], "node 0 of the tree: .*finite"),
         ([Node(1, children=[1, 1]), LEAF], "node 1 .* two parents"),
         ([Node(3, children=[1]), Node(3, children=[0])], "node 0 .* two parents"),
-        ([Node(3, children=[7]), LEAF], "node 7 .* there is none"),
         ([Node(3, children=[1]), LEAF, LEAF], "node 2 .* no parent"),
         ([Node(1, children=[1]), Node(5, name="p", children=[2]), LEAF], "node 1 .* 1 children"),
         ([Node(7, 22, children=[1, 2]), LEAF, LEAF], r"node 0 .* operators \(22, 0\)"),
@@ -214,9 +200,8 @@ def test_any_nodes_are_read_or_refused(drawn: list[tuple[Node, int]]) -> None:
         if parents := [node for node in nodes[:at] if node.node_type in INNER]:
             parents[choice % len(parents)].children.append(at)
     try:
-        text = read_tree(nodes)
-        words = parsed(text)
-        written = write_tree(read_condition(text), MADE)
+        words = parsed(read_tree(nodes))
+        written = write_tree(read(read_tree(nodes)), MADE)
     except InvalidKnowledgeError:
         return
     assert normal(parsed(read_tree(written)), ()) == normal(words, ())
@@ -227,6 +212,6 @@ def test_a_sum_of_any_length_is_written() -> None:
     nodes = write_tree(f.Comparison("<", f.Arithmetic("+", numbers), f.Number(1)), MADE)
     assert len(nodes) == 2 + 2 * 3_000 - 1
     with pytest.raises(InvalidKnowledgeError, match="levels"):
-        read_condition(read_tree(nodes))
+        read(read_tree(nodes))
     with pytest.raises(InvalidKnowledgeError, match="no form"):
         write_tree(f.Comparison("<", f.Number(10**399), f.Number(1)), MADE)
