@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from kant_sql.errors import InvalidKnowledgeError, KantSqlError
+from kant_sql.errors import InvalidKnowledgeError, KantSqlError, SourceError
+from kant_sql.ros import experts
 from kant_sql.ros.experts import DomainExpert, ProblemExpert, planner_services
 from kant_sql.ros.trees import FUNCTION, PREDICATE, write_tree
 from tests.ros import messages
 from tests.ros.messages import Client, Kinds
 from tests.ros.test_trees import MADE
+from tests.support.statements import count as statements
 
 DOMAIN = """(define (domain ward)
   (:requirements :typing :durative-actions :fluents :derived-predicates :existential-preconditions)
@@ -131,12 +134,101 @@ def test_a_problem_is_added_solved_and_cleared(kb: KnowledgeBase, problem: Clien
     assert [str(each) for each in kb.objects.get_all()] == ["home - dock"]
 
 
-def test_a_plan_is_made_of_the_texts_of_the_request() -> None:
+def test_what_does_not_fit_is_refused_and_changes_nothing(
+    kb: KnowledgeBase, problem: Client
+) -> None:
+    problem("add_problem", problem=PROBLEM)
+    revision, home = kb.revision, messages.Param("home", "dock")
+    for service, request in (
+        ("remove_problem_function", {"node": node(FUNCTION, "battery", "rb1", "hall")}),
+        ("remove_problem_predicate", {"node": node(PREDICATE, "at", "hall", "rb1")}),
+        ("add_problem_predicate", {"node": node(PREDICATE, "at", "rb2", "hall")}),
+        # Without the constant, the domain would lose an action.
+        ("remove_problem_instance", {"param": home}),
+        ("add_problem", {"problem": PROBLEM.replace("at rb1 hall", "at hall hall")}),
+        ("add_problem", {"problem": PROBLEM.replace("rb1 -", "rb2 home -")}),
+        ("add_problem", {"problem": "/etc/hostname"}),
+        ("get_problem_function", {"expression": "(battery rb2)"}),
+        ("get_problem_predicate", {"expression": "(at rb1 home)"}),
+    ):
+        with pytest.raises(KantSqlError) as refused:
+            problem(service, **request)
+        assert not isinstance(refused.value, SourceError)
+    assert kb.revision == revision
+
+
+def test_each_call_is_one_revision_of_the_node(kb: KnowledgeBase, problem: Client) -> None:
+    problem("add_problem", problem=PROBLEM)
+    start = kb.revision
+    problem("remove_problem_predicate", node=node(0, "at", "rb1", "hall"))
+    problem("add_problem_predicate", node=node(0, "at", "rb1", "home"))
+    problem("update_problem_function", node=node(0, "battery", "rb1", value=78))
+    found = [
+        (entry.revision.actor, change.sign, change.text)
+        for entry in kb.changes(start)
+        for change in entry.changes
+    ]
+    assert found == [
+        ("executive", "-", "(at rb1 hall)"),
+        ("executive", "+", "(at rb1 home)"),
+        ("executive", "+", "(= (battery rb1) 78)"),
+        ("executive", "-", "(= (battery rb1) 80.5)"),
+    ]
+    problem("add_problem_predicate", node=node(0, "at", "rb1", "home"))
+    assert kb.revision == start + 3
+
+
+def test_knowledge_is_what_holds(kb: KnowledgeBase, problem: Client) -> None:
+    expert = ProblemExpert(kb, messages)
+    # A constant is no instance before there is a problem.
+    assert (expert.knowledge().instances, expert.knowledge().goal) == ([], "")
+    problem("add_problem", problem=PROBLEM)
+    kb.propositions.save("(at rb1 home)")
+    assert expert.knowledge() == messages.message(
+        instances=["home", "rb1", "hall"],
+        predicates=["(at rb1 hall)", "(door hall home)", "(at rb1 home)", "(docked rb1)"],
+        functions=["(battery rb1)"],
+        goal="(and (docked rb1))",
+    )
+
+
+def test_reads_do_not_grow_with_the_facts(kb: KnowledgeBase, problem: Client) -> None:
+    kb.load_problem(PROBLEM)
+    at, battery = {"node": node(0, "at", "rb1", "hall")}, {"node": node(0, "battery", "rb1")}
+
+    def counts() -> list[int]:
+        return [
+            statements(partial(problem, service, **request))
+            for service, request in (
+                ("get_problem_predicates", {}),
+                ("get_problem_instances", {}),
+                ("get_problem_predicate", {"expression": "(at rb1 hall)"}),
+                ("exist_problem_predicate", at),
+                ("exist_problem_function", battery),
+                ("add_problem_predicate", at),
+            )
+        ]
+
+    few = counts()
+    kb.objects.save_all(f"p{number} - place" for number in range(50))
+    kb.propositions.save_all(f"(door p{number} hall)" for number in range(50))
+    assert counts() == few
+    domain = Client(list(DomainExpert(kb, messages).services(Kinds())))
+    assert statements(lambda: domain("get_domain")) == 1
+
+
+def test_a_plan_is_made_of_the_texts_of_the_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(experts, "LONGEST", 120.0)
     planner = Client(list(planner_services(messages, Kinds())))
-    simple = "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))"
+    simple = """(define (domain d) (:predicates (p) (q)) (:action b :parameters () :effect (q))
+        (:action a :parameters () :precondition (q) :effect (p)))"""
     asked = "(define (problem q) (:domain d) (:init) (:goal (p)))"
-    [step] = planner("get_plan", domain=simple, problem=asked).plan.items
-    assert (step.action, step.duration) == ("(a)", 0.0)
+    # Steps of one time would run at once.
+    found = planner("get_plan", domain=simple, problem=asked).plan.items
+    assert [(each.action, each.time, each.duration) for each in found] == [
+        ("(b)", 0.0, 0.0),
+        ("(a)", 0.001, 0.0),
+    ]
     planner("validate_domain", domain=simple)
     with pytest.raises(KantSqlError):
         planner("validate_domain", domain="(define (domain d) (:predicates (p)")
