@@ -18,13 +18,15 @@ ROS_MISSING = (
 _Kb = Annotated[str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")]
 
 
-_USAGE = "URL [ROS_ARGUMENT]..."
+_USAGE = "[URL] [ROS_ARGUMENT]..."
 _IMPORT_USAGE = "[URL] BAG"
-_EXAMPLE = "kant-sql ros sqlite:///robot.db -- --ros-args -r __ns:=/rb1"
+_EXAMPLE = "sqlite:///robot.db -- --ros-args -r __ns:=/rb1"
 
 
 def ros(
-    words: Annotated[list[str], words_argument(_USAGE, "behind -- the arguments of ROS 2.")],
+    words: Annotated[
+        list[str] | None, words_argument(_USAGE, "behind -- the arguments of ROS 2.")
+    ] = None,
     kb: _Kb = DEFAULT_NAME,
     actor: Actor = None,
 ) -> None:
@@ -32,7 +34,7 @@ def ros(
 
     Ends with Ctrl-C. Words after -- are the node's, such as: -- --ros-args -r __ns:=/rb1
     """
-    url, arguments = split_url(words, _USAGE, _EXAMPLE)
+    url, arguments = split_url(words or [], _USAGE, _EXAMPLE)
     try:
         from ..ros.node import main
     except ImportError as error:

@@ -26,7 +26,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 
 from ..arguments import URL_VARIABLE
 from ..compat import DaoFactory
-from ..errors import InvalidUrlError, KantSqlError
+from ..errors import InvalidArgumentError, InvalidUrlError, KantSqlError
 from ..knowledge_base import KnowledgeBase, connect, factory_of
 from ..sql.dialects import parse_url
 from ..sql.dialects.base import url_label
@@ -272,9 +272,13 @@ def main(arguments: Sequence[str] | None = None, **given: str) -> None:
         **given: `url`, `knowledge_base` and `actor`.
 
     Raises:
+        InvalidArgumentError: ROS 2 cannot read `arguments`.
         SystemExit: the node could not be configured, as its log says.
     """
-    rclpy.init(args=list(sys.argv if arguments is None else arguments))
+    try:
+        rclpy.init(args=list(sys.argv if arguments is None else arguments))
+    except Exception as error:
+        raise InvalidArgumentError(f"ROS 2 refuses its arguments: {error}") from error
     node = KnowledgeNode(**given)
     try:
         if given:

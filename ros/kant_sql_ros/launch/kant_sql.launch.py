@@ -5,27 +5,33 @@ ros2 launch kant_sql_ros kant_sql.launch.py url:=sqlite:////var/lib/robot/knowle
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler
+from launch.events import matches_action
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 from launch_ros.event_handlers import OnStateTransition
-from launch_ros.events.lifecycle import ChangeState, matches_node_name
+from launch_ros.events.lifecycle import ChangeState
+from launch_ros.parameter_descriptions import ParameterValue
 from lifecycle_msgs.msg import Transition
+
+# Without a URL, the node takes what the environment variable KANT_SQL_URL has.
+PARAMETERS = {"url": "", "knowledge_base": "default", "actor": ""}
 
 
 def generate_launch_description() -> LaunchDescription:
     """Describe the node and its two transitions."""
-    arguments = {"url": "sqlite:///robot.db", "knowledge_base": "default", "actor": ""}
     node = LifecycleNode(
         package="kant_sql_ros",
         executable="knowledge_base",
         name="kant_sql",
-        namespace="",
+        namespace=LaunchConfiguration("namespace"),
         output="screen",
-        parameters=[{name: LaunchConfiguration(name) for name in arguments}],
+        parameters=[
+            {name: ParameterValue(LaunchConfiguration(name), value_type=str) for name in PARAMETERS}
+        ],
     )
 
     def change(transition: int) -> EmitEvent:
-        matcher = matches_node_name("/kant_sql")
+        matcher = matches_action(node)
         return EmitEvent(
             event=ChangeState(lifecycle_node_matcher=matcher, transition_id=transition)
         )
@@ -36,8 +42,9 @@ def generate_launch_description() -> LaunchDescription:
         goal_state="inactive",
         entities=[change(Transition.TRANSITION_ACTIVATE)],
     )
-    declared = [
-        DeclareLaunchArgument(name, default_value=value) for name, value in arguments.items()
+    arguments = [
+        DeclareLaunchArgument(name, default_value=value)
+        for name, value in {**PARAMETERS, "namespace": ""}.items()
     ]
     configure = change(Transition.TRANSITION_CONFIGURE)
-    return LaunchDescription([*declared, node, RegisterEventHandler(configured), configure])
+    return LaunchDescription([*arguments, node, RegisterEventHandler(configured), configure])
