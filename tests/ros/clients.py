@@ -1,0 +1,99 @@
+"""Clients of the node, each a process in the environment of ROS 2; they print what they know.
+
+python -m tests.ros.clients NAME [ARGUMENT ...]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from itertools import count
+from typing import Any
+
+import rclpy
+from kant_msgs import msg
+from kant_msgs.srv import UpdatePddlProposition
+from kant_sql_msgs.srv import Query
+
+from kant_sql.ros.follow import follow
+
+# Seconds after which a call is made again: its node was killed.
+AGAIN, PATIENCE = 3, 60
+
+
+class Caller:
+    """A node that calls services until they answer."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        self.node = rclpy.create_node(f"client_{time.time_ns()}")
+        self.executor = rclpy.executors.SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+
+    def spin(self, is_done: Callable[[], object], seconds: float = PATIENCE) -> bool:
+        """Spin until something is so; return whether it is."""
+        end = time.monotonic() + seconds
+        while not is_done() and time.monotonic() < end:
+            self.executor.spin_once(0.1)
+        return bool(is_done())
+
+    def __call__(self, client: Any, request: Any) -> Any:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            future = client.call_async(request)
+            if client.wait_for_service(AGAIN) and self.spin(future.done, AGAIN):
+                return future.result()
+            client.remove_pending_request(future)
+        raise TimeoutError(client.srv_name)
+
+
+def fact(robot: str, waypoint: str) -> UpdatePddlProposition.Request:
+    """Make a request to save that a robot is at a waypoint."""
+    request = UpdatePddlProposition.Request()
+    kinds = [msg.PddlType(name="robot"), msg.PddlType(name="wp")]
+    request.pddl_proposition = msg.PddlProposition(
+        predicate=msg.PddlPredicate(name="robot_at", types=kinds),
+        objects=[
+            msg.PddlObject(type=kind, name=name)
+            for kind, name in zip(kinds, (robot, waypoint), strict=True)
+        ],
+    )
+    return request
+
+
+def save(robot: str, most: str = "1000000") -> None:
+    """Save facts one after the other, each until it is acknowledged, and say so of each."""
+    caller = Caller()
+    client = caller.node.create_client(UpdatePddlProposition, "update_proposition")
+    for number in range(int(most)):
+        while not caller(client, fact(robot, f"wp{number}")).success:
+            time.sleep(0.05)
+        print(number, flush=True)
+
+
+def followed(after: str) -> None:
+    """Print the numbers of the revisions after one."""
+    caller = Caller()
+    follow(caller.node, lambda one: print(one.number, flush=True), after=int(after))
+    caller.spin(lambda: False, 3 * PATIENCE)
+
+
+def ask(condition: str) -> None:
+    """Save facts while a question that takes long is asked; print how many before its answer."""
+    caller = Caller()
+    client = caller.node.create_client(UpdatePddlProposition, "update_proposition")
+    caller(client, fact("rb1", "start"))
+    questions = caller.node.create_client(Query, "kant_sql/query")
+    assert questions.wait_for_service(PATIENCE)
+    future = questions.call_async(Query.Request(condition=condition, limit=1))
+    for number in count():
+        if future.done():
+            break
+        caller(client, fact("rb1", f"during{number}"))
+    assert future.result().holds
+    print(number, flush=True)
+
+
+if __name__ == "__main__":
+    {each.__name__: each for each in (save, followed, ask)}[sys.argv[1]](*sys.argv[2:])
