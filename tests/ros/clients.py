@@ -30,22 +30,30 @@ class Caller:
         self.node = rclpy.create_node(f"client_{time.time_ns()}")
         self.executor = rclpy.executors.SingleThreadedExecutor()
         self.executor.add_node(self.node)
+        # Ends a wait again and again, as a limit of each wait takes longer than what is waited for.
+        self.node.create_timer(0.1, lambda: None)
 
     def spin(self, is_done: Callable[[], object], seconds: float = PATIENCE) -> bool:
         """Spin until something is so; return whether it is."""
         end = time.monotonic() + seconds
         while not is_done() and time.monotonic() < end:
-            self.executor.spin_once(0.1)
+            self.executor.spin_once()
         return bool(is_done())
 
     def __call__(self, client: Any, request: Any) -> Any:
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             future = client.call_async(request)
-            if client.wait_for_service(AGAIN) and self.spin(future.done, AGAIN):
+            if self.spin(future.done, AGAIN):
                 return future.result()
             client.remove_pending_request(future)
+            client.wait_for_service(AGAIN)
         raise TimeoutError(client.srv_name)
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self.node.destroy_node()
+        rclpy.shutdown()
 
 
 def fact(robot: str, waypoint: str) -> UpdatePddlProposition.Request:

@@ -14,7 +14,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from lifecycle_msgs.msg import Transition
 
 # Without a URL, the node takes what the environment variable KANT_SQL_URL has.
-PARAMETERS = {"url": "", "knowledge_base": "default", "actor": ""}
+PARAMETERS = {"url": "", "knowledge_base": "default", "actor": "", "introspection": False}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -26,7 +26,10 @@ def generate_launch_description() -> LaunchDescription:
         namespace=LaunchConfiguration("namespace"),
         output="screen",
         parameters=[
-            {name: ParameterValue(LaunchConfiguration(name), value_type=str) for name in PARAMETERS}
+            {
+                name: ParameterValue(LaunchConfiguration(name), value_type=type(default))
+                for name, default in PARAMETERS.items()
+            }
         ],
     )
 
@@ -43,8 +46,8 @@ def generate_launch_description() -> LaunchDescription:
         entities=[change(Transition.TRANSITION_ACTIVATE)],
     )
     arguments = [
-        DeclareLaunchArgument(name, default_value=value)
-        for name, value in {**PARAMETERS, "namespace": ""}.items()
+        DeclareLaunchArgument(name, default_value=str(default))
+        for name, default in {**PARAMETERS, "namespace": ""}.items()
     ]
     configure = change(Transition.TRANSITION_CONFIGURE)
     return LaunchDescription([*arguments, node, RegisterEventHandler(configured), configure])
