@@ -17,19 +17,14 @@ MOST = 1000
 def write_revision(entry: LogEntry, made: Any) -> Any:
     """Write a revision and its changes; `made` is the module `kant_sql_msgs.msg`."""
     revision = entry.revision
-    message = made.Revision(
-        number=revision.number,
-        actor=revision.actor or "",
-        reason=revision.reason or "",
-        source="" if revision.source is None else json.dumps(revision.source),
-        hash=revision.hash,
-        changes=[made.Change(sign=one.sign, kind=one.kind, text=one.text) for one in entry.changes],
-    )
-    at = message.committed_at
-    at.sec, at.nanosec = (
-        int(revision.committed_at.timestamp()),
-        revision.committed_at.microsecond * 1000,
-    )
+    message = made.Revision(number=revision.number, hash=revision.hash)
+    message.committed_at.sec = int(revision.committed_at.timestamp())
+    message.committed_at.nanosec = revision.committed_at.microsecond * 1000
+    message.actor, message.reason = revision.actor or "", revision.reason or ""
+    message.source = "" if revision.source is None else json.dumps(revision.source)
+    message.changes = [
+        made.Change(sign=one.sign, kind=one.kind, text=one.text) for one in entry.changes
+    ]
     return message
 
 

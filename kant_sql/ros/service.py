@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-_QUESTIONS = "get_", "exist_", "is_", "query", "validate_"
-
 
 class Service(NamedTuple):
     """A service.
@@ -24,4 +22,5 @@ class Service(NamedTuple):
     @property
     def is_question(self) -> bool:
         """Whether it changes nothing."""
-        return self.name.rpartition("/")[2].startswith(_QUESTIONS)
+        verbs = "get_", "exist_", "is_", "query", "validate_"
+        return self.name.rpartition("/")[2].startswith(verbs)

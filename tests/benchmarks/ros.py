@@ -42,9 +42,10 @@ def fill(url: str, facts: int) -> KnowledgeBase:
 
 def measure(backend: str, new_store: Callable[[], str], facts: int) -> list[tuple[str, ...]]:
     """Measure on two stores; each line has the median time of a call, and its ratio."""
+    from kant_msgs.srv import UpdatePddlProposition
     from std_srvs.srv import Empty
 
-    from tests.ros.clients import Caller, UpdatePddlProposition, fact
+    from tests.ros.clients import Caller, fact
 
     url = new_store()
     fill(url, facts).close()
@@ -69,7 +70,7 @@ def measure(backend: str, new_store: Callable[[], str], facts: int) -> list[tupl
         )
     finally:
         for process in processes:
-            process.terminate()
+            process.kill()
             process.wait(60)
         kb.close()
         caller.close()

@@ -93,7 +93,7 @@ def ask(condition: str) -> None:
     client = caller.node.create_client(UpdatePddlProposition, "update_proposition")
     caller(client, fact("rb1", "start"))
     questions = caller.node.create_client(Query, "kant_sql/query")
-    assert questions.wait_for_service(PATIENCE)
+    caller(questions, Query.Request(condition="(exists (?r - robot) (robot_at ?r start))"))
     future = questions.call_async(Query.Request(condition=condition, limit=1))
     for number in count():
         if future.done():

@@ -98,14 +98,14 @@ def test_a_question_that_takes_long_holds_no_save_up(file_url: str, tmp_path: Pa
         kb.load_domain(
             "(define (domain d) (:types spot) (:predicates (p ?a - spot) (q ?a ?b - spot)))"
         )
-        names = [f"w{number}" for number in range(200)]
+        names = [f"w{number}" for number in range(140)]
         kb.objects.save_all(f"{name} - spot" for name in names)
         kb.propositions.save_all(f"(p {name})" for name in names)
     condition = "(forall (?a ?b ?c - spot) (imply (and (p ?a) (p ?b)) (or (p ?c) (q ?a ?b))))"
     with node(file_url, tmp_path / "log"), client(told, "ask", condition) as asking:
         assert asking.wait(PATIENCE) == 0
     [during] = lines(told)
-    assert during > 10
+    assert during > 3
 
 
 @contextmanager
