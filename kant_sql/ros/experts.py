@@ -61,7 +61,7 @@ def messages_of(domain: Domain, made: Any) -> Messages:
         return list(dict.fromkeys(found))
 
     signature = {
-        fold(each.name): [parameter.type_text for parameter in each.parameters]
+        fold(each.name): [parameter.types for parameter in each.parameters]
         for each in chain[Predicate | Function](domain.predicates, domain.functions)
     }
     return Messages(made, signature, {name: below(name) for name in children})
@@ -177,8 +177,9 @@ def _parameters(
     typed: Sequence[TypedName], messages: Messages, terms: Sequence[str] = ()
 ) -> list[Any]:
     """Write parameters under given names, or as PlanSys2 names them, by type and place."""
-    names = terms or [f"?{each.type_text}{index}" for index, each in enumerate(typed)]
-    types = [each.type_text for each in typed]
+    words = enumerate(each.type_text.strip("()").replace(" ", "_") for each in typed)
+    names = terms or [f"?{word}{index}" for index, word in words]
+    types = [each.types for each in typed]
     return [messages.make_param(*each, all_types=True) for each in zip(names, types, strict=True)]
 
 

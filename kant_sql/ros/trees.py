@@ -14,7 +14,7 @@ from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from ..dto import formulas as f
-from ..dto.lexical import ROOT_TYPE, check_name, fold
+from ..dto.lexical import ROOT_TYPE, check_name, either_text, fold
 from ..errors import InvalidKnowledgeError
 
 # As plansys2_msgs/msg/Node numbers types of nodes, and operators in three of its fields.
@@ -48,18 +48,19 @@ class Messages(NamedTuple):
 
     Attributes:
         made: `plansys2_msgs.msg`, which has the classes of messages.
-        signature: the types of the parameters of a predicate or a function, by its folded name.
+        signature: the types of each parameter of a predicate or a function, by its folded name.
         subtypes: the names of the types below a type, by its folded name.
     """
 
     made: Any
-    signature: Mapping[str, Sequence[str]]
+    signature: Mapping[str, Sequence[tuple[str, ...]]]
     subtypes: Mapping[str, Sequence[str]]
 
-    def make_param(self, name: str, type_name: str = "", *, all_types: bool = False) -> Any:
-        """Make a parameter; with `all_types`, with the types below its own."""
-        below = self.subtypes.get(fold(type_name), ()) if all_types else ()
-        return self.made.Param(name=name, type=type_name, sub_types=list(below))
+    def make_param(self, name: str, types: tuple[str, ...] = ("",), all_types: bool = False) -> Any:
+        """Make a parameter; with `all_types`, with the types of an `either` and those below."""
+        below = [each for one in types for each in self.subtypes.get(fold(one), ())]
+        sub_types = [*(types if types[1:] else ()), *below] if all_types else []
+        return self.made.Param(name=name, type=either_text(types), sub_types=sub_types)
 
 
 def read_tree(nodes: Sequence[NodeMessage]) -> str:
@@ -187,7 +188,7 @@ def _describe(node: Any, part: f.Node, messages: Messages, names: Mapping[str, s
     match part:
         case f.Atom(name, terms) | f.Fluent(name, terms):
             node.node_type, node.name = PREDICATE if isinstance(part, f.Atom) else FUNCTION, name
-            types = [*messages.signature.get(fold(name), ()), *("" for _ in terms)]
+            types = [*messages.signature.get(fold(name), ()), *[("",)] * len(terms)]
             shown = (_shown(term, names) for term in terms)
             node.parameters = list(map(messages.make_param, shown, types))
         case f.Variable():
@@ -200,7 +201,7 @@ def _describe(node: Any, part: f.Node, messages: Messages, names: Mapping[str, s
         case f.Exists(variables) if all(len(each.types) == 1 for each in variables):
             node.node_type = EXISTS
             make = partial(messages.make_param, all_types=True)
-            node.parameters = [make(names[fold(each.name)], each.types[0]) for each in variables]
+            node.parameters = [make(names[fold(each.name)], each.types) for each in variables]
         case f.And() | f.Or() | f.Not() | f.Comparison() | f.Equal() | f.Arithmetic() | f.Assign():
             node.node_type, node.expression_type, node.modifier_type = _NUMBERS[f.head(part)]
         case _:

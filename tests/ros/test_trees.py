@@ -24,7 +24,7 @@ from tests.ros.messages import Node, Param
 from tests.support.generators.documents import domains
 from tests.support.profile import PROFILE, hunting
 
-MADE = Messages(messages, {"robot_at": ["robot", "wp"]}, {"wp": ["dock"]})
+MADE = Messages(messages, {"robot_at": [("robot",), ("wp",)]}, {"wp": ["dock"]})
 ANY_DOMAIN = SymbolTable(unknown_domain=True)
 
 
@@ -139,12 +139,13 @@ def test_parameters_have_the_types_that_are_declared() -> None:
     assert exists.parameters == [Param("?1", "wp", ["dock"])]
     assert at.parameters == [Param("rb1", "robot"), Param("?1", "wp")]
     assert (equal.name, equal.parameters) == ("rb1", [Param("rb1")])
+    assert MADE.make_param("?0", ("wp", "robot"), True).sub_types == ["wp", "robot", "dock"]
 
 
 def test_what_plansys2_makes_of_texts_is_read() -> None:
     typed = Node(12, children=[1], parameters=[Param("?x"), Param("-"), Param("robot")])
-    nodes = [typed, Node(5, name="idle", parameters=[Param("?x")])]
-    assert read_tree(nodes) == "(exists (?x - robot) (idle ?x))"
+    nodes = [typed, Node(3, 13, children=[2]), Node(5, name="idle", parameters=[Param("?x")])]
+    assert read_tree(nodes) == "(exists (?x - robot) (not (idle ?x)))"
     assert read_tree([]) == "(and)"
     # PlanSys2's details of a predicate leave the type of the node out.
     assert read_node(Node(name="idle", parameters=[Param("rb1")])) == "(idle rb1)"
@@ -213,5 +214,6 @@ def test_a_sum_of_any_length_is_written() -> None:
     assert len(nodes) == 2 + 2 * 3_000 - 1
     with pytest.raises(InvalidKnowledgeError, match="levels"):
         read(read_tree(nodes))
-    with pytest.raises(InvalidKnowledgeError, match="no form"):
-        write_tree(f.Comparison("<", f.Number(10**399), f.Number(1)), MADE)
+    for part in (f.Number(10**399), f.Variable("duration")):
+        with pytest.raises(InvalidKnowledgeError, match="no form"):
+            write_tree(f.Comparison("<", f.Number(1), part), MADE)
