@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from decimal import Decimal
 from functools import partial
 
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase
+from kant_sql import KnowledgeBase, planning
 from kant_sql.errors import InvalidKnowledgeError, KantSqlError, SourceError
-from kant_sql.ros import experts
+from kant_sql.planning import PlanStep
 from kant_sql.ros.experts import DomainExpert, ProblemExpert, planner_services
 from kant_sql.ros.trees import FUNCTION, PREDICATE, write_tree
 from tests.ros import messages
@@ -218,17 +219,21 @@ def test_reads_do_not_grow_with_the_facts(kb: KnowledgeBase, problem: Client) ->
 
 
 def test_a_plan_is_made_of_the_texts_of_the_request(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(experts, "LONGEST", 120.0)
     planner = Client(list(planner_services(messages, Kinds())))
-    simple = """(define (domain d) (:predicates (p) (q)) (:action b :parameters () :effect (q))
-        (:action a :parameters () :precondition (q) :effect (p)))"""
-    asked = "(define (problem q) (:domain d) (:init) (:goal (p)))"
+    simple = "(define (domain d) (:predicates (p)) (:action a :parameters () :effect (p)))"
+    asked = {"domain": simple, "problem": "(define (problem q) (:domain d) (:init) (:goal (p)))"}
+
+    def planned(*steps: PlanStep) -> list[tuple[str, float, float]]:
+        found = messages.message(steps=steps)
+        monkeypatch.setattr(planning, "solve", lambda domain, problem, timeout: found)
+        items = planner("get_plan", **asked).plan.items
+        return [(each.action, each.time, each.duration) for each in items]
+
     # Steps of one time would run at once.
-    found = planner("get_plan", domain=simple, problem=asked).plan.items
-    assert [(each.action, each.time, each.duration) for each in found] == [
-        ("(b)", 0.0, 0.0),
-        ("(a)", 0.001, 0.0),
-    ]
+    untimed = [PlanStep(None, "go", ("rb1", "hall")), PlanStep(None, "a")]
+    assert planned(*untimed) == [("(go rb1 hall)", 0.0, 0.0), ("(a)", 0.001, 0.0)]
+    timed = PlanStep(Decimal("1.5"), "a", duration=Decimal(5))
+    assert planned(timed) == [("(a)", 1.5, 5.0)]
     planner("validate_domain", domain=simple)
     with pytest.raises(KantSqlError):
         planner("validate_domain", domain="(define (domain d) (:predicates (p)")
