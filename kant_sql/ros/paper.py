@@ -43,26 +43,21 @@ _FIELDS: dict[type[Dto], tuple[str, ...]] = {
     PddlActionDto: ("name", "parameters", "conditions", "effects", "durative", "duration"),
 }
 _PARTS: dict[str, type[Dto]] = {
-    "type": PddlTypeDto,
-    "types": PddlTypeDto,
     "predicate": PddlPredicateDto,
-    "objects": PddlObjectDto,
-    "parameters": PddlObjectDto,
-    "conditions": PddlConditionEffectDto,
-    "effects": PddlConditionEffectDto,
+    **dict.fromkeys(("type", "types"), PddlTypeDto),
+    **dict.fromkeys(("objects", "parameters"), PddlObjectDto),
+    **dict.fromkeys(("conditions", "effects"), PddlConditionEffectDto),
 }
-# A field is misspelt in kant_msgs.
+# A field that is misspelt in kant_msgs.
 _SPELT = {"conditions": "coditions"}
-_EITHER = "(either "
 
 
 def _read(kind: type[Dto] | None, given: Any) -> Any:
     """Read the value of a field, and a message as a DTO of a class."""
     if kind is None or isinstance(given, list):
         return [_read(kind, each) for each in given] if kind else given
-    if kind is PddlTypeDto and given.name.startswith(_EITHER):
-        names = given.name.removeprefix(_EITHER).removesuffix(")").split()
-        return PddlEitherTypeDto(map(PddlTypeDto, names))
+    if kind is PddlTypeDto and given.name.startswith("(either "):
+        return PddlEitherTypeDto(map(PddlTypeDto, given.name.strip("()").split()[1:]))
     fields = {name: getattr(given, _SPELT.get(name, name)) for name in _FIELDS[kind]}
     if "time" in fields:
         # A text cannot be None, so that an empty time says it.
@@ -72,15 +67,15 @@ def _read(kind: type[Dto] | None, given: Any) -> Any:
 
 def _write(messages: Any, dto: Any, kind: type[Dto] | None) -> Any:
     """Write the value of a field, and a DTO of a class as a message of `messages`."""
-    if kind is None or isinstance(dto, list):
-        return [_write(messages, each, kind) for each in dto] if kind else dto
+    if isinstance(dto, list):
+        return [_write(messages, each, kind) for each in dto]
+    if kind is None:
+        return "" if dto is None else dto
     if not isinstance(dto, kind):
         raise InvalidKnowledgeError(f"it has {dto}, where its message can hold literals only")
     made = {name: _write(messages, getattr(dto, name), _PARTS.get(name)) for name in _FIELDS[kind]}
-    if "time" in made:
-        made["time"] = made["time"] or ""
     if isinstance(dto, PddlActionDto):
-        made |= {"duration": _whole(dto), "coditions": made.pop("conditions")}
+        made |= {"coditions": made.pop("conditions"), "duration": _whole(dto)}
     return getattr(messages, kind.__name__.removesuffix("Dto"))(**made)
 
 
@@ -142,11 +137,11 @@ def _update(kind: type[Dto], name: str, dao: Any, request: Any, response: Any) -
     if number not in (SAVE, DELETE):
         raise InvalidArgumentError(f"update_type is {number}, neither 0 to save nor 1 to delete")
     dto = _read(kind, getattr(request, f"pddl_{name}"))
-    stored = dao.get(dto.name) if kind is PddlActionDto and number == SAVE else None
-    if stored is not None and isinstance(stored.duration, float | Decimal):
-        # What a client has read rounded, and writes back, stays exact.
-        is_same = ceil(stored.duration) == dto.duration
-        dto.duration = stored.duration if is_same else dto.duration
+    stored = dao.get(dto.name) if kind is PddlActionDto else None
+    exact = getattr(stored, "duration", None)
+    if isinstance(exact, float | Decimal) and ceil(exact) == dto.duration:
+        # What a client has read rounded, and writes back, stays as it is.
+        dto.duration = exact
     response.success = dao.save(dto) if number == SAVE else dao.delete(dto)
 
 
