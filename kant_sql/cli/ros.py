@@ -55,8 +55,8 @@ def import_(
 ) -> None:
     """Take over a recording of the node by rosbag2, with its times: each message is a revision.
 
-    Messages of the node's topic changes are taken, or else calls of its services. After an
-    interruption, run it again: it goes on where it ended.
+    Messages of the node's topic changes are taken, or else calls of its services. What the node
+    knew before the recording must be loaded first. After an interruption, run it again.
     """
     from ..knowledge_base import connect
     from ..ros.bags import import_bag
@@ -67,7 +67,7 @@ def import_(
     if as_json:
         write_json(made._asdict())
     else:
-        known = f", {made.known} known from an earlier import" if made.known else ""
+        known = f", {made.known} known from before" if made.known else ""
         Printer().line(
             f"{bag}: {plural(made.messages, 'message')}, {plural(made.revisions, 'revision')}, "
             f"{made.refused} refused{known}"

@@ -32,18 +32,23 @@ from .experts import ProblemExpert
 
 logger = logging.getLogger(__name__)
 
+_Key = tuple[str, str]  # the type of a topic, and the last word of its name
+_Taker = Callable[[Any, Any], object]
+
 _CHANGES = ("kant_sql_msgs/msg/Revision", "changes")
 _EVENT = "/_service_event"
 # Of service_msgs/msg/ServiceEventInfo: what the server says of a call.
 _RECEIVED, _ANSWERED = 1, 2
+# In a bag, a line before each definition but the first; a service has one, too.
 _LINE = "=" * 80 + "\n"
-_REPAIR = (
-    "of a recording that was cut off, make one that is whole: ros2 bag reindex (sqlite3) or mcap "
-    "recover; of one of ROS 1: rosbags-convert --src OLD.bag --dst NEW"
-)
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_SERVICE = re.compile(rf"{_LINE}SRV: (.*)\n((?:.*\n)*?)---.*\n?")
 # What a definition or a value is of: `rb1`, `move`, `(robot_at`, `(= (battery rb1)`.
 _NAMED = re.compile(r"(?:\(:\S+ )?(\(= \(.*?\)|\S+)")
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_REPAIR = (
+    "of a recording that was cut off, give the .db3 file, or what `mcap recover` makes of the "
+    ".mcap file; convert one of ROS 1 with rosbags-convert"
+)
 
 
 class Imported(NamedTuple):
@@ -53,7 +58,7 @@ class Imported(NamedTuple):
         messages: the requests and revisions that it has.
         revisions: the revisions that they made; what was known already makes none.
         refused: those that the server refused, or the knowledge base does; the log says why.
-        known: those that an earlier import of the bag has taken over.
+        known: those up to the last one that the knowledge base has from before.
     """
 
     messages: int
@@ -62,18 +67,16 @@ class Imported(NamedTuple):
     known: int
 
 
-_Key = tuple[str, str]  # the type of a topic, and the last word of its name
-_Taker = Callable[[Any, Any], object]
-
-
 class _Said(NamedTuple):
-    """A revision or a request: its topic, its time in nanoseconds, and why it is left out."""
+    """A revision or a request, by the id of the revision or of the call; its time is in ns."""
 
     topic: str
     key: _Key
     time: int
+    id: str
     message: Any
-    refusal: str = ""
+    lost: int = 0  # revisions before it that were not recorded
+    refusal: str = ""  # why it is left out
 
 
 def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = None) -> Imported:
@@ -83,13 +86,14 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
     derived predicates and constraints. Without any, requests are the service events of KANT's
     services, of PlanSys2's problem expert and of `~/apply` that were answered with success.
 
-    Each becomes one revision, with its time in the bag as `observed_at`, and the bag, the topic
-    and its number in the bag as `source`. An import that was interrupted goes on where it ended
-    when it is run again; of one that was not, nothing is made twice. A revision from before the
-    recording, which the node repeats for late listeners, has the time of its commit.
+    Each becomes one revision, with its time in the bag as `observed_at`; a revision from before
+    the recording, which the node repeats for late listeners, keeps the time of its commit. The
+    `source` says which message it was, and what comes up to the last one that is known is not
+    taken over again: run an import that was interrupted again, and it goes on.
 
     Args:
-        kb: the knowledge base that is written.
+        kb: the knowledge base that is written. What the node knew before the recording must be in
+            it already, such as its domain.
         path: the folder of the bag, or one of its files.
         namespace: that of the node, such as `/rb1`, if the bag has several nodes.
 
@@ -100,22 +104,20 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
         StoreError: the knowledge base cannot be written; what was taken over stays.
     """
     path, before, takers = Path(path), kb.revision, _takers(kb)
-    source: dict[str, object] = {"bag": path.name}
-    count = refused = known = 0
+    known = _known(kb, _read(path, takers, namespace))
+    count = refused = 0
     for count, said in enumerate(_read(path, takers, namespace), start=1):
-        at = _EPOCH + timedelta(microseconds=said.time // 1000)
-        if count == 1:
-            source["begun"] = at.isoformat()
-            known = _known(kb, source)
-            _refuse_own(kb, said)
         if count <= known:
             continue
-        place = {**source, "topic": said.topic, "message": count}
+        at = _EPOCH + timedelta(microseconds=said.time // 1000)
+        source = {"bag": path.name, "topic": said.topic, "recorded": said.id}
         actor, reason = (getattr(said.message, name, "") or None for name in ("actor", "reason"))
+        if said.lost > 0:
+            logger.warning("%s at %s: revisions missing before it: %d", said.topic, at, said.lost)
         try:
             if said.refusal:
                 raise NotApplicableError(said.refusal)
-            with kb.transaction(observed_at=at, source=place, actor=actor, reason=reason):
+            with kb.transaction(observed_at=at, source=source, actor=actor, reason=reason):
                 takers[said.key](said.message, SimpleNamespace())
         except (StoreError, ReadOnlyError, ReplicaError):
             raise
@@ -125,35 +127,23 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
     return Imported(count, kb.revision - before, refused, known)
 
 
-def _known(kb: KnowledgeBase, source: dict[str, object]) -> int:
-    """Return the number of the last message of a bag that was taken over before."""
+def _known(kb: KnowledgeBase, messages: Iterable[_Said]) -> int:
+    """Return how many messages come up to the last one that is in the knowledge base."""
+    taken: set[object] = set()
     with suppress(ArchivedError):
         for entry in kb.log():
-            made = entry.revision.source
-            if isinstance(made, dict) and source.items() <= made.items():
-                return int(made["message"])
-    return 0
+            source = entry.revision.source
+            recorded = str(source.get("recorded")) if isinstance(source, dict) else None
+            taken |= {entry.revision.hash, recorded}
+    found = (number for number, said in enumerate(messages, start=1) if said.id in taken)
+    return max(found, default=0) if taken else 0
 
 
-def _refuse_own(kb: KnowledgeBase, said: _Said) -> None:
-    """Refuse a recording of the knowledge base itself, which has what is in it."""
-    number = said.message.number if said.key == _CHANGES else 0
-    for one in kb.store.revisions(number - 1, limit=1) if 0 < number <= kb.revision else ():
-        if one.hash == said.message.hash:
-            raise InvalidArgumentError(
-                f"revision {number} of {said.topic} is of this knowledge base; import the "
-                "recording into another one"
-            )
-
-
-class _Kinds:
-    """Stands for the module of a package's services, and names the types of their events."""
-
-    def __init__(self, package: str) -> None:
-        self._package = package
+class _Kinds(str):
+    """A package, in place of the module of its services: names the types of their events."""
 
     def __getattr__(self, name: str) -> str:
-        return f"{self._package}/srv/{name}_Event"
+        return f"{self}/srv/{name}_Event"
 
 
 def _takers(kb: KnowledgeBase) -> dict[_Key, _Taker]:
@@ -165,12 +155,11 @@ def _takers(kb: KnowledgeBase) -> dict[_Key, _Taker]:
         *ProblemExpert(kb, made).services(_Kinds("plansys2_msgs")),
         *own.services(kb, made, _Kinds("kant_sql_msgs")),
     )
-    takers: dict[_Key, _Taker] = {
-        (one.kind, one.name.rpartition("/")[2]): one.answer
-        for one in services
-        if not one.is_question
-    }
-    return takers | {_CHANGES: lambda message, _: _replay(kb, message)}
+    takers: dict[_Key, _Taker] = {_CHANGES: lambda message, _: _replay(kb, message)}
+    for one in services:
+        if not one.is_question:
+            takers[one.kind, one.name.rpartition("/")[2]] = one.answer
+    return takers
 
 
 def _replay(kb: KnowledgeBase, revision: Any) -> None:
@@ -274,47 +263,43 @@ def _types(storage: Any, connections: Iterable[Any]) -> tuple[Any, dict[str, str
 
 
 def _as_message(text: str) -> str:
-    """Write the definition of a service, as rosbag2 embeds it, as that of its events."""
-    found = re.match(rf"{_LINE}SRV: (.*)\n((?:.*\n)*?)---.*\n?", text)
+    """Write the definition of a service, which rosbag2 embeds, as that of its events."""
+    found = _SERVICE.match(text)
     if found is None:
         return text
-    service, request = found[1], found[2]
-    parts = [
+    service, request = found.groups()
+    return (
         f"service_msgs/ServiceEventInfo info\n{service}_Request[<=1] request\n"
-        f"{service}_Response[<=1] response\n",
-        f"MSG: {service}_Request\n{request}",
-        f"MSG: {service}_Response\n{text[found.end() :]}",
-    ]
-    return _LINE.join(parts)
+        f"{service}_Response[<=1] response\n{_LINE}MSG: {service}_Request\n{request}"
+        f"{_LINE}MSG: {service}_Response\n{text[found.end() :]}"
+    )
 
 
 def _revisions(messages: Iterable[tuple[Any, int, Any]], begun: int) -> Iterator[_Said]:
     """Yield revisions, each once: a node that is activated again repeats the last one."""
     seen: set[str] = set()
-    last = None
+    last = 0
     for connection, time, message in messages:
         if message.hash in seen:
             continue
         seen.add(message.hash)
-        if last is not None and message.number != last + 1:
-            lost = "%s: revision %d follows %d; what is between was not recorded"
-            logger.warning(lost, connection.topic, message.number, last)
-        last = message.number
-        stamp = message.committed_at
+        lost = message.number - last - 1
+        last, stamp = message.number, message.committed_at
         made = stamp.sec * 10**9 + stamp.nanosec
-        yield _Said(connection.topic, _CHANGES, made if made < begun else time, message)
+        at = made if made < begun else time
+        yield _Said(connection.topic, _CHANGES, at, message.hash, message, lost)
 
 
 def _requests(messages: Iterable[tuple[Any, int, Any]]) -> Iterator[_Said]:
     """Yield requests when they are answered."""
-    asked: dict[object, _Said] = {}
+    asked: dict[tuple[str, str], _Said] = {}
     for connection, time, message in messages:
-        info = message.info
-        call = connection.topic, bytes(info.client_gid), info.sequence_number
+        topic, info = connection.topic, message.info
+        call = f"{bytes(info.client_gid).hex()} {info.sequence_number}"
         if info.event_type == _RECEIVED and message.request:
-            asked[call] = _Said(connection.topic, _key(connection), time, message.request[0])
-        elif info.event_type == _ANSWERED and call in asked:
-            said = asked.pop(call)
+            asked[topic, call] = _Said(topic, _key(connection), time, call, message.request[0])
+        elif info.event_type == _ANSWERED and (topic, call) in asked:
+            said = asked.pop((topic, call))
             for response in message.response:
                 if not getattr(response, "success", True):
                     why = getattr(response, "error_info", "")
