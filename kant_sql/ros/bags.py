@@ -45,6 +45,10 @@ _SERVICE = re.compile(rf"{_LINE}SRV: (.*)\n((?:.*\n)*?)---.*\n?")
 # What a definition or a value is of: `rb1`, `move`, `(robot_at`, `(= (battery rb1)`.
 _NAMED = re.compile(r"(?:\(:\S+ )?(\(= \(.*?\)|\S+)")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_RECORD = (
+    "record the topic of the node, such as: ros2 bag record /kant_sql/changes; or its services, "
+    "with its parameter introspection: ros2 bag record --all-services"
+)
 _REPAIR = (
     "of a recording that was cut off, give the .db3 file, or what `mcap recover` makes of the "
     ".mcap file; convert one of ROS 1 with rosbags-convert"
@@ -124,6 +128,8 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
         except KantSqlError as error:
             refused += 1
             logger.warning("%s at %s: %s", said.topic, at.isoformat(), error)
+    if not count:
+        raise InvalidArgumentError(f"{path} has no call with its contents; {_RECORD}")
     return Imported(count, kb.revision - before, refused, known)
 
 
@@ -239,8 +245,7 @@ def _choose(
                 )
     if not found:
         raise InvalidArgumentError(
-            f"{path} has no message of ~/changes and no call of a service below {prefix}; record "
-            "the node's topic, such as: ros2 bag record /kant_sql/changes"
+            f"{path} has no message of ~/changes and no call of a service below {prefix}; {_RECORD}"
         )
     return [found[_CHANGES]] if _CHANGES in found else list(found.values())
 

@@ -313,6 +313,10 @@ def test_what_is_no_bag_of_the_node_is_refused(tmp_path: Path) -> None:
     with kant_sql.connect("sqlite://") as kb:
         with pytest.raises(InvalidArgumentError, match="ros2 bag record"):
             import_bag(kb, whole)
+        metadata = Bag()
+        metadata.event(0, ADD, AFFECT, 1)
+        with pytest.raises(InvalidArgumentError, match="no call with its contents"):
+            import_bag(kb, metadata.close(tmp_path))
         for path in cut, old, tmp_path, tmp_path / "nowhere":
             with pytest.raises(InvalidArgumentError, match=f"cannot read the bag {path}.*recover"):
                 import_bag(kb, path)
