@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -19,24 +18,24 @@ class Follower:
         last: the number of the last revision that was delivered.
     """
 
-    def __init__(
-        self, deliver: Callable[[Any], object], ask: Callable[[int], bool], after: int
-    ) -> None:
+    def __init__(self, deliver: Callable[[Any], object], ask: Callable[[int], bool], after: int):
         self.last = after
         self._deliver, self._ask = deliver, ask
-        self._head = math.inf  # Until the node has said how many there are.
-        self._asked = -math.inf
+        # The newest that is known of; None until the node has said so.
+        self._head: int | None = None
+        self._asked = -PATIENCE
         # The threads of an executor may bring a message and an answer at the same time.
         self._lock = threading.RLock()
 
     def look(self) -> None:
-        """Ask for what is missing, if that was not done lately; `ask` says whether it could."""
+        """Ask for what is missing, unless that was done lately."""
         with self._lock:
+            is_behind = self._head is None or self.last < self._head
             now = time.monotonic()
-            if self.last < self._head and now > self._asked + PATIENCE and self._ask(self.last):
+            if is_behind and now > self._asked + PATIENCE and self._ask(self.last):
                 self._asked = now
 
-    def take(self, revisions: Iterable[Any], head: float = 0, is_answer: bool = False) -> None:
+    def take(self, revisions: Iterable[Any], head: int = 0, is_answer: bool = False) -> None:
         """Deliver the next ones of these; `head` is the number of the newest there is."""
         with self._lock:
             before = self.last
@@ -45,26 +44,23 @@ class Follower:
                 if revision.number == self.last + 1:
                     self._deliver(revision)
                     self.last += 1
-            self._head = head if self._head == math.inf else max(self._head, head)
+            self._head = max(self._head or 0, head)
             if is_answer and self.last > before:
-                self._asked = -math.inf
+                self._asked = -PATIENCE
             self.look()
 
 
 def follow(
     node: Any, deliver: Callable[[Any], object], *, after: int = 0, name: str = "kant_sql"
 ) -> Follower:
-    """Call a function with each revision of a knowledge base, while the caller's node is spun.
+    """Call a function with each revision of a knowledge base, while the caller's node spins.
 
     Args:
         node: the caller's node.
         deliver: takes a `kant_sql_msgs/msg/Revision`; if it raises, it gets the same one again.
-        after: the last revision that was taken, 0 for none. Keep the follower's `last`, and give
+        after: the last revision that was taken, 0 for none: keep the follower's `last`, and give
             it here after a restart.
         name: the name of the node that is followed, with its namespace.
-
-    Returns:
-        The follower.
     """
     from kant_sql_msgs.msg import Revision
     from kant_sql_msgs.srv import GetRevisions

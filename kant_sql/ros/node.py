@@ -10,7 +10,6 @@ import logging
 import os
 import sys
 import threading
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
@@ -34,6 +33,8 @@ from . import own, paper
 from .experts import DomainExpert, ProblemExpert, planner_services
 from .service import Service
 
+logger = logging.getLogger(__name__)
+
 # Calls that may take long at the same time, and the seconds after which one has taken long.
 THREADS, LONG = 8, 0.05
 # Seconds between looks whether the node is to stop, and before new revisions are read: the answer
@@ -52,7 +53,7 @@ def _transition(step: Callable[[KnowledgeNode], None]) -> Callable[..., Transiti
         try:
             step(node)
         except Exception as error:
-            node.get_logger().error(_said(error))
+            _complain(step.__name__.removeprefix("on_"), error)
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -104,9 +105,6 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         """Offer the services and the topics."""
         assert self._kb is not None
         with self._active:
-            log = _Log(self)
-            logging.getLogger("kant_sql").addHandler(log)
-            self._active.callback(logging.getLogger("kant_sql").removeHandler, log)
             for service in self._offered(self._kb):
                 group = self._groups[service.is_question]
                 answer = self._guarded(service)
@@ -183,7 +181,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
                 service.answer(request, response)
             except Exception as error:
                 said = str(error) or type(error).__name__
-                self.get_logger().warning(f"{service.name}: {_said(error)}")
+                _complain(service.name, error)
             if hasattr(response, "error_info"):
                 response.success, response.error_info = not said, said
             elif said and hasattr(response, "success"):
@@ -209,25 +207,13 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
                 except Exception as error:
                     if not self.context.ok():  # Ctrl-C ends it at any moment.
                         return
-                    self.get_logger().warning(f"~/changes: {_said(error)}")
+                    _complain("~/changes", error)
                     stop.wait(LOOK)
 
         watcher = threading.Thread(target=run, name="kant_sql changes", daemon=True)
         watcher.start()
         self._active.callback(watcher.join)
         self._active.callback(stop.set)
-
-
-class _Log(logging.Handler):
-    """Passes what the library logs, such as why a call was refused, on to the node's log."""
-
-    def __init__(self, node: KnowledgeNode) -> None:
-        super().__init__(logging.WARNING)
-        self._node = node
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Log a line; rclpy wants one severity from each place that logs."""
-        self._node.get_logger().warning(self.format(record))
 
 
 class Threads(Executor):  # type: ignore[misc]
@@ -252,9 +238,26 @@ class Threads(Executor):  # type: ignore[misc]
                 self._pool.submit(task).exception(LONG)
 
 
-def _said(error: Exception) -> str:
-    """Return an error's text for the log; one that nobody foresaw has its traceback."""
-    return str(error) if isinstance(error, KantSqlError) else traceback.format_exc()
+class _Log(logging.Handler):
+    """Passes what the library logs on to the node's log, and so to /rosout."""
+
+    def __init__(self, node: KnowledgeNode) -> None:
+        super().__init__()
+        self._log = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log a line; rclpy wants one severity from each place that logs."""
+        if record.levelno >= logging.ERROR:
+            self._log.error(self.format(record))
+        elif record.levelno == logging.WARNING:
+            self._log.warning(self.format(record))
+        else:
+            self._log.info(self.format(record))
+
+
+def _complain(what: str, error: Exception) -> None:
+    """Log an error; one that nobody foresaw has its traceback."""
+    logger.error("%s: %s", what, error, exc_info=not isinstance(error, KantSqlError))
 
 
 def _has_password(url: str) -> bool:
@@ -284,6 +287,9 @@ def main(arguments: Sequence[str] | None = None, **given: str) -> None:
     except Exception as error:
         raise InvalidArgumentError(f"ROS 2 refuses its arguments: {error}") from error
     node = KnowledgeNode(**given)
+    library = logging.getLogger("kant_sql")
+    library.addHandler(_Log(node))
+    library.propagate = False
     try:
         if given or node.parameter("autostart"):
             steps = node.trigger_configure, node.trigger_activate

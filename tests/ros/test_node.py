@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import signal
 import time
 from collections.abc import Iterator
@@ -193,3 +194,11 @@ def test_a_promoted_replica_is_followed_on(file_url: str, tmp_path: Path) -> Non
                 assert saving_.wait(PATIENCE) == 0
             wait_for_lines(seen, 4)
     assert lines(seen) == [1, 2, 3, 4]
+
+
+def test_the_benchmark_compares_with_a_direct_save(tmp_path: Path) -> None:
+    output = tmp_path / "output"
+    words = ["--facts", "40", "--backend", "sqlite"]
+    with running([PROGRAM[0], "-m", "tests.benchmarks.ros", *words], output) as process:
+        assert process.wait(PATIENCE) == 0
+    assert re.search(r"through the node +\d+\.\d\d ms +\d+\.\d\d x", output.read_text())
