@@ -15,7 +15,7 @@ from typing import Any
 
 from .. import planning
 from ..dto import PddlObjectDto
-from ..dto.formulas import And, Formula, Number, Timed, TypedName
+from ..dto.formulas import AT_START, And, Formula, Number, Timed, TypedName
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError
 from ..knowledge_base import KnowledgeBase
@@ -157,12 +157,9 @@ def _parts(action: Action) -> Mapping[str, Sequence[Formula]]:
     found: defaultdict[str, list[Formula]] = defaultdict(list)
     for what, parts in (("requirements", action.condition), ("effects", action.effect)):
         for part in parts:
-            if not isinstance(part, Timed):
-                raise InvalidKnowledgeError(
-                    f"{part} of {action.name} has no form in PlanSys2's messages; "
-                    "ask for the domain as PDDL text"
-                )
-            found[f"{part.time.replace(' ', '_')}_{what}"].append(part.formula)
+            # What has no time, such as a preference, is refused where it is written.
+            time = getattr(part, "time", AT_START).replace(" ", "_")
+            found[f"{time}_{what}"].append(part.formula if isinstance(part, Timed) else part)
     return found
 
 

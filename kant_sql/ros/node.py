@@ -147,12 +147,23 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         empty = importlib.import_module("std_msgs.msg").Empty
         notify = self._publisher(empty, "problem_expert/update_notify", 100)
 
-        def publish(_: object = None) -> None:
-            # To write down all that is known costs time, and is done for those who listen.
+        # Set while nobody was told what is known: to write that down costs time, so that it is done
+        # for those who listen, and for the first who comes later.
+        untold = threading.Event()
+        if expert.knowledge().instances:
+            untold.set()
+
+        def publish() -> None:
+            untold.set()
             if knowledge.get_subscription_count():
+                untold.clear()
                 knowledge.publish(expert.knowledge())
 
-        matched = PublisherEventCallbacks(matched=publish)
+        def listened(_: object) -> None:
+            if untold.is_set():
+                publish()
+
+        matched = PublisherEventCallbacks(matched=listened)
         topic = "problem_expert/knowledge"
         knowledge = self._publisher(messages.Knowledge, topic, _LATE, event_callbacks=matched)
 
