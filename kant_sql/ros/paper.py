@@ -67,10 +67,10 @@ def _read(kind: type[Dto] | None, given: Any) -> Any:
 
 def _write(messages: Any, dto: Any, kind: type[Dto] | None) -> Any:
     """Write the value of a field, and a DTO of a class as a message of `messages`."""
-    if isinstance(dto, list):
-        return [_write(messages, each, kind) for each in dto]
     if kind is None:
         return "" if dto is None else dto
+    if isinstance(dto, list):
+        return [_write(messages, each, kind) for each in dto]
     if not isinstance(dto, kind):
         raise InvalidKnowledgeError(f"it has {dto}, where its message can hold literals only")
     made = {name: _write(messages, getattr(dto, name), _PARTS.get(name)) for name in _FIELDS[kind]}
