@@ -13,17 +13,8 @@ from functools import partial
 from math import ceil
 from typing import Any
 
+from .. import dto
 from ..compat import DaoFactory
-from ..dto import (
-    Dto,
-    PddlActionDto,
-    PddlConditionEffectDto,
-    PddlEitherTypeDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from .service import Service
 
@@ -33,53 +24,55 @@ logger = logging.getLogger(__name__)
 SAVE, DELETE = 0, 1
 ALL, GOALS, NO_GOALS, BY_PREDICATE = 1, 2, 3, 4
 
-# The fields that a message and its DTO have, and the DTOs of those that hold messages.
-_FIELDS: dict[type[Dto], tuple[str, ...]] = {
-    PddlTypeDto: ("name",),
-    PddlObjectDto: ("type", "name"),
-    PddlPredicateDto: ("name", "types"),
-    PddlPropositionDto: ("predicate", "objects", "is_goal"),
-    PddlConditionEffectDto: ("predicate", "objects", "time", "is_negative"),
-    PddlActionDto: ("name", "parameters", "conditions", "effects", "durative", "duration"),
+# What has services, and literals: a message PddlX has the fields of a PddlXDto.
+_FIELDS: dict[str, tuple[str, ...]] = {
+    "Type": ("name",),
+    "Object": ("type", "name"),
+    "Predicate": ("name", "types"),
+    "Proposition": ("predicate", "objects", "is_goal"),
+    "Action": ("name", "parameters", "conditions", "effects", "durative", "duration"),
+    "ConditionEffect": ("predicate", "objects", "time", "is_negative"),
 }
-_PARTS: dict[str, type[Dto]] = {
-    "predicate": PddlPredicateDto,
-    **dict.fromkeys(("type", "types"), PddlTypeDto),
-    **dict.fromkeys(("objects", "parameters"), PddlObjectDto),
-    **dict.fromkeys(("conditions", "effects"), PddlConditionEffectDto),
+# The fields that hold messages.
+_PARTS = {
+    "predicate": "Predicate",
+    **dict.fromkeys(("type", "types"), "Type"),
+    **dict.fromkeys(("objects", "parameters"), "Object"),
+    **dict.fromkeys(("conditions", "effects"), "ConditionEffect"),
 }
 # A field that is misspelt in kant_msgs.
 _SPELT = {"conditions": "coditions"}
 
 
-def _read(kind: type[Dto] | None, given: Any) -> Any:
-    """Read the value of a field, and a message as a DTO of a class."""
+def _read(kind: str | None, given: Any) -> Any:
+    """Read the value of a field, and a message of a kind as its DTO."""
     if kind is None or isinstance(given, list):
         return [_read(kind, each) for each in given] if kind else given
-    if kind is PddlTypeDto and given.name.startswith("(either "):
-        return PddlEitherTypeDto(map(PddlTypeDto, given.name.strip("()").split()[1:]))
+    if kind == "Type" and given.name.startswith("(either "):
+        return dto.PddlEitherTypeDto(map(dto.PddlTypeDto, given.name.strip("()").split()[1:]))
     fields = {name: getattr(given, _SPELT.get(name, name)) for name in _FIELDS[kind]}
     if "time" in fields:
         # A text cannot be None, so that an empty time says it.
         fields["time"] = given.time or None
-    return kind(**{name: _read(_PARTS.get(name), value) for name, value in fields.items()})
+    made = {name: _read(_PARTS.get(name), value) for name, value in fields.items()}
+    return getattr(dto, f"Pddl{kind}Dto")(**made)
 
 
-def _write(messages: Any, dto: Any, kind: type[Dto] | None) -> Any:
-    """Write the value of a field, and a DTO of a class as a message of `messages`."""
+def _write(messages: Any, kind: str | None, given: Any) -> Any:
+    """Write the value of a field, and a DTO as a message of a kind."""
     if kind is None:
-        return "" if dto is None else dto
-    if isinstance(dto, list):
-        return [_write(messages, each, kind) for each in dto]
-    if not isinstance(dto, kind):
-        raise InvalidKnowledgeError(f"it has {dto}, where its message can hold literals only")
-    made = {name: _write(messages, getattr(dto, name), _PARTS.get(name)) for name in _FIELDS[kind]}
-    if isinstance(dto, PddlActionDto):
-        made |= {"coditions": made.pop("conditions"), "duration": _whole(dto)}
-    return getattr(messages, kind.__name__.removesuffix("Dto"))(**made)
+        return "" if given is None else given
+    if isinstance(given, list):
+        return [_write(messages, kind, each) for each in given]
+    if not isinstance(given, getattr(dto, f"Pddl{kind}Dto")):
+        raise InvalidKnowledgeError(f"it has {given}, where its message can hold literals only")
+    made = {one: _write(messages, _PARTS.get(one), getattr(given, one)) for one in _FIELDS[kind]}
+    if kind == "Action":
+        made |= {"coditions": made.pop("conditions"), "duration": _whole(given)}
+    return getattr(messages, f"Pddl{kind}")(**made)
 
 
-def _whole(action: PddlActionDto) -> int:
+def _whole(action: dto.PddlActionDto) -> int:
     """Return the duration of an action, rounded up so that a plan leaves enough time."""
     given = action.duration if action.durative else 0
     whole = ceil(given) if isinstance(given, int | float | Decimal) else None
@@ -99,30 +92,29 @@ def services(factory: DaoFactory, messages: Any, kinds: Any, empty: type) -> Ite
         kinds: the module `kant_msgs.srv`.
         empty: `std_srvs.srv.Empty`.
     """
-    for kind in (PddlTypeDto, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlActionDto):
-        title = kind.__name__.removesuffix("Dto")
-        name = title.removeprefix("Pddl").lower()
+    for kind in [*_FIELDS][:-1]:
+        name = kind.lower()
         dao = getattr(factory, f"create_pddl_{name}_dao")()
-        get, update = (getattr(kinds, f"{verb}{title}") for verb in ("Get", "Update"))
-        yield Service(f"get_{name}s", get, partial(_get, messages, kind, name, dao))
-        yield Service(f"update_{name}", update, partial(_update, kind, name, dao))
+        get, update = (getattr(kinds, f"{verb}Pddl{kind}") for verb in ("Get", "Update"))
+        yield Service(f"get_{name}s", get, partial(_get, messages, kind, dao))
+        yield Service(f"update_{name}", update, partial(_update, kind, dao))
         yield Service(f"delete_all_{name}s", empty, partial(_delete_all, dao))
 
 
-def _get(messages: Any, kind: type[Dto], name: str, dao: Any, request: Any, response: Any) -> None:
+def _get(messages: Any, kind: str, dao: Any, request: Any, response: Any) -> None:
     found = []
-    for dto in _asked(name, dao, request):
+    for given in _asked(kind, dao, request):
         try:
-            found.append(_write(messages, dto, kind))
+            found.append(_write(messages, kind, given))
         except InvalidKnowledgeError as error:
-            logger.warning("%s %s is left out of an answer: %s", name, dto.name, error)
-    setattr(response, f"pddl_{name}s", found)
+            logger.warning("action %s is left out of an answer: %s", given.name, error)
+    setattr(response, f"pddl_{kind.lower()}s", found)
 
 
-def _asked(name: str, dao: Any, request: Any) -> Any:
-    if name != "proposition":
-        asked = getattr(request, f"{name}_name")
-        return filter(None, [dao.get(asked)]) if asked else dao.get_all()
+def _asked(kind: str, dao: Any, request: Any) -> Any:
+    if kind != "Proposition":
+        name = getattr(request, f"{kind.lower()}_name")
+        return filter(None, [dao.get(name)]) if name else dao.get_all()
     if request.get_type == BY_PREDICATE:
         return dao.get_by_predicate(request.predicate_name)
     reads = {ALL: dao.get_all, GOALS: dao.get_goals, NO_GOALS: dao.get_no_goals}
@@ -131,18 +123,18 @@ def _asked(name: str, dao: Any, request: Any) -> Any:
     return reads[request.get_type]()
 
 
-def _update(kind: type[Dto], name: str, dao: Any, request: Any, response: Any) -> None:
+def _update(kind: str, dao: Any, request: Any, response: Any) -> None:
     # The field's name is misspelt in kant_msgs.
     number = request.update_konwledge.update_type
     if number not in (SAVE, DELETE):
         raise InvalidArgumentError(f"update_type is {number}, neither 0 to save nor 1 to delete")
-    dto = _read(kind, getattr(request, f"pddl_{name}"))
-    stored = dao.get(dto.name) if kind is PddlActionDto else None
+    given = _read(kind, getattr(request, f"pddl_{kind.lower()}"))
+    stored = dao.get(given.name) if kind == "Action" else None
     exact = getattr(stored, "duration", None)
-    if isinstance(exact, float | Decimal) and ceil(exact) == dto.duration:
+    if isinstance(exact, float | Decimal) and ceil(exact) == given.duration:
         # What a client has read rounded, and writes back, stays as it is.
-        dto.duration = exact
-    response.success = dao.save(dto) if number == SAVE else dao.delete(dto)
+        given.duration = exact
+    response.success = dao.save(given) if number == SAVE else dao.delete(given)
 
 
 def _delete_all(dao: Any, _request: Any, _response: Any) -> None:
