@@ -18,6 +18,7 @@ from typing import Any
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ShutdownException, TimeoutException
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -27,6 +28,7 @@ from ..arguments import URL_VARIABLE
 from ..compat import DaoFactory
 from ..errors import InvalidArgumentError, InvalidUrlError, KantSqlError
 from ..knowledge_base import KnowledgeBase, connect, factory_of
+from ..limits import Limit, obeying
 from ..sql.dialects import parse_url
 from ..sql.dialects.base import url_label
 from . import own, paper
@@ -104,20 +106,22 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
     def on_activate(self) -> None:
         """Offer the services and the topics."""
         assert self._kb is not None
+        limit = Limit()
         with self._active:
             for service in self._offered(self._kb):
                 group = self._groups[service.is_question]
-                answer = self._guarded(service)
+                answer = self._guarded(service, limit)
                 made = self.create_service(service.kind, service.name, answer, callback_group=group)
                 self._active.callback(self.destroy_service, made)
                 if self.parameter("introspection"):
                     contents = ServiceIntrospectionState.CONTENTS
                     made.configure_introspection(self.get_clock(), _EVENTS, contents)
+            self._active.callback(limit.cancel)
             self._active = self._active.pop_all()
 
     @_transition
     def on_deactivate(self) -> None:
-        """Withdraw the services and the topics."""
+        """Withdraw the services and the topics; questions that are being answered end."""
         self._active.close()
 
     @_transition
@@ -183,13 +187,14 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         self._active.callback(self.destroy_publisher, publisher)
         return publisher
 
-    def _guarded(self, service: Service) -> Callable[[Any, Any], Any]:
+    def _guarded(self, service: Service, limit: Limit) -> Callable[[Any, Any], Any]:
         """Answer with the error of a request that cannot be answered; the node goes on."""
 
         def answer(request: Any, response: Any) -> Any:
             said = ""
             try:
-                service.answer(request, response)
+                with obeying(limit):
+                    service.answer(request, response)
             except Exception as error:
                 said = str(error) or type(error).__name__
                 _complain(service.name, error)
@@ -244,9 +249,16 @@ class Threads(Executor):  # type: ignore[misc]
         with suppress(ShutdownException, TimeoutException, TimeoutError):
             task, entity, _ = self.wait_for_ready_callbacks(timeout_sec)
             if entity is None or entity.callback_group is self._own:
-                task()  # Lifecycle and parameters wait for no service.
+                self._run(task)  # Lifecycle and parameters wait for no service.
             else:
-                self._pool.submit(task).exception(LONG)
+                self._pool.submit(self._run, task).exception(LONG)
+
+    def _run(self, task: Any) -> None:
+        task()
+        # Nobody reads the answer of a service that is withdrawn, or of a node that ends.
+        error = task.exception()
+        if error is not None and not isinstance(error, InvalidHandle) and self.context.ok():
+            _complain("an answer cannot be sent", error)
 
 
 class _Log(logging.Handler):
@@ -268,7 +280,8 @@ class _Log(logging.Handler):
 
 def _complain(what: str, error: Exception) -> None:
     """Log an error; one that nobody foresaw has its traceback."""
-    logger.error("%s: %s", what, error, exc_info=not isinstance(error, KantSqlError))
+    shown = None if isinstance(error, KantSqlError) else error
+    logger.error("%s: %s", what, error, exc_info=shown)
 
 
 def _has_password(url: str) -> bool:

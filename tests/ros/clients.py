@@ -88,7 +88,7 @@ def followed(after: str) -> None:
 
 
 def ask(condition: str) -> None:
-    """Save facts while a question that takes long is asked; print how many before its answer."""
+    """Save facts while a question that takes long is answered; print the number of each."""
     caller = Caller()
     client = caller.node.create_client(UpdatePddlProposition, "update_proposition")
     caller(client, fact("rb1", "start"))
@@ -99,8 +99,8 @@ def ask(condition: str) -> None:
         if future.done():
             break
         caller(client, fact("rb1", f"during{number}"))
+        print(number, flush=True)
     assert future.result().holds
-    print(number, flush=True)
 
 
 if __name__ == "__main__":
