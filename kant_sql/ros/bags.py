@@ -92,8 +92,8 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
 
     Each becomes one revision, with its time in the bag as `observed_at`; a revision from before
     the recording, which the node repeats for late listeners, keeps the time of its commit. The
-    `source` says which message it was, and what comes up to the last one that is known is not
-    taken over again: run an import that was interrupted again, and it goes on.
+    `source` has the bag, the message, and what its writer said. What comes up to the last message
+    that is known is not taken over again: an import that was interrupted goes on.
 
     Args:
         kb: the knowledge base that is written. What the node knew before the recording must be in
@@ -115,9 +115,13 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
             continue
         at = _EPOCH + timedelta(microseconds=said.time // 1000)
         source = {"bag": path.name, "topic": said.topic, "recorded": said.id}
-        actor, reason = (getattr(said.message, name, "") or None for name in ("actor", "reason"))
+        actor, reason, of_writer = (
+            getattr(said.message, name, "") or None for name in ("actor", "reason", "source")
+        )
+        if of_writer:
+            source["source"] = of_writer
         if said.lost > 0:
-            logger.warning("%s at %s: revisions missing before it: %d", said.topic, at, said.lost)
+            logger.warning("%s at %s: %d revisions before it are lost", said.topic, at, said.lost)
         try:
             if said.refusal:
                 raise NotApplicableError(said.refusal)

@@ -104,15 +104,15 @@ class Bag:
             [self.make(f"{made}_{part}", *parts[part])] if part in parts else []
             for part in ("Request", "Response")
         ]
-        event_message = self.make(f"{made}_Event", info, *lists)
-        self.write(later(second), f"{service}/_service_event", f"{kind}_Event", event_message)
+        message = self.make(f"{made}_Event", info, *lists)
+        self.write(later(second), f"{service}/_service_event", f"{kind}_Event", message)
 
-    def add_instance(self, second: float, number: int, name: str, ns: str = "") -> None:
+    def add_instance(self, second: float, number: int, name: str) -> None:
         param = self.make("plansys2_msgs/msg/Param", name, "robot", [])
-        self.event(second, f"{ns}{ADD}", AFFECT, number, Request=[param])
+        self.event(second, ADD, AFFECT, number, Request=[param])
 
-    def answer(self, second: float, number: int, error: str = "", ns: str = "") -> None:
-        self.event(second, f"{ns}{ADD}", AFFECT, number, Response=[not error, error])
+    def answer(self, second: float, number: int, error: str = "") -> None:
+        self.event(second, ADD, AFFECT, number, Response=[not error, error])
 
     def revision(
         self, second: float, number: int, *changes: Any, ns: str = "", at: datetime | None = None
@@ -120,41 +120,36 @@ class Bag:
         since = nanoseconds(at or later(second))
         stamp = self.make("builtin_interfaces/msg/Time", *divmod(since, 10**9))
         made = [self.make("kant_sql_msgs/msg/Change", *change) for change in changes]
-        said = [number, stamp, "camera", "seen", "", f"{ns}{number}", made]
+        said = [number, stamp, "camera", "seen", '{"frame":1}', f"{ns}{number}", made]
         self.write(later(second), f"{ns}/kant_sql/changes", REVISION, self.make(REVISION, *said))
 
     def close(self, folder: Path, storage: str = "mcap") -> Path:
         """Write the messages to a file, or to a folder."""
-        topics = {topic: kind for _, topic, kind, _ in self.rows}
-        unknown = [
-            kind
-            for kind in topics.values()
-            if "SRV" in (text := definition_of(kind)) and "MSG" not in text
-        ]
+        texts = {topic: (kind, definition_of(kind)) for _, topic, kind, _ in self.rows}
         if storage == "sqlite3":
             with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
                 made = {
-                    topic: writer.add_connection(
-                        topic, kind, msgdef=definition_of(kind) or "string data", rihs01="RIHS01_0"
-                    )
-                    for topic, kind in topics.items()
+                    topic: writer.add_connection(topic, kind, msgdef=text, rihs01="RIHS01_0")
+                    for topic, (kind, text) in texts.items()
                 }
                 for time, topic, _, raw in self.rows:
                     writer.write(made[topic], time, raw)
             with closing(sqlite3.connect(folder / "bag" / "bag.db3")) as file, file:
                 file.execute(
-                    "UPDATE message_definitions SET topic_type = replace(topic_type, '_Event', ''),"
-                    " encoding = CASE encoded_message_definition LIKE '%MSG%' WHEN 1 THEN encoding"
-                    " ELSE 'unknown' END WHERE topic_type LIKE '%_Event'"
+                    "UPDATE message_definitions SET topic_type = replace(topic_type, '_Event', '')"
+                )
+                file.execute(
+                    "UPDATE message_definitions SET encoding = 'unknown' WHERE"
+                    " encoded_message_definition NOT LIKE '%MSG%'"
                 )
             return folder / "bag"
         with (folder / "bag.mcap").open("wb") as target:
             out = McapWriter(target)
             out.start(profile="ros2")
             numbers = {}
-            for topic, kind in topics.items():
-                encoding = "unknown" if kind in unknown else "ros2msg"
-                schema = out.register_schema(kind, encoding, definition_of(kind).encode())
+            for topic, (kind, text) in texts.items():
+                encoding = "unknown" if "SRV" in text and "MSG" not in text else "ros2msg"
+                schema = out.register_schema(kind, encoding, text.encode())
                 numbers[topic] = out.register_channel(topic, "cdr", schema)
             for time, topic, _, raw in self.rows:
                 out.add_message(numbers[topic], time, raw, time)
@@ -222,7 +217,9 @@ def test_revisions_have_what_all_wrote_and_are_taken_once(
         assert [moment for moment, _ in told(kb)] == [later(-60), later(1.5), later(2)]
         revision = next(kb.log(limit=1)).revision
         assert (revision.actor, revision.reason) == ("camera", "seen")
-        assert "revisions missing before it: 1" in caplog.text
+        assert isinstance(revision.source, dict)
+        assert revision.source["source"] == '{"frame":1}'
+        assert "1 revisions before it are lost" in caplog.text
         assert import_bag(kb, path) == Imported(messages=3, revisions=0, refused=0, known=3)
 
 
