@@ -27,7 +27,8 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from ..arguments import URL_VARIABLE
 from ..compat import DaoFactory
 from ..errors import InvalidArgumentError, InvalidUrlError, KantSqlError
-from ..knowledge_base import KnowledgeBase, connect, factory_of
+from ..history.follow import watch_until
+from ..knowledge_base import KnowledgeBase, connect, factory_of, state_of
 from ..limits import Limit, obeying
 from ..sql.dialects import parse_url
 from ..sql.dialects.base import url_label
@@ -39,9 +40,8 @@ logger = logging.getLogger(__name__)
 
 # Calls that may take long at the same time, and the seconds after which one has taken long.
 THREADS, LONG = 8, 0.05
-# Seconds between looks whether the node is to stop, and before new revisions are read: the answer
-# to who wrote them goes first.
-LOOK, PAUSE = 0.5, 0.02
+# Seconds before new revisions are read, as the answer to who wrote them goes first; after an error.
+PAUSE, PAUSE_AFTER_ERROR = 0.02, 0.5
 # PlanSys2's publishers keep as many messages for those who come late.
 _LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # The events of a service: deep enough for a recorder that is held up for a moment.
@@ -219,12 +219,12 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
                     for entry in kb.changes(after):
                         publisher.publish(own.write_revision(entry, messages))
                         after = entry.revision.number
-                    kb.watch(after, timeout=LOOK)
+                    watch_until(state_of(kb), after, None, stop.is_set)
                 except Exception as error:
                     if not self.context.ok():  # Ctrl-C ends it at any moment.
                         return
                     _complain("~/changes", error)
-                    stop.wait(LOOK)
+                    stop.wait(PAUSE_AFTER_ERROR)
 
         watcher = threading.Thread(target=run, name="kant_sql changes", daemon=True)
         watcher.start()
