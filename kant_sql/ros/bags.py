@@ -46,8 +46,8 @@ _SERVICE = re.compile(rf"{_LINE}SRV: (.*)\n((?:.*\n)*?)---.*\n?")
 _NAMED = re.compile(r"(?:\(:\S+ )?(\(= \(.*?\)|\S+)")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _RECORD = (
-    "record the topic of the node, such as: ros2 bag record /kant_sql/changes; or its services, "
-    "with its parameter introspection: ros2 bag record --all-services"
+    "record the node's topic, such as: ros2 bag record /kant_sql/changes; or its services, when it "
+    "runs with -p introspection:=true: ros2 bag record --all-services"
 )
 _REPAIR = (
     "of a recording that was cut off, give the .db3 file, or what `mcap recover` makes of the "
@@ -214,7 +214,7 @@ def _read(path: Path, keys: Collection[_Key], namespace: str | None) -> Iterator
         # rosbags refuses a service without messages, whose definition rosbag2 calls `unknown`.
         with patch.object(storage_mcap, "get_msgdef", definition), Reader(path) as reader:
             chosen = _choose(path, reader.connections, keys, namespace)
-            store, kinds = _types(reader.storage, chosen)
+            store, kinds = _types(reader, chosen)
             messages = (
                 (one, time, store.deserialize_cdr(raw, kinds[one.msgtype]))
                 for one, time, raw in reader.messages(chosen)
@@ -254,20 +254,23 @@ def _choose(
     return [found[_CHANGES]] if _CHANGES in found else list(found.values())
 
 
-def _types(storage: Any, connections: Iterable[Any]) -> tuple[Any, dict[str, str]]:
+def _types(reader: Any, connections: Iterable[Any]) -> tuple[Any, dict[str, str]]:
     """Read the definitions in a bag; return the store of types, and the name of each there."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    files = getattr(storage, "storages", [storage])
-    texts = {
-        each["name"]: each["msgdef"] for file in files for each in getattr(file, "msgtypes", ())
-    }
+    files = getattr(reader.storage, "storages", [reader.storage])
+    made = (each for file in files for each in getattr(file, "msgtypes", ()))
+    texts = {each["name"]: each["msgdef"] for each in made}
     store, kinds = get_typestore(Stores.ROS2_JAZZY), {}
     for one in connections:
-        text = one.msgdef.data or texts[one.msgtype.removesuffix("_Event")]
-        made = get_types_from_msg(_as_message(text), one.msgtype)
-        kinds[one.msgtype] = next(iter(made))
-        store.register({name: parts for name, parts in made.items() if name not in store.types})
+        text = one.msgdef.data or texts.get(one.msgtype.removesuffix("_Event"))
+        if not text:
+            raise InvalidArgumentError(
+                f"{reader.path} has no definition of {one.msgtype}; record it with ROS 2 jazzy"
+            )
+        types = get_types_from_msg(_as_message(text), one.msgtype)
+        kinds[one.msgtype] = next(iter(types))
+        store.register({name: parts for name, parts in types.items() if name not in store.types})
     return store, kinds
 
 

@@ -81,6 +81,7 @@ class Bag:
             )
             self.add(f"{package}/msg/{name}_Event", text)
         self.rows: list[tuple[int, str, str, bytes]] = []
+        self.definition_of = definition_of
 
     def add(self, name: str, text: str) -> None:
         made = get_types_from_msg(text, name)
@@ -125,7 +126,7 @@ class Bag:
 
     def close(self, folder: Path, storage: str = "mcap") -> Path:
         """Write the messages to a file, or to a folder."""
-        texts = {topic: (kind, definition_of(kind)) for _, topic, kind, _ in self.rows}
+        texts = {topic: (kind, self.definition_of(kind)) for _, topic, kind, _ in self.rows}
         if storage == "sqlite3":
             with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
                 made = {
@@ -310,6 +311,10 @@ def test_what_is_no_bag_of_the_node_is_refused(tmp_path: Path) -> None:
     with kant_sql.connect("sqlite://") as kb:
         with pytest.raises(InvalidArgumentError, match="ros2 bag record"):
             import_bag(kb, whole)
+        bag.rows = [(0, "/kant_sql/changes", REVISION, b"")]
+        bag.definition_of = lambda kind: ""
+        with pytest.raises(InvalidArgumentError, match="has no definition of kant_sql_msgs"):
+            import_bag(kb, bag.close(tmp_path))
         metadata = Bag()
         metadata.event(0, ADD, AFFECT, 1)
         with pytest.raises(InvalidArgumentError, match="no call with its contents"):
