@@ -19,6 +19,8 @@ import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
+import kant_sql
+from tests.ros.running import PREFIX, environment, node
 from tests.support.clusters import free_port, install_programs, stop_servers, system_user
 from tests.support.processes.commands import command, run
 from tests.support.processes.warm import PLANNING, python
@@ -64,6 +66,8 @@ def check_command(command: str, expected: str) -> None:
         (extras,) = re.findall(r"^pip install '?\.(?:\[([\w,]+)\])?'?$", command)
         assert set(filter(None, extras.split(","))) <= EXTRAS, command
         return
+    if command.startswith("ros2 ") and not PREFIX:
+        pytest.skip("the rest of the page needs ROS 2: KANT_SQL_TEST_ROS names its prefix")
     if match := OWN.fullmatch(command):
         failed, output = run_here(**match.groupdict())
     else:
@@ -139,6 +143,20 @@ def fleet_page(
     shutil.rmtree(folder, ignore_errors=True)
 
 
+@pytest.fixture
+def ros_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The page whose node runs while its blocks do, if ROS 2 is there."""
+    path = ROOT / "docs" / "ros.md"
+    if not PREFIX:
+        yield path
+        return
+    for name, value in environment().items():
+        monkeypatch.setenv(name, value)
+    kant_sql.connect("sqlite:///robot.db").close()
+    with node("sqlite:///robot.db", tmp_path / "node.log"):
+        yield path
+
+
 @pytest.mark.usefixtures("empty_folder")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
@@ -150,6 +168,8 @@ def test_code_blocks_run_in_order_in_an_empty_folder(
 ) -> None:
     if path.name == "fleet.md":
         path = request.getfixturevalue("fleet_page")
+    if path.name == "ros.md":
+        path = request.getfixturevalue("ros_page")
     if path.name == "tools.md":
         from tests.audit.duck import install_sqlite_extension
 
