@@ -5,7 +5,6 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
-import pkgutil
 import pydoc
 import re
 import types
@@ -22,18 +21,13 @@ from kant_sql import KnowledgeBase, PddlPropositionDto
 from kant_sql.factory import DaoFactory
 from kant_sql.plans import PlanDao
 from tests.docs.test_docs import ROOT
+from tests.support.modules import import_all
 from tests.support.parts import DAOS, FRONTS, PATHS, part
 from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2
 
 INDEX = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
 PUBLIC = [importlib.import_module(name) for name in re.findall(r"^\| \[`([\w.]+)`\]", INDEX, re.M)]
-# Its only import of ROS 2, which comes with no package of Python's.
-NODE = "kant_sql.ros.node"
-MODULES = [
-    importlib.import_module(found.name)
-    for found in pkgutil.walk_packages(kant_sql.__path__, "kant_sql.")
-    if ".migrations" not in found.name and found.name != NODE
-]
+MODULES = import_all()
 
 
 # The methods that questions of a state were made into.

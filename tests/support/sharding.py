@@ -7,17 +7,16 @@ a join one that has. It follows no correlation: in a subquery, `x.kb_id = outer.
 from __future__ import annotations
 
 import importlib
-import pkgutil
 import re
 import sys
 from collections.abc import Iterable, Iterator
 from typing import Any, TypeVar
 
-import kant_sql
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.query import Insert, Query
 from kant_sql.sql.tables import TABLES
+from tests.support.modules import import_all
 
 # On each node, a copy of them all.
 REFERENCE = {"knowledge_base"}
@@ -88,14 +87,6 @@ def _unbound_in(text: str) -> Iterator[str]:
         yield from (f"{name} AS {alias}" for alias, name in tables.items() if alias not in bound)
 
 
-def import_all() -> None:
-    """Import every module of the library: statements are constants of them."""
-    for module in pkgutil.walk_packages(kant_sql.__path__, "kant_sql."):
-        if not module.name.endswith("__main__"):
-            importlib.import_module(module.name)
-    importlib.import_module("kant_sql_plugins.mcap")
-
-
 def every_query() -> list[tuple[str, Query]]:
     """Give all statements that are constants of a module, with its name and theirs."""
     return [*_constants(Query)]
@@ -108,6 +99,7 @@ def every_insert() -> list[Insert]:
 
 def _constants(kind: type[T]) -> Iterator[tuple[str, T]]:
     import_all()
+    importlib.import_module("kant_sql_plugins.mcap")
     found: set[int] = set()
     for module in [name for name in sys.modules if name.startswith("kant_sql")]:
         for name, value in [*vars(sys.modules[module]).items()]:
