@@ -1,1 +1,10 @@
-"""ROS 2: a node that answers KANT's and PlanSys2's services, and recordings of it as revisions."""
+"""ROS 2: a node that answers KANT's and PlanSys2's services, and what needs no ROS around it.
+
+`kant-sql ros` starts the node. `import_bag` makes revisions of a recording of it; `follow` gives a
+node of yours each revision.
+"""
+
+from .bags import Imported, import_bag
+from .listener import Follower, follow
+
+__all__ = ["Follower", "Imported", "follow", "import_bag"]

@@ -21,8 +21,8 @@ from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError
 from ..knowledge_base import KnowledgeBase
 from ..pddl import Action, Domain, Function, Predicate, read_domain, read_problem
 from ..pddl.lexer import STRING, Text
+from .node_trees import FUNCTION, PREDICATE, Messages, Scope, read_node, read_tree, write_tree
 from .service import Service
-from .trees import FUNCTION, PREDICATE, Messages, Scope, read_node, read_tree, write_tree
 
 # Seconds that the planner takes at most, as PlanSys2's.
 LONGEST = 15.0

@@ -16,7 +16,7 @@ from kant_msgs import msg
 from kant_msgs.srv import UpdatePddlProposition
 from kant_sql_msgs.srv import Query
 
-from kant_sql.ros.follow import follow
+from kant_sql.ros.listener import follow
 
 # Seconds after which a call is made again: its node was killed.
 AGAIN, PATIENCE = 3, 60

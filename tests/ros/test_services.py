@@ -13,10 +13,10 @@ from kant_sql import KnowledgeBase, planning
 from kant_sql.errors import InvalidKnowledgeError, KantSqlError, SourceError
 from kant_sql.planning import PlanStep
 from kant_sql.ros.experts import DomainExpert, ProblemExpert, planner_services
-from kant_sql.ros.trees import FUNCTION, PREDICATE, write_tree
+from kant_sql.ros.node_trees import FUNCTION, PREDICATE, write_tree
 from tests.ros import messages
 from tests.ros.messages import Client, Kinds
-from tests.ros.test_trees import MADE
+from tests.ros.test_node_trees import MADE
 from tests.support.statements import count as statements
 
 DOMAIN = """(define (domain ward)

@@ -18,7 +18,7 @@ from kant_sql.pddl import Domain
 from kant_sql.pddl.formulas import EFFECT
 from kant_sql.pddl.given import ConditionReader
 from kant_sql.pddl.symbols import SymbolTable
-from kant_sql.ros.trees import Messages, Scope, read_node, read_tree, write_tree
+from kant_sql.ros.node_trees import Messages, Scope, read_node, read_tree, write_tree
 from tests.ros import messages
 from tests.ros.messages import Node, Param
 from tests.support.generators.documents import domains

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql.ros import follow
+from kant_sql.ros import listener
 from tests.support.processes.commands import PROGRAM, child
 
 MOST = 3
@@ -22,7 +22,7 @@ class Node:
         self.head = after
         self.told: list[int] = []
         self.asked: list[int] = []
-        self.follower = follow.Follower(lambda one: self.told.append(one.number), self.ask, after)
+        self.follower = listener.Follower(lambda one: self.told.append(one.number), self.ask, after)
 
     def ask(self, last: int) -> bool:
         self.asked.append(last)
@@ -45,7 +45,7 @@ class Node:
 def test_each_revision_is_delivered_once_and_in_order(
     after: int, events: list[tuple[str, int]]
 ) -> None:
-    with mock.patch.object(follow, "PATIENCE", -1):
+    with mock.patch.object(listener, "PATIENCE", -1):
         node = Node(after)
         for event, number in events:
             node.head += number
@@ -73,14 +73,14 @@ def test_what_was_asked_lately_is_not_asked_again() -> None:
     node.head = 6
     node.answer()
     assert (node.told, node.asked) == ([1, 2, 3], [3])
-    with mock.patch.object(follow, "PATIENCE", -1):
+    with mock.patch.object(listener, "PATIENCE", -1):
         node.follower.look()
     assert node.asked == [3, 3]
 
 
 def test_a_revision_that_could_not_be_taken_comes_again() -> None:
     taken = mock.Mock(side_effect=[OSError("full"), None])
-    follower = follow.Follower(taken, lambda last: False, 0)
+    follower = listener.Follower(taken, lambda last: False, 0)
     one = SimpleNamespace(number=1)
     with pytest.raises(OSError, match="full"):
         follower.take([one])
@@ -91,8 +91,8 @@ def test_a_revision_that_could_not_be_taken_comes_again() -> None:
 def test_nothing_of_ros_is_imported_unless_asked_for() -> None:
     code = (
         "import sys, kant_sql, kant_sql.cli.main, kant_sql.cli.ros, kant_sql.ros.bags,"
-        " kant_sql.ros.experts, kant_sql.ros.follow, kant_sql.ros.own, kant_sql.ros.paper,"
-        " kant_sql.ros.trees\n"
+        " kant_sql.ros.experts, kant_sql.ros.listener, kant_sql.ros.own, kant_sql.ros.paper,"
+        " kant_sql.ros.node_trees\n"
         "print(sorted({name.partition('.')[0] for name in sys.modules} & {'rclpy', 'rosbags'"
         ", 'kant_msgs', 'kant_sql_msgs', 'plansys2_msgs', 'std_srvs', 'builtin_interfaces'}))"
     )
