@@ -26,6 +26,7 @@ from tests.support.processes.commands import command, run
 from tests.support.processes.warm import PLANNING, python
 
 ROOT = Path(__file__).parents[2]
+ROS = ROOT / "docs" / "ros.md"
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 # A command line that begins with `kant-sql`, and what its output goes to.
 OWN = re.compile(
@@ -146,15 +147,14 @@ def fleet_page(
 @pytest.fixture
 def ros_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The page whose node runs while its blocks do, if ROS 2 is there."""
-    path = ROOT / "docs" / "ros.md"
     if not PREFIX:
-        yield path
+        yield ROS
         return
     for name, value in environment().items():
         monkeypatch.setenv(name, value)
     kant_sql.connect("sqlite:///robot.db").close()
     with node("sqlite:///robot.db", tmp_path / "node.log"):
-        yield path
+        yield ROS
 
 
 @pytest.mark.usefixtures("empty_folder")
@@ -168,7 +168,7 @@ def test_code_blocks_run_in_order_in_an_empty_folder(
 ) -> None:
     if path.name == "fleet.md":
         path = request.getfixturevalue("fleet_page")
-    if path.name == "ros.md":
+    if path == ROS:
         path = request.getfixturevalue("ros_page")
     if path.name == "tools.md":
         from tests.audit.duck import install_sqlite_extension
