@@ -30,9 +30,10 @@ def ros(
     kb: _Kb = DEFAULT_NAME,
     actor: Actor = None,
 ) -> None:
-    """Serve the store as a node of ROS 2: the services of KANT and of PlanSys2's experts.
+    """Serve the store as a node of ROS 2.
 
-    Ends with Ctrl-C. Words after -- are the node's, such as: -- --ros-args -r __ns:=/rb1
+    It answers the services of KANT and of PlanSys2's experts. Ends with Ctrl-C. Words after -- are
+    the node's, such as: -- --ros-args -r __ns:=/rb1
     """
     url, arguments = split_url(words or [], _USAGE, _EXAMPLE)
     try:
@@ -53,10 +54,11 @@ def import_(
     actor: Actor = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take over a recording of the node by rosbag2, with its times: each message is a revision.
+    """Make revisions of a recording by rosbag2.
 
-    Messages of the node's topic changes are taken, or else calls of its services. What the node
-    knew before the recording must be loaded first. After an interruption, run it again.
+    Each message of the recorded node is a revision, with its time in the recording. Messages of the
+    node's topic changes are taken, or else calls of its services. What the node knew before the
+    recording must be loaded first. After an interruption, run it again.
     """
     from ..knowledge_base import connect
     from ..ros.bags import import_bag
