@@ -174,7 +174,8 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         def changing(service: Service) -> Service:
             def answer(request: Any, response: Any) -> None:
                 service.answer(request, response)
-                notify.publish(empty())
+                if notify.get_subscription_count():
+                    notify.publish(empty())
                 publish()
 
             return service._replace(answer=answer)
