@@ -17,6 +17,7 @@ from typing import Any
 
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ShutdownException, TimeoutException
@@ -42,6 +43,9 @@ logger = logging.getLogger(__name__)
 THREADS, LONG = 8, 0.05
 # Seconds before new revisions are read, as the answer to who wrote them goes first; after an error.
 PAUSE, PAUSE_AFTER_ERROR = 0.02, 0.5
+# Seconds between looks whether the node is to end: rclpy wakes up for a signal once, and perhaps
+# before the signal has ended the context.
+LOOK = 1.0
 # PlanSys2's publishers keep as many messages for those who come late.
 _LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # The events of a service: deep enough for a recorder that is held up for a moment.
@@ -312,6 +316,7 @@ def main(arguments: Sequence[str] | None = None, **given: str) -> None:
     except Exception as error:
         raise InvalidArgumentError(f"ROS 2 refuses its arguments: {error}") from error
     node = KnowledgeNode(**given)
+    node.create_timer(LOOK, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
     library = logging.getLogger("kant_sql")
     library.addHandler(_Log(node))
     library.propagate = False
