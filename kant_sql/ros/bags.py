@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +16,6 @@ from unittest.mock import patch
 
 from ..compat import DaoFactory
 from ..errors import (
-    ArchivedError,
     ExtraMissingError,
     InvalidArgumentError,
     KantSqlError,
@@ -140,11 +138,10 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
 def _known(kb: KnowledgeBase, messages: Iterable[_Said]) -> int:
     """Return how many messages come up to the last one that is in the knowledge base."""
     taken: set[object] = set()
-    with suppress(ArchivedError):
-        for entry in kb.log():
-            source = entry.revision.source
-            recorded = str(source.get("recorded")) if isinstance(source, dict) else None
-            taken |= {entry.revision.hash, recorded}
+    for revision in kb.store.revisions():
+        source = revision.source
+        recorded = str(source.get("recorded")) if isinstance(source, dict) else None
+        taken |= {revision.hash, recorded}
     found = (number for number, said in enumerate(messages, start=1) if said.id in taken)
     return max(found, default=0) if taken else 0
 

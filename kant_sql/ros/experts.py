@@ -207,7 +207,7 @@ class ProblemExpert:
             "get_problem GetProblem problem": lambda _: kb.problem_pddl(),
             "get_problem_goal GetProblemGoal tree": self._goal,
             "get_problem_instance GetProblemInstanceDetails instance": self._instance,
-            "get_problem_instances GetProblemInstances instances": self._instances,
+            "get_problem_instances GetProblemInstances instances": self.instances,
             "get_problem_predicate GetNodeDetails node": self._predicate,
             "get_problem_predicates GetStates states": self._predicates,
             "get_problem_function GetNodeDetails node": self._function,
@@ -231,7 +231,7 @@ class ProblemExpert:
         """Write what holds as a `plansys2_msgs/msg/Knowledge`."""
         goals = self._kb.goals.get_all()
         return self._made.Knowledge(
-            instances=[each.name for each in self._instances()],
+            instances=[each.name for each in self.instances()],
             predicates=[read_node(each) for each in self._predicates()],
             functions=[read_node(each) for each in self._functions()],
             goal=str(And(tuple(goals))) if goals else "",
@@ -293,9 +293,10 @@ class ProblemExpert:
     def _instance(self, request: Any) -> Any:
         return self._params([self._stored(request.instance)])[0]
 
-    def _instances(self, _: Any = None) -> list[Any]:
+    def instances(self, _: Any = None) -> list[Any]:
+        """Write the objects of the problem, and its domain's constants, if it has objects."""
         found = self._kb.objects.get_all()
-        # PlanSys2 has a domain's constants as instances from the first problem on.
+        # As in PlanSys2, which knows constants from the first problem on.
         return [] if all(each.is_constant for each in found) else self._params(found)
 
     def _params(self, objects: Iterable[PddlObjectDto]) -> list[Any]:

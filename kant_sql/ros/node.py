@@ -158,7 +158,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         # Set while nobody was told what is known: to write that down costs time, so that it is done
         # for those who listen, and for the first who comes later.
         untold = threading.Event()
-        if expert.knowledge().instances:
+        if expert.instances():
             untold.set()
 
         def publish() -> None:
