@@ -4,7 +4,19 @@
 node of yours each revision.
 """
 
-from .bags import Imported, import_bag
-from .listener import Follower, follow
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..later import asked_for
+
+if TYPE_CHECKING:
+    from .bags import Imported, import_bag
+    from .listener import Follower, follow
+else:
+    __getattr__ = asked_for(
+        __name__,
+        {".bags": ("Imported", "import_bag"), ".listener": ("Follower", "follow")},
+    )
 
 __all__ = ["Follower", "Imported", "follow", "import_bag"]
