@@ -99,6 +99,9 @@ Name = Annotated[
         f"The knowledge base; default: the only one, or '{DEFAULT_NAME}'.", "--kb", metavar="NAME"
     ),
 ]
+Target = Annotated[
+    str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")
+]
 At = Annotated[str | None, option(f"The state at {_MOMENT}", metavar="REV|TIME")]
 Since = Annotated[str | None, option(f"Only from {_MOMENT}", metavar="REV|TIME")]
 Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME")]

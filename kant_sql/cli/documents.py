@@ -27,6 +27,7 @@ from .common import (
     At,
     Name,
     Reason,
+    Target,
     Url,
     choose,
     leaving_nothing,
@@ -156,9 +157,7 @@ def load(
             "input.",
         ),
     ],
-    kb: Annotated[
-        str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")
-    ] = DEFAULT_NAME,
+    kb: Target = DEFAULT_NAME,
     merge: Annotated[
         bool,
         option(

@@ -8,16 +8,13 @@ from typing import Annotated
 import typer
 
 from ..errors import ExtraMissingError
-from .common import DEFAULT_NAME, Actor, AsJson, leaving_nothing, split_url, words_argument
+from .common import DEFAULT_NAME, Actor, AsJson, Target, leaving_nothing, split_url, words_argument
 from .output import Printer, plural, write_json
 
 ROS_MISSING = (
     "this needs rclpy, which comes with ROS 2 and not from pip; run: source "
     "/opt/ros/jazzy/setup.bash, in an environment with the Python of your ROS 2"
 )
-_Kb = Annotated[str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")]
-
-
 _USAGE = "[URL] [ROS_ARGUMENT]..."
 _IMPORT_USAGE = "[URL] BAG"
 _EXAMPLE = "sqlite:///robot.db -- --ros-args -r __ns:=/rb1"
@@ -27,7 +24,7 @@ def ros(
     words: Annotated[
         list[str] | None, words_argument(_USAGE, "behind -- the arguments of ROS 2.")
     ] = None,
-    kb: _Kb = DEFAULT_NAME,
+    kb: Target = DEFAULT_NAME,
     actor: Actor = None,
 ) -> None:
     """Serve the store as a node of ROS 2.
@@ -50,7 +47,7 @@ def import_(
     namespace: Annotated[
         str | None, typer.Option(metavar="NS", help="The namespace of the node, such as /rb1.")
     ] = None,
-    kb: _Kb = DEFAULT_NAME,
+    kb: Target = DEFAULT_NAME,
     actor: Actor = None,
     as_json: AsJson = False,
 ) -> None:
