@@ -28,7 +28,7 @@ from ..dto.formulas import (
     Timed,
     Variable,
 )
-from ..dto.lexical import check_name, fold, number_text
+from ..dto.lexical import check_name, fold, number_text, with_article
 from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.canonical import with_text
 from ..knowledge.definitions import ActionDefinition
@@ -260,9 +260,8 @@ class _SqlActionDao(SqlNamedDao[A]):
     def _check(self, dto: object) -> None:
         super()._check(dto)
         if isinstance(dto, PddlActionDto) and dto.keyword not in self.keywords:
-            article = "an" if dto.keyword[0] in "ae" else "a"
             raise InvalidKnowledgeError(
-                f"{dto.name!r} is {article} {dto.keyword}, which has a DAO of its own; save it "
+                f"{dto.name!r} is {with_article(dto.keyword)}, which has a DAO of its own; save it "
                 "there"
             )
 

@@ -19,7 +19,7 @@ from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from ..arguments import Readable, expect, expect_tuple, items
 from ..errors import InvalidKnowledgeError
-from .lexical import ROOT_TYPE, check_number, decimal_text, either_text
+from .lexical import ROOT_TYPE, check_number, decimal_text, either_text, with_article
 
 # Three times the deepest formula of the planning competitions. Each database evaluates as many
 # quantifiers: SQLite refuses expressions of 1,000 levels and joins of 64 tables.
@@ -551,7 +551,6 @@ _CHECKS: dict[type, list[_Check]] = {}
 def _checks(kind: type) -> list[_Check]:
     """Compute and cache the checks of a class."""
     hints = get_type_hints(kind)
-    article = "an" if kind.__name__[0] in "AEIOU" else "a"
     # One class is faster to check than a union. The writer refuses what a document cannot contain,
     # and says where.
     formula = FormulaNode if issubclass(kind, Node) else Node
@@ -561,7 +560,7 @@ def _checks(kind: type) -> list[_Check]:
         is_tuple = get_origin(hint) is tuple
         item = get_args(hint)[0] if is_tuple else hint
         classes = (formula,) if item == Formula else get_args(item) or (item,)
-        role = f"the {field.name} of {article} {kind.__name__}"
+        role = f"the {field.name} of {with_article(kind.__name__)}"
         found.append((field.name, classes, is_tuple, role))
     _CHECKS[kind] = found
     return found

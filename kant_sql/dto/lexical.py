@@ -133,6 +133,11 @@ def function_kind(parameters: Sized, types: Sized) -> str:
     return "function of objects" if parameters or types else "function"
 
 
+def with_article(noun: str) -> str:
+    """Write a noun behind `a` or `an`."""
+    return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
+
+
 def check_name(kind: str, name: str) -> None:
     """Refuse a name that PDDL text cannot express."""
     if not isinstance(name, str):
@@ -140,9 +145,8 @@ def check_name(kind: str, name: str) -> None:
     if is_name(name, kind):
         return
     short = name if len(name) <= 60 else name[:57] + "..."
-    article = "an" if kind[0] in "aeiou" else "a"
     raise InvalidNameError(
-        f"{short!r} cannot name {article} {kind}: {_fault(kind, name)}; choose another name"
+        f"{short!r} cannot name {with_article(kind)}: {_fault(kind, name)}; choose another name"
     )
 
 

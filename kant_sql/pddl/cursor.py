@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import Final, NamedTuple, NoReturn
 
 from ..arguments import flag
-from ..dto.lexical import fold, is_name
+from ..dto.lexical import fold, is_name, with_article
 from ..errors import InvalidArgumentError, PddlError
 from .document import PddlWarning
 from .lexer import Text, tokenize
@@ -283,10 +283,9 @@ class Cursor:
 
     def odd_name(self, name: str, kind: str) -> None:
         """Warn about a name that is not standard; refuse one that cannot be a name."""
-        article = "an" if kind[0] in "aeiou" else "a"
         if not is_name(name, kind if kind != OBJECTS else "object"):
-            self.fail(f"the name of {article} {kind}" if kind != OBJECTS else "a name")
-        expected = f"{article} {kind} of a letter and letters, digits, '-' and '_'"
+            self.fail(f"the name of {with_article(kind)}" if kind != OBJECTS else "a name")
+        expected = f"{with_article(kind)} of a letter and letters, digits, '-' and '_'"
         self.deviate(expected, "taken as it is")
 
     def declared_name(self, kind: str) -> str:
