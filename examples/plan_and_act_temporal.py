@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from decimal import Decimal
 
 import kant_sql
-from kant_sql import KnowledgeBase
-from kant_sql.plans import RecordedPlan, RecordedStep
+from kant_sql import Execution, KnowledgeBase
+from kant_sql.plans import RecordedPlan
 
 DOMAIN = """
 (define (domain ward)
@@ -49,7 +49,7 @@ PROBLEM = """
 SLIP = Decimal(9)
 
 
-def halves(plan: RecordedPlan) -> Iterator[tuple[Decimal, bool, RecordedStep]]:
+def halves(plan: RecordedPlan) -> Iterator[tuple[Decimal, bool, Execution]]:
     """Yield the starts and the ends of a plan's steps, by time; ends come first."""
     found = []
     for step in plan.steps:
@@ -61,26 +61,25 @@ def halves(plan: RecordedPlan) -> Iterator[tuple[Decimal, bool, RecordedStep]]:
 
 def act(kb: KnowledgeBase, plan: RecordedPlan, slip: Decimal | None = None) -> None:
     """Execute a plan; when an invariant breaks, start nothing more, and let the rest end."""
-    lost: set[int] = set()
+    lost: set[str] = set()
     for time, is_start, step in halves(plan):
         if slip is not None and time > slip:
             lost |= surprise(kb, slip)
             slip = None
         if is_start and not lost:
             kb.start(step, reason=f"at {time:f} s")
-        elif not is_start and step.position not in lost and is_running(kb, step):
+        elif not is_start and step.id not in lost and is_running(kb, step):
             kb.end(step, reason=f"at {time:f} s")
 
 
-def is_running(kb: KnowledgeBase, step: RecordedStep) -> bool:
+def is_running(kb: KnowledgeBase, step: Execution) -> bool:
     """Return whether a step was started and has not ended."""
-    plan = kb.plans.get(step.plan_id)
-    assert plan is not None
-    return plan.steps[step.position].status == "started"
+    now = kb.executions.get(step.id)
+    return now is not None and now.outcome == "running"
 
 
-def surprise(kb: KnowledgeBase, time: Decimal) -> set[int]:
-    """Save that the door has shut, and abort the steps that need it; return their positions."""
+def surprise(kb: KnowledgeBase, time: Decimal) -> set[str]:
+    """Save that the door has shut, and abort the steps that need it; return their ids."""
     with kb.transaction(actor="camera", reason=f"the door slipped at {time} s"):
         kb.propositions.delete("(open hall room)")
     broken = kb.pddl.broken_invariants()
@@ -90,7 +89,7 @@ def surprise(kb: KnowledgeBase, time: Decimal) -> set[int]:
         with kb.transaction(reason=f"{robot} drove back"):
             kb.abort(each.step)
             kb.propositions.save(f"(at {robot} {start})")
-    return {each.step.position for each in broken}
+    return {each.step.id for each in broken}
 
 
 def plan_anew(kb: KnowledgeBase) -> RecordedPlan:
@@ -113,7 +112,7 @@ def main(url: str) -> None:
         print("What became of the steps:")
         for number, plan in enumerate(kb.plans.get_all(), start=1):
             for step in plan.steps:
-                print(f"  plan {number} {step}: {step.status or 'not started'}")
+                print(f"  plan {number} {step}: {step.outcome or 'not started'}")
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ from __future__ import annotations
 import sys
 
 import kant_sql
-from kant_sql import KnowledgeBase
+from kant_sql import Execution, KnowledgeBase
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.plans import RecordedPlan, RecordedStep
+from kant_sql.plans import RecordedPlan
 
 DOMAIN = """
 (define (domain rounds)
@@ -43,12 +43,12 @@ STEPS = (
 )
 
 
-def execute(kb: KnowledgeBase, step: RecordedStep) -> bool:
+def execute(kb: KnowledgeBase, step: Execution) -> bool:
     """Execute a step, unless the place is shut; save what was seen."""
     if step.arguments[-1] != "lab":
         kb.apply(step)
         return True
-    kb.plans.set_status(step, status="started")
+    kb.plans.set_status(step, status="running")
     with kb.transaction(reason="the door is shut", plan_step=step):
         kb.propositions.delete("(open lab)")
         kb.plans.set_status(step, status="failed")
@@ -86,7 +86,7 @@ def replay(kb: KnowledgeBase, plan_id: int) -> None:
     print(f"Plan {plan.id} was made from revision {plan.revision} by {plan.planner}. It was given")
     print(plan.problem_pddl())
     for step in plan.steps:
-        print(f"{step.position} {step} {step.status or 'was not started'}")
+        print(f"{step.position} {step} {step.outcome or 'was not started'}")
         for number in step.revisions:
             (entry,) = kb.log(since=number, until=number)
             for change in entry.changes:

@@ -37,6 +37,7 @@ from .later import asked_for
 
 if TYPE_CHECKING:
     from . import operations as operations
+    from .acts import Execution as Execution
     from .documents.exchange import Loaded as Loaded
     from .factory import DaoFactory as DaoFactory, create_dao_factory as create_dao_factory
     from .history.window import (
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     )
     from .limits import Limit as Limit, limited as limited
     from .planning import Plan as Plan, PlanStep as PlanStep
-    from .plans import RecordedPlan as RecordedPlan, RecordedStep as RecordedStep
+    from .plans import RecordedPlan as RecordedPlan
     from .reasoning.ask import Answers as Answers
     from .reasoning.complete import Completion as Completion
     from .reasoning.durative import Aborted as Aborted, BrokenInvariant as BrokenInvariant
@@ -77,6 +78,7 @@ __version__ = "0.2.0"
 # The module of each name that needs SQLAlchemy, imported on first use: the command line checks
 # files and prints its help without it.
 _HOMES = {
+    ".acts": ["Execution"],
     ".documents.exchange": ["Loaded"],
     ".factory": ["DaoFactory", "create_dao_factory"],
     ".history.window": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
@@ -85,7 +87,7 @@ _HOMES = {
     ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],
     ".limits": ["Limit", "limited"],
     ".planning": ["Plan", "PlanStep"],
-    ".plans": ["RecordedPlan", "RecordedStep"],
+    ".plans": ["RecordedPlan"],
     ".reasoning.ask": ["Answers"],
     ".reasoning.complete": ["Completion"],
     ".reasoning.durative": ["Aborted", "BrokenInvariant"],

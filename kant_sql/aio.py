@@ -53,6 +53,7 @@ from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
 from .knowledge_base import (
+    Executions,
     KnowledgeBase,
     KnowledgeStore,
     Operations,
@@ -70,6 +71,7 @@ from .store.ownership import LoopBlock
 
 __all__ = [
     "AsyncDao",
+    "AsyncExecutions",
     "AsyncFormulaDao",
     "AsyncFunctionValueDao",
     "AsyncGoalDao",
@@ -722,6 +724,14 @@ class AsyncPddlParts(_Part):
     load_unified_planning = _write(PddlParts.load_unified_planning)
 
 
+class AsyncExecutions(_Part):
+    """`Executions` for asyncio."""
+
+    get = _read(Executions.get)
+    get_all = _iterate(Executions.get_all)
+    report = _write(Executions.report)
+
+
 class AsyncOperations(_Part):
     """`Operations` for asyncio."""
 
@@ -757,6 +767,7 @@ class AsyncKnowledgeBase(_Part):
     actions = _Beside(AsyncNamedDao[PddlActionDto])
     plans = _Beside(AsyncPlanDao)
     pddl = _Beside(AsyncPddlParts)
+    executions = _Beside(AsyncExecutions)
     store = _Beside(AsyncOperations)
 
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
@@ -773,6 +784,7 @@ class AsyncKnowledgeBase(_Part):
     start = _write(KnowledgeBase.start)
     end = _write(KnowledgeBase.end)
     abort = _write(KnowledgeBase.abort)
+    fail = _write(KnowledgeBase.fail)
     plan = _read(KnowledgeBase.plan)
     validate = _read(KnowledgeBase.validate)
     log = _iterate(KnowledgeBase.log)

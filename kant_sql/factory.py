@@ -15,13 +15,14 @@ from typing import Any, Self, TypeVar
 from typing_extensions import override
 
 from . import dao
+from .acts import Execution
 from .arguments import flag, whole_number
 from .dao import interfaces as daos
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.moments import head_revision, state_at
 from .moment_text import When, read_when
-from .plans import PlanDao, RecordedStep
+from .plans import PlanDao
 from .plugins import Plugins
 from .sql.dialects import BACKENDS, create_backend, dialect_name
 from .sql.dialects.base import Backend
@@ -74,7 +75,7 @@ class DaoFactory(ABC):
         source: object | None = None,
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
-        plan_step: RecordedStep | None = None,
+        plan_step: Execution | None = None,
     ) -> AbstractContextManager[None]:
         """Make many calls one revision.
 
@@ -94,7 +95,8 @@ class DaoFactory(ABC):
                 nested block compares it with the revision that the outer one began from.
             observed_at: when the knowledge was sensed, an aware time or a text of one, such as
                 `2 minutes ago`; stored beside the time of the commit.
-            plan_step: the running step of a recorded plan; the revision links to it.
+            plan_step: the running execution, a step of a recorded plan or not; the revision links
+                to it.
 
         Returns:
             The context manager.
@@ -108,7 +110,7 @@ class DaoFactory(ABC):
             InvalidMetadataError: actor, reason or source cannot be stored, or observed_at is not a
                 time with a zone.
             InvalidArgumentError: a text is not a time.
-            PlanError: the step is not of a plan of this knowledge base.
+            PlanError: the execution is not of this knowledge base.
 
         Examples:
             >>> with kb.transaction(actor="executive", reason="navigation finished"):
@@ -311,22 +313,22 @@ class SqlDaoFactory(DaoFactory):
         source: object | None = None,
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
-        plan_step: RecordedStep | None = None,
+        plan_step: Execution | None = None,
     ) -> Iterator[None]:
         refuse_past(self._open_store, self._at)
         if expected_revision is not None:
             whole_number(expected_revision, "expected_revision")
         step = None
         if plan_step is not None:
-            from .plans.dao import check_step, place_of
+            from .acts.recording import check_execution, key_of
 
-            step = place_of(plan_step)
+            step = key_of(plan_step)
         # The number of a revision is refused there.
         seen: Any = read_when(observed_at)
         own = (actor, reason, source, expected_revision, seen, step)
         with self._open_store.transaction(*own) as transaction:
             if plan_step is not None:
-                check_step(transaction, plan_step)
+                check_execution(transaction, plan_step)
             yield
 
     @override

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cached_property, wraps
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
-from . import documents, history, html, reasoning
+from . import acts, documents, history, html, reasoning
 from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
@@ -21,7 +21,7 @@ from .store.state import State
 from .store.store import close_backend
 
 # What is public besides the names that `kant_sql` has.
-__all__ = ["Operations", "PddlParts"]
+__all__ = ["Executions", "Operations", "PddlParts"]
 
 # Revisions that a notebook shows of a knowledge base.
 _LATEST = 5
@@ -176,6 +176,14 @@ class PddlParts(Front):
     load_unified_planning = writes(lambda: documents.exchange.load_unified_planning)
 
 
+class Executions(Front):
+    """`kb.executions`: what was done, and reports of components that act without PDDL."""
+
+    get = reads(lambda: acts.executions.get)
+    get_all = reads(lambda: acts.executions.get_all)
+    report = writes(lambda: acts.executions.report)
+
+
 class Operations(Front):
     """`kb.store`: verification, anchors, archives and replication of a knowledge base.
 
@@ -229,6 +237,7 @@ class KnowledgeBase(Front):
     start = writes(lambda: reasoning.durative.start)
     end = writes(lambda: reasoning.durative.end)
     abort = writes(lambda: reasoning.durative.abort)
+    fail = writes(lambda: acts.executions.fail)
     plan = reads(lambda: documents.exchange.plan)
     validate = reads(lambda: reasoning.validate.validate)
 
@@ -244,6 +253,11 @@ class KnowledgeBase(Front):
     def pddl(self) -> PddlParts:
         """Rarer parts of PDDL, and whole documents as trees."""
         return PddlParts(self._factory, state=self._state)
+
+    @cached_property
+    def executions(self) -> Executions:
+        """What was done: read it, and report what was done without PDDL."""
+        return Executions(self._factory, state=self._state)
 
     @cached_property
     def store(self) -> Operations:

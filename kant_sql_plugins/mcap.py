@@ -43,6 +43,7 @@ from kant_sql.moment_text import When
 from kant_sql.pddl.cursor import hint
 from kant_sql.sql.audit_views import BOUNDS
 from kant_sql.sql.dialects.base import Row, Session
+from kant_sql.sql.executions import EXECUTION, PLAN_STEP, RUNNING, id_text, read_outcome
 from kant_sql.sql.query import Query
 
 if TYPE_CHECKING:
@@ -53,7 +54,6 @@ CONTENT = "transitions"
 # MCAP numbers channels in 16 bits; a viewer that lists so many is of no use.
 MOST_CHANNELS = 10_000
 
-STEP = "plan step"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _VALUE = re.compile(r"\(= (\(.*\)) (\S+)\)")
@@ -252,7 +252,7 @@ class _Recording:
         self._writer: Writer = _import_mcap().Writer(file)
         self._schemas: dict[str, int] = {}
         self._lanes: dict[tuple[str, ...], _Lane] = {}
-        self._steps: dict[tuple[int, int], str] = {}
+        self._steps: dict[str, str] = {}
 
     def run(self, snapshot: StoreSnapshot, window: Window) -> Iterator[int]:
         """Write all; yield each revision that is done."""
@@ -281,7 +281,7 @@ class _Recording:
 
     def _take(self, change: _AuditedChange) -> list[_Lane]:
         """Apply a change to its lanes."""
-        if change.kind == STEP:
+        if change.kind in (EXECUTION, PLAN_STEP):
             return self._take_step(change)
         value, words = _read(change)
         found = []
@@ -296,12 +296,12 @@ class _Recording:
         """Apply what becomes of a step: of ended ones, the last is kept until another starts."""
         if change.sign == "-" or not self._chosen.is_all:
             return []
-        _, plan, _, position, status = change.text[1:-1].split()
-        action = self._steps.get((int(plan), int(position)), change.text)
+        id_, act, status = read_outcome(change.text)
+        action = act or self._steps.get(id_, change.text)
         lane = self._lane("plan", "string", ("steps",))
         running = {said: text for said, text in lane.holds.items() if said.startswith("(")}
         running.pop(action, None)
-        if status == "started":
+        if status == RUNNING:
             running[action] = change.text
         lane.holds = running or {f"{status}: {action}": change.text}
         lane.last = change
@@ -379,7 +379,7 @@ _WHO = "committed_at, observed_at, actor, reason, source"
 _CHANGES = Query(
     text(
         f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
-        " WHERE kb_id = :kb AND kind IN ('fact', 'value', 'plan step')"
+        " WHERE kb_id = :kb AND kind IN ('fact', 'value', 'execution', 'plan step')"
         " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
     ).bindparams(*BOUNDS)
 )
@@ -396,10 +396,12 @@ _STATE = {
     for view, kind, condition in (
         ("audit_fact", "v.kind", " AND v.kind = 'fact'"),
         ("audit_value", "'value'", ""),
-        ("audit_plan_step_status", "'plan step'", " AND v.status = 'started'"),
+        ("audit_plan_step_status", "'plan step'", " AND v.status = 'running'"),
     )
 }
-_STEP_TEXTS = Query(text("SELECT plan_id, position, text FROM plan_step WHERE kb_id = :kb"))
+_STEP_TEXTS = Query(
+    text("SELECT plan_id, position, text FROM execution WHERE kb_id = :kb AND plan_id > 0")
+)
 _NAMES = Query(
     text(
         "SELECT DISTINCT name FROM audit_definition WHERE kb_id = :kb"
@@ -448,9 +450,9 @@ def _audited(session: Session, rows: Iterable[Row]) -> Iterator[_AuditedChange]:
         yield change._replace(committed_at=committed, observed_at=observed)
 
 
-def _step_texts(session: Session, kb_id: int) -> dict[tuple[int, int], str]:
-    """Read the actions of all steps, by plan and position."""
-    return {(row[0], row[1]): row[2] for row in session.rows(_STEP_TEXTS, kb=kb_id)}
+def _step_texts(session: Session, kb_id: int) -> dict[str, str]:
+    """Read the actions of all steps, by the ids of their executions."""
+    return {id_text((row[0], row[1])): row[2] for row in session.rows(_STEP_TEXTS, kb=kb_id)}
 
 
 def _names_ever(session: Session, kb_id: int) -> list[str]:

@@ -88,7 +88,7 @@ def metadata(revision: Revision) -> Iterable[str]:
     if revision.observed_at is not None:
         yield f"observed at: {time_text(revision.observed_at)}"
     if revision.plan_step is not None:
-        yield "plan {} step {}".format(*revision.plan_step)
+        yield str(revision.plan_step).replace(",", "")
 
 
 _OfActor = Annotated[

@@ -202,7 +202,7 @@ def get_recorded(state: KnowledgeBase, name: str, id_: int) -> RecordedPlan:
 
 
 def _recorded_row(one: RecordedPlan) -> tuple[str, ...]:
-    counts = Counter(step.status or _NOT_STARTED for step in one.steps)
+    counts = Counter(step.outcome or _NOT_STARTED for step in one.steps)
     steps = ", ".join(f"{count} {status}" for status, count in counts.items())
     return (
         str(one.id),
@@ -227,7 +227,7 @@ def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
     if one.value is not None:
         printer.line(f"  {printable(one.objective or 'value')}: {one.value:f}")
     rows = [
-        (str(step.position), printable(str(step)), step.status or _NOT_STARTED)
+        (str(step.position), printable(str(step)), step.outcome or _NOT_STARTED)
         for step in one.steps
     ]
     printer.table("steps", ("step", "action", "status"), rows)

@@ -35,7 +35,7 @@ _OUTCOMES = {
     "succeeded": ("succeeded", "✓", "#007f5f"),
     "failed": ("failed", "✗", "#b84f00"),
     "aborted": ("aborted", "■", "#68717a"),
-    "started": ("running", "▶", "#0072b2"),
+    "running": ("running", "▶", "#0072b2"),
 }
 _SECTIONS = {"fact": "Facts", "goal": "Goals", "value": "Values"}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -456,7 +456,7 @@ class _Pen:
         self._y += len(ends) * (BAR + 2) + 5
 
     def _step(self, plan: PlanBar, step: StepBar, span: tuple[float, float], y: int) -> None:
-        name, sign, colour = _OUTCOMES[step.status or "started"]
+        name, sign, colour = _OUTCOMES[step.status or "running"]
         begin, end = span
         lines = [f"{_said(step.text)} {name}", f"step {step.position} of plan {plan.id}"]
         if step.since_at is not None:

@@ -12,7 +12,7 @@ from ..pddl.lexer import tokenize
 from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import is_in
-from ..sql.plans import STEP_VERSIONS, Step
+from ..sql.executions import NO_PLAN, RUNNING, VERSIONS, Key
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB
 from .revisions import Revision
@@ -20,10 +20,10 @@ from .window import PLAN, PlanBar, StepBar, TimelineQuestion, Window
 
 # The plans of one timeline, and their steps. Plans are found by this many changes of steps.
 MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000
-STARTED = "started"
 
 
 LOW, HIGH = integer("low"), integer("high")
+_NO_PLAN: Any = literal_column(str(NO_PLAN))
 
 
 def _some(ids: Select[Any], order: Any) -> Select[Any]:
@@ -33,9 +33,10 @@ def _some(ids: Select[Any], order: Any) -> Select[Any]:
 
 def _ids() -> Query:
     """Select the plans that were recorded in a window, or of which a step changed or ran there."""
-    version = STEP_VERSIONS.c
-    columns = version.plan_id.label("id"), version.since, version.status
-    of_step: Any = select(*columns).where(version.kb_id == KB)
+    version = VERSIONS.c
+    columns = version.plan_id.label("id"), version.since, version.outcome
+    # Executions without a plan are no bars.
+    of_step: Any = select(*columns).where(version.kb_id == KB, version.plan_id > _NO_PLAN)
     recorded = _some(
         select(t.PlanRow.id.label("id")).where(
             t.PlanRow.kb_id == KB, t.PlanRow.since.between(LOW, HIGH)
@@ -43,14 +44,14 @@ def _ids() -> Query:
         t.PlanRow.since.desc(),
     ).subquery()
     changed = _some(of_step.where(version.since.between(LOW, HIGH)), version.since.desc())
-    started: Any = literal_column(f"'{STARTED}'")
-    now = of_step.where(version.until.is_(None), version.status == started).subquery()
+    started: Any = literal_column(f"'{RUNNING}'")
+    now = of_step.where(version.until.is_(None), version.outcome == started).subquery()
     later = _some(of_step.where(version.until > HIGH), version.until).subquery()
     found = union(
         select(recorded.c.id),
         select(changed.subquery().c.id),
         select(now.c.id).where(now.c.since <= LOW),
-        select(later.c.id).where(later.c.since <= LOW, later.c.status == started),
+        select(later.c.id).where(later.c.since <= LOW, later.c.outcome == started),
     ).subquery()
     newest = select(found.c.id).order_by(found.c.id.desc())
     return Query(first_rows(newest, literal_column(str(MOST_PLANS + 1))))
@@ -63,25 +64,25 @@ _PLANS = Query(
     .order_by(t.PlanRow.id)
 )
 _NEWEST_FIRST: Any = (
-    select(t.PlanStepRow.plan_id, t.PlanStepRow.position, t.PlanStepRow.text)
-    .where(t.PlanStepRow.kb_id == KB, in_list(t.PlanStepRow.plan_id, "ids"))
-    .order_by(t.PlanStepRow.plan_id.desc(), t.PlanStepRow.position)
+    select(t.ExecutionRow.plan_id, t.ExecutionRow.position, t.ExecutionRow.text)
+    .where(t.ExecutionRow.kb_id == KB, in_list(t.ExecutionRow.plan_id, "ids"))
+    .order_by(t.ExecutionRow.plan_id.desc(), t.ExecutionRow.position)
 )
 _STEPS = Query(first_rows(_NEWEST_FIRST, literal_column(str(MOST_STEPS + 1))))
 _STATUSES = Query(
     select(
-        STEP_VERSIONS.c.plan_id,
-        STEP_VERSIONS.c.position,
-        STEP_VERSIONS.c.since,
-        STEP_VERSIONS.c.until,
-        STEP_VERSIONS.c.status,
+        VERSIONS.c.plan_id,
+        VERSIONS.c.position,
+        VERSIONS.c.since,
+        VERSIONS.c.until,
+        VERSIONS.c.outcome,
     )
     .where(
-        STEP_VERSIONS.c.kb_id == KB,
-        in_list(STEP_VERSIONS.c.plan_id, "ids"),
-        STEP_VERSIONS.c.since <= integer("head"),
+        VERSIONS.c.kb_id == KB,
+        in_list(VERSIONS.c.plan_id, "ids"),
+        VERSIONS.c.since <= integer("head"),
     )
-    .order_by(STEP_VERSIONS.c.since)
+    .order_by(VERSIONS.c.since)
 )
 
 
@@ -108,7 +109,7 @@ class PlanBars:
         self._question = question
         self._plans: list[Row] = []
         self._steps: dict[int, list[tuple[int, str]]] = {}
-        self._ran: dict[Step, _Ran] = {}
+        self._ran: dict[Key, _Ran] = {}
         if PLAN in question.kinds and question.after is None:
             self._read(session, kb_id, window)
 
@@ -132,10 +133,10 @@ class PlanBars:
         for plan_id, position, since, until, status in session.rows(
             _STATUSES, kb=kb_id, ids=ids, head=window.head
         ):
-            place, ended = (plan_id, position), None if status == STARTED else since
+            place, ended = (plan_id, position), None if status == RUNNING else since
             if ended is None and until is not None and until <= window.head:
                 ended = until
-            began = since if status == STARTED else None
+            began = since if status == RUNNING else None
             before = self._ran.get(place)
             self._ran[place] = _Ran(status, began if before is None else before.since, ended)
 

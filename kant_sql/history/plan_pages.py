@@ -14,7 +14,7 @@ from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, table_of
-from ..sql.tables import PlanRow, PlanStepArgumentRow, PlanStepRow, PlanStepVersionRow
+from ..sql.tables import ExecutionArgumentRow, ExecutionRow, ExecutionVersionRow, PlanRow
 from ..store.state import State
 from .revisions import LARGEST, Revision, read_numbered, read_position
 
@@ -23,16 +23,16 @@ SEARCHED_STEPS = 5_000
 
 
 class StepLine(NamedTuple):
-    """A step of a recorded plan.
+    """An execution: a step of a recorded plan, or an act without a plan.
 
     Attributes:
-        plan: the id of the plan.
-        position: its place in the plan.
+        plan: the id of the plan; None without a plan.
+        position: its place in the plan; without a plan, its id.
         text: the action with its arguments, as PDDL.
-        status: what became of it; None before it is started.
+        status: its outcome; None before it is started.
     """
 
-    plan: int
+    plan: int | None
     position: int
     text: str
     status: str | None
@@ -41,7 +41,7 @@ class StepLine(NamedTuple):
 _STEPS_SHOWN = 20
 # Objects that steps are looked for by.
 MOST_OBJECTS = 5
-_STEP, _ARGUMENT = table_of(PlanStepRow), table_of(PlanStepArgumentRow)
+_STEP, _ARGUMENT = table_of(ExecutionRow), table_of(ExecutionArgumentRow)
 
 
 def _named(step: Any, place: int) -> ColumnElement[bool]:
@@ -60,7 +60,7 @@ def _shown(places: Any) -> Query:
         places.selected_columns.plan_id.desc(), places.selected_columns.position.desc()
     )
     page = first_rows(newest, integer("size")).subquery("page").c
-    version = table_of(PlanStepVersionRow).c
+    version = table_of(ExecutionVersionRow).c
 
     def of_page(table: Any, column: Any, *which: Any) -> Any:
         own = table.plan_id == page.plan_id, table.position == page.position
@@ -68,7 +68,7 @@ def _shown(places: Any) -> Query:
         return found.correlate_except(column.table).scalar_subquery()
 
     text = of_page(_STEP.c, _STEP.c.text)
-    status = of_page(version, version.status, version.until.is_(None))
+    status = of_page(version, version.outcome, version.until.is_(None))
     lines = select(page.plan_id, page.position, text, status)
     return Query(lines.order_by(page.plan_id.desc(), page.position.desc()))
 
@@ -135,7 +135,7 @@ def read_steps(session: Session, kb_id: int, kind: str, names: Iterable[str]) ->
         objects = {f"object{place}": ids[which] for place, which in enumerate(rarest)}
         query = _steps_naming(len(ids), min(counts) > SEARCHED_STEPS)
         rows = session.rows(query, **own, **objects)
-    return [StepLine(*row) for row in rows]
+    return [StepLine(plan_id or None, *line) for plan_id, *line in rows]
 
 
 class PlanLine(NamedTuple):
@@ -173,14 +173,14 @@ def _plans() -> Query:
 
 
 def _outcomes() -> Query:
-    version = table_of(PlanStepVersionRow).c
+    version = table_of(ExecutionVersionRow).c
     among, having = in_list(_STEP.c.plan_id, "plans"), in_list(version.plan_id, "plans")
     all_: Any = literal_column("''")
     steps = select(_STEP.c.plan_id, all_, func.count()).where(_STEP.c.kb_id == KB, among)
-    now = select(version.plan_id, version.status, func.count()).where(
+    now = select(version.plan_id, version.outcome, func.count()).where(
         version.kb_id == KB, having, version.until.is_(None)
     )
-    by_status = now.group_by(version.plan_id, version.status)
+    by_status = now.group_by(version.plan_id, version.outcome)
     return Query(union_all(steps.group_by(_STEP.c.plan_id), by_status))
 
 

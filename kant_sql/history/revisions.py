@@ -20,7 +20,7 @@ from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, found_rows, in_list
 from ..sql.rows import KB
-from ..sql.tables import HeadRow, RevisionPlanStepRow, RevisionRow
+from ..sql.tables import HeadRow, RevisionExecutionRow, RevisionRow
 from ..store.head import check_numbers
 from ..store.snapshot import refuse_archived, vanished
 from ..store.store import Store
@@ -44,15 +44,20 @@ _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.
 
 
 class RunningStep(NamedTuple):
-    """The step of a recorded plan that was running.
+    """The execution that was running: a step of a recorded plan, or an act without a plan.
 
     Attributes:
-        plan: the plan's id.
-        position: the step's index in the plan, from 0.
+        plan: the plan's id; None without a plan.
+        position: the step's index in the plan, from 0; without a plan, the execution's id.
     """
 
-    plan: int
+    plan: int | None
     position: int
+
+    def __str__(self) -> str:
+        if self.plan is None:
+            return f"execution {self.position}"
+        return f"plan {self.plan}, step {self.position}"
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ class Revision:
         actor: the component that wrote.
         reason: why.
         source: where the knowledge came from, as JSON values.
-        plan_step: the step of a plan that was running: the plan's id and the step's position.
+        plan_step: the execution that was running, as the writer said.
         hash: the SHA-256 that chains it to the revision before.
     """
 
@@ -94,7 +99,7 @@ class Revision:
         return [one for one in said if one is not None]
 
     def _html_row_(self) -> html.Row:
-        step = None if self.plan_step is None else "plan {}, step {}".format(*self.plan_step)
+        step = None if self.plan_step is None else str(self.plan_step)
         return {
             "revision": self.number,
             "committed at": self.committed_at,
@@ -238,7 +243,7 @@ def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
         .where(of.kb_id == KB, of.number == number)
         .correlate_except(of)
         .scalar_subquery()
-        for of, columns in ((RevisionRow, OWN_COLUMNS), (RevisionPlanStepRow, STEP_COLUMNS))
+        for of, columns in ((RevisionRow, OWN_COLUMNS), (RevisionExecutionRow, STEP_COLUMNS))
         for column in columns
     )
 
@@ -279,7 +284,7 @@ def _make_revision(session: Session, row: Row) -> Revision:
         actor=actor,
         reason=reason,
         source=read_source(source),
-        plan_step=None if plan_id is None else RunningStep(plan_id, position),
+        plan_step=None if plan_id is None else RunningStep(plan_id or None, position),
         hash=digest,
     )
     return revision

@@ -11,7 +11,7 @@ from sqlalchemy import ColumnElement, Select, func, literal_column, select, unio
 from .. import html
 from ..arguments import shown
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
-from ..sql.changes import STEPS, Change, ends_of, in_range, newest_of, paged
+from ..sql.changes import EXECUTIONS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import (
@@ -27,8 +27,8 @@ from ..sql.rows import (
 )
 from ..sql.tables import (
     TABLES,
+    ExecutionArgumentRow,
     FunctionValueArgumentRow,
-    PlanStepArgumentRow,
     PropositionArgumentRow,
 )
 from ..store.state import State
@@ -59,7 +59,7 @@ _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
     (VERSION_COLUMNS[VALUE], table_of(FunctionValueArgumentRow).c, ("function_value_id",)),
     (VERSION_COLUMNS["action"], TABLES["action_term"].c, ("action_id", "since")),
     (VERSION_COLUMNS["formula"], TABLES["formula_term"].c, ("formula_id", "since")),
-    (STEPS, table_of(PlanStepArgumentRow).c, ("plan_id", "position")),
+    (EXECUTIONS, table_of(ExecutionArgumentRow).c, ("plan_id", "position")),
 )
 
 

@@ -121,7 +121,7 @@ class StepBar:
     Attributes:
         position: its index in the plan, from 0.
         text: the action with its arguments.
-        status: `started`, `succeeded`, `failed` or `aborted`; None before it is started.
+        status: `running`, `succeeded`, `failed` or `aborted`; None before it is started.
         since: the revision that started it; None if it was not started.
         until: the revision that ended it; None if it did not end.
         since_at: when it was started, in UTC.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import NamedTuple, TypedDict, TypeVar
+from typing import NamedTuple, Protocol, TypedDict, TypeVar
 
 from typing_extensions import override
 
@@ -288,18 +288,31 @@ def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
     return found
 
 
-def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable[str]]) -> ReadStep:
+class NamedAction(Protocol):
+    """What has a name."""
+
+    @property
+    def name(self) -> str:
+        """The name."""
+
+
+def read_step(
+    text: str,
+    *,
+    symbols: SymbolTable,
+    action: Callable[[str], NamedAction | None],
+    actions: Callable[[], Iterable[str]],
+) -> ReadStep:
     """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses."""
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
     _refuse_unclosed(reader)
     reader.expect("(", "'(' before the action")
-    known = {fold(name): name for name in actions()}
     at = reader.at
     word = reader.word("the name of an action")
-    action = known.get(fold(word))
-    if action is None:
-        expected = f"an action that is declared{hint(word, list(known.values()))}"
+    found = action(word)
+    if found is None:
+        expected = f"an action that is declared{hint(word, [*actions()])}"
         reader.fail(expected, f"the action {reader.quoted(at)}", at)
     arguments = []
     while reader.tokens[reader.at] != ")":
@@ -309,7 +322,8 @@ def read_step(text: str, *, symbols: SymbolTable, actions: Callable[[], Iterable
     reader.at += 1
     if reader.tokens[reader.at]:
         reader.fail("the end of the text after one step")
-    return ReadStep(action, tuple(arguments))
+    assert found is not None
+    return ReadStep(found.name, tuple(arguments))
 
 
 class _ElementReader(DeclarationReader):

@@ -7,15 +7,13 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from .. import html
-from ..history.revisions import Version
+from ..acts import Execution, Outcome
 from ..planning import Plan
 
-__all__ = ["PlanDao", "RecordedPlan", "RecordedStep", "StepStatus"]
-
-StepStatus = Literal["started", "succeeded", "failed", "aborted"]
+__all__ = ["PlanDao", "RecordedPlan"]
 
 
 class Given(NamedTuple):
@@ -28,67 +26,6 @@ class Given(NamedTuple):
 
     domain: str
     problem: str
-
-
-@dataclass(frozen=True)
-class RecordedStep:
-    """A step of a recorded plan, and its outcome.
-
-    Attributes:
-        plan_id: the id of its plan.
-        position: its index in the plan, from 0.
-        start: seconds from the start of the plan; None in a plan without times.
-        action: the action's name.
-        arguments: the objects' names.
-        duration: seconds; None for an instantaneous action.
-        status: `started`, `succeeded`, `failed` or `aborted`; None before it is started.
-        outcomes: each status that it had, with the revisions that set and ended it.
-        revisions: the numbers of the revisions made while it ran (`plan_step=`).
-        knowledge_base: the name of the knowledge base that recorded its plan.
-
-    A step does not change after it is read. Within a transaction, `status` includes the
-    transaction's own change; `outcomes` have committed revisions only.
-    """
-
-    _json_ = "position", "start", "action", "arguments", "duration", "status", "revisions"
-
-    plan_id: int
-    position: int
-    start: Decimal | None
-    action: str
-    arguments: tuple[str, ...]
-    duration: Decimal | None
-    status: StepStatus | None
-    outcomes: tuple[Version, ...]
-    revisions: tuple[int, ...]
-    knowledge_base: str
-
-    @property
-    def revision(self) -> int | None:
-        """The revision that gave it its status; None before any, and until that is committed."""
-        last = self.outcomes[-1] if self.outcomes else None
-        return last.since.number if last is not None and last.until is None else None
-
-    def __str__(self) -> str:
-        return f"({' '.join((self.action, *self.arguments))})"
-
-    def _html_row_(self) -> html.Row:
-        outcomes = self.outcomes[-html.LINES :]
-        return {
-            "position": self.position,
-            "start": self.start,
-            "step": str(self),
-            "duration": self.duration,
-            "status": self.status,
-            "outcomes": tuple(
-                f"revision {each.since.number}: {each.text}"
-                + ("" if each.since.actor is None else f" by {each.since.actor}")
-                for each in outcomes
-            ),
-        }
-
-    def _repr_html_(self) -> str:
-        return html.fields({"plan": self.plan_id, **self._html_row_()})
 
 
 @dataclass(frozen=True)
@@ -123,11 +60,11 @@ class RecordedPlan:
     objective: str | None
     value: Decimal | None
     status: str | None
-    steps: tuple[RecordedStep, ...]
+    steps: tuple[Execution, ...]
     _given: Callable[[RecordedPlan], Given] = field(compare=False, repr=False)
 
     def _html_row_(self) -> html.Row:
-        statuses = Counter(step.status or "not started" for step in self.steps)
+        statuses = Counter(step.outcome or "not started" for step in self.steps)
         return {
             "plan": self.id,
             "recorded in": self.recorded_in,
@@ -169,7 +106,7 @@ class RecordedPlan:
 
 
 class PlanDao(ABC):
-    """Records plans and the status of their steps. Recorded plans are never changed or deleted."""
+    """Records plans, whose steps are executions. Recorded plans are never changed or deleted."""
 
     @abstractmethod
     def record(
@@ -217,10 +154,10 @@ class PlanDao(ABC):
             2
             >>> found = Plan((PlanStep(None, "unlock"),), "by hand", "solved_satisficing")
             >>> plan = kb.plans.record(found)
-            >>> kb.plans.set_status(plan.steps[0], status="started")
+            >>> kb.plans.set_status(plan.steps[0], status="running")
             True
-            >>> kb.plans.get(plan.id).steps[0].status
-            'started'
+            >>> kb.plans.get(plan.id).steps[0].outcome
+            'running'
         """
 
     @abstractmethod
@@ -243,16 +180,16 @@ class PlanDao(ABC):
         """
 
     @abstractmethod
-    def set_status(self, step: RecordedStep, *, status: StepStatus) -> bool:
-        """Set the status of a step.
+    def set_status(self, step: Execution, *, status: Outcome) -> bool:
+        """Set the outcome of a step, as `kb.executions.report` does, without reading it back.
 
         A step is started once, and then succeeds, fails or is aborted. A step that was not started
         can be aborted, too.
 
         Returns:
-            False when the step has this status already.
+            False when the step has this outcome already.
 
         Raises:
-            PlanError: the step is not known, or its present status does not allow this one.
+            PlanError: the step is not known, or its present outcome does not allow this one.
             ReadOnlyError: this is a view of the past.
         """

@@ -7,6 +7,8 @@ from contextlib import AbstractContextManager
 from decimal import Decimal
 from typing import Any
 
+from ..acts import Execution
+from ..acts.recording import check_execution, key_of
 from ..arguments import count_limit, expect, optional_text, shown
 from ..dto.formulas import AT_END
 from ..errors import InvalidArgumentError
@@ -14,8 +16,6 @@ from ..html import Feed, Listing
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..pddl.cursor import hint
 from ..planning import PlanStep
-from ..plans import RecordedStep
-from ..plans.dao import check_step, place_of
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
 from ..store.state import State
@@ -283,20 +283,20 @@ def in_revision(
     store: Store,
     step: object,
     reason: str | None,
-    plan_step: RecordedStep | None,
+    plan_step: Execution | None,
     done: str,
     work: Callable[[Transaction, GroundStep], None],
 ) -> int | None:
     """Do something with a step in one revision; return its number, None without one of its own."""
     optional_text(reason, "the reason")
     recorded = plan_step if plan_step is not None else step
-    place = place_of(recorded) if isinstance(recorded, RecordedStep) else None
+    place = key_of(recorded) if isinstance(recorded, Execution) else None
     said = reason if reason is not None else f"{done} {_shown(step)}"
     is_outer = store.current() is None
     opened: AbstractContextManager[Transaction] = store.transaction(reason=said, plan_step=place)
     with opened as transaction:
-        if isinstance(recorded, RecordedStep):
-            check_step(transaction, recorded)
+        if isinstance(recorded, Execution):
+            check_execution(transaction, recorded)
         work(transaction, ground(transaction.definitions.current(), step))
     committed = transaction.committed
     return committed.number if is_outer and committed is not None else None

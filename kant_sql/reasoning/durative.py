@@ -2,8 +2,8 @@
 
 A durative step begins with its conditions and effects `at start`, and ends with those `at end`;
 what is `over all` holds from right after the start until right before the end (Fox and Long, PDDL
-2.1, 2003, section 5). A running step is a step of a recorded plan with the status `started`, so all
-processes know it; a step of no plan is recorded as a plan of its own.
+2.1, 2003, section 5). Each step is recorded as an execution, in the revision of its effects, so all
+processes know what runs.
 """
 
 from __future__ import annotations
@@ -12,11 +12,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
+from ..acts import Execution
+from ..acts.recording import (
+    key_of,
+    read_execution,
+    running_executions,
+    set_outcome,
+)
 from ..arguments import flag
 from ..dto import formulas as f
 from ..dto.elements import atom_text, value_text
 from ..dto.formulas import AT_END, AT_START, OVER_ALL
-from ..dto.lexical import fold
+from ..dto.lexical import fold, number_text
 from ..errors import (
     ArchivedError,
     InvalidKnowledgeError,
@@ -28,16 +35,21 @@ from ..history.diff import diff
 from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.resolved import AllOf
-from ..planning import PlanStep
-from ..plans import RecordedStep
-from ..plans.dao import place_of, read_step, record_step, running_steps, set_status
 from ..sql.changes import ASSERTED, RETRACTED, Change
+from ..sql.executions import (
+    ABORTED,
+    REFUSED,
+    RUNNING,
+    SUCCEEDED,
+    ExecutionDefinition,
+    Key,
+)
 from ..store.caches import AtomKey, FluentKey, FluentValue, read_value
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .act import Stepper, begin, in_revision, view_of
+from .act import NO_NUMBERS, Stepper, begin, in_revision, view_of
 from .effects import (
     Earlier,
     EffectReader,
@@ -65,7 +77,7 @@ class BrokenInvariant:
             within a transaction that broke it.
     """
 
-    step: RecordedStep
+    step: Execution
     unsatisfied: FailedCondition
     since: Revision | None
 
@@ -76,28 +88,37 @@ class BrokenInvariant:
 
 
 def apply(
-    state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
+    state: State,
+    step: Step,
+    *,
+    reason: str | None = None,
+    plan_step: Execution | None = None,
+    record_refusal: bool = False,
 ) -> int | None:
     """Execute a step: check its conditions and write its effects, in one revision.
 
     Conditions and right-hand sides are evaluated in the state before, deletes come before adds,
     numbers are exact (PDDL 2.1). A durative action is executed at once: its start, its
     continuous effects for its duration, then its end, each with its conditions. The head is
-    locked meanwhile, so nothing changes between the check and the effects. A step of a recorded
-    plan gets the status `succeeded`.
+    locked meanwhile, so nothing changes between the check and the effects. The revision records
+    the execution, also of a step that changes nothing: `kb.executions` has it. A step of a recorded
+    plan gets the outcome `succeeded`.
 
     Args:
         step: text such as `"(move rb1 hall kitchen)"`, with `[5]` for a duration, a
             `PlanStep`, a step of a recorded plan, or an `ActionInstance` of unified-planning.
         reason: the revision's reason; by default the step.
-        plan_step: the running step of a recorded plan that the revision links to.
+        plan_step: the running execution that the revision links to.
+        record_refusal: whether a step that cannot be executed is recorded, with the outcome
+            `refused` and what did not hold; its revision has nothing else. Within an open
+            transaction, that is kept if the transaction is.
 
     Returns:
-        The revision; None when nothing changed, or within an open transaction.
+        The revision; None within an open transaction.
 
     Raises:
         NotApplicableError: a condition does not hold, a duration is not allowed, or a
-            right-hand side has no value; nothing is written.
+            right-hand side has no value; nothing is written, unless the refusal is recorded.
         PlanError: the text gives a duration to an action without one.
         PddlError, InvalidKnowledgeError: the step names an unknown element.
         UnsupportedConstructError: it is a process or an event, or its continuous change is not
@@ -116,18 +137,58 @@ def apply(
     """
     store = state.store
 
-    def work(transaction: Transaction, found: GroundStep) -> None:
-        before = begin(view_of(transaction), found)
-        earlier = before.earlier() if found.action.is_durative else None
-        before.execute(transaction, AT_START)
-        if found.action.is_durative:
-            _finish(transaction, found, before.numbers, earlier)
-        if found.recorded is not None:
-            if found.recorded.status is None:
-                set_status(transaction, found.recorded, "started")
-            set_status(transaction, found.recorded, "succeeded")
+    flag(record_refusal, "record_refusal", PlanError)
+    refused: list[NotApplicableError] = []
 
-    return in_revision(store, step, reason, plan_step, "applied", work)
+    def attempt(transaction: Transaction, found: GroundStep) -> None:
+        try:
+            with transaction.scope():
+                _apply(transaction, found)
+        except NotApplicableError as error:
+            not_held = "; ".join(map(str, error.unsatisfied))
+            _record(transaction, found, REFUSED, message=not_held)
+            refused.append(error)
+
+    work = attempt if record_refusal else _apply
+    made = in_revision(store, step, reason, plan_step, "applied", work)
+    if refused:
+        raise refused[0]
+    return made
+
+
+def _apply(transaction: Transaction, step: GroundStep) -> None:
+    before = begin(view_of(transaction), step)
+    earlier = before.earlier() if step.action.is_durative else None
+    before.execute(transaction, AT_START)
+    if step.action.is_durative:
+        _finish(transaction, step, before.numbers, earlier)
+    if step.recorded is None:
+        _record(transaction, step, SUCCEEDED, before.numbers)
+        return
+    if step.recorded.outcome is None:
+        set_outcome(transaction, step.recorded, RUNNING)
+    set_outcome(transaction, step.recorded, SUCCEEDED)
+
+
+def _record(
+    transaction: Transaction,
+    step: GroundStep,
+    outcome: str,
+    numbers: Mapping[str, Decimal] = NO_NUMBERS,
+    message: str | None = None,
+) -> Key:
+    """Record a step of no plan."""
+    duration = numbers.get(f.DURATION, step.duration) if step.action.is_durative else None
+    made = ExecutionDefinition(
+        None,
+        None if duration is None else number_text(duration),
+        transaction.definitions.actions.id_of(step.action.name),
+        None,
+        step.ids,
+        str(step),
+    )
+    said = () if message is None else (None, message)
+    return transaction.executions.record(made, outcome, *said)
 
 
 def _finish(
@@ -153,8 +214,8 @@ def _finish(
 
 
 def start(
-    state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
-) -> RecordedStep:
+    state: State, step: Step, *, reason: str | None = None, plan_step: Execution | None = None
+) -> Execution:
     """Start a durative step: its conditions and effects `at start`, in one revision.
 
     Args:
@@ -163,8 +224,7 @@ def start(
         plan_step: as for `apply`.
 
     Returns:
-        The running step, with the status `started`; a step of no plan is recorded as a plan of
-        its own.
+        The execution, with the outcome `running`.
 
     Raises:
         NotApplicableError: the step cannot begin (see `why_not`), its duration violates a
@@ -180,49 +240,38 @@ def start(
         ...     :effect (and (at start (busy)) (at end (open)))))''').revision
         2
         >>> step = kb.start("(unlock)")
-        >>> step.status, step.duration, kb.holds("(busy)"), kb.holds("(open)")
-        ('started', Decimal('3'), True, False)
+        >>> step.outcome, step.duration, kb.holds("(busy)"), kb.holds("(open)")
+        ('running', Decimal('3'), True, False)
         >>> step = kb.end(step)
-        >>> step.status, step.revision
+        >>> step.outcome, step.revision
         ('succeeded', 4)
         >>> kb.holds("(open)")
         True
     """
     store = state.store
-    started: list[RecordedStep] = []
+    started: list[Key] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         _check_durative(found)
-        running = _find(running_steps(store), found)
+        running = _find(running_executions(store), found)
         if running is not None:
-            reason_ = f"it is running: step {running.position} of plan {running.plan_id}"
+            reason_ = f"it is running: {running.place}"
             raise not_applicable(found, [FailedCondition(str(found), reason_)])
         stepper = begin(view_of(transaction), found)
         stepper.execute(transaction, AT_START)
-        recorded = found.recorded
-        if recorded is None:
-            duration = stepper.numbers.get(f.DURATION)
-            whole = PlanStep(None, found.action.name, found.names, duration)
-            recorded = record_step(store, transaction, whole)
-            _link(transaction, recorded)
-        set_status(transaction, recorded, "started")
-        started.append(recorded)
+        if found.recorded is None:
+            started.append(_record(transaction, found, RUNNING, stepper.numbers))
+        else:
+            set_outcome(transaction, found.recorded, RUNNING)
+            started.append(key_of(found.recorded))
 
     in_revision(store, step, reason, plan_step, "started", work)
-    return read_step(store, started[0])
-
-
-def _link(transaction: Transaction, step: RecordedStep) -> None:
-    """Link the revision to a step that it records."""
-    if transaction.metadata.plan_step is None:
-        # The link refers to the step's row.
-        transaction.flush()
-        transaction.metadata = transaction.metadata._replace(plan_step=place_of(step))
+    return read_execution(store, started[0])
 
 
 def end(
-    state: State, step: Step, *, reason: str | None = None, plan_step: RecordedStep | None = None
-) -> RecordedStep:
+    state: State, step: Step, *, reason: str | None = None, plan_step: Execution | None = None
+) -> Execution:
     """End a running step: its conditions and effects `at end`, in one revision.
 
     Continuous effects take place first: their rates in this state, times the duration that was
@@ -236,7 +285,7 @@ def end(
         plan_step: as for `apply`.
 
     Returns:
-        The step, with the status `succeeded`.
+        The execution, with the outcome `succeeded`.
 
     Raises:
         NotApplicableError: a condition `over all` or `at end` does not hold.
@@ -249,14 +298,14 @@ def end(
     def work(transaction: Transaction, found: GroundStep) -> None:
         given = {} if running.duration is None else {f.DURATION: running.duration}
         _finish(transaction, found, given, earlier)
-        set_status(transaction, running, "succeeded")
+        set_outcome(transaction, running, SUCCEEDED)
 
     in_revision(store, running, reason, plan_step, "ended", work)
-    return read_step(store, running)
+    return read_execution(store, key_of(running))
 
 
 def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = False) -> Aborted:
-    """Abort a running step: it gets the status `aborted`.
+    """Abort a running step: it gets the outcome `aborted`.
 
     What its start changed stays, and the result says what of it still stands. With `undo`, it
     is taken back in the same revision, if nothing else changed it since.
@@ -267,7 +316,7 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
         undo: whether to take back what the start changed.
 
     Returns:
-        The step, with the status `aborted`, what its start left, and what was taken back.
+        The execution, with the outcome `aborted`, what its start left, and what was taken back.
 
     Raises:
         PlanError: the step is not running; or with `undo`, something else changed what its
@@ -298,12 +347,12 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
         stands = standing(transaction, effects or [])
         for effect, is_so in zip(effects or [], stands, strict=True):
             left.extend(effect.changes if is_so else ())
-        set_status(transaction, running, "aborted")
+        set_outcome(transaction, running, ABORTED)
 
     done = "aborted and undid" if undo else "aborted"
     in_revision(store, running, reason, None, done, work)
     undone = tuple(each for effect in effects or [] for each in effect.changes) if undo else ()
-    now = vars(read_step(store, running))
+    now = vars(read_execution(store, key_of(running)))
     return Aborted(**now, left=None if effects is None else tuple(left), undone=undone)
 
 
@@ -314,21 +363,21 @@ def _check_durative(step: GroundStep) -> None:
         )
 
 
-def _find(running: list[RecordedStep], step: GroundStep) -> RecordedStep | None:
+def _find(running: list[Execution], step: GroundStep) -> Execution | None:
     names = [fold(name) for name in (step.action.name, *step.names)]
     for each in running:
-        if step.recorded is not None and place_of(each) == place_of(step.recorded):
+        if step.recorded is not None and key_of(each) == key_of(step.recorded):
             return each
         if [fold(name) for name in (each.action, *each.arguments)] == names:
             return each
     return None
 
 
-def _running(store: Store, step: object) -> tuple[RecordedStep, Earlier]:
+def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
     """Find a running step, and what its effects at the end need of the state before its start."""
     found = store.read_definitions(lambda definitions: ground(definitions, step))
     _check_durative(found)
-    running = running_steps(store)
+    running = running_executions(store)
     recorded = _find(running, found)
     if recorded is None:
         others = ", ".join(str(each) for each in running) or "none"
@@ -363,9 +412,9 @@ def broken_invariants(state: State) -> list[BrokenInvariant]:
     store, at = state
     if at is not None:
         raise PlanError("running steps are of the present: ask the knowledge base, not kb.at(...)")
-    running = running_steps(store)
+    running = running_executions(store)
 
-    def work(view: View) -> list[tuple[RecordedStep, FailedCondition]]:
+    def work(view: View) -> list[tuple[Execution, FailedCondition]]:
         found = []
         for step in running:
             of_step = ground(view.definitions, step)
@@ -388,7 +437,7 @@ def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
 
 
 @dataclass(frozen=True)
-class Aborted(RecordedStep):
+class Aborted(Execution):
     """An aborted step, and what that leaves.
 
     Attributes:
@@ -432,7 +481,7 @@ class _Effect:
     is_alone: bool = True
 
 
-def start_effects(store: Store, step: RecordedStep) -> list[_Effect] | None:
+def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
     """Find what the start of a running step changed; None if the state before is not known."""
     if not step.outcomes:
         return None
@@ -527,7 +576,7 @@ def standing(transaction: Transaction, effects: list[_Effect]) -> list[bool]:
     return found
 
 
-def take_back(transaction: Transaction, step: RecordedStep, effects: list[_Effect] | None) -> None:
+def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] | None) -> None:
     """Take back what the start of a step changed, unless something else changed it."""
     if effects is None:
         raise PlanError(

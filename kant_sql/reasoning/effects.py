@@ -7,7 +7,7 @@ fluent add up; other assignments of one fluent must agree. Numbers are calculate
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
@@ -200,15 +200,15 @@ class EffectReader:
         names = [live(id_).name for id_ in ids]
         text = atom_text(declared.name, names)
         for id_, parameter in zip(ids, declared.parameters, strict=True):
-            self._check_fit(id_, parameter.type_ids, f"{text}, which {self._step} changes,")
+            self._check_fit(id_, parameter.type_ids, lambda: f"{text}, which {self._step} changes,")
         return text
 
-    def _check_fit(self, id_: int, type_ids: Sequence[int], role: str) -> None:
+    def _check_fit(self, id_: int, type_ids: Sequence[int], role: Callable[[], str]) -> None:
         definitions = self._definitions
         if not fits(definitions, id_, closure(definitions, type_ids)):
             wanted = either_text(definitions.types.live(each).name for each in type_ids)
             raise TypeMismatchError(
-                f"{role} has {definitions.objects.live(id_).name}, which is not a {wanted}"
+                f"{role()} has {definitions.objects.live(id_).name}, which is not a {wanted}"
             )
 
     def _value(
@@ -221,7 +221,7 @@ class EffectReader:
     ) -> Exact | int:
         if isinstance(item.value, Slot | Known):
             id_ = self._object(item.value, objects)
-            self._check_fit(id_, function.type_ids, f"({item.operator} {text} ...)")
+            self._check_fit(id_, function.type_ids, lambda: f"({item.operator} {text} ...)")
             return id_
         assert item.value is not None
         number = exact(item.value, values, self._numbers)

@@ -6,9 +6,11 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from functools import cached_property
 from itertools import count
 from typing import Any, NamedTuple, Protocol
 
+from ..acts import Execution
 from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import either_text
@@ -43,7 +45,6 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import PlanStep
-from ..plans import RecordedStep
 from .failures import FailedCondition
 
 
@@ -59,7 +60,7 @@ class UpActionInstance(Protocol):
         """The objects."""
 
 
-Step = str | PlanStep | RecordedStep | UpActionInstance
+Step = str | PlanStep | Execution | UpActionInstance
 
 # A step with its start and its duration, as in a plan.
 _TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+)\s*\])?\s*$", re.S)
@@ -72,13 +73,13 @@ _TIME = Parameter("#t")
 
 @dataclass(frozen=True)
 class GroundStep:
-    """An action with objects for its parameters, and the recorded step that it is, if any."""
+    """An action with objects for its parameters, and the recorded execution that it is, if any."""
 
     action: PreparedAction
     ids: tuple[int, ...]
     names: tuple[str, ...]
     duration: Decimal | None = None
-    recorded: RecordedStep | None = None
+    recorded: Execution | None = None
 
     def __str__(self) -> str:
         return f"({' '.join((self.action.name, *self.names))})"
@@ -95,12 +96,12 @@ class GroundStep:
 
     def of(self, term: Place) -> int | None:
         """Return the object of a term that is a constant or a parameter."""
-        if not isinstance(term, Slot):
-            return term.id
-        for bound, id_ in zip(self.action.parameters, self.ids, strict=True):
-            if bound.slot == term:
-                return id_
-        return None
+        return self._ids.get(term) if isinstance(term, Slot) else term.id
+
+    @cached_property
+    def _ids(self) -> dict[Slot, int]:
+        pairs = zip(self.action.parameters, self.ids, strict=True)
+        return {bound.slot: id_ for bound, id_ in pairs}
 
 
 @dataclass(frozen=True)
@@ -443,8 +444,8 @@ def executable(definitions: Definitions) -> Iterator[ActionDefinition]:
 def find_action(definitions: Definitions, name: str) -> ActionDefinition:
     """Find an action by name."""
     found = definitions.actions.named(name)
-    names = [each.name for each in executable(definitions)]
     if found is None:
+        names = [each.name for each in executable(definitions)]
         raise InvalidKnowledgeError(f"the action {shown(name)} is not known{hint(name, names)}")
     if found.kind not in (ACTION, DURATIVE_ACTION):
         raise UnsupportedConstructError(
@@ -453,8 +454,25 @@ def find_action(definitions: Definitions, name: str) -> ActionDefinition:
     return found
 
 
+# The texts of steps that are kept with the definitions that they were read by.
+KEPT_STEPS = 1_000
+
+
 def ground(definitions: Definitions, step: object) -> GroundStep:
     """Find the action and the objects of a step; whether they fit is checked later."""
+    if not isinstance(step, str):
+        return _ground(definitions, step)
+    # Robots repeat their steps; to read one took an eighth of `apply`.
+    kept: dict[str, GroundStep] = definitions.derived.setdefault(GroundStep, {})
+    found = kept.get(step)
+    if found is None:
+        if len(kept) >= KEPT_STEPS:
+            kept.clear()
+        found = kept[step] = _ground(definitions, step)
+    return found
+
+
+def _ground(definitions: Definitions, step: object) -> GroundStep:
     name, arguments, duration, recorded = _given(definitions, step)
     action = prepared(definitions, find_action(definitions, name))
     # Planners write durations of instantaneous steps, too; whoever types one expects it to count.
@@ -483,7 +501,7 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
     return GroundStep(action, ids, names_, duration, recorded)
 
 
-_Given = tuple[str, Sequence[str], Decimal | None, RecordedStep | None]
+_Given = tuple[str, Sequence[str], Decimal | None, Execution | None]
 
 
 def _given(definitions: Definitions, step: object) -> _Given:
@@ -493,12 +511,13 @@ def _given(definitions: Definitions, step: object) -> _Given:
         read = read_step(
             text,
             symbols=symbols_of(definitions),
+            action=definitions.actions.named,
             actions=lambda: [each.name for each in definitions.actions],
         )
         return *read, None if duration is None else Decimal(duration), None
     if isinstance(step, PlanStep):
         return step.action, step.arguments, step.duration, None
-    if isinstance(step, RecordedStep):
+    if isinstance(step, Execution):
         return step.action, step.arguments, step.duration, step
     if type(step).__module__.startswith("unified_planning") and hasattr(step, "actual_parameters"):
         given: Any = step

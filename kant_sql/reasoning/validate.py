@@ -26,6 +26,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from .. import html
+from ..acts import Execution
 from ..arguments import expect
 from ..documents.exchange import read_task
 from ..dto import formulas as f
@@ -38,7 +39,7 @@ from ..pddl.cursor import hint
 from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
-from ..plans import RecordedPlan, RecordedStep
+from ..plans import RecordedPlan
 from ..store.state import State
 from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
 from .derived import read_world
@@ -52,7 +53,7 @@ from .world import FluentRow, Row, World, fact_of, value_of
 SIMULTANEOUS = Decimal("0.001")
 ANONYMOUS = "anonymous"
 
-Step = PlanStep | RecordedStep
+Step = PlanStep | Execution
 
 
 @dataclass(frozen=True)

@@ -25,16 +25,17 @@ from sqlalchemy import (
 from .. import html
 from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
+from .executions import EXECUTION
 from .places import Place, from_place
 from .query import InRange, Query, first_rows, in_list, integer
 from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, table_of
 from .tables import (
     ArchiveRow,
+    ExecutionVersionRow,
     PlanRow,
-    PlanStepVersionRow,
     PromotionRow,
     PropositionRow,
-    RevisionPlanStepRow,
+    RevisionExecutionRow,
     RevisionRow,
 )
 
@@ -48,14 +49,14 @@ OWN_COLUMNS: tuple[Any, ...] = (
     RevisionRow.hash,
     RevisionRow.observed_at,
 )
-STEP_COLUMNS: tuple[Any, ...] = RevisionPlanStepRow.plan_id, RevisionPlanStepRow.position
+STEP_COLUMNS: tuple[Any, ...] = RevisionExecutionRow.plan_id, RevisionExecutionRow.position
 REVISIONS = (
     select(*OWN_COLUMNS, *STEP_COLUMNS)
     .outerjoin(
-        RevisionPlanStepRow,
+        RevisionExecutionRow,
         and_(
-            RevisionPlanStepRow.kb_id == RevisionRow.kb_id,
-            RevisionPlanStepRow.number == RevisionRow.number,
+            RevisionExecutionRow.kb_id == RevisionRow.kb_id,
+            RevisionExecutionRow.number == RevisionRow.number,
         ),
     )
     .where(RevisionRow.kb_id == KB)
@@ -63,7 +64,7 @@ REVISIONS = (
 
 _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
 ASSERTED, RETRACTED = "+", "-"
-PLAN, PLAN_STEP, ARCHIVE, PROMOTION = "plan", "plan step", "archive", "promotion"
+PLAN, ARCHIVE, PROMOTION = "plan", "archive", "promotion"
 # What is read at once, and sorted in memory.
 FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
@@ -76,7 +77,7 @@ class Change(NamedTuple):
     Attributes:
         sign: `+` asserted, `-` retracted.
         kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `plan`,
-            `plan step`, `archive` or `promotion`.
+            `execution`, `plan step`, `archive` or `promotion`.
         text: the element's canonical PDDL text.
     """
 
@@ -122,18 +123,23 @@ class ChangeEnd(NamedTuple):
         ).where(self.source.version.kb_id == KB, *conditions)
 
 
-def _record(mapped: Any, kind: str, owner: str = "id") -> VersionColumns:
+def _record(mapped: Any, kind: str) -> VersionColumns:
     table = table_of(mapped).c
-    return VersionColumns(None, table, table[owner], literal_column(f"'{kind}'"), table.text)
+    return VersionColumns(None, table, table.id, literal_column(f"'{kind}'"), table.text)
 
 
-# What changes, by kind: elements, steps of plans, and records, which are never retracted.
+def _executions() -> VersionColumns:
+    table = table_of(ExecutionVersionRow).c
+    return VersionColumns(None, table, table.plan_id, table.kind, table.text)
+
+
+# What changes, by kind: elements, executions, and records, which are never retracted.
 _RECORDS = {
     kind: _record(mapped, kind)
     for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE), (PromotionRow, PROMOTION))
 }
-STEPS = _record(PlanStepVersionRow, PLAN_STEP, "plan_id")
-_SOURCES = {**VERSION_COLUMNS, PLAN_STEP: STEPS, **_RECORDS}
+EXECUTIONS = _executions()
+_SOURCES = {**VERSION_COLUMNS, EXECUTION: EXECUTIONS, **_RECORDS}
 
 
 def ends_of(source: VersionColumns) -> list[ChangeEnd]:
@@ -302,7 +308,7 @@ def paged(parts: Iterable[Select[Any]], key: Sequence[type] = (), by_text: bool 
         rows, order = select(*lines), (lines.retracted, lines.kind, last)
         if key:
             rows = rows.where(from_place(order, key))
-        # Steps of a plan have one owner.
+        # Steps of a plan have one owner, and so have executions of none.
         rows = rows.order_by(lines.revision.desc(), *order, lines.text)
         return rows.limit(integer("size")).offset(integer("skip"))
 

@@ -15,9 +15,24 @@ from typing import Any, ClassVar, Generic, TypeVar
 from ..dto.elements import value_text
 from ..dto.lexical import fold, is_word
 from ..knowledge.definitions import Definition, PendingElements
-from ..sql.changes import ASSERTED, PLAN_STEP, RETRACTED, Change
+from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
+from ..sql.executions import (
+    EXECUTION,
+    NEW_ARGUMENT,
+    NEW_EXECUTION,
+    NEW_OUTCOME,
+    NO_PLAN,
+    STATEMENTS,
+    ExecutionDefinition,
+    Key,
+    OutcomeDefinition,
+    argument_rows,
+    execution_row,
+    outcome_text,
+)
+from ..sql.executions import FIND as FIND_EXECUTION
 from ..sql.intervals import (
     CLOSED_HERE,
     FIND,
@@ -28,7 +43,6 @@ from ..sql.intervals import (
     VALUE_VERSIONS,
     VERSIONS,
 )
-from ..sql.plans import FIND_STEP, NEW_STATUS, STEP_STATEMENTS, Step, status_text
 from ..sql.query import IdsQuery, Insert, whole_rows
 from ..sql.rows import FACT, GOAL, KIND_TABLES, VALUE, RowsByTable, VersionTable, table_of
 from ..sql.tables import (
@@ -646,41 +660,95 @@ def _held(fluent: GroundFluent, held: str | None, object_id: int | None) -> Held
     return HeldValue(fluent, read_value(fluent.text, held, object_id))
 
 
-class StepStatusLedger(Ledger[Step, str]):
-    """The statuses of the steps of recorded plans that a transaction sets."""
+_NO_TIMES = (None, None)
 
-    versions = STEP_STATEMENTS
+
+class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
+    """The outcomes of executions that a transaction sets, and executions without a plan."""
+
+    versions = STATEMENTS
 
     def __init__(self, context: WriteContext) -> None:
-        self._before: dict[Step, str | None] = {}
+        self._before: dict[Key, OutcomeDefinition | None] = {}
+        # The revision that recorded each, and without their arguments those that were found.
+        self._known: dict[Key, tuple[int, ExecutionDefinition]] = {}
+        self._new: dict[Key, ExecutionDefinition] = {}
         super().__init__(context, self._before.get)
-        context.journal.track(self._before)
+        context.journal.track(self._before, self._known, self._new)
 
-    def find(self, step: Step) -> str | None:
-        """Find a step that is written, and read its status; give its text."""
-        plan_id, position = step
-        context = self.context
-        row = context.session.first(FIND_STEP, kb=context.kb_id, plan=plan_id, step=position)
-        if row is None:
-            return None
-        if step not in self._before:
-            self.assign(self._before, step, row[1])
-        return str(row[0])
+    def find(self, key: Key) -> str | None:
+        """Find an execution, and read its outcome; give its text."""
+        new = self._new.get(key)
+        if new is not None:
+            return new.text
+        known = self._known.get(key)
+        if known is None:
+            plan_id, position = key
+            context = self.context
+            row = context.session.first(
+                FIND_EXECUTION, kb=context.kb_id, plan=plan_id, position=position
+            )
+            if row is None:
+                return None
+            recorded, duration, text, *held = row
+            known = recorded, ExecutionDefinition(None, duration, None, None, (), text)
+            self.assign(self._known, key, known)
+            self.assign(self._before, key, None if held[0] is None else OutcomeDefinition(*held))
+        return known[1].text
 
-    def _run(self, statement: IdsQuery, keys: list[Step]) -> None:
+    def record(self, execution: ExecutionDefinition, outcome: str, *said: Any) -> Key:
+        """Record an execution without a plan; `said` are fields of an outcome, from `code` on."""
+        key = NO_PLAN, self.context.allocate(1)[0]
+        self.assign(self._new, key, execution)
+        self._put(key, execution, self.context.number, outcome, said)
+        return key
+
+    def set(self, key: Key, outcome: str, *said: Any) -> None:
+        """Set the outcome of an execution that was found or recorded."""
+        new = self._new.get(key)
+        recorded, execution = self._known[key] if new is None else (self.context.number, new)
+        self._put(key, execution, recorded, outcome, said)
+
+    def _put(
+        self, key: Key, execution: ExecutionDefinition, recorded: int, outcome: str, said: Any
+    ) -> None:
+        text = outcome_text(key, execution, recorded, self.context.number, outcome, *said)
+        self.put(key, OutcomeDefinition(EXECUTION, outcome, text, *said))
+
+    def _write_identities(self) -> None:
+        new = self._new
+        if new:
+            kb, number, session = self.context.kb_id, self.context.number, self.context.session
+            session.insert(
+                NEW_EXECUTION, [execution_row(kb, number, *each) for each in new.items()]
+            )
+            session.insert(
+                NEW_ARGUMENT, [row for each in new.items() for row in argument_rows(kb, *each)]
+            )
+            # They are written: what is known of them stays.
+            self._known.update((key, (number, each)) for key, each in new.items())
+            new.clear()
+
+    def _run(self, statement: IdsQuery, keys: list[Key]) -> None:
         kb, at = self.context.kb_id, self.context.number
         for plan, position in keys:
             self.context.session.run_for(statement, [position], kb=kb, plan=plan, at=at)
 
-    def _line(self, key: Step, value: str) -> tuple[str, str]:
-        return PLAN_STEP, status_text(key, value)
+    def _line(self, key: Key, value: OutcomeDefinition) -> tuple[str, str]:
+        return value.kind, value.text
 
-    def _rows(self, opened: list[tuple[Step, str]]) -> Iterable[tuple[Insert, list[Row]]]:
-        kb, number = self.context.kb_id, self.context.number
-        rows: list[Row] = [
-            (kb, *step, number, None, status, status_text(step, status)) for step, status in opened
-        ]
-        return ((NEW_STATUS, rows),)
+    def _rows(
+        self, opened: list[tuple[Key, OutcomeDefinition]]
+    ) -> Iterable[tuple[Insert, list[Row]]]:
+        kb, number, session = self.context.kb_id, self.context.number, self.context.session
+        rows: list[Row] = []
+        for key, said in opened:
+            if said[5:] != _NO_TIMES:
+                at = (None if at is None else session.from_time(at) for at in said[5:])
+                rows.append((kb, *key, number, None, *said[:5], *at))
+            else:
+                rows.append((kb, *key, number, None, *said))
+        return ((NEW_OUTCOME, rows),)
 
 
 class Records(PendingChanges):

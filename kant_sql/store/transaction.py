@@ -20,20 +20,20 @@ from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
 from ..sql.changes import PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
-from ..sql.plans import Step
+from ..sql.executions import Key
 from ..sql.query import Insert, Query
 from ..sql.rows import KB, table_of
-from ..sql.tables import HeadRow, PlanRow, RevisionPlanStepRow, RevisionRow
+from ..sql.tables import HeadRow, PlanRow, RevisionExecutionRow, RevisionRow
 from .caches import Agreements, AtomCache, FluentCache
 from .head import Committed, Head
 from .journal import JournalScope
 from .ledger import (
     DefinitionLedger,
+    ExecutionLedger,
     FunctionValueLedger,
     PendingChanges,
     PropositionLedger,
     Records,
-    StepStatusLedger,
     WriteContext,
 )
 
@@ -42,7 +42,7 @@ _NEW_REVISION = Insert(
     *("kb_id", "number", "committed_at", "actor", "reason", "source", "form", "hash"),
     "observed_at",
 )
-_NEW_PLAN_STEP = Insert(table_of(RevisionPlanStepRow), "kb_id", "number", "plan_id", "position")
+_NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
 _MOVE_HEAD = Query(
     update(HeadRow)
@@ -61,9 +61,9 @@ SPILL_AT = 10_000
 
 _LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
 
-_PROPOSITIONS, _VALUES, _RECORDS, _STATUSES = "propositions", "values", "records", "statuses"
+_PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS = "propositions", "values", "records", "executions"
 # The order of writing: each refers to those before it only.
-_ORDER = (*KINDS, _PROPOSITIONS, _VALUES, _RECORDS, _STATUSES)
+_ORDER = (*KINDS, _PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS)
 
 
 class Transaction:
@@ -117,7 +117,7 @@ class Transaction:
         self._propositions: PropositionLedger | None = None
         self._values: FunctionValueLedger | None = None
         self._records: Records | None = None
-        self._statuses: StepStatusLedger | None = None
+        self._executions: ExecutionLedger | None = None
 
     @property
     def propositions(self) -> PropositionLedger:
@@ -146,11 +146,11 @@ class Transaction:
         return found
 
     @property
-    def step_statuses(self) -> StepStatusLedger:
-        """The statuses of steps of plans that it sets."""
-        found = self._statuses
+    def executions(self) -> ExecutionLedger:
+        """The outcomes of executions that it sets."""
+        found = self._executions
         if found is None:
-            found = self._ledgers[_STATUSES] = self._statuses = StepStatusLedger(self._context)
+            found = self._ledgers[_EXECUTIONS] = self._executions = ExecutionLedger(self._context)
         return found
 
     def _ledger(self, kind: str) -> DefinitionLedger:
@@ -253,11 +253,11 @@ class Transaction:
         """Open a scope: what happens within it happens whole or not at all."""
         return self._context.journal.scope()
 
-    def find_step(self, step: Step) -> str | None:
-        """Find a step of a recorded plan; give its text."""
+    def find_execution(self, key: Key) -> str | None:
+        """Find an execution; give its text."""
         if self._records is not None and self._records.pending:
             self.flush()
-        return self.step_statuses.find(step)
+        return self.executions.find(key)
 
     def spill(self) -> None:
         """Write and forget the pending propositions, if they are many."""
@@ -375,5 +375,5 @@ class Transaction:
         said = (moment, actor, reason, source, FORM, digest, observed_at)
         session.insert(_NEW_REVISION, [(self.kb_id, self.number, *said)])
         if step is not None:
-            session.insert(_NEW_PLAN_STEP, [(self.kb_id, self.number, *step)])
+            session.insert(_NEW_LINK, [(self.kb_id, self.number, *step)])
         return Committed(self.number, digest, moment)

@@ -296,7 +296,7 @@ class ReportReader(NamedTuple):
         return ReportPlans(left_out, self.command("plans"), [self._plan(plan) for plan in plans])
 
     def _plan(self, plan: RecordedPlan) -> ReportPlan:
-        statuses = Counter(step.status or "not started" for step in plan.steps)
+        statuses = Counter(step.outcome or "not started" for step in plan.steps)
         return ReportPlan(
             replace(plan, steps=plan.steps[:STEPS]),
             self._revision(plan.recorded_in),

@@ -170,18 +170,18 @@ def _mission(story: Teller) -> None:
             value=start,
         )
     with story.at("09:05:20", "executive", "mission", step=0):  # 8
-        story.set_status(0, "started")
+        story.set_status(0, "running")
         story.say("- robot_at rb1 dock")
     with story.at("09:06:25", "executive", "arrived", step=0):  # 9
         story.say("robot_at rb1 t1")
         story.set_status(0, "succeeded")
     with story.at("09:06:30", "executive", "mission", step=1):  # 10
-        story.set_status(1, "started")
+        story.set_status(1, "running")
     with story.at("09:07:10", "executive", "cup taken", step=1):  # 11
         story.say("- carrying rb1 cup1", "- waiting t1", "served t1")
         story.set_status(1, "succeeded")
     with story.at("09:07:15", "executive", "mission", step=2):  # 12
-        story.set_status(2, "started")
+        story.set_status(2, "running")
         story.say("- robot_at rb1 t1")
     with story.at("09:09", "executive", "blocked by a chair", step=2):  # 13
         story.say("robot_at rb1 t1")

@@ -9,9 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kant_sql import KnowledgeBase
+from kant_sql import Execution, KnowledgeBase
 from kant_sql.factory import SqliteDaoFactory
-from kant_sql.plans import RecordedStep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 
@@ -102,7 +101,7 @@ class RecordingFactory(SqliteDaoFactory):
         source: object | None = None,
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
-        plan_step: RecordedStep | None = None,
+        plan_step: Execution | None = None,
     ) -> Iterator[None]:
         given = (actor, source, expected_revision, observed_at, plan_step)
         assert given == (None,) * 5, "not replayed"

@@ -150,7 +150,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
         assert (revision.actor, revision.reason) == ("operator", "to see")
         (recorded,) = kb.plans.get_all()
         assert recorded.id == document["plan"]
-        kb.plans.set_status(recorded.steps[0], status="started")
+        kb.plans.set_status(recorded.steps[0], status="running")
     assert "1 started, 1 not started" in run("plans", url).stdout
     (line,) = run("plans", url, "--json").stdout.splitlines()
     one = json.loads(line)
@@ -160,7 +160,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
         "pyperplan",
     )
     assert [(step["action"], step["status"]) for step in one["steps"]] == [
-        ("move", "started"),
+        ("move", "running"),
         ("move", None),
     ]
     text = run("plans", url, "--plan", str(recorded.id)).stdout

@@ -323,7 +323,7 @@ def of_hub(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     kb.actions.save(PddlActionDto("go", [truck, place], [], [at(T, P)], durative=False))
     steps = PlanStep(None, "back", ("t1",)), PlanStep(None, "go", ("t1", "hub"))
     for step in kb.plans.record(Plan(steps, "me", "found")).steps:
-        kb.plans.set_status(step, status="started")
+        kb.plans.set_status(step, status="running")
         kb.plans.set_status(step, status="succeeded")
     with kb.transaction():
         for each in range(5):

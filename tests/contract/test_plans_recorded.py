@@ -76,7 +76,7 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert [str(one.start) for one in made.steps] == ["0.000", "5.010", "10.1", "11"]
     assert [one.duration and str(one.duration) for one in made.steps] == ["5.000"] * 2 + [None] * 2
     assert [one.position for one in made.steps] == [0, 1, 2, 3]
-    assert {(one.plan_id, one.status, one.outcomes, one.revisions) for one in made.steps} == {
+    assert {(one.plan_id, one.outcome, one.outcomes, one.revisions) for one in made.steps} == {
         (made.id, None, (), ())
     }
     newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
@@ -119,7 +119,7 @@ def test_rows_refer_to_actions_and_objects_by_id(fresh_kb: KnowledgeBase) -> Non
     made = recorded(fresh_kb)
     found = rows(
         fresh_kb,
-        "SELECT position, argument, name FROM plan_step_argument AS a JOIN object "
+        "SELECT position, argument, name FROM execution_argument AS a JOIN object "
         "ON object.kb_id = a.kb_id AND object.id = object_id "
         f"WHERE a.kb_id = :kb AND plan_id = {made.id} ORDER BY position, argument",
     )
@@ -130,7 +130,7 @@ def test_rows_refer_to_actions_and_objects_by_id(fresh_kb: KnowledgeBase) -> Non
     ]
     names = rows(
         fresh_kb,
-        "SELECT name FROM plan_step AS s JOIN action ON action.kb_id = s.kb_id "
+        "SELECT action.name FROM execution AS s JOIN action ON action.kb_id = s.kb_id "
         f"AND action.id = action_id WHERE s.kb_id = :kb AND plan_id = {made.id} ORDER BY position",
     )
     assert names == [("Move",), ("Move",), ("charge",), ("rest",)]
@@ -249,7 +249,7 @@ def test_a_view_of_the_past_knows_the_plans_of_then(fresh_kb: KnowledgeBase) -> 
     with pytest.raises(ReadOnlyError):
         past.plans.record(TOUR)
     with pytest.raises(ReadOnlyError):
-        past.plans.set_status(first.steps[0], status="started")
+        past.plans.set_status(first.steps[0], status="running")
 
 
 def test_plans_of_two_knowledge_bases_do_not_mix(fresh_kb: KnowledgeBase) -> None:
@@ -273,7 +273,7 @@ def test_the_hash_covers_a_plan_in_a_transaction_that_is_too_large_to_keep(
     assert place is not None
     with kb.transaction():
         made = kb.plans.record(TOUR)
-        kb.plans.set_status(made.steps[0], status="started")
+        kb.plans.set_status(made.steps[0], status="running")
         kb.propositions.save_all(
             PddlPropositionDto(dirty, [PddlObjectDto(place, f"p{number}")]) for number in range(30)
         )
@@ -281,7 +281,11 @@ def test_the_hash_covers_a_plan_in_a_transaction_that_is_too_large_to_keep(
         kb.plans.record(plan_of())
     assert check_chain(shared_url) == {"default": 2}
     kinds = [change.kind for change in next(kb.log(limit=1)).changes]
-    assert [kind for kind in kinds if kind.startswith("plan")] == ["plan", "plan", "plan step"]
+    assert [kind for kind in kinds if kind in ("plan", "execution")] == [
+        "execution",
+        "plan",
+        "plan",
+    ]
     assert kinds.count("fact") == 30
 
 
@@ -293,14 +297,14 @@ def test_reading_takes_as_many_statements_however_many_plans_there_are(
 ) -> None:
     kb = fresh_kb
     made = recorded(kb)
-    kb.plans.set_status(made.steps[0], status="started")
+    kb.plans.set_status(made.steps[0], status="running")
     with kb.transaction(plan_step=made.steps[0]):
         arrive(kb, "wp2")
     few = {count(kb.plans.get_all), count(partial(kb.plans.get, made.id))}
     for _ in range(20):
         other = kb.plans.record(TOUR)
         for one in other.steps[:3]:
-            kb.plans.set_status(one, status="started")
+            kb.plans.set_status(one, status="running")
             kb.plans.set_status(one, status="failed")
     assert few == {count(kb.plans.get_all), count(partial(kb.plans.get, made.id))} == {READ}
     past = kb.at(kb.revision)
@@ -318,8 +322,8 @@ def test_writing_takes_as_many_statements_however_long_the_plan_is(fresh_kb: Kno
     assert len({count(call) for call in calls}) == 1
     one = kb.plans.get_all()[0].steps[0]
     # The head, the step, the revision, its version, the head; and one that closes the one before.
-    assert count(partial(kb.plans.set_status, one, status="started")) == 5
-    assert count(partial(kb.plans.set_status, one, status="started")) == 2
+    assert count(partial(kb.plans.set_status, one, status="running")) == 5
+    assert count(partial(kb.plans.set_status, one, status="running")) == 2
     assert count(partial(kb.plans.set_status, one, status="failed")) == 6
     with kb.transaction(plan_step=one):
         assert count(partial(arrive, kb, "wp2")) <= 2

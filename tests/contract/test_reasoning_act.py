@@ -268,7 +268,9 @@ def test_a_step_is_one_revision(kb: KnowledgeBase) -> None:
     first, second = kb.store.revisions(before)
     assert (first.reason, second.reason) == ("first call", "applied (fly p1 c0 c1)")
     [entry] = kb.log(since=before + 2)
-    assert [f"{change.sign}{change.text}" for change in entry.changes] == [
+    did, *effects = [f"{change.sign}{change.text}" for change in entry.changes]
+    assert did == f"+(:execution {next(kb.executions.get_all()).id} (fly p1 c0 c1) succeeded)"
+    assert effects == [
         "+(at p1 c1)",
         "+(lit c1)",
         "+(= (fuel p1) 6.5)",
@@ -311,7 +313,11 @@ def test_conditions_and_values_are_those_of_the_state_before(kb: KnowledgeBase) 
     kb.apply("(fly p1 c0 c1)")
     assert kb.apply("(swap c1 c0)") is not None
     assert kb.query("(lit ?c)").to_dicts() == [{"c": "c0"}]
-    assert kb.apply("(stay p1 c1)") is None  # deletes before adds: nothing changes
+    # Deletes before adds: nothing changes, and it was done.
+    made = kb.apply("(stay p1 c1)")
+    assert made == kb.revision
+    assert [change.kind for change in kb.diff(made - 1, made)] == []
+    assert [change.kind for change in next(kb.log()).changes] == ["execution"]
     kb.function_values.set("total", objects=[], value=Decimal("0.1"))
     kb.apply("(numbers p1)")
     assert (total(kb), kb.function_values.get("fuel", objects=["p1"])) == (
@@ -348,12 +354,12 @@ def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
     revision = kb.apply(plan.steps[0])
     read = kb.plans.get(plan.id)
     assert read is not None
-    assert [step.status for step in read.steps] == ["succeeded", None]
+    assert [step.outcome for step in read.steps] == ["succeeded", None]
     assert read.steps[0].revisions == (revision,)
     kb.apply("(fly p1 c0 c1)", plan_step=plan.steps[1])
     read = kb.plans.get(plan.id)
     assert read is not None
-    assert (read.steps[1].status, read.steps[1].revisions) == (None, (kb.revision,))
+    assert (read.steps[1].outcome, read.steps[1].revisions) == (None, (kb.revision,))
 
 
 # Durative actions in two halves.
@@ -361,8 +367,8 @@ def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
 
 def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
     step = kb.start("(long p1 c0 c1)", reason="take off")
-    assert (step.status, step.duration, step.arguments) == (
-        "started",
+    assert (step.outcome, step.duration, step.arguments) == (
+        "running",
         Decimal("1.75"),
         ("p1", "c0", "c1"),
     )
@@ -376,9 +382,9 @@ def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
     assert ended == started + 1
     assert kb.holds("(and (not (busy p1)) (at p1 c1))")
     assert total(kb) == Decimal("1.85")
-    read = kb.plans.get(step.plan_id)
+    read = kb.executions.get(step.id)
     assert read is not None
-    assert (read.steps[0].status, read.steps[0].revisions) == ("succeeded", (started, ended))
+    assert (read.outcome, read.revisions) == ("succeeded", (started, ended))
     with pytest.raises(PlanError, match="is not running: start it first; running are: none"):
         kb.end(step)
     assert kb.store.verify().is_intact
@@ -390,7 +396,7 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
         kb.propositions.save("(lit c0)")
     dusk = kb.revision
     [broken] = kb.pddl.broken_invariants()
-    assert (broken.step.plan_id, broken.unsatisfied.condition) == (step.plan_id, "(not (lit c0))")
+    assert (broken.step.id, broken.unsatisfied.condition) == (step.id, "(not (lit c0))")
     assert broken.since is not None
     assert (broken.since.number, broken.since.actor) == (dusk, "perception")
     assert str(broken) == (
@@ -402,9 +408,9 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
     assert aborted.revision == dusk + 1
     assert str(aborted) == "(long p1 c0 c1) was aborted; it leaves +(busy p1), -(at p1 c0)"
     assert kb.pddl.broken_invariants() == []
-    read = kb.plans.get(step.plan_id)
+    read = kb.executions.get(step.id)
     assert read is not None
-    assert read.steps[0].status == "aborted"
+    assert read.outcome == "aborted"
     with pytest.raises(PlanError, match="of the present"):
         kb.at(dusk).pddl.broken_invariants()
 
@@ -501,7 +507,7 @@ def test_what_is_promised_can_begin(rooms: KnowledgeBase, step: str, reason: str
     failed = [str(each) for each in rooms.why_not(step)]
     if reason is None:
         assert failed == []
-        assert rooms.start(step).status == "started"
+        assert rooms.start(step).outcome == "running"
         rooms.abort(step)
         rooms.load_problem(FLAT)
         assert rooms.apply(step) is not None
@@ -595,9 +601,9 @@ def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None
     assert (shown(done.undone), done.left) == (["+(lit)", "+(= (rate) 2)"], ())
     assert sorted(state(rooms)) == sorted(before)
     assert rooms.store.revisions(begun + 1)[0].reason == "aborted and undid (drive)"
-    read = rooms.plans.get(step.plan_id)
+    read = rooms.executions.get(step.id)
     assert read is not None
-    assert read.steps[0].status == "aborted"
+    assert read.outcome == "aborted"
     assert rooms.store.verify().is_intact
     # What held before the start is not an effect of it.
     rooms.function_values.set("rate", objects=[], value=2)

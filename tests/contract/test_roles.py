@@ -118,13 +118,13 @@ ATTACKS = {
         INSERT INTO proposition_argument
         SELECT kb_id, proposition_id, 7, min(object_id) FROM proposition_argument GROUP BY 1, 2""",
     "add an argument to the step of a plan": """
-        INSERT INTO plan_step_argument
-        SELECT kb_id, plan_id, position, 7, object_id FROM plan_step_argument""",
+        INSERT INTO execution_argument
+        SELECT kb_id, plan_id, position, 7, object_id, value FROM execution_argument""",
     "add a term to a definition": """
         INSERT INTO action_term (kb_id, action_id, since, section, position, term, parameter)
         SELECT kb_id, action_id, since, section, position, 7, 0 FROM action_term WHERE term = 0""",
     "say that a step of a plan was running then": """
-        INSERT INTO revision_plan_step
+        INSERT INTO revision_execution
         SELECT kb_id, number, 9001, 0 FROM revision WHERE number <> 2""",
     "leave a hole in the revisions": """
         INSERT INTO revision (kb_id, number, committed_at, form, hash)

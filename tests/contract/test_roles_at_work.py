@@ -214,7 +214,7 @@ BATTERY = PddlFunctionDto("battery", [ROBOT])
 def program(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
     """Write in every way."""
     plan = recorded(kb)
-    assert kb.plans.set_status(plan.steps[0], status="started")
+    assert kb.plans.set_status(plan.steps[0], status="running")
     with kb.transaction(plan_step=plan.steps[0]):
         arrive(kb, "wp2")
         assert kb.plans.set_status(plan.steps[0], status="succeeded")

@@ -529,10 +529,10 @@ def test_plans_have_their_steps_and_outcomes(fresh_kb: KnowledgeBase) -> None:
     begin(kb)  # 1
     plan = kb.plans.record(TOUR)  # 2
     with kb.transaction(actor="executive", reason="off"):
-        kb.plans.set_status(plan.steps[0], status="started")  # 3
+        kb.plans.set_status(plan.steps[0], status="running")  # 3
     with kb.transaction(actor="arm", reason="slipped"):
         kb.plans.set_status(plan.steps[0], status="failed")  # 4
-    kb.plans.set_status(plan.steps[1], status="started")  # 5
+    kb.plans.set_status(plan.steps[1], status="running")  # 5
     kb.plans.set_status(plan.steps[2], status="aborted")  # 6
     times = {one.number: one.committed_at for one in kb.store.revisions()}
     (bar,) = kb.timeline().plans
@@ -540,7 +540,7 @@ def test_plans_have_their_steps_and_outcomes(fresh_kb: KnowledgeBase) -> None:
     assert [step.text for step in bar.steps] == [str(step) for step in plan.steps]
     assert [(step.status, step.since, step.until) for step in bar.steps] == [
         ("failed", 3, 4),
-        ("started", 5, None),
+        ("running", 5, None),
         ("aborted", None, 6),
         (None, None, None),
     ]
@@ -556,10 +556,10 @@ def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeB
     kb = fresh_kb
     begin(kb)  # 1
     one = kb.plans.record(TOUR)  # 2
-    kb.plans.set_status(one.steps[0], status="started")  # 3
+    kb.plans.set_status(one.steps[0], status="running")  # 3
     other = kb.plans.record(TOUR)  # 4
     kb.plans.set_status(one.steps[0], status="succeeded")  # 5
-    kb.plans.set_status(other.steps[1], status="started")  # 6
+    kb.plans.set_status(other.steps[1], status="running")  # 6
     kb.plans.set_status(other.steps[1], status="succeeded")  # 7
 
     def shown(kb: KnowledgeBase, since: int, until: int) -> list[int]:
@@ -571,7 +571,7 @@ def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeB
     assert shown(kb, 6, 6) == shown(kb, 6, 7) == [other.id]
     assert shown(kb.at(4), 4, 4) == [one.id, other.id]
     (past,) = kb.at(3).timeline().plans
-    assert (past.steps[0].status, past.steps[0].until) == ("started", None)
+    assert (past.steps[0].status, past.steps[0].until) == ("running", None)
     assert kb.timeline(kinds=ALL).plans == ()
     assert kb.timeline(lanes=1, after="fact:0:").plans == ()
 

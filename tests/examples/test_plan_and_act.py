@@ -79,12 +79,12 @@ def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(tmp_path:
     with kant_sql.connect(url, knowledge_base="ward") as kb:
         first, second = kb.plans.get_all()
         # The drive is lost, the robot at the door goes on holding it, and nothing else begins.
-        assert {step.action: step.status for step in first.steps} == {
+        assert {step.action: step.outcome for step in first.steps} == {
             "hold_door": "succeeded",
             "drive": "aborted",
             "disinfect": None,
         }
-        assert {step.status for step in second.steps} == {"succeeded"}
+        assert {step.outcome for step in second.steps} == {"succeeded"}
         assert kb.validate(second, at=second.revision).valid
         # While one robot drives, the other one holds the door.
         [held] = kb.when("(open hall room)", since=second.recorded_in)

@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import Connection, text
 
 import kant_sql
-from kant_sql.plans import dao
+from kant_sql.acts import recording
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.schema import VERSIONS
@@ -124,7 +124,7 @@ def test_running_steps_are_found_without_reading_the_others(empty_url: str) -> N
         )
         explain = "EXPLAIN QUERY PLAN" if connection.dialect.name == "sqlite" else "EXPLAIN"
         # The text is kept for all who ask: it needs the parameters of the library's dialect.
-        asked = dao._RUNNING.text(create_backend(empty_url).dialect)
+        asked = recording.RUNNING_NOW.text(create_backend(empty_url).dialect)
         found = connection.exec_driver_sql(f"{explain} {asked}", {"kb": 1}).all()
         plan = "\n".join(str(row[-1]) for row in found)
         assert " ix_plan_step_version_running" in plan, plan

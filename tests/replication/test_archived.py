@@ -20,7 +20,7 @@ from tests.support.worlds import counter
 from tests.support.worlds.robots import WP2, robot_at
 from tests.support.worlds.story import write_whole_story
 
-VERSIONS = ("proposition_version", "function_value_version", "plan_step_version", "object_version")
+VERSIONS = ("proposition_version", "function_value_version", "execution_version", "object_version")
 
 
 def test_an_archived_history_arrives_whole(

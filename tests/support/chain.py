@@ -31,14 +31,14 @@ _REVISIONS = """
     SELECT revision.kb_id, revision.number, {time}, actor, reason, {source}, form, hash,
            {observed_at}, plan_id, position
     FROM revision
-    LEFT JOIN revision_plan_step AS step
+    LEFT JOIN revision_execution AS step
         ON step.kb_id = revision.kb_id AND step.number = revision.number
     ORDER BY revision.kb_id, revision.number
 """
 _DEFINITION_CHANGES = "SELECT kb_id, since, until, {kind}, text FROM {table}_version"
 _OTHER_CHANGES = (
     "SELECT kb_id, since, until, 'value', text FROM function_value_version",
-    "SELECT kb_id, since, until, 'plan step', text FROM plan_step_version",
+    "SELECT kb_id, since, until, kind, text FROM execution_version",
     "SELECT kb_id, since, NULL, 'plan', text FROM plan",
     "SELECT kb_id, since, NULL, 'archive', text FROM archive",
 )

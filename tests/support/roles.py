@@ -46,14 +46,15 @@ MOVED = PROBLEM.replace("(at t1 p1)", "(at t1 p2)").replace("7.50", "5").replace
 BY_HAND = """
 INSERT INTO plan (kb_id, id, since, revision, problem_hash, text)
     SELECT kb_id, 9001, revision, 2, 'hash', 'plan' FROM head;
-INSERT INTO plan_step (kb_id, plan_id, position, action_id, text)
-    SELECT kb_id, 9001, 0, id, '(go t1 p2)' FROM action;
-INSERT INTO plan_step_argument (kb_id, plan_id, position, argument, object_id)
+INSERT INTO execution (kb_id, plan_id, position, since, action_id, text)
+    SELECT a.kb_id, 9001, 0, h.revision, a.id, '(go t1 p2)'
+    FROM action AS a JOIN head AS h ON h.kb_id = a.kb_id;
+INSERT INTO execution_argument (kb_id, plan_id, position, argument, object_id)
     SELECT kb_id, 9001, 0, 0, min(id) FROM object GROUP BY kb_id;
-INSERT INTO plan_step_version (kb_id, plan_id, position, since, until, status, text)
-    SELECT kb_id, 9001, 0, 1, 2, 'started', 'text' FROM head
-    UNION ALL SELECT kb_id, 9001, 0, 2, NULL, 'succeeded', 'text' FROM head;
-INSERT INTO revision_plan_step SELECT kb_id, 2, 9001, 0 FROM head;
+INSERT INTO execution_version (kb_id, plan_id, position, since, until, kind, outcome, text)
+    SELECT kb_id, 9001, 0, 1, 2, 'execution', 'running', 'text' FROM head
+    UNION ALL SELECT kb_id, 9001, 0, 2, NULL, 'execution', 'succeeded', 'text' FROM head;
+INSERT INTO revision_execution SELECT kb_id, 2, 9001, 0 FROM head;
 INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
     SELECT kb_id, 9002, revision, 1, 'elsewhere', 0, 'rest', 'archive' FROM head;
 INSERT INTO promotion (kb_id, id, since, revision, origin, text)

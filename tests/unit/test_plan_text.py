@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from kant_sql.errors import InvalidKnowledgeError
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.sql.plans import PlanDefinition, StepDefinition, status_text
+from kant_sql.sql.executions import ExecutionDefinition, read_outcome, status_text
+from kant_sql.sql.plans import PlanDefinition
 from tests.support.generators.documents import NAMES
 
 TEXTS = st.none() | st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))
@@ -27,10 +28,11 @@ MEMBERS = (
     *("domain-pddl", "problem-pddl", "steps"),
 )
 STEPS = st.builds(
-    StepDefinition,
+    ExecutionDefinition,
     NUMBERS,
     NUMBERS,
     st.just(0),
+    st.none(),
     st.just(()),
     st.lists(NAMES, min_size=1, max_size=4).map(lambda names: f"({' '.join(names)})"),
 )
@@ -96,7 +98,8 @@ def test_the_text_says_all_of_it(plan: PlanDefinition) -> None:
 
 
 def test_a_status_is_one_line() -> None:
-    assert status_text((17, 3), "started") == "(:plan 17 :step 3 started)"
+    assert status_text((17, 3), "running") == "(:plan 17 :step 3 started)"
+    assert read_outcome("(:plan 17 :step 3 started)") == ("17.3", None, "running")
 
 
 def test_what_is_no_plan_is_refused_where_it_is_made() -> None:

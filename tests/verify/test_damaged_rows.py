@@ -157,11 +157,11 @@ KNOWN: list[tuple[str, str, Any, Callable[[KnowledgeBase], object], str]] = [
     ),
     ("revision", "source", "{", lambda kb: kb.store.revisions(), r"table revision, revi.*\d:"),
     (
-        "plan_step",
+        "execution",
         "start",
         "{",
         lambda kb: kb.plans.get_all(),
-        r"table plan_step, step 0 of plan \d+",
+        r"table execution, execution \d+\.0",
     ),
     ("plan", "value", "x", lambda kb: kb.plans.get_all(), r"table plan, plan \d+"),
 ]
@@ -224,7 +224,7 @@ def rich_server(server: Server, tmp_path_factory: pytest.TempPathFactory) -> str
         "UPDATE function_value SET arguments = ''",
         "UPDATE formula_node SET operator = 'nonsense'",
         "UPDATE object SET name = '('",
-        "UPDATE plan_step SET start = '{'",
+        "UPDATE execution SET start = '{' WHERE plan_id > 0",
         "UPDATE revision SET committed_at = 'infinity'",
         "UPDATE revision SET number = number + 1000",
     ],

@@ -76,11 +76,11 @@ def test_a_number_is_no_object_that_is_called_so(bare: Bare) -> None:
 
 def test_two_steps_of_a_plan_are_not_one_with_a_long_start(bare: Bare) -> None:
     mine = "plan_id = (SELECT min(id) FROM plan)"
-    for table in ("plan_step_argument", "plan_step"):
+    for table in ("execution_version", "execution_argument", "execution"):
         bare.run(f"DELETE FROM {table} WHERE position = 0 AND {mine}")
         bare.run(f"UPDATE {table} SET position = 0 WHERE {mine}")
     start = "0 (load t1 c1) null) (0.5"
-    bare.run(f"UPDATE plan_step SET start = ? WHERE {mine}", start)
+    bare.run(f"UPDATE execution SET start = ? WHERE {mine}", start)
     found = messages(bare)
     assert "'(drive t1 p1 p2)' has a time that is not a number" in found
     assert "differ from its text" not in found

@@ -274,7 +274,7 @@ def test_later_plans_and_steps_are_checked(kb: KnowledgeBase) -> None:
     begin(kb)
     plan = kb.plans.record(TOUR)
     kb.store.verify(keep=True)
-    kb.plans.set_status(plan.steps[0], status="started")
+    kb.plans.set_status(plan.steps[0], status="running")
     done = kb.store.verify(resume=True, keep=True)
     assert (done.is_intact, done.revisions) == (True, 1)
     kb.plans.record(TOUR)

@@ -222,7 +222,7 @@ POSTGRESQL = {
     "CREATE POLICY p ON proposition USING (false)": "policy p on proposition",
     "ALTER TABLE proposition FORCE ROW LEVEL SECURITY": "forced row security on proposition",
     "CREATE TABLE more () INHERITS (proposition)": "table more, whose rows are read as those of",
-    "ALTER TABLE plan_step_argument SET UNLOGGED": "without a log, which loses its rows in a crash",
+    "ALTER TABLE execution_argument SET UNLOGGED": "without a log, which loses its rows in a crash",
     "UPDATE pg_index SET indisvalid = false WHERE indexrelid = 'ix_proposition_version_now'"
     "::regclass": "not valid",
     "CREATE SCHEMA evil; CREATE TABLE evil.proposition_argument (LIKE proposition_argument);"

@@ -154,12 +154,12 @@ def seal_from(bare: Bare, low: int) -> None:
         ("DELETE FROM object_type", None, "its rows say 'x - truck'"),
         ("UPDATE plan SET status = 'solved optimally'", None, "differ from its text"),
         (
-            "UPDATE plan_step SET text = '(load t1 c2)' WHERE position = 0",
+            "UPDATE execution SET text = '(load t1 c2)' WHERE position = 0",
             None,
             "differs from its action and arguments",
         ),
         (
-            "INSERT INTO revision_plan_step VALUES (1, 99, 99, 0)",
+            "INSERT INTO revision_execution VALUES (1, 99, 99, 0)",
             99,
             "and one of them is missing",
         ),
@@ -213,7 +213,6 @@ def test_two_terms_of_one_name_are_not_taken_for_each_other(bare: Bare) -> None:
         ("function_value_version", "function_value_id"),
         ("proposition_version", "proposition_id"),
         ("proposition_argument", "proposition_id"),
-        ("plan_step_version", "plan_id"),
         ("action_node", "action_id"),
         ("object_version", "object_id"),
         ("revision", "number"),
@@ -243,7 +242,7 @@ WRONG_VALUES = {
         "UPDATE proposition SET text = x'00ff'",
         "UPDATE function_value_version SET number = 'much'",
         "UPDATE revision SET source = '' WHERE number = 20",
-        "UPDATE plan_step_version SET until = 9e999 WHERE until IS NULL",
+        "UPDATE execution_version SET until = 9e999 WHERE until IS NULL",
         "UPDATE type_version SET until = 9e999 WHERE until IS NULL;"
         "UPDATE head SET definition_revision = 9e999",
         "UPDATE proposition SET is_goal = 2 WHERE is_goal;"

@@ -113,7 +113,7 @@ def test_the_pages_of_an_object_have_each_change_once(
             (entry.revision.number, *change)
             for entry in kb.log()
             for change in entry.changes
-            if change.kind == "plan step" or ("rb1" in change.text and change.kind != "plan")
+            if change.kind == "execution" or ("rb1" in change.text and change.kind != "plan")
         }
     found, before = [], None
     while True:
@@ -168,13 +168,13 @@ def test_a_plan_shows_who_wrote_while_a_step_ran(
     step = PlanStep(None, "navigation", ("rb1", "wp0", "wp1"))
     plan = kb.plans.record(Plan((step, step, step), "by hand", "unknown"))
     first, second, _ = plan.steps
-    kb.plans.set_status(first, status="started")
+    kb.plans.set_status(first, status="running")
     with kb.transaction(actor="janitor", reason="closed the door"):
         kb.propositions.delete("(robot_at rb1 wp1)")
     with kb.transaction(plan_step=first):
         kb.plans.set_status(first, status="failed")
     kb.plans.set_status(second, status="aborted")
-    kb.plans.set_status(plan.steps[2], status="started")
+    kb.plans.set_status(plan.steps[2], status="running")
     begun = plan.recorded_in + 1
 
     def meanwhile() -> list[tuple[list[int], int]]:
@@ -286,7 +286,7 @@ def test_pages_take_as_many_statements_however_much_is_stored(
             kb.propositions.delete(f"(robot_at rb1 wp{number})")
             step = PlanStep(None, "navigation", ("rb1", "wp0", "wp1"))
             plan = kb.plans.record(Plan((step,) * min(size, 10), "by hand", "unknown"))
-            kb.plans.set_status(plan.steps[0], status="started")
+            kb.plans.set_status(plan.steps[0], status="running")
         kb.propositions.save("(robot_at rb1 wp1)")
         for path in (
             "/fact?kb=courier&text=(robot_at+rb1+wp1)",

@@ -16,6 +16,8 @@ from sqlalchemy import (
     and_,
     bindparam,
     cast,
+    literal_column,
+    or_,
     select,
     update,
 )
@@ -25,12 +27,13 @@ from ...errors import UNREADABLE, ConflictError, StoreIntegrityError, reading_ro
 from ...sql import tables as t
 from ...sql.changes import LOW, in_range
 from ...sql.dialects.base import Row, Session
+from ...sql.executions import NO_PLAN
 from ...sql.intervals import fork
 from ...sql.query import Query, found_rows, in_rows, integer, whole_rows
 from ...sql.rows import KB, KIND_TABLES, is_of_version, table_of
 from ...sql.tables.base import UtcTime
 
-_REVISION, _PLAN_STEP = table_of(t.RevisionRow), table_of(t.RevisionPlanStepRow)
+_REVISION, _LINK = table_of(t.RevisionRow), table_of(t.RevisionExecutionRow)
 
 
 def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
@@ -79,7 +82,7 @@ class ArchivedTable(NamedTuple):
     version: Table
     owner: tuple[str, ...]  # the columns of the identity, without `kb_id`
     children: tuple[Table, ...] = ()  # the tables below it, parents first
-    atoms: AtomTables | None = None  # None for named elements and plans
+    atoms: AtomTables | None = None  # None for named elements and executions
     is_definition: bool = False  # whether its changes move `head.definition_revision`
 
 
@@ -101,13 +104,14 @@ ARCHIVED_TABLES = (
     ),
     ArchivedTable(table_of(t.PropositionVersionRow), ("proposition_id",), atoms=FACTS),
     ArchivedTable(table_of(t.FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
-    ArchivedTable(table_of(t.PlanStepVersionRow), ("plan_id", "position")),
+    ArchivedTable(table_of(t.ExecutionVersionRow), ("plan_id", "position")),
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN = table_of(t.PlanRow)
 # What is recorded once, beside plans.
 RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow)
-BELOW_PLANS = table_of(t.PlanStepRow), table_of(t.PlanStepArgumentRow)
+EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
+VERSION = table_of(t.ExecutionVersionRow)
 
 
 def children_of(
@@ -346,13 +350,30 @@ def _children(part: ArchivedTable, child: Table) -> Query:
 
 
 @cache
-def _below_plans(table: Table) -> Query:
+def _recorded(table: Table) -> Query:
+    """Select the rows of the executions that the range recorded."""
     plans = select(PLAN.c.id).where(PLAN.c.kb_id == KB, in_range(PLAN.c.since))
-    return _all_of(table, in_rows(table.c.plan_id, plans))
+    # An execution of no plan is recorded with its first outcome.
+    began, execution = VERSION.alias("began").c, EXECUTION.alias("own").c
+    own = select(began.position).where(
+        began.kb_id == KB, began.plan_id == _NO_PLAN, in_range(began.since)
+    )
+    recorded = select(_ONE).where(
+        execution.kb_id == KB,
+        execution.plan_id == _NO_PLAN,
+        execution.position == table.c.position,
+        in_range(execution.since),
+    )
+    is_own = and_(table.c.plan_id == _NO_PLAN, in_rows(table.c.position, own))
+    is_new = recorded.correlate(table).exists()
+    return _all_of(table, or_(in_rows(table.c.plan_id, plans), and_(is_own, is_new)))
 
+
+_ONE: Any = literal_column("1")
+_NO_PLAN: Any = literal_column(str(NO_PLAN))
 
 _REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
-_STEPS = _all_of(_PLAN_STEP, in_range(_PLAN_STEP.c.number))
+_LINKS = _all_of(_LINK, in_range(_LINK.c.number))
 
 
 class Copy:
@@ -378,11 +399,11 @@ class Copy:
         for part in ARCHIVED_TABLES[:-1]:
             if self._redefined or not part.is_definition:
                 self._copy_part(part)
-        if self._insert(PLAN, _asserted(PLAN)):
-            for table in BELOW_PLANS:
-                self._insert(table, _below_plans(table))
+        self._insert(PLAN, _asserted(PLAN))
+        for table in (EXECUTION, ARGUMENT):
+            self._insert(table, _recorded(table))
         self._copy_part(ARCHIVED_TABLES[-1])
-        self._insert(_PLAN_STEP, _STEPS)
+        self._insert(_LINK, _LINKS)
         for table in RECORDS:
             self._insert(table, _asserted(table))
         largest = max(self._largest, self._identities.largest)
@@ -411,6 +432,9 @@ class Copy:
                 self._see(end for end in ends if end <= self._high)
             elif table in (PLAN, *RECORDS):
                 self._largest = max(self._largest, *(row[1] for row in rows))
+            elif table is EXECUTION:
+                own = (row[2] for row in rows if row[1] == NO_PLAN)
+                self._largest = max(self._largest, *own, 0)
         return count
 
     def _adapter(self, table: Table) -> Callable[[Row], Row]:

@@ -1,23 +1,37 @@
-"""Compares the texts of facts, goals, values and plans with their ids and columns."""
+"""Compares the texts of facts, goals, values, plans and executions with their ids and columns."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
 from hashlib import sha256
 from math import copysign
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Table, func, select, union
+from sqlalchemy import ColumnElement, Select, Table, and_, func, literal_column, or_, select, union
 
 from ...dto.elements import atom_text, value_text
+from ...knowledge.canonical import time_text
 from ...sql import tables as t
 from ...sql.dialects.base import Row
+from ...sql.executions import (
+    EXECUTION,
+    NO_PLAN,
+    OUTCOMES,
+    PLAN_STEP,
+    ExecutionDefinition,
+    Key,
+    id_text,
+    outcome_text,
+    quoted,
+    status_text,
+)
 from ...sql.intervals import fork
-from ...sql.plans import PlanDefinition, StepDefinition, plan_rows, status_text
+from ...sql.plans import PlanDefinition, plan_rows
 from ...sql.query import Query, in_rows
 from ...sql.rows import KB, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
-from .sides import AFTER, Check, Side, Touched, differing, interval_fault
+from .sides import AFTER, Check, Touched, differing, interval_fault
 
 
 class _Atoms(NamedTuple):
@@ -184,18 +198,23 @@ def _is_nearest(number: float, value: str) -> bool:
 
 
 _PLANS = table_of(t.PlanRow)
-_STEPS, _ARGUMENTS = table_of(t.PlanStepRow), table_of(t.PlanStepArgumentRow)
-_VERSIONS = table_of(t.PlanStepVersionRow)
-_STEP, _LINK = _STEPS.c, table_of(t.RevisionPlanStepRow).c
+_EXECUTIONS, _ARGUMENTS = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
+_VERSIONS = table_of(t.ExecutionVersionRow)
+_EXECUTION, _LINK = _EXECUTIONS.c, table_of(t.RevisionExecutionRow).c
 _REVISION = table_of(t.RevisionRow).c
-# The steps of revisions, and whether revision and step exist.
+# The executions of revisions, and whether revision and execution exist.
 _LINKS = Query(
     select(
         _LINK.number,
         _LINK.plan_id,
         _LINK.position,
         looked_up(_REVISION.number, _REVISION.number, _LINK.number),
-        looked_up(_STEP.position, _STEP.position, _LINK.position, _STEP.plan_id == _LINK.plan_id),
+        looked_up(
+            _EXECUTION.position,
+            _EXECUTION.position,
+            _LINK.position,
+            _EXECUTION.plan_id == _LINK.plan_id,
+        ),
     )
     .where(_LINK.kb_id == KB, _LINK.number > AFTER)
     .order_by(_LINK.number)
@@ -219,101 +238,200 @@ def _touched(table: Table) -> ColumnElement[bool]:
     return in_rows(table.c.id, _touched_plans())
 
 
-def _of_touched(table: Table) -> ColumnElement[bool]:
-    return in_rows(table.c.plan_id, _touched_plans())
+def _of_plans(table: Table) -> ColumnElement[bool]:
+    """Narrow a table to the steps of plans."""
+    found: ColumnElement[bool] = table.c.plan_id > _NO_PLAN
+    return found
 
 
-class PlanCheck:
-    """Compares plans with their steps and the status of these."""
+def _steps(table: Table) -> ColumnElement[bool]:
+    """Narrow a table to the steps of plans that were touched."""
+    return and_(_of_plans(table), in_rows(table.c.plan_id, _touched_plans()))
 
-    def __init__(self, check: Check, names: IdentityNames) -> None:
+
+def _touched_executions(table: Table) -> ColumnElement[bool]:
+    """Narrow a table to executions that began or ended, or whose plan was touched."""
+    version = _VERSIONS.alias("ended").c
+    either = or_(version.since > AFTER, version.until > AFTER)
+    own = select(version.position).where(version.kb_id == KB, version.plan_id == _NO_PLAN, either)
+    of_plan = in_rows(table.c.plan_id, _touched_plans())
+    is_own = and_(table.c.plan_id == _NO_PLAN, in_rows(table.c.position, own))
+    return or_(and_(_of_plans(table), of_plan), is_own)
+
+
+_NO_PLAN: Any = literal_column(str(NO_PLAN))
+
+
+class ExecutionCheck:
+    """Compares executions with their arguments and outcomes, and links of revisions with both."""
+
+    def __init__(self, check: Check, names: IdentityNames, archived: int) -> None:
         self._check = check
         self._add = check.report.add
         self._actions, self._objects = names.known["action"], names.known["object"]
+        self._archived = archived
 
     def run(self) -> None:
         """Run the checks."""
-        sides = [
-            self._check.side(table, _PLANS, narrow=_of_touched)
-            for table in (_STEPS, _ARGUMENTS, _VERSIONS)
-        ]
-        steps, arguments, versions = sides
-        for plan in self._check.read(_PLANS, narrow=_touched):
-            count = self._check_plan(plan, steps, arguments)
-            self._check_versions(plan, count, versions.take(plan[0]))
-        for side in sides:
-            side.end()
-        for number, plan_id, position, revision, step in self._check.session.stream(
+        arguments, versions = (
+            self._check.side(table, _EXECUTIONS, narrow=_touched_executions, width=2)
+            for table in (_ARGUMENTS, _VERSIONS)
+        )
+        for row in self._check.read(_EXECUTIONS, narrow=_touched_executions):
+            key: Key = (row[0], row[1])
+            self._check_execution(key, row, [*arguments.take(key)], versions.take(key))
+        arguments.end()
+        versions.end()
+        for number, plan_id, position, revision, execution in self._check.session.stream(
             _LINKS, kb=self._check.kb_id, after=self._check.after
         ):
-            if revision is None or step is None:
+            if revision is None or execution is None:
                 self._add(
                     number,
-                    "revision_plan_step",
-                    f"it links revision {number} with step {position} of plan {plan_id}, and one "
-                    "of them is missing",
+                    "revision_execution",
+                    f"it links revision {number} with execution {id_text((plan_id, position))}, "
+                    "and one of them is missing",
                 )
 
-    def _check_plan(self, plan: Row, steps: Side, arguments: Side) -> int:
-        """Check one plan; return the number of its steps."""
-        step_rows, argument_rows = [*steps.take(plan[0])], [*arguments.take(plan[0])]
-        definition = _definition(plan, step_rows, argument_rows)
-        for table, fault in self._faults(plan, definition):
-            self._add(plan[1], table, f"plan {plan[0]}: {fault}")
+    def _check_execution(
+        self, key: Key, row: Row, arguments: list[Row], versions: Iterable[Row]
+    ) -> None:
+        """Check one execution, and its outcomes."""
+        _, _, since, *said = row
+        given = tuple(value if id_ is None else id_ for _, _, _, id_, value in arguments)
+        start, duration, action_id, name, text = said
+        made = ExecutionDefinition(start, duration, action_id, name, given, text)
+        for table, fault in self._faults(key, made, arguments):
+            self._add(since, table, f"execution {id_text(key)}: {fault}")
+        before: Row | None = None
+        first = None
+        for version in versions:
+            first = version[2] if first is None else first
+            fault = self._outcome_fault(key, made, since, version, before)
+            if fault is not None:
+                message = f"'{version[6]}' since revision {version[2]} {fault}"
+                self._add(version[2], _VERSIONS.name, message)
+            before = version
+        # The first outcome may be in an archive, the present one is not.
+        is_whole = first == since or (first is not None and since <= self._archived)
+        if key[0] == NO_PLAN and not is_whole:
+            fault = f"recorded in revision {since}, and its first outcome is not of that"
+            self._add(since, "execution", f"execution {id_text(key)}: {fault}")
+
+    def _faults(
+        self, key: Key, made: ExecutionDefinition, arguments: list[Row]
+    ) -> Iterator[tuple[str, str]]:
+        if made.text != self._text(made):
+            yield "execution", f"'{made.text}' differs from its action and arguments"
+        if not all(each is None or is_decimal(each) for each in (made.start, made.duration)):
+            yield "execution", f"'{made.text}' has a time that is not a number"
+        is_reported = made.name is not None
+        if is_reported != (made.action_id is None) or (key[0] != NO_PLAN and is_reported):
+            yield "execution", f"'{made.text}' is of an action and has another name, or of neither"
+        if key[0] == NO_PLAN and made.start is not None:
+            yield "execution", f"'{made.text}' has a planned start, and no plan"
+        positions = [each[2] for each in arguments]
+        if positions != [*range(len(positions))]:
+            yield "execution_argument", f"'{made.text}' has the arguments {positions}"
+        if any((id_ is None) == (value is None) for *_, id_, value in arguments):
+            yield "execution_argument", f"'{made.text}' has an object and a value, or neither"
+
+    def _text(self, made: ExecutionDefinition) -> str:
+        action = None if made.action_id is None else self._actions[made.action_id]
+        words = [quoted(made.name or "") if action is None else action]
+        words += [
+            quoted(given) if isinstance(given, str) else self._objects[given]
+            for given in made.arguments
+        ]
+        return f"({' '.join(words)})"
+
+    def _outcome_fault(
+        self, key: Key, made: ExecutionDefinition, recorded: int, version: Row, before: Row | None
+    ) -> str | None:
+        """Find the fault of an outcome."""
+        _, _, since, until, kind, outcome, code, message, started_at, ended_at, text = version
+        fault = interval_fault(0 if before is None else before[3], since, until)
+        if fault is not None:
+            return fault
+        try:
+            times = [self._moment(at) for at in (started_at, ended_at)]
+        except (TypeError, ValueError):
+            return "has a time that cannot be read"
+        if kind not in (EXECUTION, PLAN_STEP) or outcome not in OUTCOMES:
+            return f"has the outcome {outcome!r} of the kind {kind!r}"
+        if kind == PLAN_STEP and (code, message, started_at, ended_at) != (None,) * 4:
+            return "has a code, a message or a time that its text does not show"
+        said = (outcome, code, message, *times)
+        if kind == PLAN_STEP:
+            expected = status_text(key, outcome)
+        else:
+            expected = outcome_text(key, made, recorded, since, *said)
+        if since < recorded or text != expected:
+            return f"has the outcome {outcome!r}, or something else that its text does not show"
+        return None
+
+    def _moment(self, raw: Any) -> datetime | None:
+        if raw is None:
+            return None
+        session = self._check.session
+        moment = session.to_time(raw)
+        if isinstance(raw, str) and time_text(moment) != raw:
+            raise ValueError(raw)
+        return moment
+
+
+class PlanCheck:
+    """Compares plans with their steps."""
+
+    def __init__(self, check: Check) -> None:
+        self._check = check
+        self._add = check.report.add
+
+    def run(self) -> None:
+        """Run the checks."""
+        steps, arguments = (
+            self._check.side(table, _PLANS, narrow=_steps, whole=_of_plans)
+            for table in (_EXECUTIONS, _ARGUMENTS)
+        )
+        for plan in self._check.read(_PLANS, narrow=_touched):
+            self._check_plan(plan, [*steps.take(plan[0])], [*arguments.take(plan[0])])
+        steps.end()
+        arguments.end()
+
+    def _check_plan(self, plan: Row, steps: list[Row], arguments: list[Row]) -> None:
+        """Check one plan."""
+        definition = _definition(plan, steps, arguments)
+        for fault in self._faults(plan, definition):
+            self._add(plan[1], "plan", f"plan {plan[0]}: {fault}")
         given = [
             ("plan", *plan),
-            *(("plan_step", *row) for row in step_rows),
-            *(("plan_step_argument", *row) for row in argument_rows),
+            *(("execution", *row) for row in steps),
+            *(("execution_argument", *row) for row in arguments),
         ]
         written = plan_rows(self._check.kb_id, plan[1], definition)
         expected = ((insert.table.name, *row[1:]) for insert, row in written)
         for table in differing(given, expected):
             self._add(plan[1], table, f"rows of {table} differ from those of plan {plan[0]}")
-        return len(step_rows)
 
-    def _faults(self, plan: Row, definition: PlanDefinition) -> Iterator[tuple[str, str]]:
-        for step in definition.steps:
-            if step.text != self._step_text(step):
-                yield "plan_step", f"'{step.text}' differs from its action and arguments"
-            if not all(each is None or is_decimal(each) for each in (step.start, step.duration)):
-                yield "plan_step", f"'{step.text}' has a time that is not a number"
+    def _faults(self, plan: Row, definition: PlanDefinition) -> Iterator[str]:
         domain, problem = definition.domain_pddl, definition.problem_pddl
         if domain is not None and problem is not None:
             digest = sha256(f"{domain}{problem}".encode()).hexdigest()
             if digest != definition.problem_hash:
-                yield "plan", "problem_hash is not that of the stored texts"
+                yield "problem_hash is not that of the stored texts"
         if definition.value is not None and not is_decimal(definition.value):
-            yield "plan", f"its value {definition.value!r} is not a number"
+            yield f"its value {definition.value!r} is not a number"
         if definition.text != plan[11]:
-            yield "plan", "its columns and its steps differ from its text"
-
-    def _step_text(self, step: StepDefinition) -> str:
-        names = [self._objects[id_] for id_ in step.object_ids]
-        return atom_text(self._actions[step.action_id], names)
-
-    def _check_versions(self, plan: Row, steps: int, versions: Iterable[Row]) -> None:
-        before: Row | None = None
-        for version in versions:
-            plan_id, position, since, until, status, text = version
-            ended = before[3] if before is not None and before[1] == position else 0
-            fault = interval_fault(ended, since, until)
-            if not 0 <= position < steps:
-                fault = "is of a step that the plan does not have"
-            elif text != status_text((plan_id, position), status):
-                fault = f"has the status {status!r}"
-            if fault is not None:
-                message = f"'{text}' since revision {since} {fault}"
-                self._add(since, _VERSIONS.name, message)
-            before = version
+            yield "its columns and its steps differ from its text"
 
 
 def _definition(plan: Row, steps: list[Row], arguments: list[Row]) -> PlanDefinition:
     """Build a plan from its rows."""
-    objects: dict[int, list[int]] = {}
-    for _, position, _, object_id in arguments:
-        objects.setdefault(position, []).append(object_id)
+    given: dict[int, list[int | str]] = {}
+    for _, position, _, object_id, value in arguments:
+        given.setdefault(position, []).append(value if object_id is None else object_id)
     made = tuple(
-        StepDefinition(start, duration, action_id, tuple(objects.get(position, ())), text)
-        for _, position, start, duration, action_id, text in steps
+        ExecutionDefinition(start, duration, action, name, tuple(given.get(position, ())), text)
+        for _, position, _, start, duration, action, name, text in steps
     )
     return PlanDefinition._make((plan[0], *plan[2:11], made))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, func, or_, select, union_all
+from sqlalchemy import Select, func, literal_column, or_, select, union_all
 
 from ...knowledge.canonical import archive_text, promotion_text
 from ...sql import tables as t
 from ...sql.dialects.base import Session
+from ...sql.executions import NO_PLAN
 from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, table_of
 from .chain import Chain, moment_text
@@ -42,12 +43,12 @@ _OWN = Query(
 )
 
 
-def _largest(columns: list[Any]) -> Query:
+def _largest(columns: list[Any], *others: Select[Any]) -> Query:
     """Read the largest value of some columns, each by its index."""
     values: list[Select[Any]] = [
         select(func.max(column)).where(column.table.c.kb_id == KB) for column in columns
     ]
-    return Query(union_all(*values))
+    return Query(union_all(*values, *others))
 
 
 _OTHERS: tuple[type[t.Base], ...] = (
@@ -55,7 +56,12 @@ _OTHERS: tuple[type[t.Base], ...] = (
     *(t.ArchiveRow, t.PromotionRow),
 )
 _IDENTITIES = [kind.identity for kind in KIND_TABLES.values()] + [*map(table_of, _OTHERS)]
-_IDS = _largest([table.c.id for table in _IDENTITIES])
+_EXECUTION = table_of(t.ExecutionRow).c
+# An execution of no plan has an id that the head gave out; a step has a position.
+_OF_NO_PLAN = _EXECUTION.kb_id == KB, _EXECUTION.plan_id == literal_column(str(NO_PLAN))
+_IDS = _largest(
+    [table.c.id for table in _IDENTITIES], select(func.max(_EXECUTION.position)).where(*_OF_NO_PLAN)
+)
 _VERSIONS = [kind.version.table.c for kind in KIND_TABLES.values()]
 _DEFINED = _largest([end for version in _VERSIONS for end in (version.since, version.until)])
 

@@ -190,19 +190,30 @@ class Check(NamedTuple):
         """Read the rows of a query in constant memory."""
         return self.session.stream(query, kb=self.kb_id)
 
-    def read(self, table: Table, *names: str, narrow: Narrow) -> Iterator[Row]:
-        """Read a table in the order of its key: all of it, or where it is narrowed to."""
+    def read(
+        self, table: Table, *names: str, narrow: Narrow, whole: Narrow | None = None
+    ) -> Iterator[Row]:
+        """Read a table in the order of its key: `whole`, or what it is narrowed to."""
         if not self.after:
-            return self.stream(in_order(table, *names))
+            return self.stream(in_order(table, *names, narrow=whole))
         query = in_order(table, *names, narrow=narrow)
         return self.session.stream(query, kb=self.kb_id, after=self.after)
 
-    def side(self, table: Table, of: Table, *names: str, narrow: Narrow, width: int = 1) -> Side:
+    def side(
+        self,
+        table: Table,
+        of: Table,
+        *names: str,
+        narrow: Narrow,
+        whole: Narrow | None = None,
+        width: int = 1,
+    ) -> Side:
         """Begin to read a table; report rows whose key, of one or two columns, `of` lacks."""
+        has_versions = width > 1 and "since" in of.primary_key.columns
 
         def stray(row: Row) -> None:
-            owner, since = f"{row[0]}", None
-            if width > 1:
+            owner, since = ".".join(map(str, row[:width])), None
+            if has_versions:
                 owner, since = f"{row[0]} since revision {row[1]}", row[1]
             self.report.add(
                 since,
@@ -210,7 +221,7 @@ class Check(NamedTuple):
                 f"a row of {table.name} is of {owner}, of which {of.name} has no row",
             )
 
-        return Side(self.read(table, *names, narrow=narrow), width, stray)
+        return Side(self.read(table, *names, narrow=narrow, whole=whole), width, stray)
 
 
 def interval_fault(before: Any, since: Any, until: Any) -> str | None:

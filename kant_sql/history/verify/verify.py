@@ -41,7 +41,7 @@ from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
 from .definition_check import DefinitionCheck, ObjectFunctions, check_names
-from .facts import FactCheck, PlanCheck
+from .facts import ExecutionCheck, FactCheck, PlanCheck
 from .head import (
     Archive,
     archived_since,
@@ -358,6 +358,7 @@ class _Verifier:
         self._last, self._ids = read_head_numbers(check)
         self._told = 0
         self._archives: list[Archive] = []
+        self._archived = 0
         self._chain = Chain(check, self._tell)
 
     @property
@@ -395,6 +396,7 @@ class _Verifier:
     def _check_chain(self, wanted: frozenset[int]) -> None:
         archives = read_archives(self._check)
         archived = read_archived(self._check, archives)
+        self._archived = archived
         # An archive has the records of its own versions, which are complete there.
         self._archives = archives if archived else []
         chain = Chain(self._check, self._tell, archived, wanted)
@@ -409,7 +411,8 @@ class _Verifier:
         for part in (
             DefinitionCheck(check, names.held, functions),
             FactCheck(check, names, functions, lambda id_: self._tell(self._last + id_)),
-            PlanCheck(check, names),
+            PlanCheck(check),
+            ExecutionCheck(check, names, self._archived),
         ):
             _guarded(check.session, check.report, part.run)
 

@@ -143,7 +143,7 @@ LEEWAY = "interval '1 minute'"
 # The range of Python's datetime: no driver reads other times.
 _WITHIN = "BETWEEN '0001-01-01 00:00:00+00' AND '9999-12-31 23:59:59.999999+00'"
 # Versions that do not move `head.definition_revision`.
-NO_DEFINITIONS = frozenset({"proposition_version", "function_value_version", "plan_step_version"})
+NO_DEFINITIONS = frozenset({"proposition_version", "function_value_version", "execution_version"})
 # One row per knowledge base: roles of one knowledge base insert none.
 FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
 
@@ -209,18 +209,26 @@ class WriterRights:
             return ALWAYS
         if table.name == "revision":
             return f"{mine}.number = 1 + {self._last} AND {self._is_dated()}"
-        if table.name == "revision_plan_step":
+        if table.name == "revision_execution":
             return f"{mine}.number > {self._locked_head('revision')}"
         if "since" in table.c:
             is_new = self._is_not_past("since")
+            if table.name == "execution":
+                # A plan gets no further steps.
+                of_plan = self._is_of_new_row("plan", f"i.id = {mine}.plan_id")
+                return f"{is_new} AND ({mine}.plan_id = 0 OR {of_plan})"
             return f"{is_new} AND {self._open()}" if "until" in table.c else is_new
         # Identities and their parts: only new ones.
         owner = _owner(table)
         if owner == "plan_id":
             # Plans are numbered by themselves, not by the head.
-            return self._is_of_new_row(owner)
+            same = f"i.plan_id = {mine}.plan_id AND i.position = {mine}.position"
+            return self._is_of_new_row("execution", same)
         is_new = f"{mine}.{self._names.quote(owner)} >= {self._locked_head('next_id')}"
-        return is_new if owner == "id" else f"{is_new} AND {self._is_of_new_row(owner)}"
+        if owner == "id":
+            return is_new
+        same = f"i.id = {mine}.{self._names.quote(owner)}"
+        return f"{is_new} AND {self._is_of_new_row(owner.removesuffix('_id'), same)}"
 
     def _is_empty(self) -> str:
         """Write the condition that a head is that of a knowledge base before its first revision."""
@@ -251,7 +259,7 @@ class WriterRights:
             condition += f" AND ({observed} IS NULL OR {observed} {_WITHIN})"
         return condition
 
-    def _is_of_new_row(self, owner: str) -> str:
+    def _is_of_new_row(self, table: str, same: str) -> str:
         """Write the condition that a row is part of an identity that this transaction inserted.
 
         The head does not show that: an identity beyond its `next_id` stays so when committed alone.
@@ -262,8 +270,7 @@ class WriterRights:
         distance = f"(i.xmin::text::bigint - {this} + {1 << 31})"
         number = f"({this} + (({distance} % {1 << 32}) + {1 << 32}) % {1 << 32} - {1 << 31})"
         return (
-            f"EXISTS (SELECT {self._own(owner.removesuffix('_id'), 'i')} "
-            f"AND i.id = {self._mine}.{self._names.quote(owner)} "
+            f"EXISTS (SELECT {self._own(table, 'i')} AND {same} "
             f"AND pg_xact_status({number}::text::xid8) = 'in progress')"
         )
 

@@ -1,4 +1,4 @@
-"""The tables: of revisions, named elements, propositions and values of functions, and plans."""
+"""The tables: of revisions, named elements, facts and values of functions, plans, executions."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from .atoms import PropositionVersionRow as PropositionVersionRow
 from .base import Base as Base
 from .revisions import EMPTY_HEAD as EMPTY_HEAD
 from .revisions import ArchiveRow as ArchiveRow
+from .revisions import ExecutionArgumentRow as ExecutionArgumentRow
+from .revisions import ExecutionRow as ExecutionRow
+from .revisions import ExecutionVersionRow as ExecutionVersionRow
 from .revisions import HeadRow as HeadRow
 from .revisions import KnowledgeBaseRow as KnowledgeBaseRow
 from .revisions import PlanRow as PlanRow
-from .revisions import PlanStepArgumentRow as PlanStepArgumentRow
-from .revisions import PlanStepRow as PlanStepRow
-from .revisions import PlanStepVersionRow as PlanStepVersionRow
 from .revisions import PromotionRow as PromotionRow
-from .revisions import RevisionPlanStepRow as RevisionPlanStepRow
+from .revisions import RevisionExecutionRow as RevisionExecutionRow
 from .revisions import RevisionRow as RevisionRow
 from .revisions import VerificationRow as VerificationRow
 

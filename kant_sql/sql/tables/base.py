@@ -97,6 +97,8 @@ class Base:
     __tablename__: ClassVar[str]
     __table_args__: ClassVar[tuple[Any, ...]] = ()
     __table__: ClassVar[Table]
+    # What SQLite keeps in one tree: its key is short, and so are its rows.
+    __has_rowid__: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
         fields = {
@@ -107,9 +109,9 @@ class Base:
         }
         named = sorted(fields.items(), key=lambda item: item[1].order)
         columns = {name: field.make(name) for name, field in named}
-        cls.__table__ = Table(
-            cls.__tablename__, cls.metadata, *columns.values(), *cls.__table_args__
-        )
+        parts = (*columns.values(), *cls.__table_args__)
+        info = {} if cls.__has_rowid__ else {"sqlite_with_rowid": False}
+        cls.__table__ = Table(cls.__tablename__, cls.metadata, *parts, info=info)
         for name, column in columns.items():
             setattr(cls, name, column)
 
@@ -201,10 +203,11 @@ def where_both(sqlite: str, postgresql: str) -> dict[str, Any]:
 def with_dialects() -> MetaData:
     """Return the tables with all that the migrations make, but for the views.
 
-    Only Alembic asks for what the dialects add to indexes: to name a dialect in an index makes
+    Only Alembic asks for what the dialects add to tables and indexes: to name a dialect there makes
     SQLAlchemy import it with all its drivers.
     """
     for table in Base.metadata.tables.values():
+        table.dialect_kwargs.update(table.info)
         for index in table.indexes:
             index.dialect_kwargs.update(index.info)
     return Base.metadata

@@ -1,4 +1,4 @@
-"""Knowledge bases, the heads that writers lock, revisions, plans, archives and promotions."""
+"""Knowledge bases, the heads that writers lock, revisions, plans, executions and other records."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ def record_args(table: str, about: str) -> tuple[Any, ...]:
     )
 
 
-def _to_step() -> ForeignKeyConstraint:
+def _to_execution() -> ForeignKeyConstraint:
     key = ("kb_id", "plan_id", "position")
-    return ForeignKeyConstraint(key, [f"plan_step.{column}" for column in key])
+    return ForeignKeyConstraint(key, [f"execution.{column}" for column in key])
 
 
 class PlanRow(Record, Base):
@@ -80,77 +80,97 @@ class PlanRow(Record, Base):
     problem_pddl = optional(str, comment=_GIVEN)
 
 
-class PlanStepRow(Base):
-    """A step of a plan."""
+class ExecutionRow(Base):
+    """A step of a plan, or an act without a plan: what was to be done, or was done."""
 
-    __tablename__ = "plan_step"
+    __tablename__ = "execution"
+    __has_rowid__ = False
+    # No reference from `since`: that of its first version, or of its plan, says the same, and
+    # another index would be a tenth of what an act costs.
     __table_args__ = (
-        reference("plan_id", "plan"),
         reference("action_id", "action"),
-        Index("ix_plan_step_action", "kb_id", "action_id"),
+        CheckConstraint("(action_id IS NULL) <> (name IS NULL)", name="action_or_name"),
+        Index("ix_execution_action", "kb_id", "action_id"),
+        partial_index("ix_execution_name", "kb_id", "name", where="name IS NOT NULL"),
     )
 
     kb_id = kb_column()
-    plan_id = owner_column()
-    position = position_column()
+    plan_id = key_column(-90, "0: it is of no plan")
+    position = position_column(comment="of a step: from 0; of no plan: the id")
+    since = column(int, comment="recorded in this revision, with its plan if it has one")
     start = optional(str, comment="seconds from the plan's beginning, as exact decimal text")
-    duration = optional(str, comment="seconds, as exact decimal text; NULL: an instant")
-    action_id = column(int)
-    text = column(str, comment="canonical PDDL, without times")
+    duration = optional(
+        str, comment="seconds, as exact decimal text; NULL: an instant, or not known"
+    )
+    action_id = optional(int, comment="NULL: it is no action of the domain")
+    name = optional(str, comment="what it is called that is no action of the domain")
+    text = column(str, comment="action and arguments, without times; what is no PDDL is quoted")
 
 
-class PlanStepArgumentRow(Base):
-    """An argument of a step's action."""
+class ExecutionArgumentRow(Base):
+    """An argument of an execution's action."""
 
-    __tablename__ = "plan_step_argument"
+    __tablename__ = "execution_argument"
+    __has_rowid__ = False
     __table_args__ = (
-        _to_step(),
+        _to_execution(),
         reference("object_id", "object"),
-        Index("ix_plan_step_argument_object", "kb_id", "object_id"),
+        CheckConstraint("(object_id IS NULL) <> (value IS NULL)", name="object_or_value"),
+        Index("ix_execution_argument_object", "kb_id", "object_id"),
     )
 
     kb_id = kb_column()
     plan_id = owner_column()
     position = position_column(comment=None)
     argument = position_column(-50)
-    object_id = column(int)
+    object_id = optional(int, comment="NULL: it is no object of the knowledge base")
+    value = optional(str, comment="what was said instead of an object")
 
 
-class PlanStepVersionRow(VersionRow, Base):
-    """What became of a step, for a time; a step without a row was not started."""
+class ExecutionVersionRow(VersionRow, Base):
+    """The outcome of an execution, for a time; a step of a plan without a row was not started."""
 
-    __tablename__ = "plan_step_version"
+    __tablename__ = "execution_version"
+    __has_rowid__ = False
     __table_args__ = (
-        _to_step(),
-        *version_args("plan_step_version", "plan_id", "position"),
-        CheckConstraint("status IN ('started', 'succeeded', 'failed', 'aborted')", name="status"),
+        _to_execution(),
+        *version_args("execution_version", "plan_id", "position"),
+        CheckConstraint(
+            "outcome IN ('running', 'succeeded', 'failed', 'aborted', 'refused')", name="outcome"
+        ),
+        CheckConstraint("kind IN ('execution', 'plan step')", name="kind"),
         partial_index(
-            "ix_plan_step_version_running",
-            *("kb_id", "status", "plan_id", "position", "until"),
-            where="until IS NULL AND status = 'started'",
+            "ix_execution_version_running",
+            *("kb_id", "outcome", "plan_id", "position", "until"),
+            where="until IS NULL AND outcome = 'running'",
         ),
     )
 
     plan_id = owner_column()
     position = position_column(-85, None)
-    status = column(str, String(16), comment="started, succeeded, failed or aborted")
-    text = column(str, comment="which step of which plan, and its status")
+    kind = column(str, String(16), comment="execution; plan step: written before version 0008")
+    outcome = column(str, String(16), comment="running, succeeded, failed, aborted or refused")
+    code = optional(str, comment="of a failure")
+    message = optional(str, comment="what is said of a failure, or did not hold")
+    started_at = optional(datetime, comment="UTC; NULL: when the revision was committed")
+    ended_at = optional(datetime, comment="UTC; NULL: when the revision was committed")
+    text = column(str, comment="which execution it is, and its outcome")
 
 
-class RevisionPlanStepRow(Base):
-    """The step of a plan that was running when a revision was made."""
+class RevisionExecutionRow(Base):
+    """The execution that was running when a revision was made, as its writer said."""
 
-    __tablename__ = "revision_plan_step"
+    __tablename__ = "revision_execution"
     __table_args__ = (
         ForeignKeyConstraint(["kb_id", "number"], REVISION),
-        _to_step(),
-        Index("ix_revision_plan_step_step", "kb_id", "plan_id", "position", "number"),
+        _to_execution(),
+        Index("ix_revision_execution_execution", "kb_id", "plan_id", "position", "number"),
     )
 
     kb_id = kb_column()
     number = key_column(-90, "the revision")
     plan_id = column(int)
-    position = column(int, Integer, comment="the step's")
+    position = column(int, Integer)
 
 
 class KnowledgeBaseRow(Base):

@@ -9,11 +9,13 @@ from typing import Annotated, Literal, NamedTuple
 from fastapi import Query, Request
 from fastapi.responses import PlainTextResponse, Response
 
+from ...acts import Execution
 from ...errors import ArchivedError, PlanError, UnknownNameError
 from ...history.plan_pages import PlansPage, Stretch, read_plans_page, read_stretches
 from ...history.revisions import Revision, Version
 from ...knowledge_base import KnowledgeBase, state_of
-from ...plans import RecordedPlan, RecordedStep
+from ...plans import RecordedPlan
+from ...sql.executions import RUNNING, read_outcome
 from ..registry import KbName, Offset, Pages
 from ..stores import OpenStore, answer
 
@@ -41,7 +43,7 @@ class StepOutcomes:
 
     _json_ = "*step", "outcomes", "meanwhile", "total"
 
-    step: RecordedStep
+    step: Execution
     outcomes: tuple[Version, ...]
     meanwhile: list[Revision]
     total: int
@@ -138,7 +140,7 @@ def _find(kb: KnowledgeBase, id_: int) -> RecordedPlan:
     return found
 
 
-def _runs(kb: KnowledgeBase, steps: Sequence[RecordedStep]) -> list[Stretch]:
+def _runs(kb: KnowledgeBase, steps: Sequence[Execution]) -> list[Stretch]:
     """Read the revisions that were made while each of some steps ran."""
     begun = [step for step in steps if step.outcomes and _has_begun(step)]
     ends = [one.outcomes[0].until for one in begun]
@@ -147,12 +149,12 @@ def _runs(kb: KnowledgeBase, steps: Sequence[RecordedStep]) -> list[Stretch]:
         for one, end in zip(begun, ends, strict=True)
     ]
     runs = read_stretches(state_of(kb), bounds, REVISIONS)
-    of_step = {step.position: run for step, run in zip(begun, runs, strict=True)}
-    return [of_step.get(step.position, Stretch([], 0)) for step in steps]
+    of_step = {step.id: run for step, run in zip(begun, runs, strict=True)}
+    return [of_step.get(step.id, Stretch([], 0)) for step in steps]
 
 
-def _has_begun(step: RecordedStep) -> bool:
-    return step.outcomes[0].text.endswith(" started)")
+def _has_begun(step: Execution) -> bool:
+    return read_outcome(step.outcomes[0].text).outcome == RUNNING
 
 
 def _texts(plan: RecordedPlan) -> dict[str, str]:

@@ -12,7 +12,7 @@ from decimal import Decimal
 
 import kant_sql
 from kant_sql import KantSqlError, KnowledgeBase, Plan, PlanStep
-from kant_sql.plans import StepStatus
+from kant_sql.acts import Outcome
 
 BIDI = "\u202egpj.exe\u202c \u2066hidden\u2069 \u200bzero\u200e"
 LONG = "<b>" + "very-long-" * 1000
@@ -99,7 +99,7 @@ def _record(kb: KnowledgeBase) -> None:
         objective="minimize (total-time)",
         value=Decimal(1),
     )
-    statuses: tuple[StepStatus, ...] = ("started", "succeeded")
+    statuses: tuple[Outcome, ...] = ("running", "succeeded")
     for number, status in enumerate(statuses):
         with kb.transaction(reason=TEXTS[number], plan_step=plan.steps[0]):
             kb.plans.set_status(plan.steps[0], status=status)

@@ -97,7 +97,7 @@ def _plan(kb: KnowledgeBase) -> None:
 
 def _carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
     first, second = plan.steps
-    kb.plans.set_status(first, status="started")
+    kb.plans.set_status(first, status="running")
     with kb.transaction(plan_step=first, actor="executive"):
         kb.propositions.delete_all()
     kb.plans.set_status(first, status="succeeded")

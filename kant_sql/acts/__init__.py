@@ -1,0 +1,114 @@
+"""Executions: what was done, by whom, and what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from decimal import Decimal
+from typing import TYPE_CHECKING, Literal
+
+from .. import html
+from ..history.revisions import Version
+from ..later import asked_for
+
+if TYPE_CHECKING:
+    from . import executions as executions
+else:
+    __getattr__ = asked_for(__name__, {})
+
+__all__ = ["Execution", "Outcome"]
+
+Outcome = Literal["running", "succeeded", "failed", "aborted", "refused"]
+
+
+@dataclass(frozen=True)
+class Execution:
+    """An act, or a step of a recorded plan, and its outcome.
+
+    Attributes:
+        id: its name in the knowledge base: `17`, or `12.3` for step 3 of plan 12.
+        plan_id: the id of its plan; None for an act without a plan.
+        position: its index in the plan, from 0; None without a plan.
+        start: the planned start, in seconds from the start of the plan; None in a plan without
+            times.
+        action: the action's name, or what a component without PDDL calls it.
+        arguments: the objects' names, or what such a component said instead.
+        duration: seconds; None for an instantaneous action, or where it is not known.
+        outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`; None for a step that was
+            not started.
+        code: the code of a failure, as the component that failed has them.
+        text: what is said of a failure; of a refused one, what did not hold.
+        started_at: when it began, in UTC: as was reported, or when that was committed.
+        ended_at: when it ended, in UTC; None before.
+        actor: who began it.
+        reason: why.
+        source: where the order came from, as JSON values.
+        outcomes: each outcome that it had, with the revisions that set and ended it.
+        revisions: the numbers of the revisions that set an outcome of it, or that were made while
+            it ran and name it (`plan_step=`).
+        knowledge_base: the name of the knowledge base that recorded it.
+
+    An execution does not change after it is read. Within a transaction, `outcome`, `code` and
+    `text` include the transaction's own change; what is of revisions has committed ones only.
+    """
+
+    _json_ = (
+        *("execution=id", "plan=plan_id", "position", "start", "action", "arguments", "duration"),
+        *("outcome", "code", "text", "started_at", "ended_at", "actor", "reason", "source"),
+        "revisions",
+    )
+
+    id: str
+    plan_id: int | None
+    position: int | None
+    start: Decimal | None
+    action: str
+    arguments: tuple[str, ...]
+    duration: Decimal | None
+    outcome: Outcome | None
+    code: str | None
+    text: str | None
+    started_at: datetime | None
+    ended_at: datetime | None
+    actor: str | None
+    reason: str | None
+    source: object
+    outcomes: tuple[Version, ...]
+    revisions: tuple[int, ...]
+    knowledge_base: str
+
+    @property
+    def revision(self) -> int | None:
+        """The revision that gave it its outcome; None before any, and until that is committed."""
+        last = self.outcomes[-1] if self.outcomes else None
+        return last.since.number if last is not None and last.until is None else None
+
+    @property
+    def place(self) -> str:
+        """Where it is: `execution 17`, or `step 3 of plan 12`."""
+        if self.plan_id is None:
+            return f"execution {self.id}"
+        return f"step {self.position} of plan {self.plan_id}"
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.action, *self.arguments))})"
+
+    def _html_row_(self) -> html.Row:
+        outcomes = self.outcomes[-html.LINES :]
+        return {
+            "execution": self.id,
+            "start": self.start,
+            "act": str(self),
+            "duration": self.duration,
+            "outcome": self.outcome,
+            "code": self.code,
+            "text": self.text,
+            "outcomes": tuple(
+                f"revision {each.since.number}: {each.text}"
+                + ("" if each.since.actor is None else f" by {each.since.actor}")
+                for each in outcomes
+            ),
+        }
+
+    def _repr_html_(self) -> str:
+        return html.fields(self._html_row_())

@@ -1,0 +1,172 @@
+"""Checks of acts that are recorded: steps of PDDL, and what components without PDDL report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from decimal import Decimal
+
+from ..arguments import shown, storable_text
+from ..dto.elements import atom_text
+from ..dto.lexical import number_text
+from ..errors import InvalidKnowledgeError, PlanError
+from ..knowledge.definitions import ActionDefinition, Definitions, ObjectDefinition
+from ..pddl.cursor import hint
+from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..planning import Plan, PlanStep
+from ..sql.executions import ExecutionDefinition, quoted
+
+
+def check_steps(
+    definitions: Definitions, revision: int, plan: Plan
+) -> tuple[ExecutionDefinition, ...]:
+    """Find the actions and objects of a plan's steps, at the revision of its state."""
+    if not isinstance(plan.steps, tuple | list):
+        raise PlanError(f"the plan has the steps {shown(plan.steps)}, expected a tuple")
+    return tuple(
+        _StepCheck(definitions, revision, position, step).read()
+        for position, step in enumerate(plan.steps)
+    )
+
+
+def exact_text(number: Decimal | int | None, role: str) -> str | None:
+    """Write a number as exact decimal text."""
+    if number is None:
+        return None
+    if isinstance(number, bool) or not isinstance(number, int | float | Decimal):
+        raise PlanError(f"{role} is {shown(number)}, expected a number or None")
+    try:
+        return number_text(number)
+    except InvalidKnowledgeError as error:
+        raise PlanError(f"{role}: {error}") from error
+
+
+class _StepCheck:
+    """Checks one step against the state that its plan was made from."""
+
+    def __init__(
+        self, definitions: Definitions, revision: int, position: int, step: PlanStep
+    ) -> None:
+        self._definitions = definitions
+        self._revision = revision
+        self._step = step
+        role = f"step {position} of the plan"
+        if not isinstance(step, PlanStep):
+            raise PlanError(f"{role} is a PlanStep, not {shown(step)}")
+        if not isinstance(step.arguments, tuple | list):
+            raise PlanError(f"{role} has the arguments {shown(step.arguments)}, expected a tuple")
+        names = (step.action, *step.arguments)
+        for name in names:
+            if not isinstance(name, str):
+                raise PlanError(f"{role}: a name is a string, not {shown(name)}")
+        self._role = f"{role}, {shown(atom_text(names[0], names[1:]))}"
+
+    def read(self) -> ExecutionDefinition:
+        action = self._action()
+        objects = self._objects(action)
+        return ExecutionDefinition(
+            self._seconds(self._step.start, "start"),
+            self._seconds(self._step.duration, "duration"),
+            action.id,
+            None,
+            tuple(object_.id for object_ in objects),
+            atom_text(action.name, [object_.name for object_ in objects]),
+        )
+
+    def _action(self) -> ActionDefinition:
+        action = self._definitions.actions.named(self._step.action)
+        if action is None:
+            known = [one.name for one in self._definitions.actions]
+            raise PlanError(
+                f"{self._role}: action {shown(self._step.action)} is not known at revision "
+                f"{self._revision}, the state that it was planned from"
+                f"{hint(self._step.action, known)}; give the plan the revision of the state that "
+                "has it"
+            )
+        if action.kind not in (ACTION, DURATIVE_ACTION):
+            raise PlanError(
+                f"{self._role}: {action.name!r} is of kind {action.kind}, which happens by itself; "
+                "leave the step out"
+            )
+        return action
+
+    def _objects(self, action: ActionDefinition) -> list[ObjectDefinition]:
+        names = self._step.arguments
+        if len(names) != len(action.parameters):
+            raise PlanError(
+                f"{self._role} has {len(names)} arguments, expected {len(action.parameters)} as in "
+                f"{' '.join(action.text.split()):.200}"
+            )
+        return [self._object(action, number, name) for number, name in enumerate(names)]
+
+    def _object(self, action: ActionDefinition, number: int, name: str) -> ObjectDefinition:
+        object_ = self._definitions.objects.named(name)
+        if object_ is None:
+            known = [one.name for one in self._definitions.objects]
+            raise PlanError(
+                f"{self._role}: object {shown(name)} is not known at revision {self._revision}, "
+                f"the state that it was planned from{hint(name, known)}; give the plan the "
+                "revision of the state that has it"
+            )
+        allowed = action.parameters[number].type_ids
+        if not self._definitions.any_fits(object_.type_ids, allowed):
+            types = self._definitions.types
+            wanted = " or ".join(types.live(id_).name for id_ in allowed)
+            raise PlanError(
+                f"{self._role}: argument {number + 1}, {object_.name!r}, is "
+                f"{object_.text!r} at revision {self._revision}, expected a {wanted} as action "
+                f"{action.name!r} has it; replan from the present state"
+            )
+        return object_
+
+    def _seconds(self, number: Decimal | None, role: str) -> str | None:
+        text = exact_text(number, f"{self._role}: its {role}")
+        if text is not None and text.startswith("-"):
+            raise PlanError(f"{self._role}: its {role} is {text}, expected 0 seconds or more")
+        return text
+
+
+def reported(
+    definitions: Definitions, name: str, arguments: Sequence[str], duration: str | None = None
+) -> ExecutionDefinition:
+    """Make an execution of what a component reports: names that are known become references.
+
+    What the domain has no action for is called as it was reported.
+    """
+    objects = [definitions.objects.named(one) for one in arguments]
+    action = definitions.actions.named(name)
+    if action is not None and (None in objects or len(objects) != len(action.parameters)):
+        action = None
+    pairs = [*zip(arguments, objects, strict=True)]
+    words = (quoted(one) if object_ is None else object_.name for one, object_ in pairs)
+    return ExecutionDefinition(
+        None,
+        duration,
+        None if action is None else action.id,
+        name if action is None else None,
+        tuple(one if object_ is None else object_.id for one, object_ in pairs),
+        f"({' '.join((quoted(name) if action is None else action.name, *words))})",
+    )
+
+
+def check_words(name: object, arguments: object) -> tuple[str, tuple[str, ...]]:
+    """Check the name and the arguments of an act that is reported."""
+    role = "the name of the act"
+    text = _word(name, role)
+    if isinstance(arguments, str) or not isinstance(arguments, Iterable):
+        raise PlanError(f"the arguments of {shown(text)} are {shown(arguments)}, expected a list")
+    found = (
+        _word(one, f"argument {number} of {shown(text)}") for number, one in enumerate(arguments, 1)
+    )
+    return text, tuple(found)
+
+
+def _word(given: object, role: str) -> str:
+    # A DTO of an object has its name.
+    named = getattr(given, "name", given)
+    if not isinstance(named, str):
+        raise PlanError(f"{role} is {shown(given)}, expected a text or an object")
+    if not named.strip():
+        raise PlanError(f"{role} is empty; say what it is")
+    found = storable_text(named, role, PlanError)
+    assert found is not None
+    return found

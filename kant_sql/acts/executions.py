@@ -1,0 +1,467 @@
+"""Questions about executions, and the reports of components that act without PDDL."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime
+from functools import cache
+from itertools import islice
+from typing import Any, NamedTuple
+
+from sqlalchemy import Select, bindparam, func, literal_column, or_, select, tuple_
+
+from .. import html
+from ..arguments import one_of, optional_text, shown, storable_text
+from ..dao.text import refuse_unknown_actor
+from ..dto import PddlObjectDto
+from ..dto.lexical import fold, is_word
+from ..errors import InvalidArgumentError, PlanError, UnknownNameError
+from ..history.moments import find_bounds
+from ..history.revisions import LARGEST, at_most
+from ..moment_text import When, read_when
+from ..sql import tables as t
+from ..sql.definition_rows import find_identities
+from ..sql.dialects.base import Session
+from ..sql.executions import FAILED, NO_PLAN, OUTCOMES, RUNNING, Key
+from ..sql.query import Query, first_rows, integer
+from ..sql.rows import KB, table_of
+from ..store.snapshot import View
+from ..store.state import State
+from ..store.store import Store
+from ..store.transaction import Transaction
+from . import Execution, Outcome
+from .checking import check_words, reported
+from .recording import (
+    ExecutionReader,
+    Said,
+    key_of,
+    parse_id,
+    read_execution,
+    set_outcome,
+)
+
+# How many executions are read at a time.
+PAGE = 200
+
+
+def get(state: State, execution: str | int) -> Execution | None:
+    """Read an execution.
+
+    Args:
+        execution: its id: `17`, or `"12.3"` for step 3 of plan 12.
+
+    Returns:
+        The execution, or None.
+
+    Raises:
+        InvalidArgumentError: this is no id.
+
+    Examples:
+        >>> made = kb.executions.report("dock", outcome="failed", code="E4", text="no charger")
+        >>> kb.executions.get(made.id).code
+        'E4'
+    """
+    key = parse_id(execution)
+    if key is None:
+        raise InvalidArgumentError(
+            f"{shown(execution)} is not the id of an execution; give one such as 17, or '12.3' for "
+            "step 3 of plan 12"
+        )
+    plan_id, position = key
+
+    def read(view: View) -> Execution | None:
+        if view.kb_id is None or position > _LARGEST_POSITION:
+            return None
+        found = ExecutionReader(state.store, view, view.kb_id).near(plan_id, [position])
+        return found[0] if found else None
+
+    return state.store.read_in_snapshot(read, state.at)
+
+
+_LARGEST_POSITION = 2**31 - 1
+
+
+class ExecutionFilter(NamedTuple):
+    """Which executions are asked for; all conditions apply.
+
+    Attributes:
+        action: the action's name, or what a component called the act.
+        object: the name of an object that is among the arguments.
+        outcome: the present outcome.
+        actor: who began it.
+    """
+
+    action: str | None = None
+    object: str | None = None
+    outcome: str | None = None
+    actor: str | None = None
+
+
+def get_all(
+    state: State,
+    *,
+    action: str | None = None,
+    object: str | PddlObjectDto | None = None,
+    outcome: Outcome | None = None,
+    actor: str | None = None,
+    since: When | None = None,
+    until: When | None = None,
+    limit: int | None = None,
+) -> Iterator[Execution]:
+    """Read executions, those with the latest outcome first, in constant memory.
+
+    Steps of plans that were not started are left out.
+
+    Args:
+        action: the action's name, or what a component without PDDL calls the act.
+        object: an object that is among the arguments.
+        outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`.
+        actor: who began it.
+        since: the first revision that set an outcome, or the earliest time; both inclusive.
+        until: the last revision that set an outcome, or the latest time; both inclusive.
+        limit: the maximum number of executions; None for all.
+
+    Returns:
+        The executions, read in pages on demand.
+
+    Raises:
+        UnknownNameError: instead of none, if there never was such an action, object or actor.
+        UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+        InvalidArgumentError: this is no outcome.
+
+    Examples:
+        >>> _ = kb.executions.report("dock", outcome="failed", code="E4", text="no charger")
+        >>> for execution in kb.executions.get_all(outcome="failed"):
+        ...     print(execution, execution.code, execution.actor)
+        (dock) E4 perception
+    """
+    if outcome is not None:
+        one_of(outcome, OUTCOMES, "the outcome")
+    name = object.name if isinstance(object, PddlObjectDto) else object
+    for value, role in ((action, "action"), (name, "object"), (actor, "actor")):
+        optional_text(value, role)
+    asked = ExecutionFilter(action, name, outcome, actor)
+
+    def again(most: int) -> Iterator[Execution]:
+        return _read_all(state, asked, since, until, min(most, at_most(limit)))
+
+    found = _read_all(state, asked, since, until, at_most(limit))
+    return html.Feed(found, again=again, noun="execution")
+
+
+_NOW, _IDENTITY = table_of(t.ExecutionVersionRow).c, table_of(t.ExecutionRow).c
+_ARGUMENT, _REVISION = table_of(t.ExecutionArgumentRow).c, table_of(t.RevisionRow).c
+# With more executions of an action or an object, they are found among the newest.
+FEW = 5_000
+_ONE: Any = literal_column("1")
+_PLACE = (_NOW.since, _NOW.plan_id, _NOW.position)
+_BEFORE = ("since", "plan", "position")
+
+
+class _Names(NamedTuple):
+    """The ids of what a filter names; None where it names nothing, or the table has no row."""
+
+    action: int | None
+    object: int | None
+
+
+def _of_action() -> Select[Any]:
+    rows = select(_IDENTITY.plan_id, _IDENTITY.position).where(_IDENTITY.kb_id == KB)
+    name: Any = bindparam("name")
+    return rows.where(or_(_IDENTITY.action_id == integer("action"), _IDENTITY.name == name))
+
+
+def _of_object() -> Select[Any]:
+    rows = select(_ARGUMENT.plan_id, _ARGUMENT.position).where(_ARGUMENT.kb_id == KB)
+    return rows.where(_ARGUMENT.object_id == integer("object"))
+
+
+_NAMED = {"action": _of_action, "object": _of_object}
+
+
+@cache
+def _count(what: str) -> Query:
+    """Count the executions of an action or an object, up to a bound."""
+    some = first_rows(_NAMED[what](), literal_column(str(FEW + 1))).subquery()
+    return Query(select(func.count()).select_from(some))
+
+
+@cache
+def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
+    """Select the keys of executions, those with the latest outcome first."""
+    rows = select(*_PLACE).where(_NOW.kb_id == KB, _NOW.since <= integer("since"))
+    rows = rows.where(
+        tuple_(*_PLACE) < tuple_(*map(integer, _BEFORE)), _NOW.since >= integer("low")
+    )
+    open_: Any = _NOW.until.is_(None)
+    rows = rows.where(or_(open_, _NOW.until > integer("at")) if is_past else open_)
+    for what in _NAMED.keys() & wanted:
+        named = _NAMED[what]()
+        if what == rare:
+            rows = rows.where(tuple_(_NOW.plan_id, _NOW.position).in_(named))
+            continue
+        own = named.selected_columns
+        same = own.plan_id == _NOW.plan_id, own.position == _NOW.position
+        rows = rows.where(named.where(*same).correlate(_NOW.kb_id.table).exists())
+    if "outcome" in wanted:
+        rows = rows.where(_NOW.outcome == bindparam("outcome"))
+    if "actor" in wanted:
+        rows = rows.where(_began_by())
+    return Query(first_rows(rows.order_by(*(each.desc() for each in _PLACE)), integer("size")))
+
+
+def _began_by() -> Any:
+    """Return whether an actor made the revision of the first outcome, or recorded the act."""
+    first = table_of(t.ExecutionVersionRow).alias("first").c
+    own = first.plan_id == _NOW.plan_id, first.position == _NOW.position
+    began = select(func.min(first.since)).where(first.kb_id == KB, *own)
+    recorded = select(_IDENTITY.since).where(
+        _IDENTITY.kb_id == KB, _IDENTITY.plan_id == NO_PLAN_ID, _IDENTITY.plan_id == _NOW.plan_id
+    )
+    recorded = recorded.where(_IDENTITY.position == _NOW.position)
+    table = _NOW.kb_id.table
+    numbers = (each.correlate(table).scalar_subquery() for each in (recorded, began))
+    revision = select(_ONE).where(
+        _REVISION.kb_id == KB,
+        _REVISION.number == func.coalesce(*numbers),
+        _REVISION.actor == bindparam("actor"),
+    )
+    return revision.correlate(table).exists()
+
+
+NO_PLAN_ID: Any = literal_column(str(NO_PLAN))
+
+
+def _read_all(
+    state: State, asked: ExecutionFilter, since: When | None, until: When | None, limit: int
+) -> Iterator[Execution]:
+    """Read executions in pages."""
+    store = state.store
+    bounds = find_bounds(store, since, until, state.at)
+    # What is pending in this transaction counts, too.
+    high = LARGEST if until is None and state.at is None else bounds.high
+    before: tuple[int, int, int] | None = (high, LARGEST, LARGEST)
+    left = limit
+    while before is not None and left > 0:
+        page, before = read_page(state, asked, bounds.low, before, min(left, PAGE))
+        yield from islice(page, min(left, sys.maxsize))
+        left -= len(page)
+    if left == limit and limit:
+        _refuse_unknown(store, asked)
+
+
+def read_page(
+    state: State,
+    asked: ExecutionFilter,
+    low: int,
+    before: tuple[int, int, int],
+    size: int,
+) -> tuple[list[Execution], tuple[int, int, int] | None]:
+    """Read executions before a place, and the place where the next page begins."""
+
+    def work(view: View) -> tuple[list[Execution], tuple[int, int, int] | None]:
+        if view.kb_id is None:
+            return [], None
+        names = _find_names(view.session, view.kb_id, asked)
+        given = {key: value for key, value in asked._asdict().items() if value is not None}
+        if names is None:
+            return [], None
+        own: dict[str, Any] = {
+            **{key: given[key] for key in ("outcome", "actor") if key in given},
+            **({"name": asked.action, "action": names.action} if asked.action else {}),
+            **({"object": names.object} if asked.object else {}),
+        }
+        rare = _rarest(view, own, given)
+        if state.at is not None:
+            own["at"] = state.at
+        query = _page(rare, frozenset(given), state.at is not None)
+        place = dict(zip(_BEFORE, before, strict=True))
+        rows = view.session.rows(query, kb=view.kb_id, low=low, size=size, **place, **own)
+        keys: list[Key] = [(plan_id, position) for _, plan_id, position in rows]
+        found = ExecutionReader(state.store, view, view.kb_id).listed(keys)
+        following = (rows[-1][0], rows[-1][1], rows[-1][2]) if len(rows) == size else None
+        return [found[key] for key in keys if key in found], following
+
+    return state.store.read_in_snapshot(work, state.at)
+
+
+def _find_names(session: Session, kb_id: int, asked: ExecutionFilter) -> _Names | None:
+    """Find what a filter names; None if there never was such an object."""
+    found: dict[str, int | None] = {}
+    for kind, name in (("action", asked.action), ("object", asked.object)):
+        found[kind] = None
+        if name is not None and is_word(name):
+            key = fold(name)
+            identity = find_identities(session, kb_id, kind, {key})[key]
+            found[kind] = None if identity is None else identity[0]
+    if asked.object is not None and found["object"] is None:
+        return None
+    return _Names(found["action"], found["object"])
+
+
+def _rarest(view: View, own: dict[str, Any], given: dict[str, str]) -> str | None:
+    """Return which of the action and the object has few executions, if one has."""
+    for what in ("object", "action"):
+        if what in given:
+            names = ("object",) if what == "object" else ("action", "name")
+            row = view.session.first(
+                _count(what), kb=view.kb_id, **{name: own[name] for name in names}
+            )
+            if row is not None and row[0] <= FEW:
+                return what
+    return None
+
+
+def _refuse_unknown(store: Store, asked: ExecutionFilter) -> None:
+    """Refuse names that never were: there is no execution of them."""
+
+    def work(view: View) -> str | None:
+        if view.kb_id is None:
+            return None
+        names = _find_names(view.session, view.kb_id, asked)
+        if names is None:
+            return f"object {shown(asked.object)}"
+        if asked.action is None or names.action is not None:
+            return None
+        own = {"action": None, "name": asked.action}
+        row = view.session.first(_count("action"), kb=view.kb_id, **own)
+        return None if row is not None and row[0] else f"action {shown(asked.action)}"
+
+    missing = store.read_in_snapshot(work)
+    if missing is not None:
+        raise UnknownNameError(
+            f"knowledge base {store.name!r} never had the {missing}, and no execution is of it"
+        )
+    if asked.actor is not None:
+        refuse_unknown_actor(store, asked.actor)
+
+
+def report(
+    state: State,
+    act: str | Execution,
+    *,
+    outcome: Outcome,
+    arguments: Iterable[str | PddlObjectDto] = (),
+    code: str | None = None,
+    text: str | None = None,
+    started_at: datetime | str | None = None,
+    ended_at: datetime | str | None = None,
+    reason: str | None = None,
+) -> Execution:
+    """Record what a component did, in one revision; no condition is checked, no effect written.
+
+    A component without PDDL, such as a behaviour tree or a state machine, reports what it does: by
+    a name, or once it is running, by the execution. An executive that writes effects by itself
+    reports the steps of a recorded plan in the same way: each is started once, and then
+    succeeds, fails or is aborted; one that was not started can be aborted, too.
+
+    Args:
+        act: what the act is called; or an execution that is running, or a step of a recorded plan,
+            of which this is the next outcome.
+        outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`.
+        arguments: objects of the knowledge base, or any other texts.
+        code: the code of a failure.
+        text: what is said of it.
+        started_at: when it began, if not now: an aware time or a text, as `2 minutes ago`.
+        ended_at: when it ended, likewise.
+        reason: the revision's reason.
+
+    Returns:
+        The execution. If it has this outcome already, nothing is written.
+
+    Raises:
+        PlanError: the execution is not known, or its present outcome does not allow this one; the
+            name or an argument is not a text; or it ends before it begins.
+        InvalidArgumentError: this is no outcome, or a text is not a time.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> running = kb.executions.report("dock", arguments=["rb1"], outcome="running")
+        >>> kb.executions.report(running, outcome="failed", code="E4").outcome
+        'failed'
+    """
+    one_of(outcome, OUTCOMES, "the outcome")
+    optional_text(reason, "the reason")
+    said = _said(outcome, code, text, started_at, ended_at)
+    is_known = isinstance(act, Execution)
+    if is_known and [*arguments]:
+        raise PlanError(f"{act} has its arguments already; leave them out")
+    named = None if is_known else check_words(act, arguments)
+
+    def work(transaction: Transaction) -> Key:
+        if isinstance(act, Execution):
+            set_outcome(transaction, act, outcome, said)
+            return key_of(act)
+        assert named is not None
+        made = reported(transaction.definitions.current(), *named)
+        return transaction.executions.record(made, outcome, *said)
+
+    with state.store.transaction(reason=reason) as transaction:
+        key = work(transaction)
+    return read_execution(state.store, key)
+
+
+def fail(
+    state: State,
+    execution: Execution,
+    *,
+    code: str | None = None,
+    text: str | None = None,
+    reason: str | None = None,
+) -> Execution:
+    """Record that a running execution has failed. What its start changed stays.
+
+    Args:
+        execution: a running one, as `start` and `executions.report` return it.
+        code: the code of the failure.
+        text: what is said of it.
+        reason: the revision's reason.
+
+    Returns:
+        The execution, with the outcome `failed`.
+
+    Raises:
+        PlanError: it is not running, or not known.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> running = kb.executions.report("dock", outcome="running")
+        >>> kb.fail(running, code="E4", text="no charger").code
+        'E4'
+    """
+    key_of(execution)
+    return report(state, execution, outcome="failed", code=code, text=text, reason=reason)
+
+
+def _said(
+    outcome: str,
+    code: str | None,
+    text: str | None,
+    started_at: datetime | str | None,
+    ended_at: datetime | str | None,
+) -> Said:
+    """Check what is said of an outcome."""
+    if code is not None and outcome != FAILED:
+        raise PlanError(f"{shown(code)} is the code of a failure, and the outcome is {outcome!r}")
+    begun, ended = (
+        _moment(at, role) for at, role in ((started_at, "started_at"), (ended_at, "ended_at"))
+    )
+    if ended is not None and outcome == RUNNING:
+        raise PlanError("ended_at is given of an execution that is running; leave it out")
+    if begun is not None and ended is not None and ended < begun:
+        raise PlanError(
+            f"it ended at {ended.isoformat()}, before it began at {begun.isoformat()}; give both "
+            "times by one clock"
+        )
+    texts = storable_text(code, "code", PlanError), storable_text(text, "text", PlanError)
+    return Said(*texts, begun, ended)
+
+
+def _moment(given: datetime | str | None, role: str) -> datetime | None:
+    found = read_when(given)
+    if found is None:
+        return None
+    if not isinstance(found, datetime) or found.utcoffset() is None:
+        raise InvalidArgumentError(f"{role} is {shown(given)}, expected a time with its zone")
+    return found.astimezone(UTC)

@@ -1,0 +1,190 @@
+"""What an execution is: its canonical text, its rows, and the statements for its outcomes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from datetime import datetime
+from json.encoder import encode_basestring
+from typing import Any, NamedTuple
+
+from sqlalchemy import BigInteger, ColumnElement, Integer, bindparam, select
+
+from ..knowledge.canonical import time_text
+from .dialects.base import Row
+from .query import Insert, Query
+from .rows import KB, VersionTable, looked_up, table_of
+from .tables import ExecutionArgumentRow, ExecutionRow, ExecutionVersionRow
+
+# The key of an execution: the id of its plan and its position there, or `NO_PLAN` and its own id.
+Key = tuple[int, int]
+NO_PLAN = 0
+
+RUNNING, SUCCEEDED, FAILED, ABORTED, REFUSED = (
+    *("running", "succeeded", "failed", "aborted"),
+    "refused",
+)
+OUTCOMES = (RUNNING, SUCCEEDED, FAILED, ABORTED, REFUSED)
+# The kinds of change lines; the second was written before version 0008 of the tables.
+EXECUTION, PLAN_STEP = "execution", "plan step"
+_STARTED = "started"
+
+
+class ExecutionDefinition(NamedTuple):
+    """What is, or was, to be done; times are exact decimal text.
+
+    An argument is the id of an object, or a text instead of one. The text is `(move rb1 wp1 wp2)`;
+    what is no action or object of the knowledge base is quoted there.
+    """
+
+    start: str | None
+    duration: str | None
+    action_id: int | None
+    name: str | None
+    arguments: tuple[int | str, ...]
+    text: str
+
+
+class OutcomeDefinition(NamedTuple):
+    """An outcome of an execution, as it is recorded; `ExecutionVersionRow` says what it means."""
+
+    kind: str
+    outcome: str
+    text: str
+    code: str | None = None
+    message: str | None = None
+    started_at: datetime | None = None
+    ended_at: datetime | None = None
+
+
+def quoted(text: str) -> str:
+    """Write a word that is no name of the knowledge base."""
+    return encode_basestring(text)
+
+
+def id_text(key: Key) -> str:
+    """Write the id of an execution: `17`, or `12.3` for step 3 of plan 12."""
+    plan_id, position = key
+    return f"{position}" if plan_id == NO_PLAN else f"{plan_id}.{position}"
+
+
+def outcome_text(
+    key: Key,
+    execution: ExecutionDefinition,
+    recorded: int,
+    since: int,
+    outcome: str,
+    code: str | None = None,
+    message: str | None = None,
+    started_at: datetime | None = None,
+    ended_at: datetime | None = None,
+) -> str:
+    """Write an outcome since a revision in canonical form; no two have the same.
+
+    The text of a plan has the durations of its steps, and its revision.
+    """
+    text = f"(:execution {id_text(key)} {execution.text} {outcome}"
+    if key[0] == NO_PLAN:
+        if execution.duration is not None:
+            text += f" :duration {execution.duration}"
+        if recorded != since:
+            text += f" :recorded-in {recorded}"
+    if code is not None:
+        text += f" :code {encode_basestring(code)}"
+    if message is not None:
+        text += f" :message {encode_basestring(message)}"
+    if started_at is not None:
+        text += f' :started-at "{time_text(started_at)}"'
+    if ended_at is not None:
+        text += f' :ended-at "{time_text(ended_at)}"'
+    return f"{text})"
+
+
+def status_text(key: Key, outcome: str) -> str:
+    """Write an outcome of the kind `plan step`."""
+    plan_id, position = key
+    return f"(:plan {plan_id} :step {position} {_STARTED if outcome == RUNNING else outcome})"
+
+
+_TOLD = re.compile(r'\(:execution (\S+) (\((?:"(?:[^"\\]|\\.)*"|[^()"])*\)) (\w+)')
+_TOLD_STEP = re.compile(r"\(:plan (\d+) :step (\d+) (\w+)\)")
+
+
+class Told(NamedTuple):
+    """What the text of an outcome says: of which execution, what that is, and the outcome.
+
+    Texts of the kind `plan step` do not say what was to be done.
+    """
+
+    id: str
+    act: str | None
+    outcome: str
+
+
+def read_outcome(text: str) -> Told:
+    """Read the text of an outcome.
+
+    Raises:
+        ValueError: it is not the text of one.
+    """
+    found = _TOLD.match(text)
+    if found is not None:
+        return Told(*found.groups())
+    found = _TOLD_STEP.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{text!r} is not the text of an outcome")
+    plan_id, position, status = found.groups()
+    outcome = RUNNING if status == _STARTED else status
+    return Told(id_text((int(plan_id), int(position))), None, outcome)
+
+
+VERSIONS = table_of(ExecutionVersionRow)
+NEW_OUTCOME = Insert(
+    VERSIONS,
+    *("kb_id", "plan_id", "position", "since", "until"),
+    *("kind", "outcome", "text", "code", "message", "started_at", "ended_at"),
+)
+_IDENTITY = table_of(ExecutionRow)
+_KEY = ("kb_id", "plan_id", "position")
+NEW_EXECUTION = Insert(_IDENTITY, *_KEY, "since", "start", "duration", "action_id", "name", "text")
+NEW_ARGUMENT = Insert(table_of(ExecutionArgumentRow), *_KEY, "argument", "object_id", "value")
+_PLAN: ColumnElement[int] = bindparam("plan", type_=BigInteger)
+_POSITION: ColumnElement[int] = bindparam("position", type_=Integer)
+
+
+def _open(column: Any) -> Any:
+    return looked_up(
+        column,
+        VERSIONS.c.position,
+        _IDENTITY.c.position,
+        VERSIONS.c.plan_id == _IDENTITY.c.plan_id,
+        VERSIONS.c.until.is_(None),
+    )
+
+
+# An execution without its arguments, and its open version.
+FIND = Query(
+    select(
+        *(_IDENTITY.c[name] for name in ("since", "duration", "text")),
+        *(_open(VERSIONS.c[name]) for name in ("kind", "outcome", "text")),
+    ).where(
+        _IDENTITY.c.kb_id == KB, _IDENTITY.c.plan_id == _PLAN, _IDENTITY.c.position == _POSITION
+    )
+)
+# With the parameter `plan`; `id` is the position.
+STATEMENTS = VersionTable(
+    "position", VERSIONS, within=lambda version: (version.c.plan_id == _PLAN,)
+)
+
+
+def execution_row(kb: int, since: int, key: Key, execution: ExecutionDefinition) -> Row:
+    """Return the row of an execution that a revision records."""
+    start, duration, action_id, name, _, text = execution
+    return kb, *key, since, start, duration, action_id, name, text
+
+
+def argument_rows(kb: int, key: Key, execution: ExecutionDefinition) -> Iterator[Row]:
+    """Yield the rows of the arguments of an execution."""
+    for argument, given in enumerate(execution.arguments):
+        said = (None, given) if isinstance(given, str) else (given, None)
+        yield kb, *key, argument, *said

@@ -1,0 +1,425 @@
+"""Steps of plans and acts without a plan are executions, of one mechanism.
+
+The rows of steps keep their keys, their statuses and the texts that hashes cover. A status that was
+`started` is now `running`.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
+
+import sqlalchemy as sa
+from alembic import context, op
+from alembic.util import CommandError
+
+revision = "0008"
+down_revision = "0007"
+branch_labels = None
+depends_on = None
+
+NUMBER = sa.BigInteger()
+POSITION = sa.Integer()
+WORD = sa.String(16)
+LONG_TEXT = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
+UTC_TIME = sa.String(27).with_variant(sa.TIMESTAMP(timezone=True), "postgresql")
+AT_COMMIT: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
+
+# What the versions are called, up and down: only the column says it, not the hashed text.
+UP = "CASE status WHEN 'started' THEN 'running' ELSE status END"
+DOWN = "CASE outcome WHEN 'running' THEN 'started' ELSE outcome END"
+KEY = "kb_id, plan_id, position"
+# Each new table, its columns, and the rows of the one before it.
+CARRIED = (
+    (
+        "execution",
+        f"{KEY}, since, start, duration, action_id, text",
+        "SELECT s.kb_id, s.plan_id, s.position, p.since, s.start, s.duration, s.action_id, s.text"
+        " FROM plan_step AS s JOIN plan AS p ON p.kb_id = s.kb_id AND p.id = s.plan_id",
+    ),
+    (
+        "execution_argument",
+        f"{KEY}, argument, object_id",
+        f"SELECT {KEY}, argument, object_id FROM plan_step_argument",
+    ),
+    (
+        "execution_version",
+        f"{KEY}, since, until, kind, outcome, text",
+        f"SELECT {KEY}, since, until, 'plan step', {UP}, text FROM plan_step_version",
+    ),
+    (
+        "revision_execution",
+        "kb_id, number, plan_id, position",
+        "SELECT kb_id, number, plan_id, position FROM revision_plan_step",
+    ),
+)
+CARRIED_BACK = (
+    (
+        "plan_step",
+        f"{KEY}, start, duration, action_id, text",
+        f"SELECT {KEY}, start, duration, action_id, text FROM execution",
+    ),
+    (
+        "plan_step_argument",
+        f"{KEY}, argument, object_id",
+        f"SELECT {KEY}, argument, object_id FROM execution_argument",
+    ),
+    (
+        "plan_step_version",
+        f"{KEY}, since, until, status, text",
+        f"SELECT {KEY}, since, until, {DOWN}, text FROM execution_version",
+    ),
+    (
+        "revision_plan_step",
+        "kb_id, number, plan_id, position",
+        "SELECT kb_id, number, plan_id, position FROM revision_execution",
+    ),
+)
+BEFORE = tuple(table for table, *_ in CARRIED_BACK)
+
+AUDIT_EXECUTION = """
+SELECT
+    k.name AS knowledge_base,
+    v.execution,
+    v.plan_id,
+    v.position,
+    v.action,
+    v.arguments,
+    v.text,
+    v.outcome,
+    v.code,
+    v.message,
+    v.started,
+    v.started_at,
+    EPOCH(v.started_at) AS started_epoch,
+    v.started_by,
+    v.started_reason,
+    TEXT(v.started_source) AS started_source,
+    v.ended,
+    v.ended_at,
+    EPOCH(v.ended_at) AS ended_epoch,
+    v.ended_by,
+    v.ended_reason,
+    SECONDS(v.started_at, v.ended_at) AS duration,
+    DOUBLE(v.planned_duration) AS planned_duration,
+    v.kb_id
+FROM (
+    SELECT
+        e.kb_id,
+        CASE WHEN e.plan_id = 0 THEN TEXT(e.position)
+            ELSE TEXT(e.plan_id) || '.' || TEXT(e.position) END AS execution,
+        e.plan_id,
+        e.position,
+        COALESCE(a.name, e.name) AS action,
+        CASE WHEN e.name IS NULL THEN rtrim(substr(e.text, length(a.name) + 3), ')') ELSE (
+            SELECT JOINED(h.said)
+            FROM (
+                SELECT COALESCE(o.name, g.value) AS said
+                FROM execution_argument AS g
+                LEFT JOIN object AS o ON o.kb_id = g.kb_id AND o.id = g.object_id
+                WHERE g.kb_id = e.kb_id AND g.plan_id = e.plan_id AND g.position = e.position
+                ORDER BY g.argument
+            ) AS h
+        ) END AS arguments,
+        e.text,
+        TEXT(w.outcome) AS outcome,
+        w.code,
+        w.message,
+        CASE e.plan_id WHEN 0 THEN e.since ELSE b.since END AS started,
+        COALESCE(w.started_at, b.started_at, s.committed_at) AS started_at,
+        s.actor AS started_by,
+        s.reason AS started_reason,
+        s.source AS started_source,
+        u.number AS ended,
+        CASE WHEN u.number IS NOT NULL THEN COALESCE(w.ended_at, u.committed_at) END AS ended_at,
+        u.actor AS ended_by,
+        u.reason AS ended_reason,
+        e.duration AS planned_duration
+    FROM execution AS e
+    JOIN execution_version AS w ON w.kb_id = e.kb_id AND w.plan_id = e.plan_id
+        AND w.position = e.position AND w.until IS NULL
+    LEFT JOIN execution_version AS b ON b.kb_id = e.kb_id AND b.plan_id = e.plan_id
+        AND b.position = e.position AND b.since = (
+            SELECT min(c.since) FROM execution_version AS c
+            WHERE c.kb_id = e.kb_id AND c.plan_id = e.plan_id AND c.position = e.position
+        )
+    LEFT JOIN action AS a ON a.kb_id = e.kb_id AND ONE(a.id = e.action_id)
+    LEFT JOIN revision AS s ON s.kb_id = e.kb_id
+        AND s.number = CASE e.plan_id WHEN 0 THEN e.since ELSE b.since END
+    LEFT JOIN revision AS u ON u.kb_id = w.kb_id AND u.number = w.since AND w.outcome <> 'running'
+) AS v
+LEFT JOIN knowledge_base AS k ON OF(k.id = v.kb_id)
+"""
+JOINED = {"sqlite": "group_concat(h.said, ' ')", "postgresql": "string_agg(h.said, ' ')"}
+
+
+def upgrade() -> None:
+    """Bring the tables to this version."""
+    for make in (_execution, _argument, _version, _link):
+        make()
+    _carry(CARRIED)
+    _replace_views(_queries(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
+    for table in reversed(BEFORE):
+        op.drop_table(table)
+
+
+def downgrade() -> None:
+    """Bring the tables back to the version before."""
+    if context.get_revision_argument() is not None:
+        _refuse_to_lose()
+    for table in BEFORE:
+        _create_before(table)
+    _carry(CARRIED_BACK)
+    op.execute("DROP VIEW audit_execution")
+    _replace_views(_before(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
+    for table, *_ in reversed(CARRIED):
+        op.drop_table(table)
+
+
+def _refuse_to_lose() -> None:
+    """Refuse where the hash of a revision covers what the version before has no place for."""
+    if context.is_offline_mode():
+        raise CommandError("a downgrade below 0008 looks for executions: run it without --sql")
+    count = op.get_bind().scalar(
+        sa.text("SELECT count(*) FROM execution_version WHERE kind = 'execution'")
+    )
+    if count:
+        raise CommandError(
+            f"version {down_revision} has no place for outcomes of executions ({count}), whose "
+            "revisions could not be verified any more; nothing was changed"
+        )
+
+
+def _carry(tables: tuple[tuple[str, str, str], ...]) -> None:
+    for table, columns, rows in tables:
+        # In a downgrade to `base`, what has no place there is dropped.
+        op.execute(f"INSERT INTO {table} ({columns}) {rows}{_of_plans(table)}")
+    if not _is_sqlite():
+        # A table with references that are yet to be checked cannot be dropped.
+        op.execute("SET CONSTRAINTS ALL IMMEDIATE")
+
+
+def _of_plans(table: str) -> str:
+    return " WHERE plan_id > 0" if table in BEFORE else ""
+
+
+def _key(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
+    return sa.Column(name, kind, autoincrement=False, nullable=False, comment=comment)
+
+
+def _column(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
+    return sa.Column(name, kind, nullable=False, comment=comment)
+
+
+def _optional(name: str, kind: Any = LONG_TEXT, comment: str | None = None) -> sa.Column[Any]:
+    return sa.Column(name, kind, nullable=True, comment=comment)
+
+
+def _to(table: str, name: str, *columns: str, to: tuple[str, ...], **when: Any) -> Any:
+    places = [f"{table}.{column}" for column in to]
+    return sa.ForeignKeyConstraint(columns, places, name=f"fk_{name}", **when)
+
+
+def _to_revision(table: str, column: str, **when: Any) -> Any:
+    name = f"{table}_kb_id_{column}"
+    return _to("revision", name, "kb_id", column, to=("kb_id", "number"), **when)
+
+
+def _to_execution(table: str) -> Any:
+    key = ("kb_id", "plan_id", "position")
+    return _to("execution", f"{table}_kb_id_plan_id_position", *key, to=key)
+
+
+def _to_element(table: str, column: str, element: str) -> Any:
+    return _to(element, f"{table}_kb_id_{column}", "kb_id", column, to=("kb_id", "id"))
+
+
+def _execution() -> None:
+    op.create_table(
+        "execution",
+        _key("kb_id"),
+        _key("plan_id", comment="0: it is of no plan"),
+        _key("position", POSITION, "of a step: from 0; of no plan: the id"),
+        _column("since", comment="recorded in this revision, with its plan if it has one"),
+        _optional("start", comment="seconds from the plan's beginning, as exact decimal text"),
+        _optional(
+            "duration", comment="seconds, as exact decimal text; NULL: an instant, or not known"
+        ),
+        _optional("action_id", NUMBER, "NULL: it is no action of the domain"),
+        _optional("name", comment="what it is called that is no action of the domain"),
+        _column(
+            "text", LONG_TEXT, "action and arguments, without times; what is no PDDL is quoted"
+        ),
+        sa.PrimaryKeyConstraint("kb_id", "plan_id", "position", name="pk_execution"),
+        _to_element("execution", "action_id", "action"),
+        sa.CheckConstraint(
+            "(action_id IS NULL) <> (name IS NULL)", name=op.f("ck_execution_action_or_name")
+        ),
+        sqlite_with_rowid=False,
+    )
+    op.create_index("ix_execution_action", "execution", ["kb_id", "action_id"])
+    _partial_index("ix_execution_name", "execution", ["kb_id", "name"], "name IS NOT NULL")
+
+
+def _argument() -> None:
+    op.create_table(
+        "execution_argument",
+        _key("kb_id"),
+        _key("plan_id"),
+        _key("position", POSITION),
+        _key("argument", POSITION, "from 0"),
+        _optional("object_id", NUMBER, "NULL: it is no object of the knowledge base"),
+        _optional("value", comment="what was said instead of an object"),
+        sa.PrimaryKeyConstraint(
+            "kb_id", "plan_id", "position", "argument", name="pk_execution_argument"
+        ),
+        _to_execution("execution_argument"),
+        _to_element("execution_argument", "object_id", "object"),
+        sa.CheckConstraint(
+            "(object_id IS NULL) <> (value IS NULL)",
+            name=op.f("ck_execution_argument_object_or_value"),
+        ),
+        sqlite_with_rowid=False,
+    )
+    op.create_index("ix_execution_argument_object", "execution_argument", ["kb_id", "object_id"])
+
+
+def _version() -> None:
+    table = "execution_version"
+    op.create_table(
+        table,
+        _key("kb_id"),
+        _key("plan_id"),
+        _key("position", POSITION),
+        _key("since", comment="asserted in this revision"),
+        _optional("until", NUMBER, "retracted in this revision; NULL: holds now"),
+        _column("kind", WORD, "execution; plan step: written before version 0008"),
+        _column("outcome", WORD, "running, succeeded, failed, aborted or refused"),
+        _optional("code", comment="of a failure"),
+        _optional("message", comment="what is said of a failure, or did not hold"),
+        _optional("started_at", UTC_TIME, "UTC; NULL: when the revision was committed"),
+        _optional("ended_at", UTC_TIME, "UTC; NULL: when the revision was committed"),
+        _column("text", LONG_TEXT, "which execution it is, and its outcome"),
+        sa.PrimaryKeyConstraint("kb_id", "plan_id", "position", "since", name=f"pk_{table}"),
+        _to_execution(table),
+        _to_revision(table, "since", **AT_COMMIT),
+        _to_revision(table, "until", **AT_COMMIT),
+        sa.CheckConstraint("since < until", name=op.f(f"ck_{table}_since_before_until")),
+        sa.CheckConstraint(
+            "outcome IN ('running', 'succeeded', 'failed', 'aborted', 'refused')",
+            name=op.f(f"ck_{table}_outcome"),
+        ),
+        sa.CheckConstraint("kind IN ('execution', 'plan step')", name=op.f(f"ck_{table}_kind")),
+        sqlite_with_rowid=False,
+    )
+    owner = ["kb_id", "plan_id", "position"]
+    _partial_index(f"uq_{table}_live", table, owner, "until IS NULL", unique=True)
+    op.create_index(f"ix_{table}_since", table, ["kb_id", "since"])
+    _partial_index(f"ix_{table}_until", table, ["kb_id", "until"], "until IS NOT NULL")
+    running = ["kb_id", "outcome", "plan_id", "position", "until"]
+    where = "until IS NULL AND outcome = 'running'"
+    _partial_index(f"ix_{table}_running", table, running, where)
+
+
+def _link() -> None:
+    table = "revision_execution"
+    op.create_table(
+        table,
+        _key("kb_id"),
+        _key("number", comment="the revision"),
+        _column("plan_id"),
+        _column("position", POSITION),
+        sa.PrimaryKeyConstraint("kb_id", "number", name=f"pk_{table}"),
+        _to_revision(table, "number"),
+        _to_execution(table),
+    )
+    key = ["kb_id", "plan_id", "position", "number"]
+    op.create_index(f"ix_{table}_execution", table, key)
+
+
+def _partial_index(
+    name: str, table: str, columns: list[str], where: str, unique: bool = False
+) -> None:
+    both: dict[str, Any] = {
+        f"{dialect}_where": sa.text(where) for dialect in ("sqlite", "postgresql")
+    }
+    op.create_index(name, table, columns, unique=unique, **both)
+
+
+def _create_before(table: str) -> None:
+    """Create a table of the version before, as its migrations did."""
+    first = _module("0001")
+    first._create(first.METADATA.tables[table])
+    running = _module("0004")
+    if table == running.TABLE:
+        running.upgrade()
+
+
+def _is_sqlite() -> bool:
+    return op.get_context().dialect.name == "sqlite"
+
+
+def _module(version: str) -> ModuleType:
+    script = op.get_context().script
+    assert script is not None
+    return script.get_revision(version).module
+
+
+def _before() -> dict[str, str]:
+    """Give the queries of the views of the version before that read what is replaced."""
+    queries: dict[str, str] = _module("0006")._queries()
+    return {
+        name: query
+        for name, query in queries.items()
+        if any(f" {table} AS " in query for table in BEFORE)
+    }
+
+
+def _queries() -> dict[str, str]:
+    """Give the queries of the views, in the words of no dialect."""
+    changed = {name: _changed(query) for name, query in _before().items()}
+    for name, table in (
+        ("audit_plan_step", "execution"),
+        ("audit_plan_step_status", "execution_version"),
+        ("audit_plan_step_argument", "execution_argument"),
+    ):
+        assert f"FROM {table} AS v" in changed[name]
+        changed[name] = f"{changed[name].rstrip()}\nWHERE v.plan_id > 0\n"
+    joined = JOINED["sqlite" if _is_sqlite() else "postgresql"]
+    return {**changed, "audit_execution": AUDIT_EXECUTION.replace("JOINED(h.said)", joined)}
+
+
+def _changed(query: str) -> str:
+    """Read the new tables in place of those before."""
+    for old, new in zip(BEFORE, (table for table, *_ in CARRIED), strict=True):
+        query = query.replace(f" {old} AS ", f" {new} AS ")
+    parts = query.split("UNION ALL")
+    # An act without a plan is found by its own id.
+    own = "CAST(CASE v.plan_id WHEN 0 THEN v.position ELSE v.plan_id END AS bigint)"
+    for number, part in enumerate(parts):
+        if "FROM execution_version AS v" in part:
+            of_kind = part.replace("WORD(plan step)", "TEXT(v.kind)")
+            parts[number] = of_kind.replace("v.plan_id AS element_id", f"{own} AS element_id")
+    query = "UNION ALL".join(parts)
+    for alias in "vwc":
+        query = query.replace(f"{alias}.status = 'started'", f"{alias}.outcome = 'running'")
+        query = query.replace(f"{alias}.status <> 'started'", f"{alias}.outcome <> 'running'")
+    query = query.replace("TEXT(w.status)", "TEXT(w.outcome)")
+    for status in ("succeeded", "failed", "aborted"):
+        query = query.replace(f"w.status = '{status}'", f"w.outcome = '{status}'")
+    if "FROM execution_version AS v" in query:
+        query = query.replace("TEXT(v.status)", "TEXT(v.outcome)")
+    return query
+
+
+def _replace_views(queries: dict[str, str], verb: str, known: dict[str, str]) -> None:
+    """Create views; on PostgreSQL, in place, so that views of users stay."""
+    for name, query in queries.items():
+        if _is_sqlite():
+            written = _module("0005")._in_sqlite(query)
+            if name in known:
+                op.execute(f"DROP VIEW {name}")
+        else:
+            views = _module("0001")
+            written = views._in_dialect(query, views.POSTGRESQL).rstrip()
+        op.execute(f"{verb} VIEW {name} AS{written}")
