@@ -132,6 +132,7 @@ _HOMES = {
     **dict.fromkeys(("query", "holds", "goals"), "asking"),
     **dict.fromkeys(("why-not", "applicable", "apply"), "plans"),
     **dict.fromkeys(("log", "diff", "history", "blame"), "history"),
+    "acts": "acts",
     **dict.fromkeys(("when", "rules"), "asking"),
     **dict.fromkeys(("restore", "branch"), "history"),
     **dict.fromkeys(("views", "export"), "store"),

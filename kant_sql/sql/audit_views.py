@@ -220,6 +220,18 @@ AUDIT_VIEWS = {
             {"object_id": _INTEGER},
         ),
         _view(
+            "execution",
+            "plan_id position",
+            "started <= :high AND COALESCE(ended >= :low, TRUE)",
+            {"execution": _TEXT, **_STEP, "action": _TEXT, "arguments": _TEXT, "text": _TEXT},
+            {"outcome": _TEXT, "code": _TEXT, "message": _TEXT},
+            {"started": _INTEGER, "started_at": _TIME, "started_epoch": _DOUBLE},
+            {"started_by": _TEXT, "started_reason": _TEXT, "started_source": _TEXT},
+            {"ended": _INTEGER, "ended_at": _TIME, "ended_epoch": _DOUBLE},
+            {"ended_by": _TEXT, "ended_reason": _TEXT, "duration": _DOUBLE},
+            {"planned_duration": _DOUBLE},
+        ),
+        _view(
             "archive",
             "archive_id",
             None,

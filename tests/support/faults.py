@@ -6,7 +6,7 @@ import random
 import re
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -165,27 +165,31 @@ class Damage(NamedTuple):
     Attributes:
         table: the table.
         column: the column; None for a row that is gone.
-        rowid: the row.
+        key: the columns that name the row, and their values.
         value: what stands in the cell, as SQL.
         parameters: its parameters.
     """
 
     table: str
     column: str | None
-    rowid: int
+    key: tuple[str, tuple[Any, ...]]
     value: str
     parameters: tuple[Any, ...]
 
     def apply(self, path: Path) -> None:
         with closing(sqlite3.connect(path, isolation_level=None)) as bare:
             bare.execute("PRAGMA ignore_check_constraints=ON")
+            columns, values = self.key
+            which = f"({columns}) = ({', '.join('?' for _ in values)})"
             if self.column is None:
-                bare.execute(f"DELETE FROM {self.table} WHERE rowid = ?", (self.rowid,))
-            else:
+                bare.execute(f"DELETE FROM {self.table} WHERE {which}", values)
+                return
+            # A key that is the table itself is never NULL.
+            with suppress(sqlite3.IntegrityError):
                 bare.execute(
                     f"UPDATE OR REPLACE {self.table} SET {self.column} = {self.value} "
-                    "WHERE rowid = ?",
-                    (*self.parameters, self.rowid),
+                    f"WHERE {which}",
+                    (*self.parameters, *values),
                 )
 
 
@@ -231,25 +235,36 @@ def damages(path: Path, seed: int) -> Iterator[Damage]:
         cells = {
             name: (
                 [row[1] for row in bare.execute(f"PRAGMA table_info({name})")],
-                [row[0] for row in bare.execute(f"SELECT rowid FROM {name}")],
+                [(key, row) for row in bare.execute(f"SELECT {key} FROM {name}")],
             )
             for name in names
+            for key in [_key_of(bare, name)]
         }
     while True:
         table = chance.choice(names)
-        columns, rowids = cells[table]
-        column, rowid = chance.choice(columns), chance.choice(rowids)
-        other = chance.choice(rowids)
+        columns, keys = cells[table]
+        column, key = chance.choice(columns), chance.choice(keys)
+        own, other = chance.choice(keys)
         kind = chance.random()
         if kind < 0.05:
-            yield Damage(table, None, rowid, "", ())
+            yield Damage(table, None, key, "", ())
         elif kind < 0.2:
-            taken = f"(SELECT {column} FROM {table} AS other WHERE other.rowid = ?)"
-            yield Damage(table, column, rowid, taken, (other,))
+            which = f"({own}) = ({', '.join('?' for _ in other)})"
+            taken = f"(SELECT {column} FROM {table} WHERE {which})"
+            yield Damage(table, column, key, taken, other)
         elif kind < 0.25:
-            yield Damage(table, column, rowid, NO_UTF8, ())
+            yield Damage(table, column, key, NO_UTF8, ())
         else:
-            yield Damage(table, column, rowid, "?", (chance.choice(JUNK),))
+            yield Damage(table, column, key, "?", (chance.choice(JUNK),))
+
+
+def _key_of(bare: sqlite3.Connection, table: str) -> str:
+    """Give the columns that name a row: a few tables have no other number of it."""
+    try:
+        bare.execute(f"SELECT rowid FROM {table}")
+    except sqlite3.OperationalError:
+        return ", ".join(row[1] for row in bare.execute(f"PRAGMA table_info({table})") if row[5])
+    return "rowid"
 
 
 def _dao_calls(kb: KnowledgeBase) -> Iterator[Call]:

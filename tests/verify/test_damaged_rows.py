@@ -195,7 +195,7 @@ def test_the_error_names_table_and_key(
 
 def test_text_that_is_no_utf8(copy: Callable[[], Path], connect: Connect) -> None:
     path = copy()
-    Damage("type", "name", 1, NO_UTF8, ()).apply(path)
+    Damage("type", "name", ("rowid", (1,)), NO_UTF8, ()).apply(path)
     kb = connect(f"sqlite:///{path}", knowledge_base=NAME)
     with pytest.raises(KantSqlError):
         kb.types.get_all()

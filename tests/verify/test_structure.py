@@ -407,10 +407,17 @@ def test_a_story_with_views_an_archive_and_an_earlier_version_is_intact(
     with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
         kb.restore(20)
     assert findings(shared_url) == []
-    if not is_distributed(shared_url):
-        kant_sql.operations.downgrade(shared_url, revision=VERSIONS[-2])
-        kant_sql.upgrade(shared_url)
-        assert findings(shared_url) == []
+
+
+def test_a_store_that_was_of_an_earlier_version_is_intact(shared_url: str) -> None:
+    if is_distributed(shared_url):
+        pytest.skip("its migrations are tested with the plugin")
+    with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+    kant_sql.operations.downgrade(shared_url, revision=VERSIONS[-2])
+    kant_sql.upgrade(shared_url)
+    assert findings(shared_url) == []
 
 
 def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: Any) -> None:

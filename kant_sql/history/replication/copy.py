@@ -400,8 +400,8 @@ class Copy:
             if self._redefined or not part.is_definition:
                 self._copy_part(part)
         self._insert(PLAN, _asserted(PLAN))
-        for table in (EXECUTION, ARGUMENT):
-            self._insert(table, _recorded(table))
+        if self._insert(EXECUTION, _recorded(EXECUTION)):
+            self._insert(ARGUMENT, _recorded(ARGUMENT))
         self._copy_part(ARCHIVED_TABLES[-1])
         self._insert(_LINK, _LINKS)
         for table in RECORDS:

@@ -1,0 +1,87 @@
+"""`kant-sql acts`: what was done, by whom, and what came of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import printable
+from ..knowledge.canonical import time_text
+from .common import (
+    Name,
+    Since,
+    Until,
+    Url,
+    json_lines,
+    open_to_read,
+    option,
+    parse_optional,
+    parse_state,
+)
+from .output import Printer, json_text, write_json
+
+if TYPE_CHECKING:
+    from ..acts import Execution
+
+_STYLES = {"succeeded": "green", "failed": "red", "aborted": "red", "refused": "red"}
+OUTCOMES = ("running", *_STYLES)
+
+
+def acts(
+    url: Url,
+    kb: Name = None,
+    limit: Annotated[
+        int | None, option("Show only the N newest.", "--limit", "-n", metavar="N", min=1)
+    ] = None,
+    since: Since = None,
+    until: Until = None,
+    actor: Annotated[
+        str | None, option("Show only what this actor began.", "--actor", metavar="NAME")
+    ] = None,
+    action: Annotated[
+        str | None, option("Show only executions of this action.", "--action", metavar="NAME")
+    ] = None,
+    object_: Annotated[
+        str | None, option("Show only what names this object.", "--object", metavar="NAME")
+    ] = None,
+    outcome: Annotated[
+        str | None,
+        option(f"Show only this outcome: {', '.join(OUTCOMES)}.", "--outcome", metavar="WORD"),
+    ] = None,
+    as_json: Annotated[bool, json_lines("execution")] = False,
+) -> None:
+    """Show what was done: the latest outcome first, with who and why.
+
+    Steps of plans that were not started are left out.
+    """
+    if outcome is not None and outcome not in OUTCOMES:
+        hint = f"{outcome!r}: expected one of {', '.join(OUTCOMES)}"
+        raise typer.BadParameter(hint, param_hint="--outcome")
+    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    given: Any = {"action": action, "object": object_, "outcome": outcome, "actor": actor}
+    with open_to_read(url, kb) as (name, knowledge_base):
+        printer = Printer()
+        found = knowledge_base.executions.get_all(since=first, until=last, limit=limit, **given)
+        for execution in found:
+            if as_json:
+                write_json(execution, knowledge_base=name)
+            else:
+                _write(printer, execution)
+
+
+def _write(printer: Printer, execution: Execution) -> None:
+    """Write an execution, and what is said of it."""
+    outcome = execution.outcome or ""
+    act = printable(str(execution))
+    printer.line(f"{execution.id}  {act}  {outcome}", _STYLES.get(outcome, "bold"))
+    began = "" if execution.started_at is None else time_text(execution.started_at)
+    ended = "" if execution.ended_at is None else time_text(execution.ended_at)
+    printer.line(f"  {began}" if ended in ("", began) else f"  {began} to {ended}")
+    said = {"actor": execution.actor, "reason": execution.reason}
+    said |= {"code": execution.code, "text": execution.text}
+    for what, text in said.items():
+        if text is not None:
+            printer.line(f"  {what}: {printable(text)}")
+    if execution.source is not None:
+        printer.line(f"  source: {json_text(execution.source)}")

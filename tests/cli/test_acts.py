@@ -1,0 +1,70 @@
+"""`kant-sql acts`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import kant_sql
+from tests.support.processes.commands import run
+
+DOMAIN = """
+(define (domain doors) (:requirements :typing) (:types door) (:predicates (open ?d - door))
+  (:action unlock :parameters (?d - door) :precondition (not (open ?d)) :effect (open ?d)))
+"""
+PROBLEM = "(define (problem home) (:domain doors) (:objects front back - door))"
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    made = f"sqlite:///{tmp_path / 'doors.db'}"
+    with kant_sql.connect(made, knowledge_base="home", actor="executive") as kb:
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+        kb.apply("(unlock front)", reason="the bell rang")
+        with pytest.raises(kant_sql.NotApplicableError):
+            kb.apply("(unlock front)", record_refusal=True)
+        dock = kb.executions.report("dock", outcome="running", arguments=["bay 4"])
+        with kb.transaction(actor="safety"):
+            kb.fail(dock, code="E4", text="no charger")
+    return made
+
+
+def test_what_was_done_is_shown_newest_first(url: str) -> None:
+    out = run("acts", url).out
+    lines = [line for line in out.splitlines() if line[0] != " "]
+    assert [line.split("  ")[1:] for line in lines] == [
+        ["(dock bay 4)", "failed"],
+        ["(unlock front)", "refused"],
+        ["(unlock front)", "succeeded"],
+    ]
+    assert "  code: E4\n  text: no charger\n" in out
+    assert "  text: (not (open front)): does not hold\n" in out
+    assert "  actor: executive\n  reason: the bell rang\n" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "count"),
+    [
+        (["--outcome", "refused"], 1),
+        (["--action", "UNLOCK"], 2),
+        (["--action", "dock"], 1),
+        (["--object", "front", "-n", "1"], 1),
+        (["--actor", "executive"], 3),
+        (["--since", "4"], 2),
+        (["--until", "3"], 1),
+    ],
+)
+def test_filters(url: str, words: list[str], count: int) -> None:
+    lines = run("acts", url, *words, "--json").out.splitlines()
+    found = [json.loads(line) for line in lines]
+    assert len(found) == count
+    assert {one["knowledge_base"] for one in found} == {"home"}
+
+
+def test_what_is_no_outcome_or_never_was_is_refused(url: str) -> None:
+    assert "expected one of running" in run("acts", url, "--outcome", "done", code=2).err
+    assert "never had the action 'fly'" in run("acts", url, "--action", "fly", code=1).err
+    assert "never had the object 'side'" in run("acts", url, "--object", "side", code=1).err

@@ -1,0 +1,159 @@
+"""Migration 0008 makes executions of the steps of plans, and their hashes stay what they were."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.errors import PlanError
+from tests.migrations.stores import Fill, Make, answers, record, refusal, rows_of, run_script, views
+from tests.migrations.test_golden import dump_of
+from tests.support.chain import check_chain
+from tests.support.pages import ask
+from tests.support.reading import findings
+from tests.support.stores import Connect
+
+FOLDER = Path(__file__).parent
+NEW, OLD = (
+    ("execution", "execution_argument", "execution_version", "revision_execution"),
+    ("plan_step", "plan_step_argument", "plan_step_version", "revision_plan_step"),
+)
+NAME = "rounds"
+
+
+@cache
+def written(name: str) -> Fill:
+    """Write what version 0007 wrote."""
+    script = (FOLDER / f"{name}-0007.sql").read_text(encoding="utf-8")
+
+    def fill(url: str) -> None:
+        kant_sql.upgrade(url, revision="0007")
+        run_script(url, script)
+
+    return fill
+
+
+@pytest.fixture
+def old_url(make: Make) -> str:
+    """The URL of a store with plans, whose steps have every status."""
+    return make(written("store"))
+
+
+def open_rounds(url: str, connect: Connect) -> KnowledgeBase:
+    return connect(url, knowledge_base=NAME, actor="test")
+
+
+def in_old_words(rows: dict[str, Any]) -> dict[str, Any]:
+    """Give the rows of the new tables as the version before had them."""
+    found = {table: each for table, each in rows.items() if table not in NEW}
+    for new, old in zip(NEW, OLD, strict=True):
+        for row in rows[new]:
+            of_step = dict(row)
+            if new != "execution_version":
+                of_step.pop("since", None)
+            for added in ("name", "value", "kind", "code", "message", "started_at", "ended_at"):
+                of_step.pop(added, None)
+            if "outcome" in of_step:
+                said = of_step.pop("outcome")
+                of_step["status"] = "started" if said == "running" else said
+            found.setdefault(old, []).append(of_step)
+    return {table: sorted(each, key=in_order) for table, each in found.items()}
+
+
+def in_order(row: dict[str, Any]) -> str:
+    return repr(sorted(row.items()))
+
+
+def test_rows_and_hashes_are_carried_up_and_down(old_url: str) -> None:
+    before, said = rows_of(old_url), answers(old_url, {"audit_revision", "audit_change"})
+    kant_sql.upgrade(old_url, revision="0008")
+    assert dump_of(old_url) == record("0008", old_url)
+    after = in_old_words(rows_of(old_url))
+    assert after == {table: sorted(each, key=in_order) for table, each in before.items()}
+    assert answers(old_url, {"audit_revision", "audit_change"}) == said
+    assert findings(old_url) == []
+    kant_sql.operations.downgrade(old_url, revision="0007")
+    assert (rows_of(old_url), dump_of(old_url)) == (before, record("0007", old_url))
+    assert "audit_execution" not in views(old_url)
+
+
+def test_every_status_is_an_outcome(old_url: str, connect: Connect) -> None:
+    kant_sql.upgrade(old_url)
+    kb = open_rounds(old_url, connect)
+    plans = {plan.id: [step.outcome for step in plan.steps] for plan in kb.plans.get_all()}
+    assert plans == {
+        1: ["succeeded", "succeeded"],
+        2: ["succeeded"],
+        3: ["succeeded", "failed", "running", "aborted", None],
+        4: ["running"],
+    }
+    failed = kb.plans.get_all()[2].steps[1]
+    assert (failed.id, failed.outcomes[0].text) == ("3.1", "(:plan 3 :step 1 started)")
+    assert failed.outcomes[0].kind == "plan step"
+    assert [each.id for each in kb.executions.get_all(outcome="running")] == ["4.0", "3.2"]
+    lone = kb.executions.get("4.0")
+    assert lone is not None
+    assert (lone.reason, str(lone)) == ("a second look", "(scan rb2 lab)")
+    assert "3.1 | 3 | 1 | move | rb1 hall lab" in " ".join(
+        ask(old_url, "SELECT execution, plan_id, position, action, arguments FROM audit_execution")
+    )
+
+
+def test_what_runs_goes_on(old_url: str, connect: Connect) -> None:
+    kant_sql.upgrade(old_url)
+    kb = open_rounds(old_url, connect)
+    assert kb.end("(scan rb2 lab)").id == "4.0"
+    step = kb.plans.get_all()[2].steps[2]
+    ended = kb.end(step)
+    assert [(each.kind, each.text) for each in ended.outcomes] == [
+        ("plan step", "(:plan 3 :step 2 started)"),
+        ("execution", "(:execution 3.2 (scan rb1 lab) succeeded)"),
+    ]
+    kb.apply("(move rb1 hall lab)")
+    with pytest.raises(PlanError, match="has failed"):
+        kb.start(kb.plans.get_all()[2].steps[1])
+    kb.close()
+    assert findings(old_url) == []
+    assert "outcomes of executions (3)" in refusal(old_url, "0007")
+    kant_sql.operations.downgrade(old_url, revision="base")
+    assert rows_of(old_url) == {}
+
+
+def test_an_archive_and_its_store_go_on_together(
+    make: Make, old_url: str, connect: Connect, tmp_path: Path
+) -> None:
+    archive = make(written("archive"))
+    for url in (old_url, archive):
+        kant_sql.upgrade(url)
+        assert findings(url) == []
+    # The archive has all changes of its revisions, with the lines of the version before.
+    assert check_chain(archive) == {NAME: 7}
+    assert [str(each) for each in open_rounds(archive, connect).executions.get_all()] == [
+        "(scan rb2 lab)",
+        "(scan rb1 lab)",
+        "(move rb1 hall lab)",
+    ]
+
+
+def test_a_replica_goes_on_from_where_it_was(
+    make: Make, old_url: str, connect: Connect, tmp_path: Path
+) -> None:
+    """Both are migrated by themselves, and have the same keys."""
+    replica = f"sqlite:///{tmp_path / 'replica.db'}"
+    written("store")(replica)
+    run_script(replica, "UPDATE head SET origin = 'elsewhere', heard_at = committed_at")
+    for url in (old_url, replica):
+        kant_sql.upgrade(url)
+    kb = open_rounds(old_url, connect)
+    kb.end("(scan rb2 lab)")
+    kb.start("(scan rb1 lab)") if kb.why_not("(scan rb1 lab)") == [] else None
+    kb.store.push(replica)
+    kb.close()
+    for table in NEW:
+        assert ask(replica, f"SELECT * FROM {table}") == ask(old_url, f"SELECT * FROM {table}")
+    assert findings(replica) == []
