@@ -145,7 +145,7 @@ _HOMES = {
     "db": "store",
 }
 _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
-_PAGED |= {"log", "diff", "history", "blame", "when", "rules"}
+_PAGED |= {"log", "acts", "diff", "history", "blame", "when", "rules"}
 # Their exit code says what became of the store.
 _FINISHED = {"verify", "push", "promote"}
 

@@ -66,6 +66,9 @@ from .steps import CONTINUOUS, GroundStep, Step, ground
 from .when import when
 
 
+APPLIED = "applied"
+
+
 @dataclass(frozen=True)
 class BrokenInvariant:
     """A condition `over all` of a running step that does not hold.
@@ -146,11 +149,14 @@ def apply(
                 _apply(transaction, found)
         except NotApplicableError as error:
             not_held = "; ".join(map(str, error.unsatisfied))
+            if reason is None and transaction.metadata.reason == f"{APPLIED} {found}":
+                said = f"refused {found}"
+                transaction.metadata = transaction.metadata._replace(reason=said)
             _record(transaction, found, REFUSED, message=not_held)
             refused.append(error)
 
     work = attempt if record_refusal else _apply
-    made = in_revision(store, step, reason, plan_step, "applied", work)
+    made = in_revision(store, step, reason, plan_step, APPLIED, work)
     if refused:
         raise refused[0]
     return made
