@@ -65,7 +65,6 @@ from .promise import closed_nodes, duration_of, until_end
 from .steps import CONTINUOUS, GroundStep, Step, ground
 from .when import when
 
-
 APPLIED = "applied"
 
 

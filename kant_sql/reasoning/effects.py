@@ -18,7 +18,7 @@ from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
 from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
-from ..knowledge.resolved import FALSE, AllOf, Known, NumberOf, Place, Slot, closure, fits
+from ..knowledge.resolved import AllOf, Known, NumberOf, Place, Slot, closure, fits
 from ..sql.answers import run
 from ..sql.relations import ConditionStatement
 from ..store.caches import AtomKey, FluentKey, FluentValue
@@ -56,11 +56,6 @@ class StepChanges:
     )
 
 
-def _is_certain(item: EffectItem) -> bool:
-    """Return whether an effect happens once, whatever holds."""
-    return not item.bound and item.condition == AllOf(()) == item.earlier
-
-
 class EffectReader:
     """Evaluates the effects of one step in a state.
 
@@ -87,10 +82,10 @@ class EffectReader:
 
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
         """Return what the effects change."""
-        certain = [item for item in items if item.numbers and _is_certain(item)]
+        certain = [item for item in items if item.numbers and item.is_certain]
         known = self._numbers_of(certain) if certain else {}
         for item in items:
-            if item.lacking != FALSE:
+            if item.needs_values:
                 self._check_values(item)
             rows = [({}, known)] if item in certain else self._rows(item)
             for objects, values in rows:
@@ -129,7 +124,7 @@ class EffectReader:
     ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
         """Yield for which objects an effect happens, with the numbers that it needs."""
         numbers = item.numbers
-        if not numbers and _is_certain(item):
+        if not numbers and item.is_certain:
             yield {}, {}
             return
         rows = self._run(item, "now")

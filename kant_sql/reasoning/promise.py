@@ -320,7 +320,8 @@ def _contradictions(
 
 def judge(view: View, step: GroundStep) -> tuple[Numbers, list[FailedCondition]]:
     """Return the duration of a step, and why it cannot begin; nothing if it can."""
-    wrong = misfits(view.definitions, step)
+    is_same = step.action.definitions is view.definitions
+    wrong = step.misfits if is_same else misfits(view.definitions, step)
     if wrong:
         return {}, wrong
     action = step.action

@@ -99,6 +99,11 @@ class GroundStep:
         return self._ids.get(term) if isinstance(term, Slot) else term.id
 
     @cached_property
+    def misfits(self) -> list[FailedCondition]:
+        """Which of its objects do not fit the parameters, by the definitions of its action."""
+        return misfits(self.action.definitions, self)
+
+    @cached_property
     def _ids(self) -> dict[Slot, int]:
         pairs = zip(self.action.parameters, self.ids, strict=True)
         return {bound.slot: id_ for bound, id_ in pairs}
@@ -133,7 +138,17 @@ class EffectItem:
     around: tuple[Bound, ...]
     node: f.Node | None = None
 
-    @property
+    @cached_property
+    def is_certain(self) -> bool:
+        """Whether it happens once, whatever holds."""
+        return not self.bound and self.condition == AllOf(()) == self.earlier
+
+    @cached_property
+    def needs_values(self) -> bool:
+        """Whether an object fluent in its terms or its value may have no value."""
+        return self.lacking != FALSE
+
+    @cached_property
     def numbers(self) -> list[NumberOf]:
         """The fluents that its number is calculated from."""
         if self.value is None or isinstance(self.value, Slot | Known):

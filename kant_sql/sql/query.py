@@ -301,7 +301,7 @@ def whole_rows(table: Table) -> Insert:
 
 
 @cache
-def insert_text(insert: Insert, placeholder: str) -> str:
-    """Write the statement that inserts one row."""
-    values = ", ".join(placeholder for _ in insert.columns)
-    return f"INSERT INTO {insert.into} VALUES ({values})"
+def insert_text(insert: Insert, placeholder: str, rows: int = 1) -> str:
+    """Write the statement that inserts one row, or so many."""
+    values = f"({', '.join(placeholder for _ in insert.columns)})"
+    return f"INSERT INTO {insert.into} VALUES {', '.join(values for _ in range(rows))}"

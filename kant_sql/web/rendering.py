@@ -64,6 +64,9 @@ def address_of(kind: str, text: str) -> Address | None:
         return Address("/action", {"name": words[1]})
     if kind in ("plan", "plan step") and len(words) > 1:
         return Address("/plan", {"id": words[1]})
+    if kind == "execution" and len(words) > 1:
+        plan_id, _, position = words[1].partition(".")
+        return Address("/plan", {"id": plan_id}) if position else None
     return None if kind in ("archive", "promotion") else Address("/fact", {"text": text})
 
 

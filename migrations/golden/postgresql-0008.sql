@@ -300,7 +300,6 @@ CREATE TABLE execution_version (
 CREATE INDEX ix_execution_version_running ON public.execution_version USING btree (kb_id, outcome, plan_id, "position", until) WHERE ((until IS NULL) AND ((outcome)::text = 'running'::text));
 CREATE INDEX ix_execution_version_since ON public.execution_version USING btree (kb_id, since);
 CREATE INDEX ix_execution_version_until ON public.execution_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
-CREATE UNIQUE INDEX uq_execution_version_live ON public.execution_version USING btree (kb_id, plan_id, "position") WHERE (until IS NULL);
 COMMENT ON COLUMN execution_version.since IS 'asserted in this revision';
 COMMENT ON COLUMN execution_version.until IS 'retracted in this revision; NULL: holds now';
 COMMENT ON COLUMN execution_version.kind IS 'execution; plan step: written before version 0008';

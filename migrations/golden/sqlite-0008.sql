@@ -1666,7 +1666,6 @@ CREATE TABLE execution_version (
 CREATE INDEX ix_execution_version_running ON execution_version (kb_id, outcome, plan_id, position, until) WHERE until IS NULL AND outcome = 'running';
 CREATE INDEX ix_execution_version_since ON execution_version (kb_id, since);
 CREATE INDEX ix_execution_version_until ON execution_version (kb_id, until) WHERE until IS NOT NULL;
-CREATE UNIQUE INDEX uq_execution_version_live ON execution_version (kb_id, plan_id, position) WHERE until IS NULL;
 CREATE TABLE formula (
     kb_id BIGINT NOT NULL,
     id BIGINT NOT NULL,

@@ -312,8 +312,6 @@ def _version() -> None:
         sa.CheckConstraint("kind IN ('execution', 'plan step')", name=op.f(f"ck_{table}_kind")),
         sqlite_with_rowid=False,
     )
-    owner = ["kb_id", "plan_id", "position"]
-    _partial_index(f"uq_{table}_live", table, owner, "until IS NULL", unique=True)
     op.create_index(f"ix_{table}_since", table, ["kb_id", "since"])
     _partial_index(f"ix_{table}_until", table, ["kb_id", "until"], "until IS NOT NULL")
     running = ["kb_id", "outcome", "plan_id", "position", "until"]
@@ -337,13 +335,11 @@ def _link() -> None:
     op.create_index(f"ix_{table}_execution", table, key)
 
 
-def _partial_index(
-    name: str, table: str, columns: list[str], where: str, unique: bool = False
-) -> None:
+def _partial_index(name: str, table: str, columns: list[str], where: str) -> None:
     both: dict[str, Any] = {
         f"{dialect}_where": sa.text(where) for dialect in ("sqlite", "postgresql")
     }
-    op.create_index(name, table, columns, unique=unique, **both)
+    op.create_index(name, table, columns, unique=False, **both)
 
 
 def _create_before(table: str) -> None:

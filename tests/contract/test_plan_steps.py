@@ -41,9 +41,9 @@ WAYS: dict[Outcome | None, tuple[Outcome, ...]] = {
 
 def now(kb: KnowledgeBase, step: Execution) -> Execution:
     """A step as it is now."""
-    plan = kb.plans.get(step.plan_id)
-    assert plan is not None
-    return plan.steps[step.position]
+    found = kb.executions.get(step.id)
+    assert found is not None
+    return found
 
 
 def spans(kb: KnowledgeBase, step: Execution) -> list[tuple[str, int, int | None]]:

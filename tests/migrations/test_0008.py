@@ -104,6 +104,27 @@ def test_every_status_is_an_outcome(old_url: str, connect: Connect) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE execution_version SET kind = 'execution' WHERE since = 15",
+        "UPDATE execution_version SET outcome = 'failed' WHERE outcome = 'running'",
+        "UPDATE execution_version SET code = 'E4' WHERE since = 15",
+        "UPDATE execution_version SET message = '' WHERE since = 15",
+        "UPDATE execution_version SET started_at = (SELECT max(committed_at) FROM revision)",
+        "UPDATE execution_version SET ended_at = (SELECT max(committed_at) FROM revision)",
+        "UPDATE execution_version SET text = '(:plan 3 :step 4 aborted)' WHERE since = 15",
+        "DELETE FROM execution_version WHERE since = 15",
+        "UPDATE execution SET since = since + 1 WHERE plan_id = 3",
+        "UPDATE execution SET name = 'x', action_id = NULL WHERE plan_id = 3 AND position = 4",
+    ],
+)
+def test_what_was_carried_is_verified(old_url: str, change: str) -> None:
+    kant_sql.upgrade(old_url)
+    run_script(old_url, change)
+    assert findings(old_url)
+
+
 def test_what_runs_goes_on(old_url: str, connect: Connect) -> None:
     kant_sql.upgrade(old_url)
     kb = open_rounds(old_url, connect)
@@ -114,9 +135,9 @@ def test_what_runs_goes_on(old_url: str, connect: Connect) -> None:
         ("plan step", "(:plan 3 :step 2 started)"),
         ("execution", "(:execution 3.2 (scan rb1 lab) succeeded)"),
     ]
-    kb.apply("(move rb1 hall lab)")
+    kb.apply("(move rb2 lab hall)")
     with pytest.raises(PlanError, match="has failed"):
-        kb.start(kb.plans.get_all()[2].steps[1])
+        kb.apply(kb.plans.get_all()[2].steps[1])
     kb.close()
     assert findings(old_url) == []
     assert "outcomes of executions (3)" in refusal(old_url, "0007")

@@ -34,6 +34,20 @@ def bare(
         yield store
 
 
+def act(kb: kant_sql.KnowledgeBase) -> None:
+    """Do something without a plan, with each outcome and all that can be said of it."""
+    report = kb.executions.report
+    step = kb.plans.get_all()[0].steps[0]
+    report(step.action, arguments=step.arguments, outcome="succeeded")
+    running = report("pick up", arguments=[step.arguments[0], "left hand"], outcome="running")
+    kb.fail(running, code="E4", text="no grip")
+    report("say hello", outcome="refused", text="nobody is here")
+    begun, ended = "2026-01-31T09:00:00Z", "2026-01-31T09:01:00Z"
+    done = report(step.action, arguments=["?"], outcome="running", started_at=begun)
+    report(done, outcome="aborted", ended_at=ended)
+    report("wait", outcome="running", started_at=begun)
+
+
 @pytest.fixture(scope="session", params=BOTH)
 def full(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
@@ -43,6 +57,7 @@ def full(
     url = write_on(request, folder)
     replica = f"sqlite:///{folder / 'replica.db'}"
     with kant_sql.connect(url, knowledge_base=NAME) as kb:
+        act(kb)
         kb.store.push(replica, archive=f"sqlite:///{folder / 'archive.db'}")
     with kant_sql.connect(replica, knowledge_base=NAME) as kb:
         kb.store.promote()

@@ -14,7 +14,7 @@ from kant_sql.knowledge.canonical import time_text
 from tests.verify.bare import TABLES, Bare, Row
 
 # By these, rows of one table mean different things.
-_MEANINGS = ("operator", "section", "kind", "status", "is_goal", "is_constant", "form")
+_MEANINGS = ("operator", "section", "kind", "outcome", "is_goal", "is_constant", "form")
 _FREE = ("key", "name")
 
 

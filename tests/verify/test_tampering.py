@@ -213,6 +213,7 @@ def test_two_terms_of_one_name_are_not_taken_for_each_other(bare: Bare) -> None:
         ("function_value_version", "function_value_id"),
         ("proposition_version", "proposition_id"),
         ("proposition_argument", "proposition_id"),
+        ("execution_version", "plan_id"),
         ("action_node", "action_id"),
         ("object_version", "object_id"),
         ("revision", "number"),

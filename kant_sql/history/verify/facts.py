@@ -301,8 +301,8 @@ class ExecutionCheck:
         given = tuple(value if id_ is None else id_ for _, _, _, id_, value in arguments)
         start, duration, action_id, name, text = said
         made = ExecutionDefinition(start, duration, action_id, name, given, text)
-        for table, fault in self._faults(key, made, arguments):
-            self._add(since, table, f"execution {id_text(key)}: {fault}")
+        for table, wrong in self._faults(key, made, arguments):
+            self._add(since, table, f"execution {id_text(key)}: {wrong}")
         before: Row | None = None
         first = None
         for version in versions:

@@ -171,6 +171,10 @@ FETCH_SIZE = 5_000
 LONGEST_LOGGED = 200
 
 
+# So many rows are inserted by one statement: drivers take longer to run one for each.
+FEW_ROWS = 4
+
+
 class Session(ABC):
     """A database connection that one thread uses for one transaction at a time.
 
@@ -258,8 +262,12 @@ class Session(ABC):
 
     def insert(self, into: Insert, rows: Sequence[Row]) -> None:
         """Insert rows."""
-        if len(rows) == 1:
+        count = len(rows)
+        if count == 1:
             self._execute(insert_text(into, self.placeholder), rows[0])
+        elif 1 < count <= FEW_ROWS:
+            values = [value for row in rows for value in row]
+            self._execute(insert_text(into, self.placeholder, count), values)
         elif rows:
             self._execute_many(insert_text(into, self.placeholder), rows)
 

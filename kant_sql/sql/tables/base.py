@@ -214,7 +214,7 @@ def with_dialects() -> MetaData:
 
 
 def version_args(
-    table: str, *owner: str, has_lists: bool = False, live: tuple[str, ...] = ()
+    table: str, *owner: str, has_lists: bool = False, live: tuple[str, ...] | None = ()
 ) -> tuple[Any, ...]:
     """Return the constraints and indexes that all version tables have.
 
@@ -222,13 +222,22 @@ def version_args(
         table: the name of the table.
         owner: the columns that name the element.
         has_lists: whether it has tables below it.
-        live: the columns of the index of open versions, in another order than that of the key.
+        live: the columns of the index of open versions, in another order than that of the key;
+            None: there is none, as the key finds the few versions that an element has.
     """
     return (
         ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
         ForeignKeyConstraint(["kb_id", "until"], REVISION, **AT_COMMIT),
         CheckConstraint("since < until", name="since_before_until"),
-        partial_index(f"uq_{table}_live", *(live or ("kb_id", *owner)), where=LIVE, unique=True),
+        *(
+            ()
+            if live is None
+            else (
+                partial_index(
+                    f"uq_{table}_live", *(live or ("kb_id", *owner)), where=LIVE, unique=True
+                ),
+            )
+        ),
         # These two find the changes of a revision, and the rows that its deferred foreign keys
         # check. The owner is included because PostgreSQL may use the index to look up the version
         # of an entry of a list, and one revision may add thousands.

@@ -134,7 +134,7 @@ class ExecutionVersionRow(VersionRow, Base):
     __has_rowid__ = False
     __table_args__ = (
         _to_execution(),
-        *version_args("execution_version", "plan_id", "position"),
+        *version_args("execution_version", "plan_id", "position", live=None),
         CheckConstraint(
             "outcome IN ('running', 'succeeded', 'failed', 'aborted', 'refused')", name="outcome"
         ),
