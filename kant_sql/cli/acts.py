@@ -51,7 +51,7 @@ def acts(
     ] = None,
     as_json: Annotated[bool, json_lines("execution")] = False,
 ) -> None:
-    """Show what was done: the latest outcome first, with who and why.
+    """Show what was done: by whom, why, and what came of it.
 
     Steps of plans that were not started are left out.
     """

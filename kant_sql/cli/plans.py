@@ -309,15 +309,15 @@ def apply(
     url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
     with open_to_read(url, kb, actor) as (name, knowledge_base):
         made = knowledge_base.apply(step, reason=reason)
-        changes = [] if made is None else knowledge_base.diff(made - 1, made)
+        # Within no transaction, each act is a revision.
+        assert made is not None
+        changes = knowledge_base.diff(made - 1, made)
     if as_json:
         write_json(knowledge_base=name, step=step, revision=made, changes=changes)
         return
     printer = Printer()
-    if made is None:
-        printer.line(f"knowledge base {name}: {step} changes nothing")
-        return
-    printer.line(f"knowledge base {name}, revision {made}: {step}", "bold")
+    done = step if changes else f"{step} changes nothing"
+    printer.line(f"knowledge base {name}, revision {made}: {done}", "bold")
     write_changes(printer, changes)
 
 

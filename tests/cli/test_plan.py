@@ -151,7 +151,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
         (recorded,) = kb.plans.get_all()
         assert recorded.id == document["plan"]
         kb.plans.set_status(recorded.steps[0], status="running")
-    assert "1 started, 1 not started" in run("plans", url).stdout
+    assert "1 running, 1 not started" in run("plans", url).stdout
     (line,) = run("plans", url, "--json").stdout.splitlines()
     one = json.loads(line)
     assert (one["knowledge_base"], one["plan"], one["planner"]) == (
@@ -159,14 +159,14 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
         recorded.id,
         "pyperplan",
     )
-    assert [(step["action"], step["status"]) for step in one["steps"]] == [
+    assert [(step["action"], step["outcome"]) for step in one["steps"]] == [
         ("move", "running"),
         ("move", None),
     ]
     text = run("plans", url, "--plan", str(recorded.id)).stdout
     assert run("plans", url, str(recorded.id)).stdout == text
     assert f"plan {recorded.id}, recorded in revision 3, planned from revision 1" in text
-    assert "0     (move rb1 table1 kitchen)  started" in text
+    assert "0     (move rb1 table1 kitchen)  running" in text
     assert "1     (move rb1 kitchen table1)  not started" in text
     assert f"; plan {recorded.id}" not in run("plan", url, "--at", "1").stdout
     assert run("plans", url, "--at", "2").stdout == "\nplans (0)\n"

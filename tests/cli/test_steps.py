@@ -89,18 +89,17 @@ def test_a_step_that_is_not_applicable_writes_nothing(breakfast: str) -> None:
         assert kb.revision == 2
 
 
-def test_a_step_that_changes_nothing_makes_no_revision(tmp_path: Path) -> None:
+def test_a_step_that_changes_nothing_is_a_revision(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'doors.db'}"
     with kant_sql.connect(url) as kb:
         kb.load_domain(
             "(define (domain doors) (:predicates (open)) (:constants front - object)"
             "(:action close :parameters () :effect (not (open))))"
         )
-    assert (
-        run("apply", url, "(close)").stdout == "knowledge base default: (close) changes nothing\n"
-    )
+    said = "knowledge base default, revision 2: (close) changes nothing\n"
+    assert run("apply", url, "(close)").stdout == said
     found = document("apply", url, "(close)")
-    assert (found["revision"], found["changes"]) == (None, [])
+    assert (found["revision"], found["changes"]) == (3, [])
 
 
 def test_a_plan_of_a_file_is_validated(breakfast: str, tmp_path: Path) -> None:

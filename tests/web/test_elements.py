@@ -151,8 +151,8 @@ def test_a_plan_has_its_steps_with_their_outcomes(client: TestClient) -> None:
     data = get(client, "/plan", id=id_)
     assert (data["plan"]["planner"], data["recorded"]["number"], data["total"]) == ("aries", 7, 4)
     steps = data["steps"]
-    assert [step["status"] for step in steps] == ["succeeded", "succeeded", "failed", "aborted"]
-    assert [step["revisions"] for step in steps] == [[8, 9], [10, 11], [12, 13], []]
+    assert [step["outcome"] for step in steps] == ["succeeded", "succeeded", "failed", "aborted"]
+    assert [step["revisions"] for step in steps] == [[8, 9], [10, 11], [12, 13], [14]]
     failed = steps[2]["outcomes"][-1]
     assert (failed["since"]["actor"], failed["since"]["reason"]) == (
         "executive",
