@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import kant_sql
 from kant_sql import Execution, KnowledgeBase, NotApplicableError, Plan, PlanStep
 from kant_sql.errors import InvalidArgumentError, PlanError, ReadOnlyError, UnknownNameError
 from tests.support.reading import last_changes, nothing_changes
@@ -271,3 +273,40 @@ def test_reads_take_the_same_statements_however_many_there_are(kb: KnowledgeBase
     assert counts[0] == counts[1] == counts[2]
     assert counts[0][0] <= 8, counts
     assert counts[0][2] <= 14, counts
+
+
+def test_a_restored_state_has_the_same_executions(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    kb.apply("(unlock front)")
+    running = kb.start("(paint front)")
+    kb.restore(before)
+    assert texts(kb) == ["(paint front)", "(unlock front)"]
+    now = kb.executions.get(running.id)
+    assert now is not None
+    assert now.outcome == "running"
+    assert not kb.holds("(open front)")
+
+
+def test_replicas_and_archives_have_executions(kb: KnowledgeBase, tmp_path: Path) -> None:
+    replica, archive = (f"sqlite:///{tmp_path / name}.db" for name in ("replica", "archive"))
+    kb.apply("(unlock front)")
+    running = kb.start("(paint front)")
+    kb.store.push(replica)
+    done = kb.end(running)
+    kb.executions.report("say hello", outcome="failed", arguments=["you"], code="E1")
+    kb.store.push(replica)
+    with kant_sql.connect(replica, knowledge_base=kb.store.factory.name) as other:
+        assert [each.outcomes for each in other.executions.get_all()] == [
+            each.outcomes for each in kb.executions.get_all()
+        ]
+        assert other.store.verify().is_intact
+    kb.store.archive(kb.revision, to=archive)
+    # Its first outcome is in the archive, and when it began is known here, too.
+    moved = kb.executions.get(done.id)
+    assert moved is not None
+    assert (moved.started_at, moved.reason) == (done.started_at, done.reason)
+    assert [each.until for each in moved.outcomes] == [None]
+    assert kb.store.verify().is_intact
+    with kant_sql.connect(archive, knowledge_base=kb.store.factory.name) as other:
+        assert other.executions.get(done.id) is not None
+        assert other.store.verify().is_intact

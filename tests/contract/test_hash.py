@@ -67,6 +67,9 @@ def write_history(kb: KnowledgeBase) -> None:
     with kb.transaction(actor='exec "\\" \x01\t', reason="one\ntwo\r\u2028 \x7f"):
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
+    running = kb.executions.report("dock", arguments=["rb1", 'bay "4"'], outcome="running")
+    with kb.transaction(plan_step=running):
+        kb.fail(running, code="E4", text="no\ncharger")
     kb.types.save(PddlTypeDto("wp", parent=PddlTypeDto("Ort")), cascade=True)
     for name in ("\U0001f916", "\uff21", "Straße", "e\u0301", "a--", "%s", "\\n"):
         kb.objects.save(PddlObjectDto(ROBOT, name))
@@ -100,7 +103,7 @@ SOURCES: list[object] = [
 def test_every_hash_recomputes_from_the_tables(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     write_history(kb)
-    assert kb.revision == 21
+    assert kb.revision == 23
     assert last_hash(shared_url) == kb.store.revisions()[-1].hash
 
 

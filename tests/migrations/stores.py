@@ -72,9 +72,39 @@ ADDED = (
 )
 
 
+# The tables that version 0008 made of others, with what it added to them.
+EXECUTIONS = {
+    "execution": ("plan_step", ("since", "name")),
+    "execution_argument": ("plan_step_argument", ("value",)),
+    "execution_version": (
+        "plan_step_version",
+        ("kind", "outcome", "code", "message", "started_at", "ended_at"),
+    ),
+    "revision_execution": ("revision_plan_step", ()),
+}
+
+
 def as_before(url: str) -> Rows:
     """All rows, as the first versions of the tables had them: without the columns added since."""
-    return {table: without(rows, *ADDED) for table, rows in rows_of(url).items()}
+    found: Rows = {}
+    for table, rows in rows_of(url).items():
+        before, added = EXECUTIONS.get(table, (table, ()))
+        kept = [_in_old_words(row) for row in rows] if before != table else rows
+        found[before] = in_order(without(kept, *ADDED, *added))
+    return found
+
+
+def _in_old_words(row: dict[str, Any]) -> dict[str, Any]:
+    """Give an outcome as a status."""
+    if "outcome" not in row:
+        return row
+    said = {"running": "started"}.get(row["outcome"], row["outcome"])
+    return {**row, "status": said}
+
+
+def in_order(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Sort rows, whatever the order of their columns."""
+    return sorted(({name: row[name] for name in sorted(row)} for row in rows), key=repr)
 
 
 def views(url: str) -> set[str]:

@@ -30,7 +30,7 @@ from tests.support.reading import findings
 
 # A migration that has landed is frozen.
 LANDED = pytest.mark.more
-NEW_VIEW = "audit_promotion"
+NEW_VIEWS = {"audit_promotion", "audit_execution"}
 # What version 0006 adds to the head.
 ORIGIN = ("origin", "origin_revision", "origin_committed_at", "heard_at")
 TIME = "2026-03-02T14:00:00.000000Z"
@@ -60,7 +60,7 @@ def test_rows_and_answers_are_carried_up_and_down(make: Make, version: str) -> N
     older = VERSIONS[VERSIONS.index(version) - 1]
     url = make(written(older))
     rows, names = rows_of(url), views(url)
-    assert names | {NEW_VIEW} == AUDIT_VIEWS.keys()
+    assert names | NEW_VIEWS == AUDIT_VIEWS.keys()
     columns = {name: columns_of(url, name) for name in names}
     said = answers(url, names)
     assert dump_of(url) == record(older, url)
@@ -116,9 +116,10 @@ def test_running_steps_are_found_without_reading_the_others(empty_url: str) -> N
         connection.execute(
             text(
                 "WITH RECURSIVE t (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM t WHERE n < :size)"
-                " INSERT INTO plan_step_version (kb_id, plan_id, position, since, status, text)"
-                " SELECT 1, n / 10, n % 10, 1, CASE n WHEN 7 THEN 'started' ELSE 'succeeded' END,"
-                " 'x' FROM t"
+                " INSERT INTO execution_version"
+                " (kb_id, plan_id, position, since, kind, outcome, text)"
+                " SELECT 1, n / 10, n % 10, 1, 'execution',"
+                " CASE n WHEN 7 THEN 'running' ELSE 'succeeded' END, 'x' FROM t"
             ),
             {"size": SIZE},
         )
@@ -127,8 +128,8 @@ def test_running_steps_are_found_without_reading_the_others(empty_url: str) -> N
         asked = recording.RUNNING_NOW.text(create_backend(empty_url).dialect)
         found = connection.exec_driver_sql(f"{explain} {asked}", {"kb": 1}).all()
         plan = "\n".join(str(row[-1]) for row in found)
-        assert " ix_plan_step_version_running" in plan, plan
-        assert "scan plan_step" not in plan.lower(), plan
+        assert " ix_execution_version_running" in plan, plan
+        assert "scan execution" not in plan.lower(), plan
         connection.rollback()
 
 

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
-from tests.migrations.stores import Fill, Make, answers, record, refusal, rows_of, run_script, views
+from tests.contract.test_hash import last_hash
+from tests.migrations.stores import (
+    Fill,
+    Make,
+    answers,
+    as_before,
+    record,
+    refusal,
+    rows_of,
+    run_script,
+    views,
+)
 from tests.migrations.test_golden import dump_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
@@ -19,10 +29,7 @@ from tests.support.reading import findings
 from tests.support.stores import Connect
 
 FOLDER = Path(__file__).parent
-NEW, OLD = (
-    ("execution", "execution_argument", "execution_version", "revision_execution"),
-    ("plan_step", "plan_step_argument", "plan_step_version", "revision_plan_step"),
-)
+NEW = ("execution", "execution_argument", "execution_version", "revision_execution")
 NAME = "rounds"
 
 
@@ -48,33 +55,12 @@ def open_rounds(url: str, connect: Connect) -> KnowledgeBase:
     return connect(url, knowledge_base=NAME, actor="test")
 
 
-def in_old_words(rows: dict[str, Any]) -> dict[str, Any]:
-    """Give the rows of the new tables as the version before had them."""
-    found = {table: each for table, each in rows.items() if table not in NEW}
-    for new, old in zip(NEW, OLD, strict=True):
-        for row in rows[new]:
-            of_step = dict(row)
-            if new != "execution_version":
-                of_step.pop("since", None)
-            for added in ("name", "value", "kind", "code", "message", "started_at", "ended_at"):
-                of_step.pop(added, None)
-            if "outcome" in of_step:
-                said = of_step.pop("outcome")
-                of_step["status"] = "started" if said == "running" else said
-            found.setdefault(old, []).append(of_step)
-    return {table: sorted(each, key=in_order) for table, each in found.items()}
-
-
-def in_order(row: dict[str, Any]) -> str:
-    return repr(sorted(row.items()))
-
-
 def test_rows_and_hashes_are_carried_up_and_down(old_url: str) -> None:
     before, said = rows_of(old_url), answers(old_url, {"audit_revision", "audit_change"})
+    rows = as_before(old_url)
     kant_sql.upgrade(old_url, revision="0008")
     assert dump_of(old_url) == record("0008", old_url)
-    after = in_old_words(rows_of(old_url))
-    assert after == {table: sorted(each, key=in_order) for table, each in before.items()}
+    assert as_before(old_url) == rows
     assert answers(old_url, {"audit_revision", "audit_change"}) == said
     assert findings(old_url) == []
     kant_sql.operations.downgrade(old_url, revision="0007")
@@ -154,6 +140,7 @@ def test_an_archive_and_its_store_go_on_together(
         assert findings(url) == []
     # The archive has all changes of its revisions, with the lines of the version before.
     assert check_chain(archive) == {NAME: 7}
+    assert last_hash(archive, NAME) is not None
     assert [str(each) for each in open_rounds(archive, connect).executions.get_all()] == [
         "(scan rb2 lab)",
         "(scan rb1 lab)",

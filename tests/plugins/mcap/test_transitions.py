@@ -140,7 +140,10 @@ def test_steps_of_plans_run_and_have_outcomes(story_url: str, tmp_path: Path) ->
         (at("09:09:01"), "aborted: (serve rb1 cup2 t2)"),
     ]
     failed = [each.data for each in found if each.topic == STEPS][-2]
-    assert (failed["text"], failed["actor"]) == ("(:execution 1.2 (move rb1 t1 t2) failed)", "executive")
+    assert (failed["text"], failed["actor"]) == (
+        "(:execution 1.2 (move rb1 t1 t2) failed)",
+        "executive",
+    )
     export(story_url, tmp_path / "later", since=13, until=13)
     assert of(messages(tmp_path / "later"), STEPS) == [
         (at("09:07:15"), "(move rb1 t1 t2)"),
