@@ -42,7 +42,7 @@ from ..knowledge.resolved import (
     replaced,
     slots_of,
 )
-from ..knowledge.rules import DerivationRule
+from ..knowledge.rules import DerivationRule, DerivationRules
 from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
 from .dialects.words import Words, quoted
@@ -367,7 +367,9 @@ class ConditionCompiler(JoinWriter):
             and self._have_one_type(alternatives, step, n)
             for n in others
         )
-        return None if are_apart else limits
+        # What does not fit the step would not even begin.
+        begin = all(self._have_one_type(alternatives, step, n) for n in texts)
+        return None if are_apart and begin else limits
 
     def _have_one_type(
         self, alternatives: Sequence[_Alternative], step: _Alternative, position: int
@@ -499,7 +501,7 @@ class ConditionCompiler(JoinWriter):
         if ("iterated", *component) not in self._relations:
             self._relations["iterated", *component] = ""
             made, steps = iteration(
-                self.words, self.definitions, self.is_past, component, self.size
+                self.words, self.definitions, self.is_past, component, self.size, self.rules
             )
             known = [each.arities for each in self.steps]
             self.steps += [each for each in (*steps, made) if each.arities not in known]
@@ -637,12 +639,14 @@ def iteration(
     is_past: bool,
     component: Sequence[int],
     size: Size | None = None,
+    rules: DerivationRules | None = None,
 ) -> tuple[Iteration, Sequence[Iteration]]:
     """Make the statements that compute a component; return also what they need before."""
     arities = {each: len(definitions.predicates.live(each).parameters) for each in component}
     width = max(arities.values())
     first, further = (ConditionCompiler(words, definitions, is_past, size) for _ in range(2))
     for writer in (first, further):
+        writer.rules = writer.rules if rules is None else rules
         for each in component:
             writer.growing[each] = writer.listed(each, rows_parameter(each))
             # A use that is limited to the facts of the last round.

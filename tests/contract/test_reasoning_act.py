@@ -415,6 +415,21 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
         kb.at(dusk).pddl.broken_invariants()
 
 
+def test_rules_that_use_each_other_are_judged_after_the_start(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("""(define (domain lights)
+      (:requirements :durative-actions :derived-predicates)
+      (:predicates (on) (bright) (seen))
+      (:derived (bright) (or (on) (seen))) (:derived (seen) (and (bright) (on)))
+      (:durative-action shine :parameters () :duration (= ?duration 1)
+        :condition (over all (not (seen))) :effect (at start (on))))""")
+    [failed] = fresh_kb.why_not("(shine)")
+    assert str(failed) == "(not (seen)): does not hold right after the start"
+    assert [*fresh_kb.applicable_actions()] == []
+    with pytest.raises(NotApplicableError) as refused:
+        fresh_kb.start("(shine)")
+    assert refused.value.unsatisfied == (failed,)
+
+
 def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None:
     kb.propositions.save("(lit c1)")
     kb.start("(long p1 c0 c1)")

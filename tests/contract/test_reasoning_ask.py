@@ -443,3 +443,14 @@ def test_a_closure_has_each_answer_once_whatever_ways_lead_to_it(fresh_kb: Knowl
     # A fact that is stored of it holds, too.
     fresh_kb.propositions.save("(reach e b)")
     assert [*fresh_kb.query("(reach e ?x)")] == [("b",), ("e",)]
+
+
+def test_a_rule_for_fewer_objects_hides_no_facts_of_another(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("""(define (domain marks) (:requirements :typing :derived-predicates)
+      (:types x) (:constants u - x o - object)
+      (:predicates (t ?a - x ?b - object) (p ?a - x) (q ?a - x))
+      (:derived (t ?a - x ?b - object) (p ?a))
+      (:derived (t ?a ?b - x) (and (t ?b ?a) (q ?a))))""")
+    fresh_kb.propositions.save("(p u)")
+    assert fresh_kb.holds("(t u o)")
+    assert [*fresh_kb.query("(t ?a ?b)")] == [("u", "u"), ("u", "o")]
