@@ -21,6 +21,7 @@ import kant_sql
 from kant_sql.cli.replication import _Stop
 from kant_sql.history.replication import service, target
 from kant_sql.history.replication.push import Terms, send
+from kant_sql.sql import schema
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.sql.dialects.sqlite import FileListener, SqliteBackend
@@ -490,7 +491,7 @@ def test_it_waits_for_upgrades(source: str, replica: str, is_source: bool, versi
 
     def act(events: Report) -> bool:
         if len(names_of(events)) == 2:
-            damage(url, "UPDATE kant_sql_version SET version_num = '0007'")
+            damage(url, f"UPDATE kant_sql_version SET version_num = '{schema.VERSIONS[-1]}'")
         return events[-1].event == "pushed"
 
     events = followed(source, replica, act)
