@@ -8,7 +8,12 @@ from typing import Any
 from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError
-from ..knowledge.definitions import ActionDefinition, Definitions, FormulaDefinition
+from ..knowledge.definitions import (
+    ActionDefinition,
+    Definitions,
+    FormulaDefinition,
+    RuleDefinition,
+)
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value
@@ -156,6 +161,11 @@ def formulas_on(definitions: Definitions, scope: Scope) -> Iterator[FormulaDefin
     return (each for each in definitions.formulas if mentions([each.tree], scope))
 
 
+def rules_on(definitions: Definitions, scope: Scope) -> Iterator[RuleDefinition]:
+    """Find the kept rules that mention something."""
+    return (each for each in definitions.rules if mentions([each.constraint], scope))
+
+
 def propositions_on(transaction: Transaction, scope: Scope | None) -> list[GroundAtom]:
     """Find the live facts and goals that mention something."""
     transaction.flush()
@@ -185,6 +195,8 @@ def _undefine_users(transaction: Transaction, scope: Scope) -> None:
         transaction.undefine("action", action.id)
     for formula in list(formulas_on(transaction.definitions, scope)):
         transaction.undefine("formula", formula.id)
+    for rule in list(rules_on(transaction.definitions, scope)):
+        transaction.undefine("rule", rule.id)
 
 
 def delete_scope(transaction: Transaction, scope: Scope) -> None:
@@ -207,6 +219,7 @@ def _users(transaction: Transaction, scope: Scope) -> list[str]:
     return [
         *(f"action {action.name}" for action in actions_on(definitions, scope)),
         *(f"formula {formula.text}" for formula in formulas_on(definitions, scope)),
+        *(f"rule {rule.name}" for rule in rules_on(definitions, scope)),
         *(f"{'goal' if atom.key.is_goal else 'fact'} {atom.text}" for atom in atoms),
         *(f"value {value.text}" for value in function_values_on(transaction, scope)),
     ]

@@ -184,7 +184,7 @@ class TreeWriter:
                     self._set_terms(position, (value,))
                 else:
                     self._add(value, position)
-            case f.Forall() | f.Exists() | f.Derived():
+            case f.Forall() | f.Exists() | f.Count() | f.Derived():
                 self._quantify(node, parent)
             case _:
                 operator, fields, parts = _plain(node)
@@ -192,8 +192,10 @@ class TreeWriter:
                 for part in parts:
                     self._add(part, position)
 
-    def _quantify(self, node: f.Forall | f.Exists | f.Derived, parent: int | None) -> None:
-        operator = _QUANTIFIERS[type(node)]
+    def _quantify(
+        self, node: f.Forall | f.Exists | f.Count | f.Derived, parent: int | None
+    ) -> None:
+        operator = node.operator if isinstance(node, f.Count) else _QUANTIFIERS[type(node)]
         bound = _bound_variables(self._transaction, node.variables, operator)
         position = self._open(parent, operator, variables=bound)
         for index, one in enumerate(bound):

@@ -100,7 +100,8 @@ def head(node: Node, explicit: bool = False) -> str:
     names: tuple[str, ...] = kind.__slots__
     first: Any = getattr(node, names[0])
     if names[0] == "variables":
-        return f"{kind.__name__.lower()} ({variables_text(first, explicit)})"
+        word = getattr(node, "operator", kind.__name__.lower())
+        return f"{word} ({variables_text(first, explicit)})"
     if names[0] == "name":
         return "preference" if first is None else f"preference {first}"
     return str(first)
@@ -380,6 +381,21 @@ class Exists(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
+class Count(Branch, FormulaNode):
+    """A formula that holds for at most one object, or for exactly one: rules alone have it.
+
+    Attributes:
+        variables: the variables that are counted; several count combinations.
+        formula: the formula.
+        operator: `at-most-one` or `exactly-one`.
+    """
+
+    variables: tuple[TypedName, ...]
+    formula: Formula
+    operator: str = "at-most-one"
+
+
+@dataclass(frozen=True, slots=True)
 class Timed(Branch, FormulaNode):
     """A condition or an effect at a time of a durative action; `at end` also in constraints.
 
@@ -502,6 +518,7 @@ AT_START, OVER_ALL, AT_END = "at start", "over all", "at end"
 TIMES = (AT_START, OVER_ALL, AT_END)
 COMPARISONS = ("<", "<=", "=", ">=", ">")
 ARITHMETIC = ("+", "-", "*", "/")
+COUNTS = ("at-most-one", "exactly-one")
 ASSIGNMENTS = ("assign", "increase", "decrease", "scale-up", "scale-down")
 # The numbers of times and of formulas of each modal operator.
 MODALS = {
@@ -536,6 +553,7 @@ Formula = (
     | Imply
     | Forall
     | Exists
+    | Count
     | Timed
     | Preference
     | Modal

@@ -31,6 +31,7 @@ from .definitions import (
     FunctionDefinition,
     ObjectDefinition,
     PredicateDefinition,
+    RuleDefinition,
     TypeDefinition,
 )
 from .formulas import TreeReader, typed_name
@@ -122,6 +123,11 @@ def _formula(definitions: Definitions, formula: FormulaDefinition) -> str:
     return formula_text(TreeReader(definitions, formula.tree).formula())
 
 
+def _rule(definitions: Definitions, rule: RuleDefinition) -> str:
+    formula = TreeReader(definitions, rule.constraint).formula()
+    return f"(:rule {rule.name} :on-violation {rule.on_violation} {node_text(formula)})"
+
+
 def _document(_: Definitions, document: DocumentDefinition) -> str:
     sections: dict[str, list[str]] = {}
     for item in document.items:
@@ -138,6 +144,7 @@ _TEXTS: dict[type[Any], Callable[[Definitions, Any], str]] = {
     FunctionDefinition: _function,
     ActionDefinition: _action,
     FormulaDefinition: _formula,
+    RuleDefinition: _rule,
     DocumentDefinition: _document,
 }
 

@@ -261,6 +261,19 @@ def formula_name(section: str, text: str) -> str:
     return hashlib.sha256(f"{section}\n{text}".encode()).hexdigest()
 
 
+REPORT, REFUSE = "report", "refuse"
+
+
+class RuleDefinition(NamedTuple):
+    """A rule that is kept in the store, and what a violation of it does: `report` or `refuse`."""
+
+    id: int
+    name: str
+    on_violation: str
+    constraint: Tree
+    text: str = ""
+
+
 DOMAIN, PROBLEM = "domain", "problem"
 
 
@@ -295,7 +308,7 @@ class DocumentDefinition(NamedTuple):
 
 
 # In the order in which they can be written: each refers to those before it only.
-KINDS = ("type", "object", "predicate", "function", "action", "formula", "document")
+KINDS = ("type", "object", "predicate", "function", "action", "formula", "rule", "document")
 _ATTRIBUTES = tuple(f"{kind}s" for kind in KINDS)
 
 
@@ -337,6 +350,7 @@ class Definitions:
     functions: Elements[FunctionDefinition]
     actions: Elements[ActionDefinition]
     formulas: Elements[FormulaDefinition]
+    rules: Elements[RuleDefinition]
     documents: Elements[DocumentDefinition]
 
     def __init__(self, *elements: Elements[Any]) -> None:
@@ -428,6 +442,7 @@ class PendingDefinitions(Definitions):
     functions: PendingElements[FunctionDefinition]
     actions: PendingElements[ActionDefinition]
     formulas: PendingElements[FormulaDefinition]
+    rules: PendingElements[RuleDefinition]
     documents: PendingElements[DocumentDefinition]
 
     def __init__(self, origin: Definitions) -> None:

@@ -93,6 +93,8 @@ class TreeReader:
         variables = tuple(typed_name(self._definitions, bound) for bound in node.variables)
         if operator in (kinds.FORALL, kinds.EXISTS):
             return (f.Forall if operator == kinds.FORALL else f.Exists)(variables, *parts)
+        if operator in f.COUNTS:
+            return f.Count(variables, *parts, operator)
         if operator == kinds.DERIVED:
             return f.Derived(parts[0].predicate, variables, parts[1])
         # An undeclared function, such as `total-time`, is its own operator.

@@ -147,6 +147,7 @@ _CHECKS: dict[type, Callable[[Any], None]] = {
     f.Timed: lambda node: check_word("a time of a condition or an effect", node.time, f.TIMES),
     f.Forall: lambda node: check_types(node.variables),
     f.Exists: lambda node: check_types(node.variables),
+    f.Count: lambda node: check_types(node.variables),
 }
 
 

@@ -37,6 +37,7 @@ from ..knowledge.definitions import (
     Item,
     ObjectDefinition,
     PredicateDefinition,
+    RuleDefinition,
     TypeDefinition,
 )
 from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
@@ -354,6 +355,7 @@ _KINDS: dict[str, tuple[Any, dict[str, ListTable]]] = {
         },
     ),
     "formula": (FormulaDefinition, {"tree": _tree("formula")}),
+    "rule": (RuleDefinition, {"constraint": _tree("rule")}),
     "document": (DocumentDefinition, {"items": _list("document_item", Item)}),
 }
 KIND_TABLES = {

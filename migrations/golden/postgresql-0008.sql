@@ -853,6 +853,149 @@ CREATE TABLE revision_execution (
 );
 CREATE INDEX ix_revision_execution_execution ON public.revision_execution USING btree (kb_id, plan_id, "position", number);
 COMMENT ON COLUMN revision_execution.number IS 'the revision';
+CREATE TABLE rule (
+    kb_id bigint NOT NULL,
+    id bigint NOT NULL,
+    name character varying(255) COLLATE "C" NOT NULL,
+    key text COLLATE "C" NOT NULL,
+    CONSTRAINT fk_rule_kb_id FOREIGN KEY (kb_id) REFERENCES knowledge_base(id),
+    CONSTRAINT pk_rule PRIMARY KEY (kb_id, id),
+    CONSTRAINT uq_rule_kb_id_key UNIQUE (kb_id, key)
+);
+COMMENT ON COLUMN rule.name IS 'in its first spelling';
+COMMENT ON COLUMN rule.key IS 'the name as compared: case folded';
+CREATE TABLE rule_node (
+    kb_id bigint NOT NULL,
+    rule_id bigint NOT NULL,
+    since bigint NOT NULL,
+    section character varying(24) NOT NULL,
+    "position" integer NOT NULL,
+    parent integer,
+    operator character varying(32) NOT NULL,
+    predicate_id bigint,
+    function_id bigint,
+    value text COLLATE "C",
+    CONSTRAINT ck_rule_node_function_given CHECK ((((operator)::text = 'function'::text) = (function_id IS NOT NULL))),
+    CONSTRAINT ck_rule_node_one_root CHECK (((parent IS NULL) = ("position" = 0))),
+    CONSTRAINT ck_rule_node_predicate_given CHECK ((((operator)::text = 'predicate'::text) = (predicate_id IS NOT NULL))),
+    CONSTRAINT ck_rule_node_preorder CHECK ((parent < "position")),
+    CONSTRAINT ck_rule_node_section CHECK (((section)::text = 'constraint'::text)),
+    CONSTRAINT fk_rule_node_kb_id_function_id FOREIGN KEY (kb_id, function_id) REFERENCES function(kb_id, id),
+    CONSTRAINT fk_rule_node_kb_id_predicate_id FOREIGN KEY (kb_id, predicate_id) REFERENCES predicate(kb_id, id),
+    CONSTRAINT fk_rule_node_parent FOREIGN KEY (kb_id, rule_id, since, section, parent) REFERENCES rule_node(kb_id, rule_id, since, section, "position"),
+    CONSTRAINT fk_rule_node_version FOREIGN KEY (kb_id, rule_id, since) REFERENCES rule_version(kb_id, rule_id, since),
+    CONSTRAINT pk_rule_node PRIMARY KEY (kb_id, rule_id, since, section, "position")
+);
+CREATE INDEX ix_rule_node_function ON public.rule_node USING btree (kb_id, function_id);
+CREATE INDEX ix_rule_node_predicate ON public.rule_node USING btree (kb_id, predicate_id);
+COMMENT ON COLUMN rule_node.since IS 'asserted in this revision';
+COMMENT ON COLUMN rule_node.section IS 'the part of its owner';
+COMMENT ON COLUMN rule_node."position" IS 'from 0, in preorder';
+COMMENT ON COLUMN rule_node.parent IS 'the position of the node above; NULL: the root';
+COMMENT ON COLUMN rule_node.operator IS 'and, not, over all, increase, predicate, function, number ...';
+COMMENT ON COLUMN rule_node.value IS 'a number as exact decimal text, a variable''s or a preference''s name';
+CREATE TABLE rule_term (
+    kb_id bigint NOT NULL,
+    rule_id bigint NOT NULL,
+    since bigint NOT NULL,
+    section character varying(24) NOT NULL,
+    "position" integer NOT NULL,
+    term integer NOT NULL,
+    parameter integer,
+    object_id bigint,
+    quantifier integer,
+    variable integer,
+    child integer,
+    CONSTRAINT ck_rule_term_bound CHECK (((quantifier IS NULL) = (variable IS NULL))),
+    CONSTRAINT ck_rule_term_no_parameter CHECK ((parameter IS NULL)),
+    CONSTRAINT ck_rule_term_one_of_four CHECK (((((
+CASE
+    WHEN (parameter IS NULL) THEN 0
+    ELSE 1
+END +
+CASE
+    WHEN (object_id IS NULL) THEN 0
+    ELSE 1
+END) +
+CASE
+    WHEN (variable IS NULL) THEN 0
+    ELSE 1
+END) +
+CASE
+    WHEN (child IS NULL) THEN 0
+    ELSE 1
+END) = 1)),
+    CONSTRAINT fk_rule_term_child FOREIGN KEY (kb_id, rule_id, since, section, child) REFERENCES rule_node(kb_id, rule_id, since, section, "position"),
+    CONSTRAINT fk_rule_term_kb_id_object_id FOREIGN KEY (kb_id, object_id) REFERENCES object(kb_id, id),
+    CONSTRAINT fk_rule_term_node FOREIGN KEY (kb_id, rule_id, since, section, "position") REFERENCES rule_node(kb_id, rule_id, since, section, "position"),
+    CONSTRAINT fk_rule_term_variable FOREIGN KEY (kb_id, rule_id, since, section, quantifier, variable) REFERENCES rule_variable(kb_id, rule_id, since, section, "position", variable),
+    CONSTRAINT pk_rule_term PRIMARY KEY (kb_id, rule_id, since, section, "position", term)
+);
+CREATE INDEX ix_rule_term_object ON public.rule_term USING btree (kb_id, object_id);
+COMMENT ON COLUMN rule_term.since IS 'asserted in this revision';
+COMMENT ON COLUMN rule_term.section IS 'the part of its owner';
+COMMENT ON COLUMN rule_term."position" IS 'from 0, in preorder';
+COMMENT ON COLUMN rule_term.term IS 'from 0';
+COMMENT ON COLUMN rule_term.parameter IS 'the position of the owner''s parameter';
+COMMENT ON COLUMN rule_term.object_id IS 'the constant';
+COMMENT ON COLUMN rule_term.quantifier IS 'the position of the node that binds the variable';
+COMMENT ON COLUMN rule_term.variable IS 'which of the quantifier''s variables it is';
+COMMENT ON COLUMN rule_term.child IS 'the position of the function node whose value it is';
+CREATE TABLE rule_variable (
+    kb_id bigint NOT NULL,
+    rule_id bigint NOT NULL,
+    since bigint NOT NULL,
+    section character varying(24) NOT NULL,
+    "position" integer NOT NULL,
+    variable integer NOT NULL,
+    name character varying(255) COLLATE "C" NOT NULL,
+    CONSTRAINT fk_rule_variable_node FOREIGN KEY (kb_id, rule_id, since, section, "position") REFERENCES rule_node(kb_id, rule_id, since, section, "position"),
+    CONSTRAINT pk_rule_variable PRIMARY KEY (kb_id, rule_id, since, section, "position", variable)
+);
+COMMENT ON COLUMN rule_variable.since IS 'asserted in this revision';
+COMMENT ON COLUMN rule_variable.section IS 'the part of its owner';
+COMMENT ON COLUMN rule_variable."position" IS 'from 0, in preorder';
+COMMENT ON COLUMN rule_variable.variable IS 'from 0';
+COMMENT ON COLUMN rule_variable.name IS 'without its question mark';
+CREATE TABLE rule_variable_type (
+    kb_id bigint NOT NULL,
+    rule_id bigint NOT NULL,
+    since bigint NOT NULL,
+    section character varying(24) NOT NULL,
+    "position" integer NOT NULL,
+    variable integer NOT NULL,
+    alternative integer NOT NULL,
+    type_id bigint NOT NULL,
+    CONSTRAINT fk_rule_variable_type_kb_id_type_id FOREIGN KEY (kb_id, type_id) REFERENCES type(kb_id, id),
+    CONSTRAINT fk_rule_variable_type_variable FOREIGN KEY (kb_id, rule_id, since, section, "position", variable) REFERENCES rule_variable(kb_id, rule_id, since, section, "position", variable),
+    CONSTRAINT pk_rule_variable_type PRIMARY KEY (kb_id, rule_id, since, section, "position", variable, alternative)
+);
+CREATE INDEX ix_rule_variable_type_type ON public.rule_variable_type USING btree (kb_id, type_id);
+COMMENT ON COLUMN rule_variable_type.since IS 'asserted in this revision';
+COMMENT ON COLUMN rule_variable_type.section IS 'the part of its owner';
+COMMENT ON COLUMN rule_variable_type."position" IS 'from 0, in preorder';
+COMMENT ON COLUMN rule_variable_type.alternative IS 'from 0: several for either';
+CREATE TABLE rule_version (
+    kb_id bigint NOT NULL,
+    rule_id bigint NOT NULL,
+    since bigint NOT NULL,
+    until bigint,
+    on_violation character varying(16) NOT NULL,
+    text text COLLATE "C" NOT NULL,
+    CONSTRAINT ck_rule_version_on_violation CHECK (((on_violation)::text = ANY ((ARRAY['report'::character varying, 'refuse'::character varying])::text[]))),
+    CONSTRAINT ck_rule_version_since_before_until CHECK ((since < until)),
+    CONSTRAINT fk_rule_version_kb_id_rule_id FOREIGN KEY (kb_id, rule_id) REFERENCES rule(kb_id, id),
+    CONSTRAINT fk_rule_version_kb_id_since FOREIGN KEY (kb_id, since) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
+    CONSTRAINT fk_rule_version_kb_id_until FOREIGN KEY (kb_id, until) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
+    CONSTRAINT pk_rule_version PRIMARY KEY (kb_id, rule_id, since)
+);
+CREATE INDEX ix_rule_version_since ON public.rule_version USING btree (kb_id, since, rule_id);
+CREATE INDEX ix_rule_version_until ON public.rule_version USING btree (kb_id, until) WHERE (until IS NOT NULL);
+CREATE UNIQUE INDEX uq_rule_version_live ON public.rule_version USING btree (kb_id, rule_id) WHERE (until IS NULL);
+COMMENT ON COLUMN rule_version.since IS 'asserted in this revision';
+COMMENT ON COLUMN rule_version.until IS 'retracted in this revision; NULL: holds now';
+COMMENT ON COLUMN rule_version.on_violation IS 'report; refuse: the transaction fails';
+COMMENT ON COLUMN rule_version.text IS 'canonical PDDL';
 CREATE TABLE type (
     kb_id bigint NOT NULL,
     id bigint NOT NULL,
@@ -1845,7 +1988,54 @@ UNION ALL
    FROM promotion v
      LEFT JOIN knowledge_base k ON k.id = v.kb_id
      LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.since
-     LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.since;
+     LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.since
+UNION ALL
+ SELECT k.name AS knowledge_base,
+    v.since AS revision,
+    '+'::text COLLATE "C" AS sign,
+    'rule'::text COLLATE "C" AS kind,
+    v.text,
+    v.rule_id AS element_id,
+    r.committed_at,
+    EXTRACT(epoch FROM r.committed_at)::double precision AS committed_epoch,
+    to_char((r.committed_at AT TIME ZONE 'UTC'::text), 'YYYY-MM-DD"T"HH24'::text) COLLATE "C" AS committed_hour,
+    r.observed_at,
+    EXTRACT(epoch FROM r.observed_at)::double precision AS observed_epoch,
+    EXTRACT(epoch FROM r.committed_at - r.observed_at)::double precision AS delay,
+    r.actor,
+    r.reason,
+    r.source::text COLLATE "C" AS source,
+    x.plan_id,
+    x."position" AS plan_step,
+    v.kb_id
+   FROM rule_version v
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.since
+     LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.since
+UNION ALL
+ SELECT k.name AS knowledge_base,
+    v.until AS revision,
+    '-'::text COLLATE "C" AS sign,
+    'rule'::text COLLATE "C" AS kind,
+    v.text,
+    v.rule_id AS element_id,
+    r.committed_at,
+    EXTRACT(epoch FROM r.committed_at)::double precision AS committed_epoch,
+    to_char((r.committed_at AT TIME ZONE 'UTC'::text), 'YYYY-MM-DD"T"HH24'::text) COLLATE "C" AS committed_hour,
+    r.observed_at,
+    EXTRACT(epoch FROM r.observed_at)::double precision AS observed_epoch,
+    EXTRACT(epoch FROM r.committed_at - r.observed_at)::double precision AS delay,
+    r.actor,
+    r.reason,
+    r.source::text COLLATE "C" AS source,
+    x.plan_id,
+    x."position" AS plan_step,
+    v.kb_id
+   FROM rule_version v
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.until
+     LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.until
+  WHERE v.until IS NOT NULL;
 CREATE VIEW audit_definition (
     knowledge_base character varying(255) COLLATE "C",
     kind text COLLATE "C",
@@ -2038,6 +2228,31 @@ UNION ALL
     v.kb_id
    FROM document_version v
      LEFT JOIN document n ON n.kb_id = v.kb_id AND n.id = v.document_id
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN revision s ON s.kb_id = v.kb_id AND s.number = v.since
+     LEFT JOIN revision u ON u.kb_id = v.kb_id AND u.number = v.until
+UNION ALL
+ SELECT k.name AS knowledge_base,
+    'rule'::text COLLATE "C" AS kind,
+    n.name,
+    v.rule_id AS element_id,
+    v.text,
+    v.since,
+    s.committed_at AS since_at,
+    EXTRACT(epoch FROM s.committed_at)::double precision AS since_epoch,
+    s.observed_at AS since_observed_at,
+    s.actor AS asserted_by,
+    s.reason AS asserted_reason,
+    v.until,
+    u.committed_at AS until_at,
+    EXTRACT(epoch FROM u.committed_at)::double precision AS until_epoch,
+    u.observed_at AS until_observed_at,
+    u.actor AS retracted_by,
+    u.reason AS retracted_reason,
+    EXTRACT(epoch FROM u.committed_at - s.committed_at)::double precision AS duration,
+    v.kb_id
+   FROM rule_version v
+     LEFT JOIN rule n ON n.kb_id = v.kb_id AND n.id = v.rule_id
      LEFT JOIN knowledge_base k ON k.id = v.kb_id
      LEFT JOIN revision s ON s.kb_id = v.kb_id AND s.number = v.since
      LEFT JOIN revision u ON u.kb_id = v.kb_id AND u.number = v.until;

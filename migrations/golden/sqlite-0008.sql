@@ -940,7 +940,56 @@ SELECT
 FROM promotion AS v
 LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
 LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.since
-LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.since, 0.01);
+LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.since, 0.01)
+UNION ALL
+SELECT
+    k.name AS knowledge_base,
+    v.since AS revision,
+    CAST('+' AS TEXT) AS sign,
+    CAST('rule' AS TEXT) AS kind,
+    v.text AS text,
+    v.rule_id AS element_id,
+    r.committed_at,
+    (strftime('%s', substr(r.committed_at, 1, 19)) * 1000000 + substr(r.committed_at, 21, 6)) / 1000000.0 AS committed_epoch,
+    substr(r.committed_at, 1, 13) AS committed_hour,
+    r.observed_at,
+    (strftime('%s', substr(r.observed_at, 1, 19)) * 1000000 + substr(r.observed_at, 21, 6)) / 1000000.0 AS observed_epoch,
+    ((strftime('%s', substr(r.committed_at, 1, 19)) - strftime('%s', substr(r.observed_at, 1, 19))) * 1000000 + substr(r.committed_at, 21, 6) - substr(r.observed_at, 21, 6)) / 1000000.0 AS delay,
+    r.actor,
+    r.reason,
+    r.source AS source,
+    x.plan_id,
+    x.position AS plan_step,
+    v.kb_id
+FROM rule_version AS v
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.since
+LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.since, 0.01)
+UNION ALL
+SELECT
+    k.name AS knowledge_base,
+    v.until AS revision,
+    CAST('-' AS TEXT) AS sign,
+    CAST('rule' AS TEXT) AS kind,
+    v.text AS text,
+    v.rule_id AS element_id,
+    r.committed_at,
+    (strftime('%s', substr(r.committed_at, 1, 19)) * 1000000 + substr(r.committed_at, 21, 6)) / 1000000.0 AS committed_epoch,
+    substr(r.committed_at, 1, 13) AS committed_hour,
+    r.observed_at,
+    (strftime('%s', substr(r.observed_at, 1, 19)) * 1000000 + substr(r.observed_at, 21, 6)) / 1000000.0 AS observed_epoch,
+    ((strftime('%s', substr(r.committed_at, 1, 19)) - strftime('%s', substr(r.observed_at, 1, 19))) * 1000000 + substr(r.committed_at, 21, 6) - substr(r.observed_at, 21, 6)) / 1000000.0 AS delay,
+    r.actor,
+    r.reason,
+    r.source AS source,
+    x.plan_id,
+    x.position AS plan_step,
+    v.kb_id
+FROM rule_version AS v
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.until
+LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.until, 0.01)
+WHERE v.until IS NOT NULL;
 CREATE VIEW audit_definition AS
 SELECT
     k.name AS knowledge_base,
@@ -1120,6 +1169,32 @@ SELECT
     v.kb_id
 FROM document_version AS v
 LEFT JOIN document AS n ON n.kb_id = v.kb_id AND likelihood(n.id = v.document_id, 0.01)
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN revision AS s ON s.kb_id = v.kb_id AND s.number = v.since
+LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until
+UNION ALL
+SELECT
+    k.name AS knowledge_base,
+    CAST('rule' AS TEXT) AS kind,
+    n.name,
+    v.rule_id AS element_id,
+    v.text,
+    v.since,
+    s.committed_at AS since_at,
+    (strftime('%s', substr(s.committed_at, 1, 19)) * 1000000 + substr(s.committed_at, 21, 6)) / 1000000.0 AS since_epoch,
+    s.observed_at AS since_observed_at,
+    s.actor AS asserted_by,
+    s.reason AS asserted_reason,
+    v.until,
+    u.committed_at AS until_at,
+    (strftime('%s', substr(u.committed_at, 1, 19)) * 1000000 + substr(u.committed_at, 21, 6)) / 1000000.0 AS until_epoch,
+    u.observed_at AS until_observed_at,
+    u.actor AS retracted_by,
+    u.reason AS retracted_reason,
+    ((strftime('%s', substr(u.committed_at, 1, 19)) - strftime('%s', substr(s.committed_at, 1, 19))) * 1000000 + substr(u.committed_at, 21, 6) - substr(s.committed_at, 21, 6)) / 1000000.0 AS duration,
+    v.kb_id
+FROM rule_version AS v
+LEFT JOIN rule AS n ON n.kb_id = v.kb_id AND likelihood(n.id = v.rule_id, 0.01)
 LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
 LEFT JOIN revision AS s ON s.kb_id = v.kb_id AND s.number = v.since
 LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until;
@@ -2085,6 +2160,103 @@ CREATE TABLE revision_execution (
     CONSTRAINT pk_revision_execution PRIMARY KEY (kb_id, number)
 );
 CREATE INDEX ix_revision_execution_execution ON revision_execution (kb_id, plan_id, position, number);
+CREATE TABLE rule (
+    kb_id BIGINT NOT NULL,
+    id BIGINT NOT NULL,
+    name VARCHAR(255) NOT NULL,
+    "key" TEXT NOT NULL,
+    CONSTRAINT fk_rule_kb_id FOREIGN KEY(kb_id) REFERENCES knowledge_base (id),
+    CONSTRAINT pk_rule PRIMARY KEY (kb_id, id),
+    CONSTRAINT uq_rule_kb_id_key UNIQUE (kb_id, "key")
+);
+CREATE TABLE rule_node (
+    kb_id BIGINT NOT NULL,
+    rule_id BIGINT NOT NULL,
+    since BIGINT NOT NULL,
+    section VARCHAR(24) NOT NULL,
+    position INTEGER NOT NULL,
+    parent INTEGER,
+    operator VARCHAR(32) NOT NULL,
+    predicate_id BIGINT,
+    function_id BIGINT,
+    value TEXT,
+    CONSTRAINT ck_rule_node_function_given CHECK ((operator = 'function') = (function_id IS NOT NULL)),
+    CONSTRAINT ck_rule_node_one_root CHECK ((parent IS NULL) = (position = 0)),
+    CONSTRAINT ck_rule_node_predicate_given CHECK ((operator = 'predicate') = (predicate_id IS NOT NULL)),
+    CONSTRAINT ck_rule_node_preorder CHECK (parent < position),
+    CONSTRAINT ck_rule_node_section CHECK (section = 'constraint'),
+    CONSTRAINT fk_rule_node_kb_id_function_id FOREIGN KEY(kb_id, function_id) REFERENCES function (kb_id, id),
+    CONSTRAINT fk_rule_node_kb_id_predicate_id FOREIGN KEY(kb_id, predicate_id) REFERENCES predicate (kb_id, id),
+    CONSTRAINT fk_rule_node_parent FOREIGN KEY(kb_id, rule_id, since, section, parent) REFERENCES rule_node (kb_id, rule_id, since, section, position),
+    CONSTRAINT fk_rule_node_version FOREIGN KEY(kb_id, rule_id, since) REFERENCES rule_version (kb_id, rule_id, since),
+    CONSTRAINT pk_rule_node PRIMARY KEY (kb_id, rule_id, since, section, position)
+);
+CREATE INDEX ix_rule_node_function ON rule_node (kb_id, function_id);
+CREATE INDEX ix_rule_node_predicate ON rule_node (kb_id, predicate_id);
+CREATE TABLE rule_term (
+    kb_id BIGINT NOT NULL,
+    rule_id BIGINT NOT NULL,
+    since BIGINT NOT NULL,
+    section VARCHAR(24) NOT NULL,
+    position INTEGER NOT NULL,
+    term INTEGER NOT NULL,
+    parameter INTEGER,
+    object_id BIGINT,
+    quantifier INTEGER,
+    variable INTEGER,
+    child INTEGER,
+    CONSTRAINT ck_rule_term_bound CHECK ((quantifier IS NULL) = (variable IS NULL)),
+    CONSTRAINT ck_rule_term_no_parameter CHECK (parameter IS NULL),
+    CONSTRAINT ck_rule_term_one_of_four CHECK (CASE WHEN parameter IS NULL THEN 0 ELSE 1 END + CASE WHEN object_id IS NULL THEN 0 ELSE 1 END + CASE WHEN variable IS NULL THEN 0 ELSE 1 END + CASE WHEN child IS NULL THEN 0 ELSE 1 END = 1),
+    CONSTRAINT fk_rule_term_child FOREIGN KEY(kb_id, rule_id, since, section, child) REFERENCES rule_node (kb_id, rule_id, since, section, position),
+    CONSTRAINT fk_rule_term_kb_id_object_id FOREIGN KEY(kb_id, object_id) REFERENCES object (kb_id, id),
+    CONSTRAINT fk_rule_term_node FOREIGN KEY(kb_id, rule_id, since, section, position) REFERENCES rule_node (kb_id, rule_id, since, section, position),
+    CONSTRAINT fk_rule_term_variable FOREIGN KEY(kb_id, rule_id, since, section, quantifier, variable) REFERENCES rule_variable (kb_id, rule_id, since, section, position, variable),
+    CONSTRAINT pk_rule_term PRIMARY KEY (kb_id, rule_id, since, section, position, term)
+);
+CREATE INDEX ix_rule_term_object ON rule_term (kb_id, object_id);
+CREATE TABLE rule_variable (
+    kb_id BIGINT NOT NULL,
+    rule_id BIGINT NOT NULL,
+    since BIGINT NOT NULL,
+    section VARCHAR(24) NOT NULL,
+    position INTEGER NOT NULL,
+    variable INTEGER NOT NULL,
+    name VARCHAR(255) NOT NULL,
+    CONSTRAINT fk_rule_variable_node FOREIGN KEY(kb_id, rule_id, since, section, position) REFERENCES rule_node (kb_id, rule_id, since, section, position),
+    CONSTRAINT pk_rule_variable PRIMARY KEY (kb_id, rule_id, since, section, position, variable)
+);
+CREATE TABLE rule_variable_type (
+    kb_id BIGINT NOT NULL,
+    rule_id BIGINT NOT NULL,
+    since BIGINT NOT NULL,
+    section VARCHAR(24) NOT NULL,
+    position INTEGER NOT NULL,
+    variable INTEGER NOT NULL,
+    alternative INTEGER NOT NULL,
+    type_id BIGINT NOT NULL,
+    CONSTRAINT fk_rule_variable_type_kb_id_type_id FOREIGN KEY(kb_id, type_id) REFERENCES type (kb_id, id),
+    CONSTRAINT fk_rule_variable_type_variable FOREIGN KEY(kb_id, rule_id, since, section, position, variable) REFERENCES rule_variable (kb_id, rule_id, since, section, position, variable),
+    CONSTRAINT pk_rule_variable_type PRIMARY KEY (kb_id, rule_id, since, section, position, variable, alternative)
+);
+CREATE INDEX ix_rule_variable_type_type ON rule_variable_type (kb_id, type_id);
+CREATE TABLE rule_version (
+    kb_id BIGINT NOT NULL,
+    rule_id BIGINT NOT NULL,
+    since BIGINT NOT NULL,
+    until BIGINT,
+    on_violation VARCHAR(16) NOT NULL,
+    text TEXT NOT NULL,
+    CONSTRAINT ck_rule_version_on_violation CHECK (on_violation IN ('report', 'refuse')),
+    CONSTRAINT ck_rule_version_since_before_until CHECK (since < until),
+    CONSTRAINT fk_rule_version_kb_id_rule_id FOREIGN KEY(kb_id, rule_id) REFERENCES rule (kb_id, id),
+    CONSTRAINT fk_rule_version_kb_id_since FOREIGN KEY(kb_id, since) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
+    CONSTRAINT fk_rule_version_kb_id_until FOREIGN KEY(kb_id, until) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
+    CONSTRAINT pk_rule_version PRIMARY KEY (kb_id, rule_id, since)
+);
+CREATE INDEX ix_rule_version_since ON rule_version (kb_id, since, rule_id);
+CREATE INDEX ix_rule_version_until ON rule_version (kb_id, until) WHERE until IS NOT NULL;
+CREATE UNIQUE INDEX uq_rule_version_live ON rule_version (kb_id, rule_id) WHERE until IS NULL;
 CREATE TABLE type (
     kb_id BIGINT NOT NULL,
     id BIGINT NOT NULL,

@@ -1,4 +1,4 @@
-"""Steps of plans and acts without a plan are executions, of one mechanism.
+"""Steps of plans and acts without a plan are executions, of one mechanism; rules can be kept.
 
 The rows of steps keep their keys, their statuses and the texts that hashes cover. A status that was
 `started` is now `running`.
@@ -157,6 +157,8 @@ def upgrade() -> None:
     """Bring the tables to this version."""
     for make in (_execution, _argument, _version, _link):
         make()
+    for table in _rule_tables():
+        _module("0001")._create(table)
     _carry(CARRIED)
     _replace_views(_queries(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table in reversed(BEFORE):
@@ -174,20 +176,24 @@ def downgrade() -> None:
     _replace_views(_before(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table, *_ in reversed(CARRIED):
         op.drop_table(table)
+    for table in reversed(_rule_tables()):
+        op.execute(sa.schema.DropTable(table))
 
 
 def _refuse_to_lose() -> None:
     """Refuse where the hash of a revision covers what the version before has no place for."""
     if context.is_offline_mode():
         raise CommandError("a downgrade below 0008 looks for executions: run it without --sql")
-    count = op.get_bind().scalar(
-        sa.text("SELECT count(*) FROM execution_version WHERE kind = 'execution'")
-    )
-    if count:
-        raise CommandError(
-            f"version {down_revision} has no place for outcomes of executions ({count}), whose "
-            "revisions could not be verified any more; nothing was changed"
-        )
+    for what, rows in (
+        ("outcomes of executions", "execution_version WHERE kind = 'execution'"),
+        ("kept rules", "rule_version"),
+    ):
+        count = op.get_bind().scalar(sa.text(f"SELECT count(*) FROM {rows}"))
+        if count:
+            raise CommandError(
+                f"version {down_revision} has no place for {what} ({count}), whose revisions "
+                "could not be verified any more; nothing was changed"
+            )
 
 
 def _carry(tables: tuple[tuple[str, str, str], ...]) -> None:
@@ -201,6 +207,27 @@ def _carry(tables: tuple[tuple[str, str, str], ...]) -> None:
 
 def _of_plans(table: str) -> str:
     return " WHERE plan_id > 0" if table in BEFORE else ""
+
+
+def _rule_tables() -> list[sa.Table]:
+    """Make the tables of kept rules, as the first version makes those of formulas."""
+    first = _module("0001")
+    tables = first.METADATA.tables
+    before = {*tables}
+    first._identity("rule")
+    first._version(
+        "rule",
+        first._column("on_violation", WORD, "report; refuse: the transaction fails"),
+        first._text(),
+        sa.CheckConstraint("on_violation IN ('report', 'refuse')", name="on_violation"),
+    )
+    check = sa.CheckConstraint("section = 'constraint'", name="section")
+    first._trees("rule", False, check)
+    made = [table for table in first.METADATA.sorted_tables if table.name not in before]
+    for table in made:
+        # The first version creates and drops all that are there.
+        first.METADATA.remove(table)
+    return made
 
 
 def _key(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
@@ -367,7 +394,7 @@ def _before() -> dict[str, str]:
     return {
         name: query
         for name, query in queries.items()
-        if any(f" {table} AS " in query for table in BEFORE)
+        if any(f" {table} AS " in query for table in (*BEFORE, "formula_version"))
     }
 
 
@@ -396,6 +423,8 @@ def _changed(query: str) -> str:
         if "FROM execution_version AS v" in part:
             of_kind = part.replace("WORD(plan step)", "TEXT(v.kind)")
             parts[number] = of_kind.replace("v.plan_id AS element_id", f"{own} AS element_id")
+    # Kept rules are named as documents are.
+    parts += [one.replace("document", "rule") for one in parts if " document_version AS " in one]
     query = "UNION ALL".join(parts)
     for alias in "vwc":
         query = query.replace(f"{alias}.status = 'started'", f"{alias}.outcome = 'running'")

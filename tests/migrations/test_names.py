@@ -85,5 +85,6 @@ def test_every_foreign_key_stays_in_its_knowledge_base(named: list[Named]) -> No
     leading = {item.target[0] for item in named if item.prefix == "fk"}
     to_knowledge_base = {item.table for item in named if [*item.target] == ["id"]}
     assert leading == {"kb_id", "id"}
-    identities = {"type", "object", "predicate", "function", "action", "formula", "document"}
+    identities = {"type", "object", "predicate", "function", "action", "formula", "rule"}
+    identities |= {"document"}
     assert to_knowledge_base == {"head", "revision", "plan", *ADDED, *identities}

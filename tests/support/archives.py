@@ -27,7 +27,7 @@ TABLES = [table for table in Base.metadata.sorted_tables if "kb_id" in table.c]
 VERSIONS = [table for table in TABLES if "until" in table.c]
 # Names stay in the store and come along with what refers to them; atoms do as they are needed.
 IDENTITIES = {
-    *("type", "object", "predicate", "function", "action", "formula", "document"),
+    *("type", "object", "predicate", "function", "action", "formula", "rule", "document"),
     *("proposition", "proposition_argument", "function_value", "function_value_argument"),
 }
 _KB = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))

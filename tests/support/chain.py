@@ -19,7 +19,7 @@ from sqlalchemy import make_url
 Execute = Callable[[str], Iterable[tuple[Any, ...]]]
 _Change = tuple[str, str, str]
 
-_DEFINITIONS = ("type", "object", "predicate", "function", "action", "formula", "document")
+_DEFINITIONS = ("type", "object", "predicate", "function", "action", "formula", "rule", "document")
 _IDENTITIES = (*_DEFINITIONS, "proposition", "function_value", "plan", "archive")
 
 _KNOWLEDGE_BASES = """

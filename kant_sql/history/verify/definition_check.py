@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Select, Table, func, literal_column, select
 
-from ...dto.formulas import ARITHMETIC, ASSIGNMENTS, COMPARISONS, MODALS, TIMES
+from ...dto.formulas import ARITHMETIC, ASSIGNMENTS, COMPARISONS, COUNTS, MODALS, TIMES
 from ...dto.lexical import decimal_text, fold
 from ...errors import UNREADABLE, InvalidKnowledgeError, KantSqlError
 from ...knowledge import trees as kinds
@@ -35,6 +35,7 @@ from ...knowledge.definitions import (
     FormulaDefinition,
     FunctionDefinition,
     PredicateDefinition,
+    RuleDefinition,
     formula_name,
 )
 from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, TreeTerm
@@ -251,7 +252,7 @@ _ALLOWED: dict[str, _Allowed] = {
     **dict.fromkeys((kinds.AND, kinds.OR), _Allowed(0, inf)),
     **dict.fromkeys((*TIMES, kinds.NOT, *kinds.OPTIMIZATIONS), _Allowed(1, 1)),
     **dict.fromkeys((kinds.IMPLY, kinds.WHEN), _Allowed(2, 2)),
-    **dict.fromkeys((kinds.FORALL, kinds.EXISTS), _Allowed(1, 1, binds=True)),
+    **dict.fromkeys((kinds.FORALL, kinds.EXISTS, *COUNTS), _Allowed(1, 1, binds=True)),
     kinds.DERIVED: _Allowed(2, 2, binds=True),
     kinds.PREFERENCE: _Allowed(1, 1, value=lambda value: value is None or is_word(value)),
     kinds.AT: _Allowed(1, 1, value=is_decimal),
@@ -487,6 +488,8 @@ class DefinitionCheck:
                 if formula_name(definition.section, definition.text) != name:
                     return "its name is not the hash of its section and its text"
                 return formula_fault(definition) or self._tree_fault(definition.tree, (), since)
+            case RuleDefinition():
+                return self._tree_fault(definition.constraint, (), since)
             case DocumentDefinition():
                 expected = DOMAIN if definition.domain is None else PROBLEM
                 if name != expected:

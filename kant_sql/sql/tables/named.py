@@ -309,6 +309,15 @@ _version(
 )
 _trees("formula", False)
 
+_identity("rule")
+_version(
+    "rule",
+    _column("on_violation", String(16), "report; refuse: the transaction fails"),
+    _text(),
+    CheckConstraint("on_violation IN ('report', 'refuse')", name="on_violation"),
+)
+_trees("rule", False, CheckConstraint("section = 'constraint'", name="section"))
+
 # The domain and the problem, one of each.
 _identity("document", CheckConstraint("key IN ('domain', 'problem')", name="domain_or_problem"))
 _version(
