@@ -94,7 +94,7 @@ class TreeReader:
         if operator in (kinds.FORALL, kinds.EXISTS):
             return (f.Forall if operator == kinds.FORALL else f.Exists)(variables, *parts)
         if operator in f.COUNTS:
-            return f.Count(variables, *parts, operator)
+            return f.Count(variables, parts[0], operator)
         if operator == kinds.DERIVED:
             return f.Derived(parts[0].predicate, variables, parts[1])
         # An undeclared function, such as `total-time`, is its own operator.

@@ -157,8 +157,8 @@ def upgrade() -> None:
     """Bring the tables to this version."""
     for make in (_execution, _argument, _version, _link):
         make()
-    for table in _rule_tables():
-        _module("0001")._create(table)
+    for made in _rule_tables():
+        _module("0001")._create(made)
     _carry(CARRIED)
     _replace_views(_queries(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table in reversed(BEFORE):
@@ -176,8 +176,8 @@ def downgrade() -> None:
     _replace_views(_before(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table, *_ in reversed(CARRIED):
         op.drop_table(table)
-    for table in reversed(_rule_tables()):
-        op.execute(sa.schema.DropTable(table))
+    for made in reversed(_rule_tables()):
+        op.execute(sa.schema.DropTable(made))
 
 
 def _refuse_to_lose() -> None:
