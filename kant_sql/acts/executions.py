@@ -24,6 +24,7 @@ from ..sql import tables as t
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
 from ..sql.executions import FAILED, NO_PLAN, OUTCOMES, RUNNING, Key
+from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View
@@ -335,6 +336,46 @@ def _refuse_unknown(store: Store, asked: ExecutionFilter) -> None:
         )
     if asked.actor is not None:
         refuse_unknown_actor(store, asked.actor)
+
+
+class ExecutionsPage(NamedTuple):
+    """A page of executions, those with the latest outcome first.
+
+    Attributes:
+        executions: the executions.
+        next: the value of `after` for the next page; None after the last.
+    """
+
+    executions: list[Execution]
+    next: str | None
+
+
+def read_executions_page(
+    state: State,
+    asked: ExecutionFilter,
+    since: When | None = None,
+    until: When | None = None,
+    after: str | None = None,
+    limit: int = 50,
+) -> ExecutionsPage:
+    """Read a page of executions.
+
+    Raises:
+        UnknownNameError: instead of none, if there never was such an action, object or actor.
+        UnknownRevisionError: a bound is in the future.
+        InvalidArgumentError: `after` is not the `next` of a page.
+    """
+    place = read_place(after, (int, int, int))
+    bounds = find_bounds(state.store, since, until, state.at)
+    since_, plan_id, position = place.key or (bounds.high, LARGEST, LARGEST)
+    before = int(since_ or 0), int(plan_id or 0), int(position or 0)
+    found, _ = read_page(state, asked, bounds.low, before, limit + 1)
+    if not found and after is None:
+        _refuse_unknown(state.store, asked)
+    page, end = found[:limit], None
+    if len(found) > limit:
+        end = Place(place.passed + limit, (page[-1].revision, *key_of(page[-1])))
+    return ExecutionsPage(page, place_text(end))
 
 
 def report(

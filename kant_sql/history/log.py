@@ -527,6 +527,17 @@ def _lines(session: Session, kb_id: int, rows: Sequence[Row]) -> list[LogLine]:
     ]
 
 
+def read_log_lines(state: State, numbers: Sequence[int]) -> list[LogLine]:
+    """Read some revisions as lines of the log, newest first."""
+
+    def work(session: Session, kb_id: int | None) -> list[LogLine]:
+        rows = [] if kb_id is None else numbered_rows(session, kb_id, numbers)
+        rows = sorted(rows, reverse=True, key=itemgetter(0))
+        return [] if kb_id is None else _lines(session, kb_id, rows)
+
+    return state.store.query_in_snapshot(work)
+
+
 def _of_element(
     state: State, asked: LogFilter, low: int, high: int, limit: int, page: LogPage
 ) -> LogPage:

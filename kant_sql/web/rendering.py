@@ -24,6 +24,7 @@ from ..errors import KantSqlError, StoreError
 from ..history.window import TIMELINE_KINDS
 from ..html import visible
 from ..json_values import JsonValue
+from ..sql.executions import OUTCOMES
 
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
@@ -65,8 +66,7 @@ def address_of(kind: str, text: str) -> Address | None:
     if kind in ("plan", "plan step") and len(words) > 1:
         return Address("/plan", {"id": words[1]})
     if kind == "execution" and len(words) > 1:
-        plan_id, _, position = words[1].partition(".")
-        return Address("/plan", {"id": plan_id}) if position else None
+        return Address("/act", {"id": words[1]})
     return None if kind in ("archive", "promotion") else Address("/fact", {"text": text})
 
 
@@ -159,6 +159,7 @@ def environment() -> Environment:
         static=static_address,
         version=__version__,
         timeline_kinds=TIMELINE_KINDS,
+        outcomes=OUTCOMES,
     )
     made.filters.update(
         exact=escape,

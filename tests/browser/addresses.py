@@ -24,6 +24,8 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/ask", condition="(robot_at rb1 t1)"),
         address("/ask", condition="(robot_at rb1 ?p)", mode="when"),
     ),
+    "/act": (address("/act", id=f"{PLAN}.2"), address("/act", id=f"{PLAN}.3")),
+    "/acts": (address("/acts"), address("/acts", outcome="failed", object="rb1", since=9)),
     "/action": (address("/action", name="move"),),
     "/difference": (address("/difference", a=9, b=30), address("/difference")),
     "/fact": (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import ask, elements, home, plans, revisions, timeline, verify
+from . import acts, ask, elements, home, plans, revisions, timeline, verify
 
 TOPICS = (
     home.PAGES,
@@ -12,6 +12,7 @@ TOPICS = (
     timeline.PAGES,
     verify.PAGES,
     elements.PAGES,
+    acts.PAGES,
     plans.PAGES,
     elements.SEARCH,
 )

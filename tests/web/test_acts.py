@@ -1,0 +1,174 @@
+"""The pages of executions: their list by pages, and each with what it changed."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from kant_sql import KnowledgeBase, NotApplicableError
+from kant_sql.json_values import json_value
+from kant_sql.web.pages import acts
+from tests.support.crawling import Markup
+from tests.web.conftest import Filled, statements_of
+
+DOMAIN = """
+(define (domain ward) (:requirements :typing :durative-actions) (:types robot place)
+  (:predicates (at ?r - robot ?p - place) (docking ?r - robot))
+  (:action move :parameters (?r - robot ?a ?b - place) :precondition (at ?r ?a)
+    :effect (and (not (at ?r ?a)) (at ?r ?b)))
+  (:durative-action dock :parameters (?r - robot) :duration (= ?duration 500)
+    :effect (and (at start (docking ?r)) (at end (not (docking ?r))))))
+"""
+
+
+def do_some(kb: KnowledgeBase) -> None:
+    """Do one thing of each outcome, the last of which runs."""
+    kb.load_domain(DOMAIN)
+    kb.objects.save_all(["rb1 - robot", "hall - place", "room - place"])
+    kb.propositions.save("(at rb1 hall)")
+    kb.apply("(move rb1 hall room)", reason="the nurse called")
+    with pytest.raises(NotApplicableError):
+        kb.apply("(move rb1 hall room)", record_refusal=True)
+    reported = ["rb1", "bay <b>4</b>"]
+    dock = kb.executions.report("Dock", arguments=reported, outcome="running")
+    kb.executions.report(dock, outcome="failed", code="E7", text="bay 4 is taken")
+    kb.start("(dock rb1)")
+
+
+def get(client: TestClient, path: str, **query: Any) -> Any:
+    """The data of a page; the page itself is there, too."""
+    query = {"kb": "courier", **query}
+    assert client.get(path, params=query).status_code == 200
+    return client.get(f"/api{path}", params=query).json()
+
+
+def test_acts_are_the_librarys_and_lead_to_names(filled: Filled) -> None:
+    kb, client = filled
+    do_some(kb)
+    listed = get(client, "/acts")["executions"]
+    own = ("words", "due_at", "seconds_left")
+    plain = [{key: value for key, value in one.items() if key not in own} for one in listed]
+    assert plain == [json_value(one) for one in kb.executions.get_all()]
+    outcomes = ["running", "failed", "refused", "succeeded"]
+    assert [one["outcome"] for one in listed] == outcomes
+    running, failed, refused, moved = listed
+    assert [tuple(word.values()) for word in failed["words"]] == [
+        ("text", "Dock"),
+        ("object", "rb1"),
+        ("text", "bay <b>4</b>"),
+    ]
+    assert [word["kind"] for word in moved["words"]] == ["action", *["object"] * 3]
+    assert 400 < running["seconds_left"] <= 500
+    assert {one["due_at"] for one in (failed, refused, moved)} == {None}
+    links = Markup(client.get("/acts?kb=courier").text).links
+    assert "/action?kb=courier&name=dock" in links
+    assert "/object?kb=courier&name=room" in links
+    assert not any("name=Dock" in link or "bay" in link for link in links)
+    assert f"/act?kb=courier&id={failed['execution']}" in links
+
+
+@pytest.mark.parametrize(
+    ("query", "acts_found"),
+    [
+        ({"outcome": "failed"}, ["Dock"]),
+        ({"object": "ROOM"}, ["move", "move"]),
+        ({"action": "dock", "actor": "filler"}, ["dock"]),
+        ({"since": "1", "until": "4"}, ["move"]),
+    ],
+)
+def test_acts_are_found_as_at_the_prompt(
+    filled: Filled, query: dict[str, str], acts_found: list[str]
+) -> None:
+    kb, client = filled
+    do_some(kb)
+    assert [one["action"] for one in get(client, "/acts", **query)["executions"]] == acts_found
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "said"),
+    [
+        ("/acts?action=mov", 404, "never had the action"),
+        ("/acts?object=rb9", 404, "never had the object"),
+        ("/acts?actor=nobody", 404, "nobody"),
+        ("/acts?outcome=done", 422, "outcome"),
+        ("/acts?after=[[0,[1],0]]", 400, "the value of `next` of a page"),
+        ("/act?id=77", 404, "no execution 77"),
+        ("/act?id=1.9", 404, "no execution 1.9"),
+        ("/act?id=one", 400, "is not the id of an execution"),
+    ],
+)
+def test_what_never_was_done_is_said(client: TestClient, path: str, status: int, said: str) -> None:
+    for prefix in ("/api", ""):
+        answer = client.get(f"{prefix}{path}&kb=courier")
+        assert (answer.status_code, said in answer.text) == (status, True), answer.text
+
+
+def test_pages_go_on_and_cost_the_same_with_more_rows(
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, client = filled
+    do_some(kb)
+    monkeypatch.setattr(acts, "EXECUTIONS", 3)
+    before = statements_of(client, "/acts?kb=courier")
+    with kb.transaction():
+        for number in range(8):
+            kb.executions.report(f"act {number}", outcome="succeeded")
+    assert statements_of(client, "/acts?kb=courier") <= before
+    seen: list[str] = []
+    page = get(client, "/acts")
+    while True:
+        seen += [one["execution"] for one in page["executions"]]
+        if page["next"] is None:
+            break
+        page = get(client, "/acts", after=page["next"])
+    assert seen == [one.id for one in kb.executions.get_all()]
+
+
+def test_an_act_has_its_outcomes_and_what_it_changed(filled: Filled) -> None:
+    kb, client = filled
+    do_some(kb)
+    (dock,) = kb.executions.get_all(outcome="running")
+    with kb.transaction(plan_step=dock, reason="half way"):
+        kb.propositions.save("(at rb1 hall)")
+    kb.end(dock)
+    data = get(client, "/act", id=dock.id)
+    assert [one["kind"] for one in data["outcomes"]] == ["execution", "execution"]
+    changes = [
+        [change["sign"] + change["text"] for change in one["changes"] if change["kind"] == "fact"]
+        for one in data["changed"]
+    ]
+    assert changes == [["-(docking rb1)"], ["+(at rb1 hall)"], ["+(docking rb1)"]]
+    assert (data["total"], data["outcome"], data["seconds_left"]) == (3, "succeeded", None)
+    page = client.get(f"/act?kb=courier&id={dock.id}").text
+    assert page.index("half way") < page.index("(docking rb1)</code>", page.index("half way"))
+    # The revision that names it, and the object, lead here.
+    number = data["changed"][1]["number"]
+    for other in (f"/revision?number={number}", "/object?name=rb1", "/log?"):
+        assert (
+            f"/act?kb=courier&id={dock.id}" in Markup(client.get(f"{other}&kb=courier").text).links
+        )
+
+
+def test_what_an_act_shows_is_bounded(filled: Filled, monkeypatch: pytest.MonkeyPatch) -> None:
+    kb, client = filled
+    do_some(kb)
+    (dock,) = kb.executions.get_all(outcome="running")
+    monkeypatch.setattr(acts, "REVISIONS", 2)
+    before = statements_of(client, f"/act?kb=courier&id={dock.id}")
+    for _ in range(6):
+        with kb.transaction(plan_step=dock):
+            kb.executions.report("wait", outcome="succeeded")
+    assert statements_of(client, f"/act?kb=courier&id={dock.id}") <= before
+    data = get(client, "/act", id=dock.id)
+    assert (data["total"], len(data["changed"]), len(data["revisions"])) == (7, 2, 2)
+    assert re.search(r"the last 2 of\s+7", client.get(f"/act?kb=courier&id={dock.id}").text)
+
+
+def test_a_step_of_a_plan_is_an_act(client: TestClient) -> None:
+    data = get(client, "/act", id="1.2")
+    assert (data["plan"], data["position"], data["outcome"]) == (1, 2, "failed")
+    assert "/plan?kb=courier&id=1" in Markup(client.get("/act?kb=courier&id=1.2").text).links
+    assert "/act?kb=courier&id=1.2" in Markup(client.get("/plan?kb=courier&id=1").text).links
