@@ -785,6 +785,7 @@ class AsyncKnowledgeBase(_Part):
     end = _write(KnowledgeBase.end)
     abort = _write(KnowledgeBase.abort)
     fail = _write(KnowledgeBase.fail)
+    statistics = _read(KnowledgeBase.statistics)
     plan = _read(KnowledgeBase.plan)
     validate = _read(KnowledgeBase.validate)
     log = _iterate(KnowledgeBase.log)

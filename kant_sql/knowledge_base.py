@@ -238,6 +238,7 @@ class KnowledgeBase(Front):
     end = writes(lambda: reasoning.durative.end)
     abort = writes(lambda: reasoning.durative.abort)
     fail = writes(lambda: acts.executions.fail)
+    statistics = reads(lambda: acts.statistics.statistics)
     plan = reads(lambda: documents.exchange.plan)
     validate = reads(lambda: reasoning.validate.validate)
 

@@ -13,10 +13,12 @@ from ..later import asked_for
 
 if TYPE_CHECKING:
     from . import executions as executions
+    from . import statistics as statistics
+    from .statistics import Statistics
 else:
-    __getattr__ = asked_for(__name__, {})
+    __getattr__ = asked_for(__name__, {".statistics": ["Statistics"]})
 
-__all__ = ["Execution", "Outcome"]
+__all__ = ["Execution", "Outcome", "Statistics"]
 
 Outcome = Literal["running", "succeeded", "failed", "aborted", "refused"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from datetime import UTC, datetime
 from functools import cache
 from itertools import islice
@@ -192,11 +192,8 @@ def _count(what: str) -> Query:
 def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
     """Select the keys of executions, those with the latest outcome first."""
     rows = select(*_PLACE).where(_NOW.kb_id == KB, _NOW.since <= integer("since"))
-    rows = rows.where(
-        tuple_(*_PLACE) < tuple_(*map(integer, _BEFORE)), _NOW.since >= integer("low")
-    )
-    open_: Any = _NOW.until.is_(None)
-    rows = rows.where(or_(open_, _NOW.until > integer("at")) if is_past else open_)
+    rows = rows.where(tuple_(*_PLACE) < tuple_(*map(integer, _BEFORE)))
+    rows = rows.where(*had_outcome(wanted, is_past))
     for what in _NAMED.keys() & wanted:
         named = _NAMED[what]()
         if what == rare:
@@ -207,28 +204,35 @@ def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
         rows = rows.where(named.where(*same).correlate(_NOW.kb_id.table).exists())
     if "outcome" in wanted:
         rows = rows.where(_NOW.outcome == bindparam("outcome"))
-    if "actor" in wanted:
-        rows = rows.where(_began_by())
     return Query(first_rows(rows.order_by(*(each.desc() for each in _PLACE)), integer("size")))
 
 
-def _began_by() -> Any:
-    """Return whether an actor made the revision of the first outcome, or recorded the act."""
+def had_outcome(wanted: Collection[str], is_past: bool) -> list[Any]:
+    """Write that an outcome is the one now, or at a revision, and what a filter says of it."""
+    open_: Any = _NOW.until.is_(None)
+    held = or_(open_, _NOW.until > integer("at")) if is_past else open_
+    return [_NOW.since >= integer("low"), held, *([_began_by()] if "actor" in wanted else [])]
+
+
+def began() -> Any:
+    """Write the revision of the first outcome of an execution, or that recorded an act."""
     first = table_of(t.ExecutionVersionRow).alias("first").c
     own = first.plan_id == _NOW.plan_id, first.position == _NOW.position
-    began = select(func.min(first.since)).where(first.kb_id == KB, *own)
+    begun = select(func.min(first.since)).where(first.kb_id == KB, *own)
     recorded = select(_IDENTITY.since).where(
         _IDENTITY.kb_id == KB, _IDENTITY.plan_id == NO_PLAN_ID, _IDENTITY.plan_id == _NOW.plan_id
     )
     recorded = recorded.where(_IDENTITY.position == _NOW.position)
     table = _NOW.kb_id.table
-    numbers = (each.correlate(table).scalar_subquery() for each in (recorded, began))
+    return func.coalesce(*(one.correlate(table).scalar_subquery() for one in (recorded, begun)))
+
+
+def _began_by() -> Any:
+    """Return whether an actor made the revision that an execution began in."""
     revision = select(_ONE).where(
-        _REVISION.kb_id == KB,
-        _REVISION.number == func.coalesce(*numbers),
-        _REVISION.actor == bindparam("actor"),
+        _REVISION.kb_id == KB, _REVISION.number == began(), _REVISION.actor == bindparam("actor")
     )
-    return revision.correlate(table).exists()
+    return revision.correlate(_NOW.kb_id.table).exists()
 
 
 NO_PLAN_ID: Any = literal_column(str(NO_PLAN))

@@ -111,7 +111,7 @@ def check_execution(transaction: Transaction, execution: Execution) -> None:
             f"{role} is not in knowledge base {transaction.name!r}: its transaction was not "
             "committed, or it is of another store; record it first"
         )
-    if _words(found) != [execution.action, *execution.arguments]:
+    if parse_words(found) != [execution.action, *execution.arguments]:
         raise PlanError(
             f"{role} is {found} in knowledge base {transaction.name!r}: it is of another store; "
             "record it here"
@@ -312,7 +312,7 @@ def words_of(text: str) -> list[Word]:
     return found
 
 
-def _words(text: str) -> list[str]:
+def parse_words(text: str) -> list[str]:
     """Read the text of an execution; no name has a space, a quote or a parenthesis."""
     return [one.text for one in words_of(text)] if '"' in text else text[1:-1].split(" ")
 
@@ -321,7 +321,7 @@ def unstarted(name: str, key: Key, start: str | None, duration: str | None, text
     """Make an execution that has no outcome yet."""
     plan_id, position = key
     is_step = plan_id != NO_PLAN
-    action, *arguments = _words(text)
+    action, *arguments = parse_words(text)
     return Execution(
         id=id_text(key),
         plan_id=plan_id if is_step else None,

@@ -23,6 +23,7 @@ from .output import Printer, json_text, write_json
 
 if TYPE_CHECKING:
     from ..acts import Execution
+    from ..acts.statistics import Statistics
 
 _STYLES = {"succeeded": "green", "failed": "red", "aborted": "red", "refused": "red"}
 OUTCOMES = ("running", *_STYLES)
@@ -68,6 +69,63 @@ def acts(
                 write_json(execution, knowledge_base=name)
             else:
                 _write(printer, execution)
+
+
+_GROUPINGS = ("action", "argument", "arguments", "actor")
+
+
+def statistics(
+    url: Url,
+    kb: Name = None,
+    by: Annotated[
+        list[str] | None,
+        option(
+            f"Group by this: {', '.join(_GROUPINGS)}; repeat it. Default: action.",
+            "--by",
+            metavar="WORD",
+        ),
+    ] = None,
+    limit: Annotated[
+        int | None, option("Show only the N largest groups.", "--limit", "-n", metavar="N", min=1)
+    ] = None,
+    since: Since = None,
+    until: Until = None,
+    actor: Annotated[
+        str | None, option("Count only what this actor began.", "--actor", metavar="NAME")
+    ] = None,
+    as_json: Annotated[bool, json_lines("group")] = False,
+) -> None:
+    """Show how often actions succeeded, and how long they took.
+
+    The success rate is of those that succeeded or failed, with its 95 % interval (Wilson).
+    """
+    for word in by or ():
+        if word not in _GROUPINGS:
+            hint = f"{word!r}: expected one of {', '.join(_GROUPINGS)}"
+            raise typer.BadParameter(hint, param_hint="--by")
+    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    given: Any = {"by": by or ["action"], "actor": actor, "limit": limit}
+    with open_to_read(url, kb) as (name, knowledge_base):
+        printer = Printer()
+        for group in knowledge_base.statistics(since=first, until=last, **given):
+            if as_json:
+                write_json(group, knowledge_base=name)
+            else:
+                _write_figures(printer, group)
+
+
+def _write_figures(printer: Printer, group: Statistics) -> None:
+    """Write the figures of a group."""
+    printer.line(f"{printable(str(group)) or 'all'}: {group.count:,}", "bold")
+    counts = ((getattr(group, outcome), outcome) for outcome in OUTCOMES)
+    printer.line(f"  {', '.join(f'{count:,} {outcome}' for count, outcome in counts if count)}")
+    if group.success_rate is not None and group.interval is not None:
+        low, high = group.interval
+        printer.line(f"  success: {group.success_rate:.1%} ({low:.1%} to {high:.1%})")
+    if group.median is not None:
+        printer.line(f"  seconds: {group.median:g}, 95 % within {group.percentile_95:g}")
+    for code, count in group.codes.items():
+        printer.line(f"  {printable(code)}: {count:,}")
 
 
 def _write(printer: Printer, execution: Execution) -> None:

@@ -132,7 +132,7 @@ _HOMES = {
     **dict.fromkeys(("query", "holds", "goals"), "asking"),
     **dict.fromkeys(("why-not", "applicable", "apply"), "plans"),
     **dict.fromkeys(("log", "diff", "history", "blame"), "history"),
-    "acts": "acts",
+    **dict.fromkeys(("acts", "statistics"), "acts"),
     **dict.fromkeys(("when", "rules"), "asking"),
     **dict.fromkeys(("restore", "branch"), "history"),
     **dict.fromkeys(("views", "export"), "store"),
@@ -145,7 +145,7 @@ _HOMES = {
     "db": "store",
 }
 _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
-_PAGED |= {"log", "acts", "diff", "history", "blame", "when", "rules"}
+_PAGED |= {"log", "acts", "statistics", "diff", "history", "blame", "when", "rules"}
 # Their exit code says what became of the store.
 _FINISHED = {"verify", "push", "promote"}
 

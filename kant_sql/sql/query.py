@@ -18,6 +18,7 @@ from sqlalchemy import (
     CompoundSelect,
     Delete,
     Dialect,
+    Double,
     FromClause,
     Select,
     Table,
@@ -199,6 +200,14 @@ class StoreClock(FunctionElement[datetime]):
     type = UtcTime()
     inherit_cache = True
     name = "store_clock"
+
+
+class Seconds(FunctionElement[float]):
+    """The seconds from one time to another, with their fraction."""
+
+    type = Double()
+    inherit_cache = True
+    name = "seconds"
 
 
 class StorePlace(FunctionElement[str]):

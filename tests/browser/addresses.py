@@ -57,6 +57,10 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/state", kind="fact", text="rb"),
         address("/state", at="2026-03-02 14:03"),
     ),
+    "/statistics": (
+        address("/statistics"),
+        address("/statistics", by="arguments", since=9),
+    ),
     "/type": (address("/type", name="table"),),
     "/verify": (address("/verify"),),
 }

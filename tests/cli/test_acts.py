@@ -64,6 +64,22 @@ def test_filters(url: str, words: list[str], count: int) -> None:
     assert {one["knowledge_base"] for one in found} == {"home"}
 
 
+def test_statistics(url: str) -> None:
+    lines = run("statistics", url).stdout.splitlines()
+    assert lines.pop(7).startswith("  seconds: ")
+    assert lines == [
+        *("unlock: 2", "  1 succeeded, 1 refused", "  success: 100.0% (20.7% to 100.0%)"),
+        "  seconds: 0, 95 % within 0",
+        *("dock: 1", "  1 failed", "  success: 0.0% (0.0% to 79.3%)", "  E4: 1"),
+    ]
+    found = run("statistics", url, "--by", "action", "--by", "argument", "-n", "1", "--json").stdout
+    document = json.loads(found)
+    assert (document["action"], document["argument"], document["count"]) == ("unlock", "front", 2)
+    assert (document["success_rate"], document["codes"]) == (1.0, {})
+    refused = run("statistics", url, "--by", "colour")
+    assert (refused.exit_code, "expected one of action" in refused.stderr) == (2, True)
+
+
 def test_what_is_no_outcome_or_never_was_is_refused(url: str) -> None:
     for words, code, said in (
         (("--outcome", "done"), 2, "expected one of running"),

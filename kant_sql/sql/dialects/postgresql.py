@@ -61,6 +61,7 @@ from ..query import (
     Listed,
     Query,
     RowsOfIds,
+    Seconds,
     StoreClock,
     StorePlace,
 )
@@ -269,6 +270,12 @@ def _rows_of_ids(element: RowsOfIds, compiler: Any, **options: Any) -> str:
 @compiles(StoreClock, "postgresql")
 def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
     return "clock_timestamp()"
+
+
+@compiles(Seconds, "postgresql")
+def _seconds(element: Seconds, compiler: Any, **options: Any) -> str:
+    begin, end = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"CAST(extract(epoch FROM {end} - {begin}) AS double precision)"
 
 
 @compiles(StorePlace, "postgresql")

@@ -61,6 +61,7 @@ from ..query import (
     InRows,
     Listed,
     Query,
+    Seconds,
     StoreClock,
     StorePlace,
     raw,
@@ -258,6 +259,16 @@ def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
 @compiles(StoreClock, "sqlite")
 def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
     return "NULL"
+
+
+@compiles(Seconds, "sqlite")
+def _seconds(element: Seconds, compiler: Any, **options: Any) -> str:
+    begin, end = (compiler.process(clause, **options) for clause in element.clauses)
+    whole, rest = (
+        f"{take.format(end)} - {take.format(begin)}"
+        for take in ("strftime('%s', substr({}, 1, 19))", "substr({}, 21, 6)")
+    )
+    return f"((({whole}) * 1000000 + {rest}) / 1000000.0)"
 
 
 @compiles(StorePlace, "sqlite")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import acts, ask, elements, home, plans, revisions, timeline, verify
+from . import acts, ask, elements, home, plans, revisions, statistics, timeline, verify
 
 TOPICS = (
     home.PAGES,
@@ -14,5 +14,6 @@ TOPICS = (
     elements.PAGES,
     acts.PAGES,
     plans.PAGES,
+    statistics.PAGES,
     elements.SEARCH,
 )

@@ -1,0 +1,305 @@
+"""How often each action was done, how often it succeeded, and how long that took."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from math import sqrt
+from typing import Any, Literal
+
+from sqlalchemy import Select, case, func, literal_column, select
+
+from .. import html
+from ..arguments import one_of, optional_text, shown
+from ..dao.text import refuse_unknown_actor
+from ..errors import InvalidArgumentError
+from ..history.moments import find_bounds
+from ..history.revisions import LARGEST, at_most
+from ..moment_text import When
+from ..sql import tables as t
+from ..sql.executions import OUTCOMES
+from ..sql.query import Query, Seconds, first_rows, integer
+from ..sql.rows import KB, looked_up, table_of
+from ..store.snapshot import View
+from ..store.state import State
+from .executions import began, had_outcome
+from .recording import parse_words
+
+Grouping = Literal["action", "argument", "arguments", "actor"]
+GROUPINGS = ("action", "argument", "arguments", "actor")
+# The quantile of the normal distribution that leaves 2.5 % on each side.
+Z = 1.959963984540054
+
+
+def wilson(succeeded: int, count: int) -> tuple[float, float] | None:
+    """Return the 95 % interval of a rate (Wilson, 1927); None without cases."""
+    if not count:
+        return None
+    rate, square = succeeded / count, Z * Z
+    middle = rate + square / (2 * count)
+    half = Z * sqrt((rate * (1 - rate) + square / (4 * count)) / count)
+    low, high = ((middle + sign * half) / (1 + square / count) for sign in (-1, 1))
+    return max(low, 0.0), min(high, 1.0)
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What became of the executions of one group.
+
+    Attributes:
+        action: the action, or what a component without PDDL calls the act; None if not grouped so.
+        argument: an object or another word that is among the arguments; None if not grouped so.
+        arguments: all arguments together; None if not grouped so.
+        actor: who began them; None if not grouped so, or if nobody is named.
+        count: how many were begun or refused.
+        running: how many of them run.
+        succeeded: how many succeeded.
+        failed: how many failed.
+        aborted: how many were aborted.
+        refused: how many were refused, and so not begun.
+        median: seconds that half of those took that succeeded or failed; None without any.
+        percentile_95: seconds within which 95 % of those ended.
+        codes: how many failed with each code, the most frequent first.
+    """
+
+    _json_ = (
+        *("action", "argument", "arguments", "actor", "count", "running", "succeeded", "failed"),
+        *("aborted", "refused", "success_rate", "interval", "median", "percentile_95", "codes"),
+    )
+
+    action: str | None
+    argument: str | None
+    arguments: tuple[str, ...] | None
+    actor: str | None
+    count: int
+    running: int
+    succeeded: int
+    failed: int
+    aborted: int
+    refused: int
+    median: float | None
+    percentile_95: float | None
+    codes: Mapping[str, int] = field(hash=False)
+
+    @property
+    def success_rate(self) -> float | None:
+        """The share of success among those that succeeded or failed; None without any."""
+        decided = self.succeeded + self.failed
+        return self.succeeded / decided if decided else None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """The 95 % confidence interval of the success rate, by Wilson; None without any."""
+        return wilson(self.succeeded, self.succeeded + self.failed)
+
+    def __str__(self) -> str:
+        if self.arguments is not None:
+            return f"({' '.join((self.action or '', *self.arguments))})"
+        said = (self.action, self.argument, self.actor)
+        return " ".join(one for one in said if one is not None)
+
+    def _html_row_(self) -> html.Row:
+        interval = self.interval
+        return {
+            "of": str(self),
+            **{name: getattr(self, name) for name in ("count", *OUTCOMES)},
+            "success rate": self.success_rate,
+            "95 % interval": None if interval is None else "{:.3f} to {:.3f}".format(*interval),
+            "median (s)": self.median,
+            "95 % within (s)": self.percentile_95,
+            "codes": tuple(f"{code}: {count}" for code, count in self.codes.items()),
+        }
+
+
+def statistics(
+    state: State,
+    *,
+    by: Iterable[Grouping] = ("action",),
+    actor: str | None = None,
+    since: When | None = None,
+    until: When | None = None,
+    limit: int | None = None,
+) -> list[Statistics]:
+    """Count executions and their outcomes, and measure how long they took, in groups.
+
+    Args:
+        by: `action`; `argument`, which counts an execution for each of its arguments; `arguments`,
+            for all arguments together, with their action; `actor`, who began it. Empty: all are
+            one group.
+        actor: only of executions that this actor began.
+        since: only of outcomes from this revision or time on, as for `kb.executions.get_all`.
+        until: only of outcomes up to this revision or time.
+        limit: the maximum number of groups; None for all.
+
+    Returns:
+        The groups, those with the most executions first.
+
+    Raises:
+        UnknownNameError: instead of none, if there never was such an actor.
+        UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
+        InvalidArgumentError: `by` names something else.
+
+    Examples:
+        >>> for code in (None, None, "E4"):
+        ...     outcome = "failed" if code else "succeeded"
+        ...     _ = kb.executions.report("dock", outcome=outcome, code=code)
+        >>> [dock] = kb.statistics()
+        >>> (dock.count, round(dock.success_rate, 2), dock.codes)
+        (3, 0.67, {'E4': 1})
+    """
+    wanted = _checked(by)
+    optional_text(actor, "actor")
+    most = at_most(limit)
+    bounds = find_bounds(state.store, since, until, state.at)
+    # What is pending in this transaction counts, too.
+    high = LARGEST if until is None and state.at is None else bounds.high
+    given: dict[str, Any] = {"low": bounds.low, "high": high}
+    given |= {} if actor is None else {"actor": actor}
+    given |= {} if state.at is None else {"at": state.at}
+    key = wanted, actor is not None, state.at is not None
+
+    def read(view: View) -> list[Statistics]:
+        if view.kb_id is None:
+            return []
+        codes: dict[tuple[Any, ...], dict[str, int]] = defaultdict(dict)
+        for *names, code, count in view.session.rows(_codes(*key), kb=view.kb_id, **given):
+            codes[tuple(names)][code] = count
+        rows = view.session.rows(_groups(*key), kb=view.kb_id, size=most, **given)
+        return [_made(wanted, row, codes) for row in rows if row[len(wanted)]]
+
+    found = state.store.read_in_snapshot(read, state.at)
+    if actor is not None and not found:
+        refuse_unknown_actor(state.store, actor)
+    return found
+
+
+def _checked(by: Iterable[str]) -> tuple[str, ...]:
+    if isinstance(by, str) or not isinstance(by, Iterable):
+        raise InvalidArgumentError(f"by is {shown(by)}, expected a list such as ['action']")
+    given = {one_of(one, GROUPINGS, "what statistics are grouped by") for one in by}
+    if "arguments" in given:
+        # Their text begins with the action.
+        given -= {"action"}
+    return tuple(name for name in GROUPINGS if name in given)
+
+
+def _made(
+    wanted: Sequence[str], row: Sequence[Any], codes: Mapping[tuple[Any, ...], dict[str, int]]
+) -> Statistics:
+    names = tuple(row[: len(wanted)])
+    said: dict[str, Any] = {**dict.fromkeys(GROUPINGS), **dict(zip(wanted, names, strict=True))}
+    if "arguments" in wanted:
+        said["action"], *words = parse_words(said["arguments"])
+        said["arguments"] = tuple(words)
+    return Statistics(
+        **said, **dict(zip(_MEASURED, row[len(names) :], strict=True)), codes=codes.get(names, {})
+    )
+
+
+_NOW, _IDENTITY = table_of(t.ExecutionVersionRow), table_of(t.ExecutionRow)
+_ARGUMENT, _REVISION = table_of(t.ExecutionArgumentRow), table_of(t.RevisionRow)
+_MEASURED = ("count", *OUTCOMES, "median", "percentile_95")
+_PLACES = {
+    "median": "avg(CASE WHEN place IN ((timed + 1) / 2, (timed + 2) / 2) THEN seconds END)",
+    "percentile_95": "max(CASE WHEN place = (95 * timed + 99) / 100 THEN seconds END)",
+}
+
+
+def _known(column: Any, beside: Any) -> Any:
+    """Look up a column of the execution that a row is of."""
+    return looked_up(
+        column, _IDENTITY.c.position, beside.position, _IDENTITY.c.plan_id == beside.plan_id
+    )
+
+
+def _name_of(kind: str, id_: Any) -> Any:
+    named = t.TABLES[kind].c
+    return looked_up(named.name, named.id, id_)
+
+
+def _outcomes(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
+    """Write the outcomes with what groups them."""
+    now = _NOW.c
+    columns = [now[name] for name in ("plan_id", "position", "since", "outcome", "code")]
+    columns += [now.started_at, now.ended_at, began().label("began")]
+    rows = select(*columns).where(now.kb_id == KB, now.since <= integer("high"))
+    rows = rows.where(*had_outcome(["actor"] if of_actor else [], is_past))
+    if "action" in wanted:
+        name = _name_of("action", _known(_IDENTITY.c.action_id, now))
+        rows = rows.add_columns(func.coalesce(name, _known(_IDENTITY.c.name, now)).label("action"))
+    if "arguments" in wanted:
+        rows = rows.add_columns(_known(_IDENTITY.c.text, now).label("arguments"))
+    if "argument" in wanted:
+        rows = _with_each_argument(rows)
+    return rows.subquery("had")
+
+
+def _with_each_argument(rows: Select[Any]) -> Select[Any]:
+    """Repeat each execution for each of its arguments; one that is there twice counts once."""
+    own, before = _ARGUMENT.c, _ARGUMENT.alias("earlier").c
+    of_execution = own.plan_id == _NOW.c.plan_id, own.position == _NOW.c.position
+    earlier: Select[Any] = select(literal_column("1")).where(
+        *(before[name] == value for name, value in (("kb_id", KB), ("plan_id", own.plan_id))),
+        *(before.position == own.position, before.argument < own.argument),
+        func.coalesce(before.object_id, literal_column("0"))
+        == func.coalesce(own.object_id, literal_column("0")),
+        func.coalesce(before.value, literal_column("''"))
+        == func.coalesce(own.value, literal_column("''")),
+    )
+    said = func.coalesce(_name_of("object", own.object_id), own.value)
+    rows = rows.add_columns(said.label("argument"))
+    return rows.where(own.kb_id == KB, *of_execution, ~earlier.correlate(_ARGUMENT).exists())
+
+
+def _measured(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
+    """Write the outcomes with how many seconds those took that succeeded or failed."""
+    had = _outcomes(wanted, of_actor, is_past).c
+    first = _NOW.alias("first").c
+    own = first.plan_id == had.plan_id, first.position == had.position
+
+    def committed(number: Any, column: str = "committed_at") -> Any:
+        return looked_up(_REVISION.c[column], _REVISION.c.number, number)
+
+    begun = looked_up(first.started_at, first.since, had.began, *own)
+    begin = func.coalesce(had.started_at, begun, committed(had.began))
+    end = func.coalesce(had.ended_at, committed(had.since))
+    is_decided = had.outcome.in_([literal_column("'succeeded'"), literal_column("'failed'")])
+    names = [committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]
+    labelled = [one.label(name) for one, name in zip(names, wanted, strict=True)]
+    times = case((is_decided, begin)).label("begin"), case((is_decided, end)).label("end_")
+    return select(*labelled, had.outcome, had.code, *times).subquery("ended").c
+
+
+@cache
+def _groups(wanted: tuple[str, ...], of_actor: bool, is_past: bool) -> Query:
+    """Select the figures of each group, the largest first."""
+    ended = _measured(wanted, of_actor, is_past)
+    keys = [ended[name] for name in wanted]
+    seconds = Seconds(ended.begin, ended.end_).label("seconds")
+    lasted = select(*keys, ended.outcome, seconds).subquery("lasted").c
+    keys = [lasted[name] for name in wanted]
+    place = func.row_number().over(
+        partition_by=[*keys, lasted.seconds.is_(None)], order_by=lasted.seconds
+    )
+    timed = func.count(lasted.seconds).over(partition_by=keys)
+    columns = [*keys, lasted.outcome, lasted.seconds, place.label("place"), timed.label("timed")]
+    placed = select(*columns).subquery("placed").c
+    names = [placed[name] for name in wanted]
+    count = func.count().label("executions")
+    figures = [f"count(CASE WHEN outcome = '{each}' THEN 1 END)" for each in OUTCOMES]
+    figures += _PLACES.values()
+    rows = select(*names, count, *map(literal_column, figures)).select_from(placed.outcome.table)
+    rows = rows.group_by(*names).order_by(count.desc(), *names)
+    return Query(first_rows(rows, integer("size")))
+
+
+@cache
+def _codes(wanted: tuple[str, ...], of_actor: bool, is_past: bool) -> Query:
+    """Count the codes of the failures of each group, the most frequent first."""
+    ended = _measured(wanted, of_actor, is_past)
+    keys = [*(ended[name] for name in wanted), ended.code]
+    count = func.count()
+    rows = select(*keys, count).where(ended.code.is_not(None)).group_by(*keys)
+    return Query(rows.order_by(count.desc(), ended.code))
