@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ from kant_sql.sql.tables.base import VERSION_TABLE
 from tests.migrations.test_golden import FOLDER, connected, dump_of
 from tests.support.pages import ask
 
-STORY = (Path(__file__).parent / "store-0001.sql").read_text(encoding="utf-8")
+HERE = Path(__file__).parent
+STORY = (HERE / "store-0001.sql").read_text(encoding="utf-8")
 REVISIONS = {"tiago": 9, "Küche 🤖": 1}
 
 Rows = dict[str, list[dict[str, Any]]]
@@ -47,6 +49,20 @@ def write_migrated_story(url: str) -> None:
     kant_sql.upgrade(url)
 
 
+@cache
+def written(name: str, revision: str = "0007") -> Fill:
+    """Write what version 0007 wrote, and bring the tables down to a version."""
+    script = (HERE / f"{name}-0007.sql").read_text(encoding="utf-8")
+
+    def fill(url: str) -> None:
+        kant_sql.upgrade(url, revision="0007")
+        run_script(url, script)
+        if revision != "0007":
+            kant_sql.operations.downgrade(url, revision=revision)
+
+    return fill
+
+
 def rows_of(url: str) -> Rows:
     """All rows of all tables that have any."""
     with connected(url) as connection:
@@ -57,13 +73,17 @@ def rows_of(url: str) -> Rows:
             ]
             for table in tables
         }
-    return {table: sorted(rows, key=repr) for table, rows in found.items() if rows}
+    return {table: in_order(rows) for table, rows in found.items() if rows}
+
+
+def in_order(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Sort rows, whatever the order of their columns."""
+    return sorted(({name: row[name] for name in sorted(row)} for row in rows), key=repr)
 
 
 def without(rows: list[dict[str, Any]], *columns: str) -> list[dict[str, Any]]:
     """The same rows without some columns."""
-    kept = [{name: row[name] for name in row if name not in columns} for row in rows]
-    return sorted(kept, key=repr)
+    return in_order([{name: row[name] for name in row if name not in columns} for row in rows])
 
 
 ADDED = (
@@ -90,7 +110,7 @@ def as_before(url: str) -> Rows:
     for table, rows in rows_of(url).items():
         before, added = EXECUTIONS.get(table, (table, ()))
         kept = [_in_old_words(row) for row in rows] if before != table else rows
-        found[before] = in_order(without(kept, *ADDED, *added))
+        found[before] = without(kept, *ADDED, *added)
     return found
 
 
@@ -100,11 +120,6 @@ def _in_old_words(row: dict[str, Any]) -> dict[str, Any]:
         return row
     said = {"running": "started"}.get(row["outcome"], row["outcome"])
     return {**row, "status": said}
-
-
-def in_order(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Sort rows, whatever the order of their columns."""
-    return sorted(({name: row[name] for name in sorted(row)} for row in rows), key=repr)
 
 
 def views(url: str) -> set[str]:

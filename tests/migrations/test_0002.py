@@ -13,7 +13,6 @@ import kant_sql
 from kant_sql.errors import KantSqlError
 from kant_sql.sql.intervals import fork
 from kant_sql.sql.schema import alembic_config, current, upgrade_sql
-from tests.audit.story import record as record_story
 from tests.migrations.stores import (
     ADDED,
     Make,
@@ -23,10 +22,12 @@ from tests.migrations.stores import (
     run_script,
     views,
     without,
+    written,
 )
 from tests.migrations.test_golden import dump_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
+from tests.support.reading import findings
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at
 
@@ -45,17 +46,10 @@ FACTS = "proposition_version"
 FORKED = (FACTS, "function_value_version")
 
 
-def write_old_story(url: str) -> None:
-    kant_sql.upgrade(url)
-    with kant_sql.connect(url, knowledge_base="courier") as kb:
-        record_story(kb)
-    kant_sql.operations.downgrade(url, revision="0001")
-
-
 @pytest.fixture
 def old_url(make: Make) -> str:
     """The URL of a store with a story in it, as version 0001 of the tables has it."""
-    return make(write_old_story)
+    return make(written("store", "0001"))
 
 
 def unchanged(url: str, change: Callable[[], None]) -> bool:
@@ -74,8 +68,8 @@ def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
     assert unchanged(old_url, lambda: kant_sql.operations.downgrade(old_url, revision="0001"))
     assert dump_of(old_url) == record("0001", old_url)
     kant_sql.upgrade(old_url)
-    check_chain(old_url)
-    assert len(answers(old_url, VIEWS)["audit_change"]) > 50
+    assert findings(old_url) == []
+    assert len(answers(old_url, VIEWS)["audit_change"]) > 20
     kant_sql.operations.downgrade(old_url, revision="base")
     assert (views(old_url), rows_of(old_url), current(old_url)) == (set(), {}, None)
 
@@ -83,8 +77,8 @@ def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
 def test_the_new_view_says_where_a_knowledge_base_stands(old_url: str) -> None:
     kant_sql.upgrade(old_url, revision="0002")
     assert current(old_url) == "0002"
-    last = "2026-03-03T08:00:00.000000Z"
-    assert ask(old_url, f"SELECT * FROM {NEW}") == [f"courier | 36 | {last} | 1772524800.0"]
+    last = "2026-11-24T00:24:41.018902Z"
+    assert ask(old_url, f"SELECT * FROM {NEW}") == [f"rounds | 16 | {last} | 1795479881.018902"]
 
 
 def test_a_view_of_somebody_elses_on_these_is_not_dropped_by_the_way(old_url: str) -> None:

@@ -175,7 +175,7 @@ def test_what_was_verified_and_replicated_is_lost_on_the_way_down(old_url: str) 
 def test_promotions_which_hashes_cover_are_not_dropped(old_url: str) -> None:
     kant_sql.upgrade(old_url)
     run_script(old_url, "INSERT INTO promotion VALUES (1, 999, 2, 1, 'sqlite:///r.db', 'x')")
-    for revision in ("0005", "0001", "-2"):
+    for revision in ("0005", "0001", "-3"):
         assert "promotions (1)" in refusal(old_url, revision)
     kant_sql.operations.downgrade(old_url, revision="base")
     assert rows_of(old_url) == {}

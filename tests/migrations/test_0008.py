@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
 from tests.contract.test_hash import last_hash
 from tests.migrations.stores import (
-    Fill,
     Make,
     answers,
     as_before,
@@ -21,6 +19,7 @@ from tests.migrations.stores import (
     rows_of,
     run_script,
     views,
+    written,
 )
 from tests.migrations.test_golden import dump_of
 from tests.support.chain import check_chain
@@ -28,21 +27,8 @@ from tests.support.pages import ask
 from tests.support.reading import findings
 from tests.support.stores import Connect
 
-FOLDER = Path(__file__).parent
 NEW = ("execution", "execution_argument", "execution_version", "revision_execution")
 NAME = "rounds"
-
-
-@cache
-def written(name: str) -> Fill:
-    """Write what version 0007 wrote."""
-    script = (FOLDER / f"{name}-0007.sql").read_text(encoding="utf-8")
-
-    def fill(url: str) -> None:
-        kant_sql.upgrade(url, revision="0007")
-        run_script(url, script)
-
-    return fill
 
 
 @pytest.fixture
