@@ -62,7 +62,9 @@ if TYPE_CHECKING:
     from .reasoning.ask import Answers as Answers
     from .reasoning.complete import Completion as Completion
     from .reasoning.durative import Aborted as Aborted, BrokenInvariant as BrokenInvariant
+    from .reasoning.executing import Durations as Durations
     from .reasoning.failures import FailedCondition as FailedCondition
+    from .reasoning.memory import KnowledgeState as KnowledgeState
     from .reasoning.rules import Verdict as Verdict, Verdicts as Verdicts
     from .reasoning.validate import (
         FailedStep as FailedStep,
@@ -91,7 +93,9 @@ _HOMES = {
     ".reasoning.ask": ["Answers"],
     ".reasoning.complete": ["Completion"],
     ".reasoning.durative": ["Aborted", "BrokenInvariant"],
+    ".reasoning.executing": ["Durations"],
     ".reasoning.failures": ["FailedCondition"],
+    ".reasoning.memory": ["KnowledgeState"],
     ".reasoning.rules": ["Verdict", "Verdicts"],
     ".reasoning.validate": ["FailedStep", "Validation", "ViolatedConstraint"],
     ".reasoning.when": ["Held", "HeldPeriods"],

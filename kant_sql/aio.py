@@ -788,6 +788,8 @@ class AsyncKnowledgeBase(_Part):
     statistics = _read(KnowledgeBase.statistics)
     plan = _read(KnowledgeBase.plan)
     validate = _read(KnowledgeBase.validate)
+    state = _read(KnowledgeBase.state)
+    commit = _write(KnowledgeBase.commit)
     log = _iterate(KnowledgeBase.log)
     changes = _iterate(KnowledgeBase.changes)
     history = _read(KnowledgeBase.history)

@@ -241,6 +241,8 @@ class KnowledgeBase(Front):
     statistics = reads(lambda: acts.statistics.statistics)
     plan = reads(lambda: documents.exchange.plan)
     validate = reads(lambda: reasoning.validate.validate)
+    state = reads(lambda: reasoning.memory.state)
+    commit = writes(lambda: reasoning.memory.commit)
 
     log = reads(lambda: history.log.log)
     changes = reads(lambda: history.follow.changes)

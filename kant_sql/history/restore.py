@@ -259,23 +259,28 @@ class Origin(NamedTuple):
 
 def read_origin(store: Store, at: int | None) -> Origin:
     """Read a state whole, from one snapshot, in a number of statements that does not grow."""
+    refuse_open(store, "that a branch could name")
+    return store.read_in_snapshot(lambda view: origin_of(store, view), at)
+
+
+def refuse_open(store: Store, what: str) -> None:
+    """Refuse to read a pending state, which has neither revision nor hash."""
     if store.current() is not None:
-        # Nothing could name what it begins with: a pending state has neither revision nor hash.
         raise ReadOnlyError(
             f"knowledge base {store.name!r} has a transaction open in this task or thread, whose "
-            "state has no revision yet that a branch could name; end it first"
+            f"state has no revision yet {what}; end it first"
         )
 
-    def work(view: View) -> Origin:
-        revision = read_revision(view)
-        digest = None
-        if view.kb_id is not None and revision:
-            digest = hash_of(view.session, view.kb_id, revision)
-        return Origin(
-            store.name, revision, digest, view.definitions, _read_atoms(view), _read_values(view)
-        )
 
-    return store.read_in_snapshot(work, at)
+def origin_of(store: Store, view: View) -> Origin:
+    """Read a state whole."""
+    revision = read_revision(view)
+    digest = None
+    if view.kb_id is not None and revision:
+        digest = hash_of(view.session, view.kb_id, revision)
+    return Origin(
+        store.name, revision, digest, view.definitions, _read_atoms(view), _read_values(view)
+    )
 
 
 def _rows(view: View, queries: dict[bool, Query]) -> list[Any]:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from . import complete as complete
     from . import durative as durative
     from . import explain as explain
+    from . import memory as memory
     from . import rules as rules
     from . import validate as validate
     from . import when as when

@@ -17,9 +17,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from ..dto import formulas as f
+from ..dto.lexical import fold
 from ..knowledge.resolved import (
     FALSE,
     TRUE,
@@ -126,7 +128,9 @@ class _CompiledEffect:
         if value is None:
             reason = "its value is undefined"
         elif item.operator != "assign" and row not in self._world.table(item.head):
-            reason = f"{self._world.text((False, item.head), row)} has no value"
+            text = self._world.text((False, item.head), row)
+            # As in `combined`.
+            reason = "" if fold(text) == f"({f.TOTAL_COST})" else f"{text} has no value"
         elif item.operator == "scale-down" and not value:
             reason = "it divides by 0"
         if value is None or reason:
@@ -191,7 +195,8 @@ class Phase:
     ) -> list[FailedCondition]:
         """Return what of the condition and of the constraints on the duration does not hold."""
         env, found = self._compiler.env(arguments, duration), []
-        for limit in self._limits:
+        # Without a duration, nothing depends on it.
+        for limit in self._limits if duration is not None else ():
             sides = [limit.left(env, EXACT), limit.right(env, EXACT)]
             left, right = (None if side is None else decimal_of(side) for side in sides)
             failed = duration_failure(substitute(limit.constraint, binding), left, right)
@@ -312,6 +317,7 @@ class Snap:
         position: the position of its step in the plan.
         time: its time in the action; None for an instantaneous action.
         binding: the names of the objects of its parameters.
+        memory: the objects for which conditions at the start held of effects at the end.
         changes: what it changes; computed by `prepare`.
     """
 
@@ -332,7 +338,7 @@ class Snap:
         self.changes = Changes()
         self._world = world
         self.phase = schema.phases[time]
-        self._memory = memory
+        self.memory = memory
 
     @property
     def binding(self) -> Binding:
@@ -347,19 +353,24 @@ class Snap:
         """Compute the changes in the present state; return what makes them impossible."""
         changes = self.changes = Changes()
         for number, effect in enumerate(self.phase.effects):
-            remembered = self._memory.get(number) if self.time == f.AT_END else None
+            remembered = self.memory.get(number) if self.time == f.AT_END else None
             effect.collect(self.arguments, self.duration, remembered, changes)
         if self.time == f.AT_START:
             for number, effect in enumerate(self.schema.phases[f.AT_END].effects):
                 found = effect.remember(self.arguments, self.duration)
                 if found is not None:
-                    self._memory[number] = found
-        failed = list(changes.undefined)
-        for (function, row), updates in changes.updates.items():
-            if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates):
-                text = self._world.text((False, function), row)
-                failed.append(FailedCondition(text, "two effects of the action change it"))
-        return failed
+                    self.memory[number] = found
+        return changes.undefined
+
+    def conflicts(self) -> list[FailedCondition]:
+        """Return which fluents effects of the action change in ways that exclude each other."""
+        return [
+            FailedCondition(
+                self._world.text((False, function), row), "two effects of the action change it"
+            )
+            for (function, row), updates in self.changes.updates.items()
+            if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates)
+        ]
 
     def reads(self) -> list[tuple[Head, _Pattern]]:
         """Return the facts and fluents that it reads."""
@@ -465,6 +476,61 @@ def _updated(update: Update, value: Exact | int | None) -> Exact | int:
     result = EXACT.apply(CHANGES[operator], value, by)
     assert result is not None
     return result
+
+
+def rates_of(world: World, running: Sequence[Snap]) -> dict[FluentRow, Fraction]:
+    """Return the rates at which fluents change while durative actions run."""
+
+    def found() -> Iterator[tuple[FluentRow, Fraction]]:
+        for snap in running:
+            for effect in snap.schema.continuous:
+                yield from effect.rates(snap.arguments, snap.duration)
+
+    rates: dict[FluentRow, Fraction] = {}
+    for fluent, rate in found():
+        rates[fluent] = rates.get(fluent, Fraction(0)) + rate
+    # A rate that depends on what changes is refused: its product with #t is not linear.
+    world.rates = rates
+    for _ in found():
+        pass
+    world.rates = {}
+    return rates
+
+
+_Broken = tuple[Snap, list[FailedCondition]]
+
+
+def first_broken(running: Sequence[Snap]) -> _Broken | None:
+    """Return the first action whose condition over all does not hold, with what fails of it."""
+    return next(((each, found) for each in running if (found := each.schema.broken(each))), None)
+
+
+def broken_within(
+    world: World, running: Sequence[Snap], rates: dict[FluentRow, Fraction], elapsed: Fraction
+) -> _Broken | None:
+    """Return as `first_broken` for the open interval of linear change that begins now."""
+    if not rates or elapsed <= 0:
+        return first_broken(running)
+    world.rates = rates
+    bounds = [Fraction(0), elapsed]
+    checked: set[Fraction] = set()
+    try:
+        while True:
+            middles = [(low + high) / 2 for low, high in pairwise(bounds)]
+            moments = [one for one in [*bounds[1:-1], *middles] if one not in checked]
+            if not moments:
+                return None
+            world.roots = set()
+            for moment in moments:
+                checked.add(moment)
+                world.move(moment)
+                found = first_broken(running)
+                if found is not None:
+                    return found
+            bounds = sorted({*bounds, *(one for one in world.roots if 0 < one < elapsed)})
+    finally:
+        world.move(Fraction(0))
+        world.rates = {}
 
 
 def pass_time(world: World, elapsed: Fraction) -> None:

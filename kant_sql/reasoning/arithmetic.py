@@ -101,5 +101,9 @@ LINEARS: Numbers[Linear] = Numbers(lambda number: Linear(Fraction(number), Fract
 def decimal_of(number: Exact) -> Decimal:
     """Convert a number as it is written: exactly, unless it has no end or too many digits."""
     if isinstance(number, Decimal):
+        _, digits, exponent = number.as_tuple()
+        if len(digits) <= ROUNDED_DIGITS and -ROUNDED_DIGITS <= int(exponent) <= 0:
+            # Few digits, as most have: there is nothing to round.
+            return number
         return calculate(INCREASE, number, Decimal(0))
     return calculate(SCALE_DOWN, Decimal(number.numerator), Decimal(number.denominator))

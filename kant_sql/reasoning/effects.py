@@ -229,7 +229,7 @@ class EffectReader:
         return number
 
 
-def not_applicable(step: GroundStep, failed: Sequence[FailedCondition]) -> NotApplicableError:
+def not_applicable(step: object, failed: Sequence[FailedCondition]) -> NotApplicableError:
     """Make the error for a step."""
     shown = "; ".join(map(str, failed[:5]))
     more = f"; and {len(failed) - 5} more" if len(failed) > 5 else ""
@@ -238,7 +238,7 @@ def not_applicable(step: GroundStep, failed: Sequence[FailedCondition]) -> NotAp
     )
 
 
-def write(transaction: Transaction, step: GroundStep, changes: StepChanges) -> None:
+def write(transaction: Transaction, step: object, changes: StepChanges) -> None:
     """Write what a step changes."""
     propositions = transaction.propositions
     deleted = [key for key in changes.deletes if key not in changes.adds]
@@ -294,10 +294,10 @@ def combined(
 
 def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[FailedCondition]]:
     """Return changes as effects on some objects with the values that fluents get, or why not."""
-    items = [ground_item("delete", key.predicate_id, _ids(key)) for key in changes.deletes]
-    items += [ground_item("add", key.predicate_id, _ids(key)) for key in changes.adds]
+    items = [ground_item("delete", key.predicate_id, objects_of(key)) for key in changes.deletes]
+    items += [ground_item("add", key.predicate_id, objects_of(key)) for key in changes.adds]
     numbers = {
-        key: NumberOf(key.function_id, tuple(map(Known, _ids(key))))
+        key: NumberOf(key.function_id, tuple(map(Known, objects_of(key))))
         for key, (_, made) in changes.assignments.items()
         if any(isinstance(value, Decimal | Fraction) for _, value in made)
     }
@@ -310,7 +310,7 @@ def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[Fa
             failed.append(value)
         else:
             given = Known(value) if isinstance(value, int) else value
-            items.append(ground_item("assign", key.function_id, _ids(key), given))
+            items.append(ground_item("assign", key.function_id, objects_of(key), given))
     return items, failed
 
 
@@ -329,5 +329,6 @@ def unchanged(view: View, items: Sequence[EffectItem]) -> set[FluentKey]:
     }
 
 
-def _ids(key: AtomKey | FluentKey) -> tuple[int, ...]:
+def objects_of(key: AtomKey | FluentKey) -> tuple[int, ...]:
+    """Return the objects of a fact or a fluent."""
     return tuple(map(int, key.arguments.split()))

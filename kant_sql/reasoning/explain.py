@@ -296,7 +296,7 @@ def unsatisfied(
     """
 
     def work(view: View) -> list[FailedCondition]:
-        asked_for = _hard_goals(view) if condition is None else [_closed(view, condition, bindings)]
+        asked_for = hard_goals(view) if condition is None else [_closed(view, condition, bindings)]
         return Explainer(view).failed(asked_for)
 
     if condition is None:
@@ -317,7 +317,7 @@ def is_goal_reached(state: State) -> bool:
 
     def work(view: View) -> bool:
         resolver = Resolver(view.definitions)
-        part = all_of(resolver.part(goal) for goal in _hard_goals(view))
+        part = all_of(resolver.part(goal) for goal in hard_goals(view))
         check_levels(part)
         [row] = asked(view, question(view).truths([part], {}), {}, OF_TRUTHS)
         return bool(row[GUARDS])
@@ -334,7 +334,7 @@ def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) 
     return f.Exists(read.free, read.formula) if read.free else read.formula
 
 
-def _hard_goals(view: View) -> list[f.Formula]:
+def hard_goals(view: View) -> list[f.Formula]:
     """Read the goals without preferences."""
     found = (of_time(goal, None) for goal in read_goals(view))
     return [goal for goal in found if goal is not None]

@@ -203,8 +203,8 @@ def _equal(
 # Durations.
 
 
-def _limits(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
-    """Return the constraints on the duration at the start, each with its limit."""
+def limits_of(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
+    """Return the constraints on the duration at the start, each with its limit and its needs."""
     found = []
     for constraint in action.constraints(AT_START):
         operator, side = constraint.operator, constraint.right
@@ -220,7 +220,7 @@ _MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
 
 def _with_duration(action: PreparedAction, part: Part) -> tuple[bool, Part]:
     """Return whether steps can begin without a duration, and their condition."""
-    limits = _limits(action)
+    limits = limits_of(action)
     fixed = next((limit for operator, limit, _ in limits if operator == "="), None)
     if fixed is None and action.needs_duration:
         return False, FALSE

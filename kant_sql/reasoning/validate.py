@@ -22,7 +22,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from .. import html
@@ -41,14 +40,24 @@ from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
 from ..plans import RecordedPlan
 from ..store.state import State
-from .actions import Changes, Schema, Snap, Update, apply_changes, interference, pass_time
+from .actions import (
+    Changes,
+    Schema,
+    Snap,
+    Update,
+    apply_changes,
+    broken_within,
+    interference,
+    pass_time,
+    rates_of,
+)
 from .derived import read_world
 from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
 from .grounding import substitute
 from .steps import preferred
 from .trajectory import Moment, Rule, Trajectory
-from .world import FluentRow, Row, World, fact_of, value_of
+from .world import Row, World, fact_of, value_of
 
 SIMULTANEOUS = Decimal("0.001")
 ANONYMOUS = "anonymous"
@@ -240,15 +249,6 @@ class _Entry(NamedTuple):
     is_literal: bool = False
 
 
-@dataclass
-class _Running:
-    """A durative step that has started."""
-
-    snap: Snap
-    schema: Schema
-    end: Decimal
-
-
 class _Failure(Exception):  # noqa: N818
     """A step fails."""
 
@@ -267,7 +267,7 @@ class _Execution:
     problem: Problem
     steps: Sequence[Step]
     now: Decimal = Decimal(0)
-    running: dict[int, _Running] = field(default_factory=dict)
+    running: dict[int, Snap] = field(default_factory=dict)
     memories: dict[int, dict[int, set[Row]]] = field(default_factory=dict)
     positions: list[int | None] = field(default_factory=list)
     violated: dict[str, int] = field(default_factory=dict)
@@ -366,7 +366,7 @@ class _Execution:
         literals = [self._literal(one.position) for one in entries if one.is_literal]
         snaps = [self._snap(one) for one in entries if not one.is_literal]
         for snap in snaps:
-            failed = snap.unmet() or snap.prepare()
+            failed = snap.unmet() or snap.prepare() or snap.conflicts()
             if failed:
                 raise _Failure(snap.position, snap.time, failed)
         self._check_interference(snaps, literals)
@@ -375,9 +375,7 @@ class _Execution:
         apply_changes(self.world, [*literals, *(snap.changes for snap in snaps)])
         for snap in snaps:
             if snap.time == f.AT_START:
-                assert snap.duration is not None
-                end = self.now + snap.duration
-                self.running[snap.position] = _Running(snap, snap.schema, end)
+                self.running[snap.position] = snap
             else:
                 self.running.pop(snap.position, None)
 
@@ -434,62 +432,17 @@ class _Execution:
 
     def _pass(self, time: Decimal) -> None:
         """Go to the time of the next happening."""
-        elapsed = Fraction(time - self.now)
-        rates = self._rates()
+        elapsed, running = Fraction(time - self.now), [*self.running.values()]
+        rates = rates_of(self.world, running)
+        broken = broken_within(self.world, running, rates, elapsed)
+        if broken is not None:
+            raise _Failure(broken[0].position, f.OVER_ALL, broken[1])
         if rates and elapsed > 0:
-            self._check_continuously(rates, elapsed)
             self.world.rates = rates
             pass_time(self.world, elapsed)
-        else:
-            self._check_invariants()
         was, self.now = self.now, time
         if rates and time > was:
             self._observe(self.positions[-1])
-
-    def _rates(self) -> dict[FluentRow, Fraction]:
-        """Return the rates at which fluents change, which are constant until the next happening."""
-        rates: dict[FluentRow, Fraction] = {}
-        effects = [
-            (effect, one.snap) for one in self.running.values() for effect in one.schema.continuous
-        ]
-        for effect, snap in effects:
-            for fluent, rate in effect.rates(snap.arguments, snap.duration):
-                rates[fluent] = rates.get(fluent, Fraction(0)) + rate
-        # A rate that depends on what changes is refused: its product with #t is not linear.
-        self.world.rates = rates
-        for effect, snap in effects:
-            for _ in effect.rates(snap.arguments, snap.duration):
-                pass
-        self.world.rates = {}
-        return rates
-
-    def _check_invariants(self) -> None:
-        for position, one in self.running.items():
-            broken = one.schema.broken(one.snap)
-            if broken:
-                raise _Failure(position, f.OVER_ALL, broken)
-
-    def _check_continuously(self, rates: dict[FluentRow, Fraction], elapsed: Fraction) -> None:
-        """Check invariants in the open interval of linear change."""
-        world = self.world
-        world.rates = rates
-        bounds = [Fraction(0), elapsed]
-        checked: set[Fraction] = set()
-        try:
-            while True:
-                middles = [(low + high) / 2 for low, high in pairwise(bounds)]
-                moments = [one for one in [*bounds[1:-1], *middles] if one not in checked]
-                if not moments:
-                    return
-                world.roots = set()
-                for moment in moments:
-                    checked.add(moment)
-                    world.move(moment)
-                    self._check_invariants()
-                bounds = sorted({*bounds, *(one for one in world.roots if 0 < one < elapsed)})
-        finally:
-            world.move(Fraction(0))
-            world.rates = {}
 
     # Preferences, constraints and the metric.
 

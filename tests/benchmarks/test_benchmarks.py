@@ -18,6 +18,7 @@ SMALL = {
     "past": ["--boxes", "40", "--revisions", "30", "--backend", "sqlite"],
     "pushing": ["--changes", "2000", "--one", "500", "--backend", "sqlite"],
     "sizing": ["--revisions", "120", "--backend", "sqlite"],
+    "successors": ["--pairs", "ipc1998-gripper-round-1-strips", "--successors", "200"],
     "timeline": ["--intervals", "500", "--backend", "sqlite"],
     "verifying": ["200", "sqlite"],
 }

@@ -428,6 +428,9 @@ def test_rules_that_use_each_other_are_judged_after_the_start(fresh_kb: Knowledg
     with pytest.raises(NotApplicableError) as refused:
         fresh_kb.start("(shine)")
     assert refused.value.unsatisfied == (failed,)
+    with pytest.raises(NotApplicableError) as refused:
+        fresh_kb.state().apply("(shine)")
+    assert refused.value.unsatisfied == (failed,)
 
 
 def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None:

@@ -73,7 +73,7 @@ def first_kb() -> Iterator[KnowledgeBase]:
         yield kb
 
 
-def applicable(kb: KnowledgeBase) -> frozenset[Ground]:
+def applicable(kb: KnowledgeBase | kant_sql.KnowledgeState) -> frozenset[Ground]:
     """The applicable actions, each once."""
     steps = [(fold(step.action), *map(fold, step.arguments)) for step in kb.applicable_actions()]
     assert len(steps) == len(set(steps))
@@ -108,7 +108,7 @@ def loaded(kb: KnowledgeBase, pair: Pair) -> KnowledgeBase:
 
 
 class Replay:
-    """Goes along walks with a knowledge base, and compares each state."""
+    """Goes along walks with a knowledge base and a state in memory, and compares each state."""
 
     def __init__(self, kb: KnowledgeBase, pair: Pair, judge: Plain) -> None:
         self.kb, self.judge = loaded(kb, pair), judge
@@ -116,11 +116,13 @@ class Replay:
         self.theory = theory_of(judge.domain)
         self.actions = {fold(action.name): action for action in judge.domain.actions}
         self.counts: Counter[str] = Counter()
+        self.memory = self.kb.state()
 
     def go(self, walk: list[Look]) -> None:
         for number, look in enumerate(walk):
             if self.is_durative:
                 self.set(look)
+                self.memory = self.kb.state()
             ours = facts(self.kb, self.judge.changed)
             assert ours == look.facts, f"state {number}: {sorted(ours ^ look.facts)[:5]}"
             values = numbers(self.kb)
@@ -130,12 +132,17 @@ class Replay:
             self.counts["states"] += 1
             if look.taken is None or self.is_durative:
                 continue
+            step = PlanStep(None, look.taken[0], look.taken[1:])
             try:
-                self.kb.apply(PlanStep(None, look.taken[0], look.taken[1:]))
+                self.kb.apply(step)
             except NotApplicableError:
+                with pytest.raises(NotApplicableError):
+                    self.memory.apply(step)
                 # unified-planning takes numbers without a value for 0.
                 assert not self.has_values(look.taken), f"state {number}: {look.taken}"
                 return
+            self.memory = self.memory.apply(step)
+            assert self.memory == self.kb.state(), f"state {number}: {look.taken}"
             self.counts["applied"] += 1
 
     def has_values(self, step: Ground) -> bool:
@@ -144,6 +151,7 @@ class Replay:
 
     def same_actions(self, look: Look, when: str) -> None:
         found = applicable(self.kb)
+        assert applicable(self.memory) == found, when
         missing = look.applicable - found
         assert not missing, f"{when}: only theirs: {sorted(missing)[:3]} of {len(missing)}"
         # Other tools leave out an action whose effect has no value.

@@ -1,0 +1,611 @@
+"""The instantaneous steps of a state in memory, each grounded when it first comes into reach.
+
+A task is what no step changes: the definitions, the goals, and the facts and values that no action
+has an effect on. Any other fact is a bit, so a state is an integer and some values.
+
+Of the condition that `promise` gives an action, fixed parts are judged when a step is grounded,
+literals by bits, comparisons by values, quantifiers and `or` by either, and what is left, such as
+derived predicates, by the closures of `evaluate`, after the task's world has moved to the state. A
+fact that changes brings the steps into reach that a search with this fact as its delta finds, once
+for all states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
+from functools import cached_property, reduce
+from itertools import islice
+from operator import attrgetter, or_
+from threading import RLock
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary, WeakValueDictionary
+
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..knowledge.definitions import KINDS, Definitions
+from ..knowledge.resolved import (
+    COMPARE,
+    FALSE,
+    AllOf,
+    Bound,
+    Compares,
+    HoldsFact,
+    Known,
+    Lacks,
+    NumberOf,
+    OneOf,
+    Operation,
+    Part,
+    Quantity,
+    Resolver,
+    Slot,
+    Witness,
+    all_of,
+    check_levels,
+)
+from ..knowledge.rules import rules_of
+from ..planning import PlanStep
+from .after import heads_of
+from .arithmetic import EXACT, Exact
+from .derived import world_of
+from .effects import combined
+from .evaluate import Compiler, Env, Search, Test, alternatives
+from .failures import FailedCondition
+from .promise import promise_of
+from .steps import EffectItem, PreparedAction, executable, prepared
+from .world import FluentRow, Head, Relation, Row, Value
+
+Values = Mapping[FluentRow, Value]
+# What steps change of a state: the facts that hold, as bits, and the values.
+At = tuple[int, Values]
+Judge = Callable[[int, Values], bool]
+NumberIn = Callable[[Values], Exact | None]
+Assignments = dict[FluentRow, tuple[str, Sequence[tuple[str, Exact | int]]]]
+# The steps whose literals hold, in order, and the bits of their state.
+Near = tuple[list["Operator"], int]
+_ORDER = attrgetter("order")
+# No state has these bits.
+_NEVER = -1
+# Where so many steps or more contain one fact, the world finds those in reach faster.
+MOST_OF_FACT = 150
+# Beyond so many cases of a quantifier, the world is faster.
+MOST_CHOICES = 50
+
+
+class _Needs(NamedTuple):
+    """A grounded condition: the bits that matter, those of them that are set, and another test."""
+
+    care: int
+    want: int
+    test: Judge | None = None
+
+    def holds(self, bits: int, values: Values) -> bool:
+        """Return whether it holds in a state."""
+        return bits & self.care == self.want and (self.test is None or self.test(bits, values))
+
+
+def _every(tests: Sequence[Judge]) -> Judge | None:
+    """Return one test instead of several."""
+    if len(tests) < 2:
+        return tests[0] if tests else None
+
+    def every(bits: int, values: Values) -> bool:
+        for test in tests:  # noqa: SIM110
+            if not test(bits, values):
+                return False
+        return True
+
+    return every
+
+
+class _Conjunction:
+    """A conjunction, taken apart by how its parts are judged.
+
+    Attributes:
+        fixed: what no step changes.
+        literals: the facts that are bits, and the negations of such.
+        is_left: whether parts of it are judged in the world.
+    """
+
+    def __init__(self, task: GroundedTask, compiler: Compiler, part: Part) -> None:
+        self._task, fixed, left = task, list[Part](), list[Part]()
+        self.literals: list[Part] = []
+        self._bits: list[tuple[bool, int, Callable[[Env], Row]]] = []
+        self._compared: list[tuple[Any, ...]] = []
+        self._choices: list[tuple[Callable[[Env], Judge], bool]] = []
+        for each in part.parts if isinstance(part, AllOf) else (part,):
+            inner = each.part if isinstance(each, Lacks) else each
+            if not task.changes(each):
+                fixed.append(each)
+            elif isinstance(inner, HoldsFact) and not task.rules.of(inner.predicate):
+                self.literals.append(each)
+                row = compiler.picker(inner.terms)
+                self._bits.append((inner is each, inner.predicate, row))
+            elif isinstance(each, Compares):
+                sides = [_number(task, compiler, side) for side in (each.left, each.right)]
+                # What equals itself has a value.
+                is_value = each.operator == "=" and each.left == each.right
+                self._compared.append((None if is_value else COMPARE[each.operator], *sides))
+            elif (choice := _choice(task, compiler, inner)) is not None:
+                self._choices.append((choice, inner is each))
+            else:
+                left.append(each)
+        self.fixed, self.is_left = all_of(fixed), bool(left)
+        self._is_possible, self._left = compiler.test(self.fixed), compiler.test(all_of(left))
+
+    def ground(self, env: Env) -> _Needs:
+        """Judge what is fixed, and ground the rest."""
+        if not self._is_possible(env):
+            return _Needs(0, _NEVER)
+        want = against = 0
+        for is_positive, predicate, row in self._bits:
+            bit = self._task.bit((predicate, row(env)))
+            want, against = (want | bit, against) if is_positive else (want, against | bit)
+        tests = [_compared(by, left(env), right(env)) for by, left, right in self._compared]
+        for choice, is_positive in self._choices:
+            tests.append(choice(env) if is_positive else _negated(choice(env)))
+        if self.is_left:
+            tests.append(_judged(self._task, self._left, env))
+        return _Needs(want | against, _NEVER if want & against else want, _every(tests))
+
+
+def _judged(task: GroundedTask, test: Test, env: Env) -> Judge:
+    """Return a test in the world of a task."""
+    own = env.copy()
+
+    def judged(bits: int, values: Values) -> bool:
+        with task.lock:
+            task.go((bits, values))
+            return test(own.copy())
+
+    return judged
+
+
+def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge] | None:
+    """Compile what grounds a disjunction or a quantifier; None if the world has to judge it."""
+    if not isinstance(part, OneOf | Witness):
+        return None
+    ways, whole = [], compiler.test(part)
+    for variables, parts in alternatives((), part):
+        condition = _Conjunction(task, compiler, all_of(parts))
+        if condition.is_left:
+            return None
+        bound = [Bound(*each) for each in variables.items()]
+        ways.append((compiler.search(bound, condition.fixed), condition))
+
+    def ground(env: Env) -> Judge:
+        own, single, others = env.copy(), 0, list[_Needs]()
+        for search, condition in ways:
+            for _ in search(own):
+                needs = condition.ground(own)
+                if needs.care == needs.want and not needs.test and needs.care.bit_count() == 1:
+                    single |= needs.care
+                else:
+                    others.append(needs)
+                if len(others) > MOST_CHOICES:
+                    return _judged(task, whole, env)
+        if not others:
+            return lambda bits, values: bits & single != 0
+        return lambda bits, values: (
+            bits & single != 0 or any(each.holds(bits, values) for each in others)
+        )
+
+    return ground
+
+
+def _negated(test: Judge) -> Judge:
+    return lambda bits, values: not test(bits, values)
+
+
+def _compared(by: Any, left: NumberIn, right: NumberIn) -> Judge:
+    if by is None:
+        return lambda bits, values: left(values) is not None
+
+    def test(bits: int, values: Values) -> bool:
+        first, second = left(values), right(values)
+        return first is not None and second is not None and bool(by(first, second))
+
+    return test
+
+
+def _number(
+    task: GroundedTask, compiler: Compiler, quantity: Quantity
+) -> Callable[[Env], NumberIn]:
+    """Compile what grounds a number."""
+    if isinstance(quantity, NumberOf) and (False, quantity.function) in task.changing:
+        pick, function = compiler.picker(quantity.terms), quantity.function
+
+        def fluent(env: Env) -> NumberIn:
+            key = function, pick(env)
+            return lambda values: values.get(key)  # type: ignore[return-value]
+
+        return fluent
+    if isinstance(quantity, Operation):
+        operands = [_number(task, compiler, each) for each in quantity.operands]
+
+        def operation(env: Env) -> NumberIn:
+            of, inner = quantity.operator, [each(env) for each in operands]
+            return lambda values: EXACT.calculate(of, [each(values) for each in inner])
+
+        return operation
+    number = compiler.number(quantity)
+
+    def constant(env: Env) -> NumberIn:
+        found = number(env, EXACT)
+        return lambda values: found
+
+    return constant
+
+
+# An effect on facts: what it needs, the bits that it deletes, and those that it adds.
+_Branch = tuple[_Needs, int, int]
+# The effects on fluents, each with its text: the operators, with objects or numbers from values.
+_Updates = dict[FluentRow, tuple[str, list[tuple[str, NumberIn | int]]]]
+
+
+class _Effect:
+    """An effect; `is_plain` if bits and values say where it takes place, and what it changes."""
+
+    def __init__(self, task: GroundedTask, compiler: Compiler, item: EffectItem) -> None:
+        self._task, self._item = task, item
+        found = alternatives(item.bound, item.condition)
+        whole = [all_of(parts) for _, parts in found]
+        conditions = [_Conjunction(task, compiler, part) for part in whole]
+        self._ways = [
+            (compiler.search([Bound(*each) for each in variables.items()], one.fixed), one)
+            for (variables, _), one in zip(found, conditions, strict=True)
+        ]
+        self._row = compiler.picker(item.terms)
+        self.is_plain = item.lacking == FALSE and not any(each.is_left for each in conditions)
+        self._value: Callable[[Env], NumberIn | int] | None = None
+        if isinstance(item.value, Slot | Known):
+            at = compiler.at(item.value)
+            self._value = lambda env: int(env[at])
+        elif item.value is not None:
+            self._value = _number(task, compiler, item.value)
+        if self._value is not None:
+            # Facts are a set, but each change of a number counts; and it is of fixed fluents.
+            own = len(found) == 1 and [*found[0][0]] == [each.slot for each in item.bound]
+            self.is_plain &= own and [each.fixed for each in conditions] == whole
+
+    def ground(self, env: Env, branches: list[_Branch], updates: _Updates) -> None:
+        """Add what it changes for the objects of a step."""
+        head, operator, task = self._item.head, self._item.operator, self._task
+        for search, condition in self._ways:
+            for _ in search(env):
+                row = self._row(env)
+                if self._value is None:
+                    bit, is_added = task.bit((head, row)), operator == "add"
+                    branches.append((condition.ground(env), bit * (not is_added), bit * is_added))
+                else:
+                    made = updates.setdefault(
+                        (head, row), (task.world.text((False, head), row), [])
+                    )
+                    made[1].append((operator, self._value(env)))
+
+
+class Operator:
+    """A step: an action with objects for its parameters.
+
+    Attributes:
+        step: as it is listed.
+        order: the place of its action, and its objects.
+        care: the bits that matter to its condition.
+        want: those of them that are set.
+        test: what else its condition needs.
+        is_plain: whether bits say all of its condition and of its effects.
+        keep: the bits that it does not delete.
+        adds: the bits that it adds.
+    """
+
+    __slots__ = (
+        *("_branches", "_is_grounded", "_updates"),
+        *("adds", "care", "is_plain", "keep", "order", "step", "test", "want"),
+    )
+
+    def __init__(self, schema: _Schema, ids: Row) -> None:
+        self.step = PlanStep(None, schema.action.name, schema.task.world.names(ids))
+        self.order = schema.place, *ids
+        env = schema.compiler.env(ids)
+        self.care, self.want, self.test = schema.condition.ground(env)
+        branches: list[_Branch] = []
+        self._updates: _Updates = {}
+        for effect in schema.effects or () if self.want != _NEVER else ():
+            effect.ground(env, branches, self._updates)
+        self._branches = [each for each in branches if each[0] != _Needs(0, 0)]
+        certain = [each for each in branches if each[0] == _Needs(0, 0)]
+        self.keep = ~reduce(or_, [deleted for _, deleted, _ in certain], 0)
+        self.adds = reduce(or_, [added for _, _, added in certain], 0)
+        self._is_grounded = schema.effects is not None
+        self.is_plain = self._is_grounded and not (self.test or self._branches or self._updates)
+
+    def after(self, bits: int, values: Values) -> At | None:
+        """Return what the step makes of a state; None if more has to be known, or it is refused."""
+        is_refused = bits & self.care != self.want or (self.test and not self.test(bits, values))
+        if is_refused or not self._is_grounded:
+            return None
+        keep, adds = self.keep, self.adds
+        for needs, deletes, added in self._branches:
+            if needs.holds(bits, values):
+                keep, adds = keep & ~deletes, adds | added
+        made: Assignments = {}
+        for fluent, (text, changes) in self._updates.items():
+            found = []
+            for operator, number in changes:
+                value = number if isinstance(number, int) else number(values)
+                if value is None:
+                    return None
+                found.append((operator, value))
+            made[fluent] = text, found
+        after = changed_values(values, made)
+        return None if isinstance(after, list) else (bits & keep | adds, after)
+
+
+def changed_values(values: Values, made: Assignments) -> Values | list[FailedCondition]:
+    """Return values after the changes of a step, or why some have none."""
+    if not made:
+        return values
+    after, failed = dict(values), []
+    for fluent, (text, changes) in made.items():
+        before = values.get(fluent)
+        found = combined(text, changes, before if isinstance(before, Decimal) else None)
+        if isinstance(found, FailedCondition):
+            failed.append(found)
+        elif found != before:
+            # Else the number stays as it is spelled, as it does in the store.
+            after[fluent] = found
+    return failed or after
+
+
+class _Schema:
+    """An instantaneous action, and what finds its steps; `effects` are None if one is not plain."""
+
+    def __init__(self, task: GroundedTask, place: int, action: PreparedAction) -> None:
+        self.task, self.place, self.action = task, place, action
+        compiler = self.compiler = task.compiler(action)
+        self.condition = _Conjunction(task, compiler, promise_of(action).part)
+        effects = [_Effect(task, compiler, item) for item in action.items(f.AT_START)]
+        self.effects = effects if all(each.is_plain for each in effects) else None
+        self._pick = compiler.picker([each.slot for each in action.parameters])
+        self._searches: list[tuple[int, Row | None, Relation, Search]] = []
+        fixed = self.condition.fixed
+        for literal in self.condition.literals:
+            fact = literal.part if isinstance(literal, Lacks) else literal
+            assert isinstance(fact, HoldsFact)
+            only = tuple([term.id for term in fact.terms if isinstance(term, Known)])
+            relation, part, row = Relation(), all_of([fact, fixed]), None
+            if len(only) == len(fact.terms):
+                # A search without a variable for the fact looks nothing up.
+                part, row = fixed, only
+            delta = (fact, relation) if row is None else None
+            search = compiler.search(action.parameters, part, delta)
+            self._searches.append((fact.predicate, row, relation, search))
+        self._all = compiler.search(action.parameters, all_of([*self.condition.literals, fixed]))
+
+    def in_reach(self) -> list[Operator]:
+        """Return the steps whose literals hold where the world is."""
+        return self._found(self._all)
+
+    def of_fact(self, predicate: int, row: Row) -> list[Operator]:
+        """Return the steps that a fact matters to, whether it holds or not."""
+        found: list[Operator] = []
+        for own, only, relation, search in self._searches:
+            if own == predicate and only in (None, row) and self not in self.task.searched:
+                relation.clear()
+                relation.add(row)
+                env = self.compiler.env()
+                if sum(1 for _ in islice(search(env), MOST_OF_FACT)) == MOST_OF_FACT:
+                    self.task.searched.append(self)
+                else:
+                    found += self._found(search)
+        return found
+
+    def _found(self, search: Search) -> list[Operator]:
+        env = self.compiler.env()
+        rows = {self._pick(env) for _ in search(env)}
+        return [self.task.operator(self.action.name, row) for row in rows]
+
+
+class GroundedTask:
+    """What no step changes, and what was found of steps; threads share it.
+
+    Attributes:
+        actions: the actions, in their order; `timed` are the durative ones.
+        lock: held while the world moves and is read.
+        searched: the actions whose steps in reach the world finds for each state.
+        listed: the steps that were found, by the addresses of what they are listed as; `plain`
+            are those of which bits say all.
+        is_tested: whether bits do not say all of a step's condition.
+        asked: what was compiled of questions.
+    """
+
+    def __init__(
+        self,
+        definitions: Definitions,
+        goals: Sequence[f.Formula],
+        facts: frozenset[FluentRow],
+        values: Values,
+    ) -> None:
+        self.definitions, self.goals, self.facts, self.values = definitions, goals, facts, values
+        self.rules, self.world = rules_of(definitions), world_of(definitions)
+        self.actions = [prepared(definitions, each) for each in executable(definitions)]
+        self.timed = [each for each in self.actions if each.is_durative]
+        self.changing = changing_heads(definitions)
+        for fact in facts:
+            self.world.add(*fact)
+        for fluent, value in values.items():
+            self.world.set(*fluent, value)
+        self.lock = RLock()
+        self.searched: list[_Schema] = []
+        self.listed: dict[int, Operator] = {}
+        self.plain: dict[int, Operator] = {}
+        self.is_tested = False
+        self.asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+        self._facts: list[FluentRow] = []
+        self._bits: dict[FluentRow, int] = {}
+        self._at: At = 0, {}
+        self._kept: dict[Any, Any] = {}
+        self._operators: dict[tuple[str, Row], Operator] = {}
+        # The steps that a fact matters to, by its bit.
+        self._of_bit: dict[int, list[Operator]] = {}
+
+    def changes(self, part: Part) -> bool:
+        """Return whether a part depends on what steps change."""
+        return not heads_of(self.rules, part).isdisjoint(self.changing)
+
+    def kept(self, key: Any, make: Callable[[], Any]) -> Any:
+        """Return what is made once."""
+        with self.lock:
+            if key not in self._kept:
+                self._kept[key] = make()
+            return self._kept[key]
+
+    def compiler(self, action: PreparedAction) -> Compiler:
+        """Return what compiles parts with the parameters of an action."""
+        slots = [each.slot for each in action.parameters]
+        found: Compiler = self.kept((Compiler, action.name), lambda: Compiler(self.world, slots))
+        return found
+
+    # Facts.
+
+    def bit(self, fact: FluentRow) -> int:
+        """Return the bit of a fact."""
+        with self.lock:
+            if fact not in self._bits:
+                self._bits[fact] = 1 << len(self._facts)
+                self._facts.append(fact)
+            return self._bits[fact]
+
+    def facts_of(self, bits: int) -> Iterator[FluentRow]:
+        """Yield the facts of bits."""
+        while bits:
+            last = bits & -bits
+            yield self._facts[last.bit_length() - 1]
+            bits ^= last
+
+    def go(self, at: At) -> None:
+        """Move the world to a state; the caller holds the lock."""
+        world, (was, old), (bits, values) = self.world, self._at, at
+        self._at = at
+        for fact in self.facts_of(was & ~bits):
+            world.remove(*fact)
+        for fact in self.facts_of(bits & ~was):
+            world.add(*fact)
+        if old is not values:
+            for fluent in old.keys() - values.keys():
+                world.set(*fluent, None)
+            for fluent, value in values.items():
+                if old.get(fluent) is not value:
+                    world.set(*fluent, value)
+
+    # Steps.
+
+    @cached_property
+    def _schemas(self) -> dict[str, _Schema]:
+        actions = enumerate(self.actions)
+        return {each.name: _Schema(self, n, each) for n, each in actions if not each.is_durative}
+
+    def operator(self, action: str, ids: Row) -> Operator:
+        """Return an instantaneous step whose objects fit."""
+        key = action, ids
+        with self.lock:
+            if key not in self._operators:
+                found = self._operators[key] = Operator(self._schemas[action], ids)
+                self.is_tested |= found.test is not None
+                self.listed[id(found.step)] = found
+                if found.is_plain:
+                    self.plain[id(found.step)] = found
+            return self._operators[key]
+
+    def in_reach(self, near: Near | None, at: At) -> Near:
+        """Return the steps whose literals hold in a state, in order, from those of another one."""
+        now = at[0]
+        if near is None:
+            with self.lock:
+                self.go(at)
+                every = [found for each in self._schemas.values() for found in each.in_reach()]
+            return sorted(every, key=_ORDER), now
+        before, bits = near
+        found = [each for each in before if now & each.care == each.want]
+        new: list[Operator] = []
+        changed, of_bit = bits ^ now, self._of_bit
+        while changed:
+            bit = changed & -changed
+            changed ^= bit
+            matter = of_bit.get(bit)
+            if matter is None:
+                matter = self._matter(bit)
+            new += [each for each in matter if now & each.care == each.want]
+        if self.searched:
+            with self.lock:
+                self.go(at)
+                new += [one for each in self.searched for one in each.in_reach()]
+        if new:
+            # Those of the bits were not in reach before; one may depend on several of them.
+            found = [*dict.fromkeys(found + new)] if self.searched or len(new) > 1 else found + new
+            found.sort(key=_ORDER)
+        return found, now
+
+    def _matter(self, bit: int) -> list[Operator]:
+        """Find the steps that a fact matters to."""
+        [fact] = self.facts_of(bit)
+        with self.lock:
+            found = [one for each in self._schemas.values() for one in each.of_fact(*fact)]
+            self._of_bit[bit] = [*dict.fromkeys(found)]
+            return self._of_bit[bit]
+
+    def is_goal(self, at: At) -> bool:
+        """Return whether the goals hold; preferences among them do not count."""
+        needs: _Needs = self.kept("goal", self._goals_needs)
+        return needs.holds(*at)
+
+    def _goals_needs(self) -> _Needs:
+        resolver, compiler = Resolver(self.definitions), Compiler(self.world)
+        part = all_of(resolver.part(goal) for goal in self.goals)
+        check_levels(part)
+        return _Conjunction(self, compiler, part).ground(compiler.env())
+
+
+# The tasks of living states, by what they are made of.
+_TASKS: WeakValueDictionary[Any, GroundedTask] = WeakValueDictionary()
+_LOCK = RLock()
+
+
+def task_of(
+    definitions: Definitions,
+    goals: Sequence[f.Formula],
+    facts: Iterable[FluentRow],
+    values: Values,
+) -> GroundedTask:
+    """Return the one task of these in this process."""
+    said: Any = definitions.derived.get(task_of)
+    if said is None:
+        every = ((kind, each) for kind in KINDS[:-1] for each in definitions.elements(kind))
+        said = tuple([(kind, each.id, each.text) for kind, each in every])
+        definitions.derived[task_of] = said
+    held = frozenset(facts)
+    key = said, tuple(map(str, goals)), held, frozenset(values.items())
+    with _LOCK:
+        found = _TASKS.get(key)
+        if found is None:
+            found = _TASKS[key] = GroundedTask(definitions, goals, held, values)
+        return found
+
+
+def changing_heads(definitions: Definitions) -> set[Head]:
+    """Return the predicates and functions that actions have effects on."""
+    found: set[Head] | None = definitions.derived.get(changing_heads)
+    if found is None:
+        found = definitions.derived[changing_heads] = set()
+        actions = [prepared(definitions, each).node for each in executable(definitions)]
+        stack: list[f.Node] = [effect for action in actions for effect in action.effect]
+        while stack:
+            node = stack.pop()
+            if isinstance(node, f.Atom):
+                found.add((True, definitions.predicates.ids[fold(node.predicate)]))
+            elif isinstance(node, f.Assign):
+                found.add((False, definitions.functions.ids[fold(node.fluent.function)]))
+            else:
+                stack += (node.effect,) if isinstance(node, f.When) else f.children(node)
+    return found
