@@ -24,7 +24,6 @@ from ..sql import tables as t
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
 from ..sql.executions import FAILED, NO_PLAN, OUTCOMES, RUNNING, Key
-from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View
@@ -246,26 +245,27 @@ def _read_all(
     bounds = find_bounds(store, since, until, state.at)
     # What is pending in this transaction counts, too.
     high = LARGEST if until is None and state.at is None else bounds.high
-    before: tuple[int, int, int] | None = (high, LARGEST, LARGEST)
+    before: Before | None = (high, LARGEST, LARGEST)
     left = limit
     while before is not None and left > 0:
         page, before = read_page(state, asked, bounds.low, before, min(left, PAGE))
         yield from islice(page, min(left, sys.maxsize))
         left -= len(page)
-    if left == limit and limit:
-        _refuse_unknown(store, asked)
+
+
+Before = tuple[int, int, int]
 
 
 def read_page(
-    state: State,
-    asked: ExecutionFilter,
-    low: int,
-    before: tuple[int, int, int],
-    size: int,
-) -> tuple[list[Execution], tuple[int, int, int] | None]:
-    """Read executions before a place, and the place where the next page begins."""
+    state: State, asked: ExecutionFilter, low: int, before: Before, size: int
+) -> tuple[list[Execution], Before | None]:
+    """Read executions before a place, and the place where the next page begins, if there is one.
 
-    def work(view: View) -> tuple[list[Execution], tuple[int, int, int] | None]:
+    Raises:
+        UnknownNameError: instead of none, if there never was such an action, object or actor.
+    """
+
+    def work(view: View) -> tuple[list[Execution], Before | None]:
         if view.kb_id is None:
             return [], None
         names = _find_names(view.session, view.kb_id, asked)
@@ -282,13 +282,16 @@ def read_page(
             own["at"] = state.at
         query = _page(rare, frozenset(given), state.at is not None)
         place = dict(zip(_BEFORE, before, strict=True))
-        rows = view.session.rows(query, kb=view.kb_id, low=low, size=size, **place, **own)
-        keys: list[Key] = [(plan_id, position) for _, plan_id, position in rows]
+        rows = view.session.rows(query, kb=view.kb_id, low=low, size=size + 1, **place, **own)
+        keys: list[Key] = [(plan_id, position) for _, plan_id, position in rows[:size]]
         found = ExecutionReader(state.store, view, view.kb_id).listed(keys)
-        following = (rows[-1][0], rows[-1][1], rows[-1][2]) if len(rows) == size else None
+        following = (rows[size - 1][0], *keys[-1]) if len(rows) > size else None
         return [found[key] for key in keys if key in found], following
 
-    return state.store.read_in_snapshot(work, state.at)
+    page, following = state.store.read_in_snapshot(work, state.at)
+    if not page and before[1:] == (LARGEST, LARGEST):
+        _refuse_unknown(state.store, asked)
+    return page, following
 
 
 def _find_names(session: Session, kb_id: int, asked: ExecutionFilter) -> _Names | None:
@@ -340,46 +343,6 @@ def _refuse_unknown(store: Store, asked: ExecutionFilter) -> None:
         )
     if asked.actor is not None:
         refuse_unknown_actor(store, asked.actor)
-
-
-class ExecutionsPage(NamedTuple):
-    """A page of executions, those with the latest outcome first.
-
-    Attributes:
-        executions: the executions.
-        next: the value of `after` for the next page; None after the last.
-    """
-
-    executions: list[Execution]
-    next: str | None
-
-
-def read_executions_page(
-    state: State,
-    asked: ExecutionFilter,
-    since: When | None = None,
-    until: When | None = None,
-    after: str | None = None,
-    limit: int = 50,
-) -> ExecutionsPage:
-    """Read a page of executions.
-
-    Raises:
-        UnknownNameError: instead of none, if there never was such an action, object or actor.
-        UnknownRevisionError: a bound is in the future.
-        InvalidArgumentError: `after` is not the `next` of a page.
-    """
-    place = read_place(after, (int, int, int))
-    bounds = find_bounds(state.store, since, until, state.at)
-    since_, plan_id, position = place.key or (bounds.high, LARGEST, LARGEST)
-    before = int(since_ or 0), int(plan_id or 0), int(position or 0)
-    found, _ = read_page(state, asked, bounds.low, before, limit + 1)
-    if not found and after is None:
-        _refuse_unknown(state.store, asked)
-    page, end = found[:limit], None
-    if len(found) > limit:
-        end = Place(place.passed + limit, (page[-1].revision, *key_of(page[-1])))
-    return ExecutionsPage(page, place_text(end))
 
 
 def report(

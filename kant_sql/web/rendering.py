@@ -250,7 +250,9 @@ def _rows(data: Any, path: Sequence[str]) -> Iterator[Row]:
 
 def _flat(row: Row, above: str = "") -> Iterator[tuple[str, object]]:
     for name, value in row.items():
-        if isinstance(value, dict) and name != "source":
+        if name == "cells" and isinstance(value, dict):
+            yield from value.items()
+        elif isinstance(value, dict) and name != "source":
             yield from _flat(value, f"{above}{name}.")
         else:
             yield above + name, value

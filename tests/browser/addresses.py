@@ -46,6 +46,11 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/timeline", predicate="served", kind="goal"),
     ),
     "/object": (address("/object", name="rb1"), address("/object", name="front")),
+    "/objects": (
+        address("/objects"),
+        address("/objects", type="robot", at="2026-03-02 14:03"),
+        address("/objects", at=0),
+    ),
     "/plan": (address("/plan", id=PLAN),),
     "/plans": (address("/plans"),),
     "/predicate": (address("/predicate", name="robot_at"),),

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from fastapi import Query
 
 from ...acts import Execution
-from ...acts.executions import ExecutionFilter, read_executions_page
+from ...acts.executions import ExecutionFilter, read_page
 from ...acts.recording import Word, words_of
 from ...errors import UnknownNameError
 from ...history.log import LogLine, read_log_lines
-from ...history.revisions import Version
+from ...history.moments import find_bounds
+from ...history.revisions import LARGEST, Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...sql.executions import OUTCOMES, RUNNING, read_outcome
+from ...sql.places import Place, place_text, read_place
 from ..registry import After, Pages, SinceMoment, UntilMoment, moment
 
 PAGES = Pages("acts")
@@ -95,9 +97,10 @@ def acts(
     Steps of plans that were not started are left out.
     """
     asked = ExecutionFilter(action or None, object or None, outcome or None, actor or None)
-    range_ = moment(since), moment(until)
-    found = read_executions_page(state_of(kb), asked, *range_, after, EXECUTIONS)
-    return ActsPage([line_of(one) for one in found.executions], found.next)
+    low, high, _ = find_bounds(state_of(kb).store, moment(since), moment(until), None)
+    before: Any = read_place(after, (int, int, int)).key or (high, LARGEST, LARGEST)
+    found, end = read_page(state_of(kb), asked, low, before, EXECUTIONS)
+    return ActsPage([line_of(one) for one in found], place_text(end and Place(0, end)))
 
 
 @PAGES.page("/act", "act.html", rows=["changed"])

@@ -9,6 +9,7 @@ from fastapi import Query
 
 from ...history.diff import Difference, read_difference
 from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read_revision_page
+from ...history.object_tables import ObjectsPage, read_objects_page
 from ...history.state_parts import PARTS, StateFilter, StatePage, read_state
 from ...knowledge_base import KnowledgeBase, state_of
 from ..registry import (
@@ -139,3 +140,18 @@ def state(
     asked = StateFilter(text or None, predicate or None, object or None)
     limit = MANY if kind else FEW
     return read_state(state_of(kb), moment(at), asked, kind or None, after, limit)
+
+
+TypeName = Annotated[str, Query(description="Only objects of this type, or of a subtype.")]
+
+
+@STATES.page("/objects", "objects.html", is_form=True, rows=["tables.rows"])
+def objects(
+    kb: KnowledgeBase, type: TypeName = "", at: At = None, after: After = None
+) -> ObjectsPage:
+    """Show the objects of a state as tables, one for each type: a row has what is said of one.
+
+    A column is a predicate or a function that has one more argument, or none.
+    """
+    when = moment(at)
+    return read_objects_page(state_of(kb if when is None else kb.at(when)), type or None, after)

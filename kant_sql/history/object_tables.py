@@ -1,0 +1,232 @@
+"""Objects as tables, one for each type: a row has all that is said of an object alone."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache, partial
+from itertools import groupby
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from sqlalchemy import literal_column, select, union_all
+
+from ..dao.text import refuse_unknown
+from ..dto.lexical import fold
+from ..knowledge.definitions import Definitions, Elements, ObjectDefinition, TypeDefinition
+from ..sql.intervals import held_then, then
+from ..sql.places import Place, place_text, read_place
+from ..sql.query import Query, first_rows, in_list, in_rows
+from ..sql.rows import KB, looked_up, table_of
+from ..sql.tables import (
+    FunctionValueArgumentRow,
+    FunctionValueRow,
+    FunctionValueVersionRow,
+    PropositionVersionRow,
+)
+from ..store.snapshot import View
+from ..store.state import State
+
+# How many facts, and how many values, a page has.
+MOST = 5_000
+# What is in the cell of a predicate that has no other argument.
+MARK = "yes"
+
+
+class ObjectColumn(NamedTuple):
+    """A predicate of one or two arguments, or a function.
+
+    Attributes:
+        name: its name; after an arrow, if the object is its second argument.
+        kind: `mark` without another argument; `first` or `second`: which argument the object is;
+            `value` of a function, and `values` of one with another argument.
+        element: the name of the predicate or the function.
+    """
+
+    name: str
+    kind: str
+    element: str
+
+
+class ObjectRow(NamedTuple):
+    """An object, and by column what is said of it: the other arguments, the values, or `yes`."""
+
+    object: str
+    cells: dict[str, list[str]]
+
+
+class ObjectTable(NamedTuple):
+    """Objects of one type, and the columns that say something of one of them."""
+
+    type: str
+    columns: list[ObjectColumn]
+    rows: list[ObjectRow]
+
+
+class ObjectsPage(NamedTuple):
+    """A page of the objects of a state, by type and name.
+
+    Attributes:
+        types: the types that objects have.
+        total: how many objects there are, of the type that is asked for.
+        tables: a table for each type.
+        is_cut: whether so much is said of these objects that some of it is left out.
+        next: the value of `after` for the next page; None after the last.
+    """
+
+    types: list[str]
+    total: int
+    tables: list[ObjectTable]
+    is_cut: bool
+    next: str | None
+
+
+@cache
+def _facts(is_past: bool) -> Query:
+    """Select the facts of some objects: predicate, which argument the object is, and both."""
+    version = table_of(PropositionVersionRow).c
+    arguments = version.first_object_id, version.second_object_id
+    parts = [
+        select(version.predicate_id, literal_column(str(place)), own, other).where(
+            version.kb_id == KB,
+            in_list(version.predicate_id, "heads"),
+            version.is_goal == literal_column("FALSE"),
+            in_list(own, "objects"),
+            held_then(version) if is_past else version.until.is_(None),
+        )
+        for place, (own, other) in enumerate((arguments, arguments[::-1]))
+    ]
+    return Query(first_rows(union_all(*parts), literal_column(str(MOST + 1))))
+
+
+@cache
+def _values(is_past: bool) -> Query:
+    """Select the values of fluents that begin with some objects: function, arguments, value."""
+    version, fluent = table_of(FunctionValueVersionRow).c, table_of(FunctionValueRow).c
+    argument = table_of(FunctionValueArgumentRow).c
+    named = select(argument.function_value_id).where(
+        argument.kb_id == KB,
+        in_list(argument.object_id, "objects"),
+        argument.position == literal_column("0"),
+    )
+    arguments = looked_up(fluent.arguments, fluent.id, version.function_value_id)
+    rows = select(version.function_id, arguments, version.value, version.object_id).where(
+        version.kb_id == KB,
+        in_list(version.function_id, "heads"),
+        in_rows(version.function_value_id, named),
+        held_then(version) if is_past else version.until.is_(None),
+    )
+    return Query(first_rows(rows, literal_column(str(MOST + 1))))
+
+
+_Key = tuple[str, int, int]
+
+
+def _columns(definitions: Definitions) -> dict[_Key, ObjectColumn]:
+    """Return the columns by what they are of, and which argument the object is."""
+    made: dict[_Key, ObjectColumn] = {}
+    for predicate in definitions.predicates:
+        name, number = predicate.name, len(predicate.parameters)
+        if number in (1, 2):
+            made["fact", predicate.id, 0] = ObjectColumn(name, ("mark", "first")[number - 1], name)
+        if number == 2:
+            made["fact", predicate.id, 1] = ObjectColumn(f"← {name}", "second", name)
+    for function in definitions.functions:
+        name, number = function.name, len(function.parameters)
+        if number in (1, 2):
+            kind = ("value", "values")[number - 1]
+            made["value", function.id, 0] = ObjectColumn(name, kind, name)
+    return made
+
+
+def _said(
+    view: View, columns: dict[_Key, ObjectColumn], ids: list[int]
+) -> list[list[tuple[int, _Key, str]]]:
+    """Read what is said of some objects, in two statements: facts, and values."""
+    past = {} if view.at is None else then(view.session, view.at)
+    name = view.definitions.objects.live
+
+    def rows(source: str, query: Query) -> Iterator[Any]:
+        heads = [key[1] for key in columns if key[0] == source]
+        given = {"heads": heads, "objects": ids}
+        listed = {key: view.session.list_value(value) for key, value in given.items()}
+        yield from view.session.rows(query, kb=view.kb_id, **listed, **past)
+
+    facts = [
+        (own, ("fact", head, place), MARK if other is None else name(other).name)
+        for head, place, own, other in rows("fact", _facts(view.at is not None))
+    ]
+    values = []
+    for head, arguments, number, object_id in rows("value", _values(view.at is not None)):
+        own, *others = map(int, arguments.split())
+        value = number if object_id is None else name(object_id).name
+        text = f"{name(others[0]).name}: {value}" if others else value
+        values.append((own, ("value", head, 0), text))
+    return [facts, values]
+
+
+def _order(types: Elements[TypeDefinition], one: ObjectDefinition) -> tuple[str, str]:
+    return fold(types.live(one.type_id).name), fold(one.name)
+
+
+def _tables(
+    types: Elements[TypeDefinition],
+    page: list[ObjectDefinition],
+    columns: dict[_Key, ObjectColumn],
+    said: list[tuple[int, _Key, str]],
+) -> list[ObjectTable]:
+    """Make a table of the objects of each type, which are next to each other."""
+    cells: defaultdict[int, defaultdict[_Key, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for id_, key, text in said:
+        cells[id_][key].append(text)
+    tables = []
+    for type_id, group in groupby(page, attrgetter("type_id")):
+        own = [*group]
+        keys = [key for key in columns if any(key in cells[one.id] for one in own)]
+        rows = [
+            ObjectRow(one.name, {columns[key].name: sorted(cells[one.id][key]) for key in keys})
+            for one in own
+        ]
+        tables.append(ObjectTable(types.live(type_id).name, [columns[key] for key in keys], rows))
+    return tables
+
+
+def read_objects_page(
+    state: State, type_: str | None = None, after: str | None = None, limit: int = 100
+) -> ObjectsPage:
+    """Read a page of the objects of a state, with what is said of them.
+
+    Args:
+        state: where.
+        type_: only objects of this type, or of a subtype.
+        after: the `next` of the page before.
+        limit: how many objects a page has.
+
+    Raises:
+        UnknownNameError: there never was such a type.
+        InvalidArgumentError: `after` is not the `next` of a page.
+    """
+    place = read_place(after, (str, str))
+    if type_ is not None:
+        refuse_unknown(state.store, type_, "type")
+
+    def work(view: View) -> ObjectsPage:
+        types = view.definitions.types
+        every = sorted(view.definitions.objects, key=partial(_order, types))
+        some = every
+        if type_ is not None:
+            own = types.named(type_)
+            wanted = view.definitions.subtypes(*(() if own is None else (own.id,)))
+            some = [one for one in every if not wanted.isdisjoint(one.type_ids)]
+        begin = bisect_right(some, place.key, key=partial(_order, types)) if place.key else 0
+        page = some[begin : begin + limit]
+        end = Place(0, _order(types, page[-1])) if begin + limit < len(some) else None
+        columns = _columns(view.definitions)
+        said = _said(view, columns, [one.id for one in page]) if page else []
+        tables = _tables(types, page, columns, [each for part in said for each in part])
+        names = dict.fromkeys(types.live(one.type_id).name for one in every)
+        is_cut = any(len(part) > MOST for part in said)
+        return ObjectsPage([*names], len(some), tables, is_cut, place_text(end))
+
+    return state.store.read_in_snapshot(work, state.at)
