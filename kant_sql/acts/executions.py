@@ -201,6 +201,9 @@ def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
         own = named.selected_columns
         same = own.plan_id == _NOW.plan_id, own.position == _NOW.position
         rows = rows.where(named.where(*same).correlate(_NOW.kb_id.table).exists())
+    if RUNNING in wanted:
+        # As a constant: few run, and have an index of their own.
+        rows = rows.where(_NOW.outcome == literal_column(f"'{RUNNING}'"))
     if "outcome" in wanted:
         rows = rows.where(_NOW.outcome == bindparam("outcome"))
     return Query(first_rows(rows.order_by(*(each.desc() for each in _PLACE)), integer("size")))
@@ -272,15 +275,18 @@ def read_page(
         given = {key: value for key, value in asked._asdict().items() if value is not None}
         if names is None:
             return [], None
+        wanted = {*given}
+        if asked.outcome == RUNNING:
+            wanted = wanted - {"outcome"} | {RUNNING}
         own: dict[str, Any] = {
-            **{key: given[key] for key in ("outcome", "actor") if key in given},
+            **{key: given[key] for key in ("outcome", "actor") if key in wanted},
             **({"name": asked.action, "action": names.action} if asked.action else {}),
             **({"object": names.object} if asked.object else {}),
         }
         rare = _rarest(view, own, given)
         if state.at is not None:
             own["at"] = state.at
-        query = _page(rare, frozenset(given), state.at is not None)
+        query = _page(rare, frozenset(wanted), state.at is not None)
         place = dict(zip(_BEFORE, before, strict=True))
         rows = view.session.rows(query, kb=view.kb_id, low=low, size=size + 1, **place, **own)
         keys: list[Key] = [(plan_id, position) for _, plan_id, position in rows[:size]]

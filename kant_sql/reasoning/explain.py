@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 from typing_extensions import override
 
@@ -52,7 +52,7 @@ from .ask import (
     given_variable,
     question,
 )
-from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition
+from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition, conjuncts
 from .steps import EffectItem, of_time, preferred
 from .sweep import names_of, with_objects
 from .world import Head
@@ -317,10 +317,39 @@ def is_goal_reached(state: State) -> bool:
 
     def work(view: View) -> bool:
         resolver = Resolver(view.definitions)
-        part = all_of(resolver.part(goal) for goal in hard_goals(view))
+        [holds] = _truths(view, [all_of(resolver.part(goal) for goal in hard_goals(view))])
+        return holds
+
+    return state.store.read_in_snapshot(work, state.at)
+
+
+def _truths(view: View, parts: list[Part]) -> list[bool]:
+    """Ask in one statement which parts hold."""
+    for part in parts:
         check_levels(part)
-        [row] = asked(view, question(view).truths([part], {}), {}, OF_TRUTHS)
-        return bool(row[GUARDS])
+    [row] = asked(view, question(view).truths(parts, {}), {}, OF_TRUTHS)
+    return [bool(holds) for holds in row[GUARDS:]]
+
+
+class GoalStanding(NamedTuple):
+    """A goal, as PDDL, and whether it is reached."""
+
+    text: str
+    is_reached: bool
+
+
+def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
+    """Read the first goals, conjunctions taken apart, and which are reached, in two statements.
+
+    Raises:
+        ArchivedError, UnsupportedConstructError: as `is_goal_reached`.
+    """
+
+    def work(view: View) -> list[GoalStanding]:
+        resolver = Resolver(view.definitions)
+        goals = [part for goal in hard_goals(view) for part in conjuncts(goal)][:most]
+        truths = _truths(view, [resolver.part(goal) for goal in goals]) if goals else []
+        return [GoalStanding(str(goal), holds) for goal, holds in zip(goals, truths, strict=True)]
 
     return state.store.read_in_snapshot(work, state.at)
 

@@ -51,6 +51,7 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/objects", type="robot", at="2026-03-02 14:03"),
         address("/objects", at=0),
     ),
+    "/overview": (address("/overview"),),
     "/plan": (address("/plan", id=PLAN),),
     "/plans": (address("/plans"),),
     "/predicate": (address("/predicate", name="robot_at"),),

@@ -1,4 +1,4 @@
-"""Makes the pictures of the docs: the timeline, a state and a plan of the robot's day.
+"""Makes the pictures of the docs: pages of the robot's day.
 
 python -m tests.browser.screenshots FOLDER
 """
@@ -24,6 +24,8 @@ PICTURES = {
     ),
     "state": address("/state", at="2026-03-02 14:03"),
     "plan": address("/plan", id=PLAN),
+    "objects": address("/objects", at="2026-03-02 14:03"),
+    "overview": address("/overview"),
 }
 FOLDER = Path(__file__).parents[2] / "docs" / "images"
 

@@ -20,7 +20,7 @@ from tests.support.crawling import PATHS
 def test_the_home_page_lists_the_knowledge_bases(client: TestClient) -> None:
     listed = client.get("/api/").json()["knowledge_bases"]
     assert {one["name"]: one["revision"] for one in listed} == {"other": 2, "courier": 36}
-    assert 'href="/log?kb=courier"' in client.get("/").text
+    assert 'href="/overview?kb=courier"' in client.get("/").text
 
 
 def test_a_revision_is_the_same_as_a_page_and_as_json(client: TestClient) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from . import acts, ask, elements, home, plans, revisions, statistics, timeline, verify
+from . import acts, ask, elements, home, overview, plans, revisions, statistics, timeline, verify
 
 TOPICS = (
     home.PAGES,
+    overview.PAGES,
     revisions.PAGES,
     ask.PAGES,
     revisions.STATES,

@@ -97,10 +97,23 @@ def acts(
     Steps of plans that were not started are left out.
     """
     asked = ExecutionFilter(action or None, object or None, outcome or None, actor or None)
+    found, end = read_acts(kb, asked, EXECUTIONS, since, until, after)
+    return ActsPage(found, end)
+
+
+def read_acts(
+    kb: KnowledgeBase,
+    asked: ExecutionFilter,
+    limit: int,
+    since: str | None = None,
+    until: str | None = None,
+    after: str | None = None,
+) -> tuple[list[ExecutionLine], str | None]:
+    """Read a page of executions, and where the next one begins."""
     low, high, _ = find_bounds(state_of(kb).store, moment(since), moment(until), None)
     before: Any = read_place(after, (int, int, int)).key or (high, LARGEST, LARGEST)
-    found, end = read_page(state_of(kb), asked, low, before, EXECUTIONS)
-    return ActsPage([line_of(one) for one in found], place_text(end and Place(0, end)))
+    found, end = read_page(state_of(kb), asked, low, before, limit)
+    return [line_of(one) for one in found], place_text(end and Place(0, end))
 
 
 @PAGES.page("/act", "act.html", rows=["changed"])

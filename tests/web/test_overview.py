@@ -1,0 +1,100 @@
+"""The page of a knowledge base: what runs, which goals are reached, what was done last."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from decimal import Decimal
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from kant_sql.acts import Execution
+from kant_sql.errors import StatementTimeoutError
+from kant_sql.planning import Plan, PlanStep
+from kant_sql.web.pages import overview
+from tests.support.crawling import Markup
+from tests.web.conftest import Filled, statements_of
+from tests.web.test_acts import do_some
+
+
+def test_it_says_what_is_going_on(filled: Filled) -> None:
+    kb, client = filled
+    do_some(kb)
+    kb.goals.save("(and (at rb1 room) (not (docking rb1)))")
+    page = client.get("/api/overview?kb=courier").json()
+    (running,) = page["running"]
+    (own,) = kb.executions.get_all(outcome="running")
+    assert own.started_at is not None
+    due = own.started_at + timedelta(seconds=500)
+    assert running["due_at"] == f"{due:%Y-%m-%dT%H:%M:%S.%f}Z"
+    assert 400 < running["seconds_left"] <= 500
+    assert page["goals"] == [
+        {"text": "(at rb1 room)", "is_reached": True},
+        {"text": "(not (docking rb1))", "is_reached": False},
+    ]
+    assert [one["outcome"] for one in page["done"]] == ["failed", "refused", "succeeded"]
+    numbers = [one["number"] for one in page["changes"]]
+    assert numbers == [*range(kb.revision, kb.revision - 8, -1)]
+    text = client.get("/overview?kb=courier").text
+    assert "1 of 2 reached" in text
+    assert "s left" in text
+    assert f"/act?kb=courier&id={own.id}" in Markup(text).links
+
+
+def test_what_has_no_planned_end_is_not_due_and_what_is_over_it_is_late(filled: Filled) -> None:
+    kb, client = filled
+    do_some(kb)
+    kb.executions.report("wait", outcome="running", started_at="3 hours ago")
+    waiting, docking = client.get("/api/overview?kb=courier").json()["running"]
+    assert (waiting["due_at"], waiting["seconds_left"]) == (None, None)
+    assert docking["seconds_left"] > 0
+    kb.plans.set_status(late := plan_of_long_ago(kb), status="running")
+    page = client.get("/api/overview?kb=courier").json()
+    assert page["running"][0]["execution"] == late.id
+    assert page["running"][0]["seconds_left"] <= 0
+    assert "s late" in client.get("/overview?kb=courier").text
+
+
+def plan_of_long_ago(kb: KnowledgeBase) -> Execution:
+    """Record a step that takes no time at all."""
+    step = PlanStep(Decimal(0), "dock", ("rb1",), Decimal(0))
+    return kb.plans.record(Plan((step,), "by hand", "unknown")).steps[0]
+
+
+def test_goals_that_take_too_long_are_left_out(
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, client = filled
+    do_some(kb)
+
+    def slow(*_: object) -> None:
+        raise StatementTimeoutError("the statement took too long")
+
+    monkeypatch.setattr(overview, "read_goal_standings", slow)
+    assert client.get("/api/overview?kb=courier").json()["goals"] is None
+    assert "takes too long" in client.get("/overview?kb=courier").text
+
+
+def test_it_costs_the_same_with_more_rows(filled: Filled) -> None:
+    kb, client = filled
+    do_some(kb)
+    kb.goals.save("(at rb1 room)")
+    few = statements_of(client, "/overview?kb=courier")
+    with kb.transaction():
+        for number in range(30):
+            outcome = "running" if number % 2 else "succeeded"
+            kb.executions.report(f"act {number}", outcome=outcome)  # type: ignore[arg-type]
+            kb.objects.save(f"p{number} - place")
+            kb.goals.save(f"(at rb1 p{number})")
+    assert statements_of(client, "/overview?kb=courier") <= few
+    page = client.get("/api/overview?kb=courier").json()
+    assert (len(page["running"]), len(page["goals"])) == (16, 31)
+    assert len(page["done"]) <= overview.LAST_DONE
+
+
+def test_an_empty_knowledge_base_has_nothing_going_on(filled: Filled) -> None:
+    kb, client = filled
+    kb.objects.save("rb1 - robot")
+    page = client.get("/api/overview?kb=courier").json()
+    assert (page["running"], page["goals"], page["done"]) == ([], [], [])
+    assert "Nothing runs now." in client.get("/overview?kb=courier").text
