@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from itertools import pairwise
 
 import pytest
 from sqlalchemy import make_url
 
 import kant_sql
+from tests.audit.ward import record_ward
 from tests.support.pages import Ask, Page, ask
 from tests.support.stores import CITUS
 
@@ -23,10 +25,14 @@ QUESTIONS = [
 
 @pytest.fixture
 def asked(request: pytest.FixtureRequest, story_url: str, asked: Ask) -> Ask:
-    """Ask the store; where it is distributed, by the views of one knowledge base."""
-    if request.node.callspec.params["story_url"] not in CITUS:
+    """Ask the question's store; where it is distributed, by the views of one knowledge base."""
+    kind, name = request.node.callspec.params["story_url"], "courier"
+    if "'ward'" in request.node.callspec.params["question"]:
+        story_url = record_ward(request.getfixturevalue(f"{kind}_scratch"))
+        name, asked = "ward", partial(ask, story_url)
+    if kind not in CITUS:
         return asked
-    schema = kant_sql.operations.create_roles(story_url, knowledge_base="courier").schema
+    schema = kant_sql.operations.create_roles(story_url, knowledge_base=name).schema
     path = {"options": f"-csearch_path={schema},public"}
     url = make_url(story_url).update_query_dict(path).render_as_string(hide_password=False)
     return lambda sql: ask(url, sql)
