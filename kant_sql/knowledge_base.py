@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cached_property, wraps
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
-from . import acts, documents, history, html, reasoning
+from . import acts, documents, history, html, plans, reasoning
 from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
@@ -239,7 +239,7 @@ class KnowledgeBase(Front):
     abort = writes(lambda: reasoning.durative.abort)
     fail = writes(lambda: acts.executions.fail)
     statistics = reads(lambda: acts.statistics.statistics)
-    plan = reads(lambda: documents.exchange.plan)
+    plan = reads(lambda: plans.search.plan)
     validate = reads(lambda: reasoning.validate.validate)
     state = reads(lambda: reasoning.memory.state)
     commit = writes(lambda: reasoning.memory.commit)

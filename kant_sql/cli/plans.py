@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -54,6 +54,14 @@ _Timeout = Annotated[float | None, seconds("Stop planning after so long.")]
 _Strict = Annotated[
     bool, option("Fail rather than ignore a part of the metric or a preference.", "--strict")
 ]
+_Costs = Annotated[
+    str | None,
+    option(
+        "history: what became of executions decides which steps cost how much, in place of the "
+        "metric.",
+        metavar="WORD",
+    ),
+]
 _Read = Annotated[
     Path | None,
     option(
@@ -79,6 +87,7 @@ def plan(
     engine: _Engine = None,
     timeout: _Timeout = None,
     strict: _Strict = False,
+    costs: _Costs = None,
     read: _Read = None,
     record: _Record = False,
     actor: _RecordActor = None,
@@ -91,14 +100,17 @@ def plan(
     """
     if not record and (actor is not None or reason is not None):
         raise typer.BadParameter("these go with --record", param_hint="--actor and --reason")
-    if read is not None and (engine is not None or timeout is not None or strict):
-        hint = "--engine, --timeout and --strict"
+    if costs not in (None, "history"):
+        raise typer.BadParameter(f"{costs!r}: expected history", param_hint="--costs")
+    if read is not None and (engine or costs or timeout is not None or strict):
+        hint = "--engine, --costs, --timeout and --strict"
         raise typer.BadParameter("these do not go with --read", param_hint=hint)
     with open_state(url, kb, at) as (name, state):
         if read is not None:
             found = replace(read_plan(read), revision=state.revision)
         else:
-            found = state.plan(engine=engine, timeout=timeout, strict=strict)
+            by: Any = {} if costs is None else {"costs": costs}
+            found = state.plan(engine=engine, timeout=timeout, strict=strict, **by)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:
         write_json(_plan_document(found, recorded), knowledge_base=name)

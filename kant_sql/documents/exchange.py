@@ -311,52 +311,6 @@ def load_unified_planning(state: State, problem: UpProblem, *, mode: Mode = "rep
     return load_documents(state.store, own_domain, own, mode)
 
 
-def plan(
-    state: State, engine: str | None = None, *, timeout: float | None = None, strict: bool = False
-) -> planning.Plan:
-    """Find a plan from the present state to the goals.
-
-    A plugin gives preferences and metrics to planners as costs of actions. What of them a planner
-    cannot be given is named in the plan's
-    `ignored` and logged as a warning; all other parts of the problem are always given.
-
-    Args:
-        engine: an engine's name in unified-planning, for example `fast-downward`; None to
-            choose an installed one that supports the problem.
-        timeout: seconds to wait; None to wait without limit. Plans of problems with soft
-            goals are improved for 10 seconds, or half of the timeout if that is less.
-        strict: refuse to ignore a part of the metric or a preference.
-
-    Returns:
-        The plan, with the revision of the state. If soft goals were compiled away or ignored,
-        it has the planner's input as `domain_pddl` and `problem_pddl`.
-
-    Raises:
-        NoPlanError: there is no plan, or none was found in time.
-        UnsupportedConstructError: planners cannot express something of the problem, or with
-            `strict` something of its metric or preferences.
-        PlannerMissingError: unified-planning or the engine is not installed.
-
-    Examples:
-        >>> kb.load_domain('''(define (domain doors) (:predicates (open))
-        ...   (:action unlock :parameters () :effect (open)))''').revision
-        2
-        >>> kb.load_problem('''(define (problem enter) (:domain doors)
-        ...   (:init) (:goal (open)))''').revision
-        3
-        >>> print(kb.plan("pyperplan"), end="")
-        (unlock)
-    """
-    task = read_task(state)
-    found = planning.solve(
-        task.domain, problem=task.problem, engine=engine, timeout=timeout, strict=strict
-    )
-    given = write(task.domain) if found.domain_pddl is None else found.domain_pddl
-    asked = write(task.problem) if found.problem_pddl is None else found.problem_pddl
-    digest = planning.problem_hash(given, problem=asked)
-    return dataclasses.replace(found, revision=task.revision, problem_hash=digest)
-
-
 def _loaded(
     store: Store, kind: str, name: str, revision: int | None, warnings: tuple[PddlWarning, ...]
 ) -> Loaded:

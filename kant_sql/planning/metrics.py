@@ -149,6 +149,7 @@ class Variant:
             for a step that is left out of plans.
         ignored: what of the metric and the preferences is not in them, as readable text.
         most_effects: how many conditional effects of an action may be compiled away for an engine.
+        is_costed: whether cheap plans are asked for, of engines that improve theirs for some time.
     """
 
     domain: Domain
@@ -156,6 +157,12 @@ class Variant:
     steps: Mapping[str, str | None] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
     most_effects: int = MOST_EFFECTS
+    is_costed: bool = False
+
+    @property
+    def improves(self) -> bool:
+        """Whether engines improve their plans."""
+        return self.is_costed or bool(self.steps)
 
 
 class Compilation(Protocol):
@@ -168,12 +175,12 @@ class Compilation(Protocol):
 COMPILATIONS: Plugins[Compilation] = Plugins("kant_sql.compilations")
 
 
-def variants(domain: Domain, problem: Problem) -> Iterator[Variant]:
+def variants(domain: Domain, problem: Problem, is_costed: bool = False) -> Iterator[Variant]:
     """Yield the documents, then stand-ins for a metric that planners do not know.
 
     `to_unified_planning` and `solve` try these in turn.
     """
-    yield Variant(domain, problem)
+    yield Variant(domain, problem, is_costed=is_costed)
     if problem.metric is not None:
         for name in COMPILATIONS.names():
             compilation = COMPILATIONS.get(name)

@@ -147,6 +147,7 @@ class Task(NamedTuple):
     engine: str | None
     timeout: float | None
     strict: bool
+    is_costed: bool = False
 
 
 def solve(
@@ -156,6 +157,7 @@ def solve(
     engine: str | None = None,
     timeout: float | None = None,
     strict: bool = False,
+    is_costed: bool = False,
 ) -> Plan:
     """Find a plan.
 
@@ -173,6 +175,7 @@ def solve(
         engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
         timeout: the longest time to wait, in seconds; None is infinite.
         strict: refuse to ignore a part of the metric or a preference.
+        is_costed: ask for a cheap plan, which engines improve for as long as those of soft goals.
 
     Returns:
         The plan, in the names of the documents.
@@ -190,7 +193,7 @@ def solve(
     require_unified_planning()
     with tempfile.TemporaryDirectory(prefix="kant-sql-plan-") as directory:
         task, result = Path(directory, "task"), Path(directory, "result")
-        task.write_bytes(pickle.dumps(Task(domain, problem, engine, timeout, strict)))
+        task.write_bytes(pickle.dumps(Task(domain, problem, engine, timeout, strict, is_costed)))
         log = _run(directory, longest)
         if not result.exists():
             reason = log.strip().splitlines()[-1:] or ["no reason was given"]

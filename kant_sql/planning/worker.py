@@ -93,8 +93,11 @@ ANYTIME = {"enhsp": "enhsp-any"}
 # The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
 IMPROVING_SECONDS = 10.0
 # Features that engines claim to support. Fast Downward makes axioms of quantifiers, which its
-# heuristic LM-cut does not know.
-OVERSTATED = {"fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"}}
+# heuristic LM-cut does not know. Aries wants the costs of actions as constants.
+OVERSTATED = {
+    "fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"},
+    "aries": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
+}
 # The compilations that remove features, in the order of trial.
 REMOVALS = (
     ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
@@ -106,6 +109,7 @@ REMOVALS = (
     ("CONDITIONAL_EFFECTS_REMOVING", {"CONDITIONAL_EFFECTS"}),
     ("DISJUNCTIVE_CONDITIONS_REMOVING", {"DISJUNCTIVE_CONDITIONS"}),
     ("NEGATIVE_CONDITIONS_REMOVING", {"NEGATIVE_CONDITIONS"}),
+    ("GROUNDING", {"STATIC_FLUENTS_IN_ACTIONS_COST"}),
 )
 
 
@@ -199,11 +203,11 @@ def forms(
 ) -> Iterator[EngineProblem]:
     """Yield a variant with real numbers, and with integers where these suffice."""
     integers = numbers_are_integers(variant.domain, variant.problem)
-    if integers and variant.steps:
+    if integers and variant.improves:
         # Of planners for costs, most want integers.
         yield EngineProblem(convert(variant, True))
     yield EngineProblem(convert(variant, False))
-    if integers and not variant.steps:
+    if integers and not variant.improves:
         yield EngineProblem(convert(variant, True))
 
 
@@ -282,7 +286,7 @@ class Search:
             convert_whole(domain, problem, self._environment)
         error: UnsupportedConstructError | None = None
         asked = False
-        for variant in variants(domain, problem):
+        for variant in variants(domain, problem, self._task.is_costed):
             if variant.ignored and self._task.strict:
                 if self._failures or not any(self._suitable(variant, self._task.engine)):
                     return self._failed()
@@ -319,7 +323,7 @@ class Search:
     def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
         """Yield the forms of a variant, each with the installed engines to ask."""
         for form in forms(variant, self._convert):
-            names = (engine,) if engine else candidates(form.problem, bool(variant.steps))
+            names = (engine,) if engine else candidates(form.problem, variant.improves)
             yield from ((form, name) for name in names if name in self._environment.factory.engines)
 
     def _suitable(self, variant: Variant, engine: str | None) -> Iterator[str]:
@@ -359,7 +363,7 @@ class Search:
             self._missing.setdefault(name, missing)
             return None
         try:
-            result = self._result(name, made.problem, bool(variant.steps))
+            result = self._result(name, made.problem, variant.improves)
         except Exception as error:  # an engine may fail in any way; the next one is tried
             self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
             return None

@@ -7,11 +7,17 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from .. import html
 from ..acts import Execution, Outcome
+from ..later import asked_for
 from ..planning import Plan
+
+if TYPE_CHECKING:
+    from . import search as search
+else:
+    __getattr__ = asked_for(__name__)
 
 __all__ = ["PlanDao", "RecordedPlan"]
 

@@ -250,7 +250,7 @@ def _objective(plan: Plan, metric: str | None, stated: str | None) -> str | None
     """Return the metric that a planner was given: the state's, a part of it, or none."""
     if stated is not None:
         return stated
-    if not plan.ignored or plan.problem_pddl is None:
+    if plan.problem_pddl is None or (metric is not None and not plan.ignored):
         return metric
     given = _GIVEN_METRIC.search(plan.problem_pddl)
     return None if given is None else given[1]

@@ -33,11 +33,11 @@ from kant_sql.pddl.document import (
     formulas,
 )
 from kant_sql.pddl.requirements import is_function
+from kant_sql.planning.action_costs import CostedAction, Objects, UnusedNames, write_costs
 from kant_sql.planning.metrics import ONE, NotLinearError, Variant, linear
-from kant_sql.planning.names import SHARED_MODALS, too_deep, unused_name
+from kant_sql.planning.names import SHARED_MODALS, too_deep
 
-from .action_costs import CostedAction, write_costs
-from .costs import Costs, Objects, replaced
+from .costs import Costs, replaced
 
 # Conditional effects of an action that are compiled away: each doubles its copies.
 MOST_COMPILED_EFFECTS = 4
@@ -97,18 +97,7 @@ class SoftGoals:
         self._domain, self._problem = domain, problem
         self._measured, self._chained = measured, chained
         self._objects = Objects(domain, problem)
-        self._taken = {
-            fold(part.name)
-            for parts in (
-                domain.types,
-                domain.constants,
-                problem.objects,
-                domain.predicates,
-                domain.functions,
-                domain.actions,
-            )
-            for part in parts
-        } | {f.TOTAL_COST, f.TOTAL_TIME}
+        self._unused = UnusedNames(domain, problem)
         kinds = {action.kind for action in domain.actions}
         self._changes_by_itself = bool(problem.timed) or bool(kinds & {PROCESS, EVENT})
         self._takes_time = self._changes_by_itself or DURATIVE_ACTION in kinds
@@ -382,11 +371,6 @@ class SoftGoals:
         if initially:
             self._initial.append(atom)
         return atom
-
-    def _unused(self, wanted: str) -> str:
-        name = unused_name(wanted, self._taken)
-        self._taken.add(fold(name))
-        return name
 
     # Actions.
 

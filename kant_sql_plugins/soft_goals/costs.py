@@ -6,75 +6,31 @@ numeric fluent that actions only increase, by amounts that never change, is such
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
-from math import gcd, lcm, prod
+from math import prod
 from typing import TypeVar
 
 from kant_sql.dto import formulas as f
-from kant_sql.dto.lexical import ROOT_TYPE, fold
+from kant_sql.dto.lexical import fold
 from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from kant_sql.planning.action_costs import (
+    MOST_COSTS,
+    ActionCost,
+    Objects,
+    Values,
+    functions_read,
+    rebuilt,
+)
 from kant_sql.planning.metrics import folded, static_functions
 
-# The entries of the largest table of costs of an action.
-MOST_COSTS = 50_000
 N = TypeVar("N", bound=f.Node)
 
 
-class Objects:
-    """The objects and constants of documents, by type."""
-
-    def __init__(self, domain: Domain, problem: Problem) -> None:
-        self._above = {fold(part.name): tuple(map(fold, part.types)) for part in domain.types}
-        given = {fold(part.name): part for part in (*domain.constants, *problem.objects)}
-        self._objects = [(part.name, self._ancestors(part.types)) for part in given.values()]
-        self._found: dict[tuple[str, ...], tuple[str, ...]] = {}
-
-    def of(self, types: Iterable[str]) -> tuple[str, ...]:
-        """Return the names of the objects that fit a parameter of some types."""
-        wanted = tuple(map(fold, types))
-        if wanted not in self._found:
-            self._found[wanted] = tuple(
-                name for name, above in self._objects if not above.isdisjoint(wanted)
-            )
-        return self._found[wanted]
-
-    def _ancestors(self, types: Iterable[str]) -> set[str]:
-        found, pending = {ROOT_TYPE}, list(map(fold, types))
-        while pending:
-            one = pending.pop()
-            if one not in found:
-                found.add(one)
-                pending.extend(self._above.get(one, ()))
-        return found
-
-
-# Amounts by the names of objects.
-Values = dict[tuple[str, ...], Fraction]
 # The weights of the fluents of each function in a metric to minimize, with folded names.
 Weights = dict[str, Values]
-
-
-@dataclass(frozen=True)
-class ActionCost:
-    """The cost of an action.
-
-    Attributes:
-        parameters: the parameters that it depends on; none for a constant.
-        values: the cost by the objects that these stand for.
-        undefined: the objects for which it is undefined: the action is not applicable there.
-    """
-
-    parameters: tuple[f.TypedName, ...] = ()
-    values: Values | None = None
-    undefined: tuple[tuple[str, ...], ...] = ()
-
-    def plus(self, amount: Fraction) -> Values:
-        """Return the costs, increased by an amount."""
-        values = {(): Fraction(0)} if self.values is None else self.values
-        return {objects: value + amount for objects, value in values.items()}
 
 
 @dataclass(frozen=True)
@@ -239,34 +195,6 @@ class Costs:
         raise NoCostError(f"the amount in action {action.name} depends on the state")
 
 
-def functions_read(domain: Domain, problem: Problem) -> set[str]:
-    """Return the folded names of the functions that decide what is possible."""
-    effects = [effect for action in domain.actions for effect in action.effect]
-    pending: list[f.Node] = [*domain.derived, *domain.constraints, *problem.goal]
-    pending += [*problem.constraints, *effects, *(one.effect for one in problem.timed)]
-    for action in domain.actions:
-        pending += [*action.condition, *action.duration]
-    read: set[str] = set()
-    # The values that are assigned to each function: they matter if that matters.
-    sources: dict[str, set[str]] = {}
-    while pending:
-        node = pending.pop()
-        if isinstance(node, f.Assign):
-            pending.extend(node.fluent.terms)
-            names = {fold(one.function) for one in f.walk(node.value) if isinstance(one, f.Fluent)}
-            sources.setdefault(fold(node.fluent.function), set()).update(names)
-            continue
-        if isinstance(node, f.Fluent):
-            read.add(fold(node.function))
-        pending.extend(f.children(node))
-    reached = list(read)
-    while reached:
-        for name in sources.pop(reached.pop(), set()) - read:
-            read.add(name)
-            reached.append(name)
-    return read
-
-
 def _flat(effects: Iterable[f.Formula]) -> Iterator[f.Formula]:
     for effect in effects:
         if isinstance(effect, f.And):
@@ -301,21 +229,6 @@ def replaced(node: N, values: Mapping[str, f.Node]) -> N:
     return rebuilt(node, lambda child: replaced(child, values))
 
 
-def rebuilt(node: N, change: Callable[[f.Node], f.Node]) -> N:
-    """Rebuild a node with each child changed."""
-    fields: list[object] = []
-    names: tuple[str, ...] = type(node).__slots__
-    for name in names:
-        value = getattr(node, name)
-        if isinstance(value, f.Node):
-            fields.append(change(value))
-        elif isinstance(value, tuple) and value and isinstance(value[0], f.Node):
-            fields.append(tuple(map(change, value)))
-        else:
-            fields.append(value)
-    return type(node)(*fields)
-
-
 def _calculate(operator: str, values: Sequence[Fraction]) -> Fraction | None:
     if operator == "+":
         return sum(values, Fraction(0))
@@ -329,15 +242,3 @@ def _calculate(operator: str, values: Sequence[Fraction]) -> Fraction | None:
             return None
         result /= divisor
     return result
-
-
-def whole(amounts: Iterable[Fraction]) -> Fraction:
-    """Return the factor that makes amounts whole numbers without a common divisor.
-
-    Cost planners add up 32-bit integers.
-    """
-    known = [amount for amount in amounts if amount]
-    if not known:
-        return Fraction(1)
-    scale = lcm(*(amount.denominator for amount in known))
-    return Fraction(scale, gcd(*(int(amount * scale) for amount in known)))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from math import gcd, lcm
 from typing import Any, TypeVar
 
-from kant_sql.dto import formulas as f
-from kant_sql.dto.lexical import fold
-from kant_sql.pddl.document import (
+from ..dto import formulas as f
+from ..dto.lexical import ROOT_TYPE, fold
+from ..pddl.document import (
     DURATIVE_ACTION,
     Action,
     Domain,
@@ -19,12 +20,81 @@ from kant_sql.pddl.document import (
     Problem,
     formulas,
 )
-from kant_sql.pddl.requirements import used_requirements
-from kant_sql.planning.names import number
-
-from .costs import ActionCost, Values, rebuilt, whole
+from ..pddl.requirements import used_requirements
+from .names import number, unused_name
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
+# The entries of the largest table of costs of an action.
+MOST_COSTS = 50_000
+N = TypeVar("N", bound=f.Node)
+
+
+class Objects:
+    """The objects and constants of documents, by type."""
+
+    def __init__(self, domain: Domain, problem: Problem) -> None:
+        self._above = {fold(part.name): tuple(map(fold, part.types)) for part in domain.types}
+        given = {fold(part.name): part for part in (*domain.constants, *problem.objects)}
+        self._objects = [(part.name, self._ancestors(part.types)) for part in given.values()]
+        self._found: dict[tuple[str, ...], tuple[str, ...]] = {}
+
+    def of(self, types: Iterable[str]) -> tuple[str, ...]:
+        """Return the names of the objects that fit a parameter of some types."""
+        wanted = tuple(map(fold, types))
+        if wanted not in self._found:
+            self._found[wanted] = tuple(
+                name for name, above in self._objects if not above.isdisjoint(wanted)
+            )
+        return self._found[wanted]
+
+    def _ancestors(self, types: Iterable[str]) -> set[str]:
+        found, pending = {ROOT_TYPE}, list(map(fold, types))
+        while pending:
+            one = pending.pop()
+            if one not in found:
+                found.add(one)
+                pending.extend(self._above.get(one, ()))
+        return found
+
+
+class UnusedNames:
+    """Makes names that no element of documents has."""
+
+    def __init__(self, domain: Domain, problem: Problem) -> None:
+        named = (domain.types, domain.constants, problem.objects, domain.predicates)
+        self._taken = {f.TOTAL_COST, f.TOTAL_TIME}
+        for parts in (*named, domain.functions, domain.actions):
+            self._taken.update(fold(part.name) for part in parts)
+
+    def __call__(self, wanted: str) -> str:
+        """Return a name as it is wanted, with a number appended if needed."""
+        name = unused_name(wanted, self._taken)
+        self._taken.add(fold(name))
+        return name
+
+
+# Amounts by the names of objects.
+Values = dict[tuple[str, ...], Fraction]
+
+
+@dataclass(frozen=True)
+class ActionCost:
+    """The cost of an action.
+
+    Attributes:
+        parameters: the parameters that it depends on; none for a constant.
+        values: the cost by the objects that these stand for.
+        undefined: the objects for which it is undefined: the action is not applicable there.
+    """
+
+    parameters: tuple[f.TypedName, ...] = ()
+    values: Values | None = None
+    undefined: tuple[tuple[str, ...], ...] = ()
+
+    def plus(self, amount: Fraction) -> Values:
+        """Return the costs, increased by an amount."""
+        values = {(): Fraction(0)} if self.values is None else self.values
+        return {objects: value + amount for objects, value in values.items()}
 
 
 @dataclass(frozen=True)
@@ -207,3 +277,58 @@ def _changed(document: D, change: Callable[[f.Node], f.Node], names: Sequence[st
 
 def _is_named_total(node: f.Node) -> bool:
     return isinstance(node, f.Fluent) and fold(node.function) == f.TOTAL_COST
+
+
+def functions_read(domain: Domain, problem: Problem) -> set[str]:
+    """Return the folded names of the functions that decide what is possible."""
+    effects = [effect for action in domain.actions for effect in action.effect]
+    pending: list[f.Node] = [*domain.derived, *domain.constraints, *problem.goal]
+    pending += [*problem.constraints, *effects, *(one.effect for one in problem.timed)]
+    for action in domain.actions:
+        pending += [*action.condition, *action.duration]
+    read: set[str] = set()
+    # The values that are assigned to each function: they matter if that matters.
+    sources: dict[str, set[str]] = {}
+    while pending:
+        node = pending.pop()
+        if isinstance(node, f.Assign):
+            pending.extend(node.fluent.terms)
+            names = {fold(one.function) for one in f.walk(node.value) if isinstance(one, f.Fluent)}
+            sources.setdefault(fold(node.fluent.function), set()).update(names)
+            continue
+        if isinstance(node, f.Fluent):
+            read.add(fold(node.function))
+        pending.extend(f.children(node))
+    reached = list(read)
+    while reached:
+        for name in sources.pop(reached.pop(), set()) - read:
+            read.add(name)
+            reached.append(name)
+    return read
+
+
+def rebuilt(node: N, change: Callable[[f.Node], f.Node]) -> N:
+    """Rebuild a node with each child changed."""
+    fields: list[object] = []
+    names: tuple[str, ...] = type(node).__slots__
+    for name in names:
+        value = getattr(node, name)
+        if isinstance(value, f.Node):
+            fields.append(change(value))
+        elif isinstance(value, tuple) and value and isinstance(value[0], f.Node):
+            fields.append(tuple(map(change, value)))
+        else:
+            fields.append(value)
+    return type(node)(*fields)
+
+
+def whole(amounts: Iterable[Fraction]) -> Fraction:
+    """Return the factor that makes amounts whole numbers without a common divisor.
+
+    Cost planners add up 32-bit integers.
+    """
+    known = [amount for amount in amounts if amount]
+    if not known:
+        return Fraction(1)
+    scale = lcm(*(amount.denominator for amount in known))
+    return Fraction(scale, gcd(*(int(amount * scale) for amount in known)))

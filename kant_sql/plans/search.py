@@ -1,0 +1,187 @@
+"""The question for a plan, also for one that is cheap by what was learned from executions."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+from itertools import product
+from typing import Literal
+
+from .. import planning
+from ..acts.statistics import Statistics, statistics
+from ..arguments import one_of
+from ..documents.exchange import PlanningTask, read_task
+from ..dto.lexical import fold
+from ..pddl import write
+from ..pddl.document import ACTION, DURATIVE_ACTION, Action
+from ..planning.action_costs import (
+    MOST_COSTS,
+    ActionCost,
+    CostedAction,
+    Objects,
+    UnusedNames,
+    functions_read,
+    write_costs,
+)
+from ..planning.metrics import refusal
+from ..store.state import State
+
+
+def plan(
+    state: State,
+    engine: str | None = None,
+    *,
+    costs: Literal["history"] | None = None,
+    timeout: float | None = None,
+    strict: bool = False,
+) -> planning.Plan:
+    """Find a plan from the present state to the goals.
+
+    A plugin gives preferences and metrics to planners as costs of actions. What of them a planner
+    cannot be given is named in the plan's
+    `ignored` and logged as a warning; all other parts of the problem are always given.
+
+    Args:
+        engine: an engine's name in unified-planning, for example `fast-downward`; None to
+            choose an installed one that supports the problem.
+        costs: `history`: a step costs the time in which it is expected to succeed, by what became
+            of executions up to this state (`docs/learning.md` has the formula). This takes the
+            place of the metric, which is named in `ignored`.
+        timeout: seconds to wait; None to wait without limit. Plans of problems with soft
+            goals or costs are improved for 10 seconds, or half of the timeout if that is less.
+        strict: refuse to ignore a part of the metric or a preference.
+
+    Returns:
+        The plan, with the revision of the state. If soft goals were compiled away or ignored, or
+        with `costs`, it has the planner's input as `domain_pddl` and `problem_pddl`.
+
+    Raises:
+        NoPlanError: there is no plan, or none was found in time.
+        UnsupportedConstructError: planners cannot express something of the problem, or with
+            `strict` something of its metric or preferences.
+        PlannerMissingError: unified-planning or the engine is not installed.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+        ...   (:action unlock :parameters () :effect (open)))''').revision
+        2
+        >>> kb.load_problem('''(define (problem enter) (:domain doors)
+        ...   (:init) (:goal (open)))''').revision
+        3
+        >>> print(kb.plan("pyperplan"), end="")
+        (unlock)
+    """
+    task, ignored = read_task(state), tuple[str, ...]()
+    if costs is not None:
+        one_of(costs, ("history",), "the costs")
+        # Nothing that was done later is known to this state.
+        task, ignored = _with_history(task, State(state.store, task.revision))
+        if strict and ignored:
+            raise refusal(ignored)
+    found = planning.solve(
+        task.domain,
+        problem=task.problem,
+        engine=engine,
+        timeout=timeout,
+        strict=strict,
+        is_costed=costs is not None,
+    )
+    given = write(task.domain) if found.domain_pddl is None else found.domain_pddl
+    asked = write(task.problem) if found.problem_pddl is None else found.problem_pddl
+    if costs is not None:
+        found = dataclasses.replace(
+            found, ignored=(*ignored, *found.ignored), domain_pddl=given, problem_pddl=asked
+        )
+    digest = planning.problem_hash(given, problem=asked)
+    return dataclasses.replace(found, revision=task.revision, problem_hash=digest)
+
+
+# Cases that the figures of an action count for, besides those with the same arguments.
+WEIGHT = 2
+# Costs are whole hundredths of a second, as planners want whole numbers.
+UNIT = 100
+
+
+@dataclasses.dataclass(frozen=True)
+class Expected:
+    """What is expected of an execution.
+
+    Attributes:
+        seconds: how long it takes.
+        success: the probability of its success, above 0.
+    """
+
+    seconds: Fraction
+    success: Fraction
+
+    @property
+    def cost(self) -> Fraction:
+        """The expected time until success, in whole hundredths of a second.
+
+        An attempt counts for a second at least, or it would cost nothing to fail.
+        """
+        return Fraction(math.ceil(UNIT * max(self.seconds, Fraction(1)) / self.success))
+
+    def updated(self, seen: Statistics | None) -> Expected:
+        """Return what is expected after executions, which this counts as much as `WEIGHT` of."""
+        if seen is None or seen.median is None:
+            return self
+        count = seen.succeeded + seen.failed
+        return Expected(
+            (count * Fraction(seen.median) + WEIGHT * self.seconds) / (count + WEIGHT),
+            (seen.succeeded + WEIGHT * self.success) / (count + WEIGHT),
+        )
+
+
+def expected_of_action(seen: Statistics | None, usual: Fraction) -> Expected:
+    """Return what is expected of an action: the mean of success after the prior Beta(1, 1)."""
+    if seen is None or seen.median is None:
+        return Expected(usual, Fraction(1, 2))
+    success = Fraction(seen.succeeded + 1, seen.succeeded + seen.failed + 2)
+    return Expected(Fraction(seen.median), success)
+
+
+def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[str, ...]]:
+    """Give actions the costs that executions tell, in place of the metric, which is returned."""
+    domain, problem = task.domain, task.problem
+    metric, ignored = problem.metric, list[str]()
+    if metric is not None:
+        ignored.append(f"the metric ({metric.optimization} {metric.expression}): costs of history")
+    whole, by_act = (statistics(past, by=by) for by in (("action",), ("arguments",)))
+    [median] = [one.median for one in statistics(past, by=())] or [None]
+    usual = Fraction(1 if median is None else median)
+    seen = {fold(one.action or ""): one for one in whole}
+    objects, made = Objects(domain, problem), []
+    for action in domain.actions:
+        if action.kind not in (ACTION, DURATIVE_ACTION):
+            made.append(CostedAction(action))
+            continue
+        expected = expected_of_action(seen.get(fold(action.name)), usual)
+        acts = [one for one in by_act if fold(one.action or "") == fold(action.name)]
+        if math.prod(len(objects.of(part.types)) for part in action.parameters) > MOST_COSTS:
+            ignored.append(f"what became of {action.name} with its objects: more than {MOST_COSTS}")
+            acts = []
+        made.append(_costed(action, expected, acts, objects))
+    problem = dataclasses.replace(problem, metric=None)
+    # Numbers that decide nothing any more would take planners for numbers.
+    numeric = frozenset(fold(one.name) for one in domain.functions if not one.types)
+    free = numeric - functions_read(domain, problem)
+    documents = write_costs(domain, problem, made, free, UnusedNames(domain, problem))
+    return PlanningTask(task.revision, *documents), tuple(ignored)
+
+
+def _costed(
+    action: Action, expected: Expected, acts: Iterable[Statistics], objects: Objects
+) -> CostedAction:
+    """Return an action with its cost for all objects: as that of the action, where not known."""
+    seen = {tuple(map(fold, act.arguments or ())): act for act in acts}
+    if not seen:
+        return CostedAction(action, amount=expected.cost)
+    ranges = (objects.of(part.types) for part in action.parameters)
+    values = {
+        words: expected.updated(seen.get(tuple(map(fold, words)))).cost
+        for words in product(*ranges)
+    }
+    return CostedAction(action, ActionCost(action.parameters, values))
