@@ -99,6 +99,20 @@ def _every(tests: Sequence[Judge]) -> Judge | None:
     return every
 
 
+def _some(single: int, others: Sequence[_Needs]) -> Judge:
+    """Return whether one of some bits is set, or another condition holds."""
+
+    def some(bits: int, values: Values) -> bool:
+        if bits & single:
+            return True
+        for each in others:  # noqa: SIM110
+            if each.holds(bits, values):
+                return True
+        return False
+
+    return some
+
+
 class _Conjunction:
     """A conjunction, taken apart by how its parts are judged.
 
@@ -185,11 +199,7 @@ def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env
                     others.append(needs)
                 if len(others) > MOST_CHOICES:
                     return _judged(task, whole, env)
-        if not others:
-            return lambda bits, values: bits & single != 0
-        return lambda bits, values: (
-            bits & single != 0 or any(each.holds(bits, values) for each in others)
-        )
+        return _some(single, others)
 
     return ground
 

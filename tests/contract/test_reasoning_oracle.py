@@ -41,7 +41,7 @@ from tests.support.evaluator import (
     UndefinedEffectError,
     is_continuous,
 )
-from tests.support.generators.episodes import EPISODES, Episode, Question, free_variables
+from tests.support.generators.episodes import EPISODES, Episode, Question, episode, free_variables
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, undone
 
@@ -327,6 +327,13 @@ def test_steps_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None
             Judge(kb, episode, episode.changes[0].of(episode.first), "pending").acts()
 
     same()
+
+
+def test_statements_fit_the_stack_of_a_parser(fresh_kb: KnowledgeBase) -> None:
+    drawn = episode(434)
+    kb = opened(fresh_kb, drawn)
+    drawn.changes[0].make(kb)
+    assert [*kb.applicable_actions()] == kb.state().applicable_actions()
 
 
 def test_deep_statements_have_the_same_answers(
