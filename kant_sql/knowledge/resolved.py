@@ -357,8 +357,24 @@ class Resolver:
                     within = self._formula(formula, is_universal)
                 witness: Part = FALSE if within == FALSE else Witness(bound, within)
                 return negate(witness) if negative != is_universal else witness
+            case f.Count():
+                counted = self._count(node)
+                return negate(counted) if negative else counted
         leaf = self._leaf(node)
         return negate(leaf) if negative else leaf
+
+    def _count(self, node: f.Count) -> Part:
+        """Resolve how many objects a formula holds for: no two, and one if it is exactly one."""
+        copies = []
+        for _ in range(3):
+            with self.within(node.variables) as bound:
+                copies.append(Witness(bound, self._formula(node.formula, False)))
+        first, second, any_ = copies
+        pairs = zip(first.bound, second.bound, strict=True)
+        differ = any_of([Lacks(SameObject(one.slot, other.slot)) for one, other in pairs])
+        both = all_of([first.part, second.part, differ])
+        most = Lacks(Witness((*first.bound, *second.bound), both))
+        return most if node.operator == f.COUNTS[0] else all_of([any_, most])
 
     def _leaf(self, node: f.Node) -> Part:
         needed = Needed([], [])

@@ -26,6 +26,7 @@ CONSTRAINTS: Final = 4  # atoms must be inside modal operators
 MODAL: Final = 8  # may contain modal operators
 EFFECT: Final = 16  # is an effect
 INSIDE_TIME: Final = 32  # is inside (at start ...) or (at end ...) of an effect
+RULES: Final = 64  # may contain (at-most-one ...) and (exactly-one ...), which no document has
 _WRAPPED: Final = TIMED | CONSTRAINTS
 
 _TIMES = {("at", "start"): f.AT_START, ("at", "end"): f.AT_END, ("over", "all"): f.OVER_ALL}
@@ -270,6 +271,19 @@ class FormulaReader(Cursor):
         self.scope.release(outside)
         return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
 
+    def _counted(self, context: int) -> f.Formula:
+        operator = self.tokens[self.at + 1].lower()
+        # A predicate of that name applies to terms, the first of which is no list of variables.
+        if not context & RULES or self.tokens[self.at + 3][:1] != "?":
+            return self._named_like_operator(context)
+        outside = self.scope.mark()
+        self.at += 2
+        variables = self.variables()
+        formula = self.formula(RULES)
+        self.expect(")", f"')' after the formula of {operator}")
+        self.scope.release(outside)
+        return f.Count(variables, formula, operator)
+
     def _comparison(self, context: int) -> f.Comparison | f.Equal:
         if context & _WRAPPED:
             self._misplaced(context)
@@ -342,16 +356,16 @@ class FormulaReader(Cursor):
             return self._named_like_operator(context)
         if not context & (CONSTRAINTS | MODAL):
             self.fail("a formula; constraints belong to (:constraints ...)")
-        return self._constraint(operator, wanted, formulas)
+        return self._constraint(operator, wanted, formulas, MODAL | context & RULES)
 
-    def _constraint(self, operator: str, wanted: int, formulas: int) -> f.Formula:
+    def _constraint(self, operator: str, wanted: int, formulas: int, inside: int) -> f.Formula:
         self.at += 2
         numbers = tuple([self._time_span(operator) for _ in range(wanted)])
         if wanted == 2 and numbers[0].value > numbers[1].value:
             self.fail(f"the end of {operator}, not before its begin", at=self.at - 1)
         parts = []
         for _ in range(formulas):
-            parts.append(self.formula(MODAL))
+            parts.append(self.formula(inside))
         self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
         return f.Modal(operator, numbers, tuple(parts))
 
@@ -763,6 +777,7 @@ _CONDITIONS: _Operators = {
     "preference": FormulaReader._preference,
     **dict.fromkeys(f.COMPARISONS, FormulaReader._comparison),
     **dict.fromkeys(f.MODALS, FormulaReader._modal),
+    **dict.fromkeys(f.COUNTS, FormulaReader._counted),
 }
 _EFFECTS: _Operators = {
     "and": FormulaReader._junction,

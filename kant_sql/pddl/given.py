@@ -28,7 +28,7 @@ from .cursor import END, VARIABLES, Cursor, Diagnostics, Section, hint
 from .declarations import ActionReader, DeclarationReader, RuleReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
-from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, FormulaReader
+from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, RULES, FormulaReader
 from .lexer import STRING, Text
 from .problem import InitialStateReader, metric_of
 from .symbols import ANY, BoundVariable, Entity, SymbolTable, Types
@@ -180,10 +180,10 @@ def read_rules(text: str | Text, *, symbols: SymbolTable) -> tuple[f.Formula, ..
     """Read constraints on trajectories, one after the other.
 
     `(and ...)` and `(:constraints ...)` around them may be left out; `:constraints` around one, as
-    in a domain, may be repeated.
+    in a domain, may be repeated. `(at-most-one (?p - place) ...)` is a rule that always holds.
     """
     reader = ConditionReader(symbols, text, "the rules", "()")
-    context = CONSTRAINTS | PREFERENCES
+    context = CONSTRAINTS | PREFERENCES | RULES
     found: list[f.Formula] = []
     while reader.tokens[reader.at]:
         if fold(reader.tokens[reader.at + 1]) != ":constraints":

@@ -43,7 +43,6 @@ from ..pddl.document import Action
 from .arithmetic import CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
 from .evaluate import Compiler, Env, Rows, Search
 from .failures import FailedCondition, duration_failure, failed_parts
-from .grounding import Binding, bound, substitute
 from .steps import CONTINUOUS, EffectItem, PreparedAction
 from .world import FluentRow, Head, Row, World
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from ..dto import formulas as f
 from ..errors import UnsupportedConstructError
+from ..knowledge.grounding import Binding
 from ..knowledge.resolved import (
     COMPARE,
     AllOf,
@@ -43,7 +44,6 @@ from ..knowledge.resolved import (
     slots_of,
 )
 from .arithmetic import EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
-from .grounding import Binding
 from .world import Relation, Row, World, picker
 
 # The objects of variables and constants, and the duration, by their places.

@@ -13,10 +13,10 @@ from typing_extensions import override
 from .. import html
 from ..dto import formulas as f
 from ..history.revisions import Revision
+from ..knowledge.grounding import Binding, bound, substitute
 from ..knowledge.resolved import Resolver
 from .arithmetic import Exact, decimal_of
 from .evaluate import Compiler, Conditions
-from .grounding import Binding, bound, substitute
 from .world import World
 
 # What notebooks call one of a list.

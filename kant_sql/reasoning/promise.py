@@ -15,6 +15,7 @@ from ..dto import formulas as f
 from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
 from ..dto.lexical import fold
 from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstructError
+from ..knowledge.grounding import bound, substitute
 from ..knowledge.resolved import (
     FALSE,
     TRUE,
@@ -53,7 +54,6 @@ from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
-from .grounding import bound, substitute
 from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits
 from .world import Head
 

@@ -22,6 +22,7 @@ from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchEr
 from ..history.moments import Bounds
 from ..history.revisions import LARGEST, Revision, read_position
 from ..knowledge.definitions import Definitions
+from ..knowledge.grounding import substitute
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.given import ReadCondition, read_condition, text_of
@@ -43,7 +44,6 @@ from ..store.snapshot import refuse_archived
 from ..store.store import Store
 from .ask import given_variable
 from .derived import world_of
-from .grounding import substitute
 from .world import World
 
 _WORD = re.compile(r"[^\s()?]+")
@@ -243,7 +243,11 @@ class Sweep:
             more_facts, more_values = self._of_rules(rules)
             facts, values = facts + more_facts, values + more_values
         self._subjects = subjects_of(session, kb_id, facts, values, span.low, span.high)
-        ranges = ranges or has_rules or any(isinstance(one, f.Forall | f.Exists) for one in nodes)
+        ranges = (
+            ranges
+            or has_rules
+            or any(isinstance(one, f.Forall | f.Exists | f.Count) for one in nodes)
+        )
         known = [
             definitions.objects.named(one.name) for one in nodes if isinstance(one, f.Constant)
         ]

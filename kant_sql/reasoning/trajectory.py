@@ -38,7 +38,7 @@ from itertools import product
 
 from ..dto import formulas as f
 from ..errors import UnsupportedConstructError
-from .grounding import Binding, bound, substitute
+from ..knowledge.grounding import Binding, bound, substitute
 
 # Whether a formula holds in the present state, for a binding of its free variables.
 Truth = Callable[[f.Formula, Binding], bool]
@@ -69,9 +69,16 @@ class Monitor(ABC):
     def observe(self, now: Moment, holds: Truth) -> None:
         """Judge the next state, which `holds` gives access to."""
 
+    def open(self, last: Moment) -> Moment | None:
+        """Return which state violates it if no other follows the last one; None if none does."""
+        del last
+        return None
+
     def conclude(self, last: Moment) -> None:
         """Judge the trajectory after its last state."""
-        del last
+        moment = self.open(last)
+        if moment is not None:
+            self._violate(moment)
 
     def _violate(self, moment: Moment) -> None:
         if self.violation is None:
@@ -91,9 +98,8 @@ class _Sometime(Monitor):
         del now
         self._is_met = self._is_met or holds(self._first, self.binding)
 
-    def conclude(self, last: Moment) -> None:
-        if not self._is_met:
-            self._violate(last)
+    def open(self, last: Moment) -> Moment | None:
+        return None if self._is_met else last
 
 
 class _Within(_Sometime):
@@ -130,9 +136,8 @@ class _SometimeAfter(Monitor):
         if holds(self._second, self.binding):
             self._waiting = None
 
-    def conclude(self, last: Moment) -> None:
-        if self._waiting is not None:
-            self._violate(self._waiting)
+    def open(self, last: Moment) -> Moment | None:
+        return self._waiting
 
 
 class _AlwaysWithin(_SometimeAfter):
@@ -187,9 +192,8 @@ class _AtEnd(Monitor):
         del now
         self._holds = holds(self._first, self.binding)
 
-    def conclude(self, last: Moment) -> None:
-        if not self._holds:
-            self._violate(last)
+    def open(self, last: Moment) -> Moment | None:
+        return None if self._holds else last
 
 
 _MONITORS: dict[str, type[Monitor]] = {
@@ -228,6 +232,10 @@ class Rule:
         """The first state that violates it; None while it is satisfied or undecided."""
         found = [one.violation for one in self.monitors if one.violation is not None]
         return min(found, default=None)
+
+    def is_open(self, last: Moment) -> bool:
+        """Return whether it is violated unless a later state makes it good."""
+        return self.violation is None and any(one.open(last) is not None for one in self.monitors)
 
     @property
     def violated(self) -> tuple[Monitor, ...]:
@@ -291,6 +299,8 @@ def _parts(
 
 
 def _monitor(part: f.Formula, binding: Binding) -> Monitor:
+    if isinstance(part, f.Count):
+        part = f.Modal("always", (), (part,))
     if isinstance(part, f.Timed) and part.time == f.AT_END:
         kind: type[Monitor] | None = _AtEnd
     else:

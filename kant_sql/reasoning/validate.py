@@ -32,6 +32,7 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..history.moments import state_at
+from ..knowledge.grounding import substitute
 from ..knowledge.resolved import Resolver
 from ..moment_text import When
 from ..pddl.cursor import hint
@@ -54,7 +55,6 @@ from .actions import (
 from .derived import read_world
 from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
-from .grounding import substitute
 from .steps import preferred
 from .trajectory import Moment, Rule, Trajectory
 from .world import Row, World, fact_of, value_of

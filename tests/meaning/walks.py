@@ -9,11 +9,11 @@ from itertools import islice
 
 from kant_sql import Plan, PlanStep
 from kant_sql.dto import formulas as f
+from kant_sql.knowledge.grounding import bound
 from kant_sql.pddl import Action, Domain, Problem
 from kant_sql.reasoning.actions import Schema, Snap, apply_changes
 from kant_sql.reasoning.derived import read_world
 from kant_sql.reasoning.evaluate import Compiler, Conditions
-from kant_sql.reasoning.grounding import bound
 from kant_sql.reasoning.validate import validate_plan
 from kant_sql.reasoning.world import World
 from tests.meaning.plan_mutations import EPSILON, plan_of

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kant_sql.dto import formulas as f
 from kant_sql.errors import UnsupportedConstructError
-from kant_sql.reasoning.grounding import Binding
+from kant_sql.knowledge.grounding import Binding
 from kant_sql.reasoning.trajectory import Moment, Trajectory
 from tests.support.profile import PROFILE, hunting
 
