@@ -42,6 +42,7 @@ __all__ = [
     "ReadOnlyError",
     "ReadOnlyStoreError",
     "ReplicaError",
+    "RuleViolatedError",
     "SchemaError",
     "SchemaMissingError",
     "SchemaOutdatedError",
@@ -366,6 +367,20 @@ class ForkedError(StoreError):
 
 class StoreIntegrityError(StoreError):
     """A constraint of the database refused the write; nothing was written."""
+
+
+class RuleViolatedError(StoreIntegrityError):
+    """A rule that is kept with `on_violation="refuse"` would be violated; nothing was written.
+
+    Attributes:
+        rule: the name of the rule.
+        instance: what would be violated, with objects for the variables of quantifiers around it.
+    """
+
+    def __init__(self, message: str, rule: str, instance: str) -> None:
+        super().__init__(message)
+        self.rule = rule
+        self.instance = instance
 
 
 class TableMissingError(StoreError):

@@ -21,7 +21,7 @@ from .store.state import State
 from .store.store import close_backend
 
 # What is public besides the names that `kant_sql` has.
-__all__ = ["Executions", "Operations", "PddlParts"]
+__all__ = ["Executions", "Operations", "PddlParts", "Rules"]
 
 # Revisions that a notebook shows of a knowledge base.
 _LATEST = 5
@@ -176,6 +176,15 @@ class PddlParts(Front):
     load_unified_planning = writes(lambda: documents.exchange.load_unified_planning)
 
 
+class Rules(Front):
+    """`kb.rules`: rules that are kept in the store, which report a violation or refuse it."""
+
+    get = reads(lambda: reasoning.kept_rules.get)
+    get_all = reads(lambda: reasoning.kept_rules.get_all)
+    save = writes(lambda: reasoning.kept_rules.save)
+    delete = writes(lambda: reasoning.kept_rules.delete)
+
+
 class Executions(Front):
     """`kb.executions`: what was done, and reports of components that act without PDDL."""
 
@@ -261,6 +270,11 @@ class KnowledgeBase(Front):
     def executions(self) -> Executions:
         """What was done: read it, and report what was done without PDDL."""
         return Executions(self._factory, state=self._state)
+
+    @cached_property
+    def rules(self) -> Rules:
+        """Rules that are kept in the store."""
+        return Rules(self._factory, state=self._state)
 
     @cached_property
     def store(self) -> Operations:

@@ -89,6 +89,11 @@ class Elements(Generic[D]):
             live = [definition for definition in merged.values() if definition is not None]
         return iter(sorted(live, key=lambda definition: definition.id))
 
+    @property
+    def is_blank(self) -> bool:
+        """Whether nothing of the kind is live, as far as is seen at once."""
+        return not (self._base or self._delta)
+
     def evolve(self, changes: Mapping[int, D | None]) -> Elements[D]:
         """Make the snapshot that follows."""
         for definition in changes.values():
@@ -340,6 +345,8 @@ class Definitions:
 
     Attributes:
         templates: cache of the templates of actions by id, shared with later snapshots.
+        guards: cache of what refusing rules forbid, shared with later snapshots, by what it is
+            made of.
         derived: cache of what follows from this snapshot alone, by what computes it; a change
             within a transaction clears it.
     """
@@ -356,6 +363,7 @@ class Definitions:
     def __init__(self, *elements: Elements[Any]) -> None:
         self._ancestry: Ancestry[int] | None = None
         self.templates: dict[int, ActionTemplate] = {}
+        self.guards: dict[Any, Any] = {}
         self.derived: dict[Any, Any] = {}
         given: Iterable[Elements[Any]] = elements or [Elements() for _ in KINDS]
         self._by_kind: dict[str, Any] = dict(zip(KINDS, given, strict=True))
@@ -451,6 +459,7 @@ class PendingDefinitions(Definitions):
         self._by_kind = {}
         self._ancestry = None
         self.templates = origin.templates
+        self.guards = origin.guards
         self.derived = {}
 
     def __getattr__(self, name: str) -> Any:
@@ -489,7 +498,7 @@ class PendingDefinitions(Definitions):
         made = Definitions(
             *[used[kind].publish() if kind in used else origin.elements(kind) for kind in KINDS]
         )
-        made.templates = self.templates
+        made.templates, made.guards = self.templates, self.guards
         if "type" not in used or not self.types.changes:
             made._ancestry = origin._hierarchy()
         return made

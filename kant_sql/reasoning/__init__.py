@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from . import durative as durative
     from . import explain as explain
     from . import memory as memory
+    from . import kept_rules as kept_rules
     from . import rules as rules
     from . import validate as validate
     from . import when as when

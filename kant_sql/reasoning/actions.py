@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
+from ..knowledge.grounding import Binding, bound, substitute
 from ..knowledge.resolved import (
     FALSE,
     TRUE,

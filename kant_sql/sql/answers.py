@@ -120,6 +120,17 @@ class Question:
         distinct = "" if selection.is_distinct else "DISTINCT "
         return compiler.statement(selection.text(f"{distinct}{', '.join(found) or '1'}"))
 
+    def touched(self, part: Part, places: Mapping[Slot, int], width: int) -> ConditionStatement:
+        """Write the statement of the first row of the parameter `touched` for which a part holds.
+
+        A row has the objects of the variables in `places`, among others.
+        """
+        relation = self._words.rows("touched", width)
+        truth = self._compiler.truth(part, {slot: f"touched.c{n}" for slot, n in places.items()})
+        return self._compiler.statement(
+            f"SELECT touched.place FROM {relation} AS touched WHERE {truth} LIMIT 1"
+        )
+
     def held(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
         """Write the statement of which facts of a predicate hold, by their arguments."""
         compiler = self._compiler

@@ -72,7 +72,7 @@ def evolve(definitions: Definitions, rows: Iterable[Row]) -> Definitions:
             _find_unreadable(kind, tables)
             raise unreadable(f"{kind}_version", f"some {kind}", error) from error
     evolved = Definitions(*made)
-    evolved.templates = definitions.templates
+    evolved.templates, evolved.guards = definitions.templates, definitions.guards
     return evolved
 
 

@@ -143,19 +143,24 @@ class Ledger(PendingChanges, Generic[K, V]):
     def lines(self) -> list[Change]:
         """Return what the revision changes: one line for each end of an interval."""
         lines = []
+        for key, before, now in self.differences():
+            if before is not None:
+                lines.append(Change(RETRACTED, *self._line(key, before)))
+            if now is not None:
+                lines.append(Change(ASSERTED, *self._line(key, now)))
+        return lines
+
+    def differences(self) -> Iterator[tuple[K, V | None, V | None]]:
+        """Yield what held before of each key, and what holds now, where they differ."""
         for key, now in self.changes.items():
             before = self._origin(key)
             if now != before:
-                if before is not None:
-                    lines.append(Change(RETRACTED, *self._line(key, before)))
-                if now is not None:
-                    lines.append(Change(ASSERTED, *self._line(key, now)))
-        return lines
+                yield key, before, now
 
     def write(self) -> None:
         """Write what is pending."""
         self._write_identities()
-        closed, unmade, reopened, opened = self._differences()
+        closed, unmade, reopened, opened = self._unwritten()
         self.pending.clear()
         if closed:
             self._run(self.versions.close, closed)
@@ -168,7 +173,7 @@ class Ledger(PendingChanges, Generic[K, V]):
             for into, rows in self._rows(opened):
                 self.context.session.insert(into, rows)
 
-    def _differences(self) -> tuple[list[K], list[K], list[K], list[tuple[K, V]]]:
+    def _unwritten(self) -> tuple[list[K], list[K], list[K], list[tuple[K, V]]]:
         """Return what to close, delete, reopen and insert to make the tables say what holds now."""
         closed: list[K] = []
         unmade: list[K] = []

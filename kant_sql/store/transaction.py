@@ -31,6 +31,7 @@ from .ledger import (
     DefinitionLedger,
     ExecutionLedger,
     FunctionValueLedger,
+    Ledger,
     PendingChanges,
     PropositionLedger,
     Records,
@@ -281,6 +282,8 @@ class Transaction:
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back."""
         touched = self._touched()
+        if not (self.definitions.origin.rules.is_blank and "rule" not in self._ledgers):
+            self._guard()
         changes = self._changes(touched)
         if not changes:
             self.session.rollback()
@@ -308,6 +311,20 @@ class Transaction:
         self.committed = made
         self.session.commit(self.kb_id)
         return made
+
+    def _guard(self) -> None:
+        """Refuse what a rule refuses; this costs statements where changes touch one."""
+        from .guard import Touched
+
+        propositions, changes = self._propositions, {}
+        for kind, ledger in self._ledgers.items():
+            if isinstance(ledger, Ledger):
+                changes[kind] = [*ledger.differences()]
+        was_spilled = propositions is not None and propositions.was_spilled
+        touched = Touched(self.definitions, None if was_spilled else changes)
+        if touched.whole or touched.rows:
+            self.flush()
+            touched.refuse(self.session, self.kb_id)
 
     def publish(self) -> None:
         """Share what it has learned with later transactions, after it has ended well."""

@@ -1,0 +1,347 @@
+"""Rules that refuse: what a transaction changes must not break them.
+
+What a rule forbids is a condition on some objects. Only a change that makes a part of the condition
+true can bring it about, so that part has the objects of the change, and one statement looks for the
+others: its cost does not grow with the store. What follows by rules is looked for as a whole.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+from ..dto import formulas as f
+from ..errors import RuleViolatedError, UnsupportedConstructError
+from ..knowledge.definitions import (
+    DERIVED_PREDICATE,
+    REFUSE,
+    Definitions,
+    PendingDefinitions,
+    RuleDefinition,
+)
+from ..knowledge.formulas import TreeReader
+from ..knowledge.grounding import bound, substitute
+from ..knowledge.resolved import (
+    AllOf,
+    Bound,
+    Column,
+    FluentIs,
+    HoldsFact,
+    Known,
+    Lacks,
+    NumberOf,
+    Part,
+    Place,
+    Resolver,
+    Slot,
+    TypeSet,
+    Witness,
+    check_levels,
+    inner_parts,
+    negate,
+    parts_of,
+    replaced,
+)
+from ..knowledge.rules import rules_of
+from ..sql.answers import Question, run
+from ..sql.dialects.base import Session
+from ..sql.relations import ConditionStatement
+
+# What each element of a kind was before a transaction, and what it is now; None where it is not.
+Changes = Mapping[str, Sequence[tuple[Any, Any, Any]]]
+PROPOSITIONS, VALUES = "propositions", "values"
+# The kinds that decide what a rule means.
+_MEANING = ("type", "predicate", "function", "formula", "rule")
+
+
+@dataclass(frozen=True, eq=False)
+class Forbidden:
+    """Objects for which a condition holds, which a rule forbids.
+
+    Attributes:
+        formula: the part of the rule within its quantifiers.
+        variables: those of the quantifiers.
+        bound: the variables of the condition, those of the quantifiers first.
+    """
+
+    rule: RuleDefinition
+    formula: f.Formula
+    variables: tuple[f.TypedName, ...]
+    bound: tuple[Bound, ...]
+    part: Part
+
+
+@dataclass(frozen=True, eq=False)
+class _Trigger:
+    """A part of what is forbidden that changes make true, with the objects of its terms.
+
+    Attributes:
+        places: where the variables stand among the terms; without any, all is looked for.
+    """
+
+    forbidden: Forbidden
+    terms: tuple[Place, ...]
+    places: Mapping[Slot, int]
+    statements: list[ConditionStatement] = field(default_factory=list)
+
+    def fits(self, definitions: Definitions, row: Sequence[int]) -> bool:
+        """Return whether the terms can have these objects."""
+        pairs = dict(zip(self.terms, row, strict=True))
+        own = [one for one in self.forbidden.bound if one.slot in pairs]
+        return all(
+            pairs[term] == id_ and (not isinstance(term, Known) or term.id == id_)
+            for term, id_ in zip(self.terms, row, strict=True)
+        ) and all(_ranges(one.types, definitions.objects.get(pairs[one.slot])) for one in own)
+
+
+def _ranges(types: Iterable[TypeSet], found: Any) -> bool:
+    """Return whether a variable of some types ranges over an object, which may be gone."""
+    return found is not None and all(
+        one is None or not one.isdisjoint(found.type_ids) for one in types
+    )
+
+
+def forbidden_by(
+    definitions: Definitions,
+    rule: RuleDefinition,
+    formula: f.Formula,
+    variables: tuple[f.TypedName, ...] = (),
+) -> Iterator[Forbidden]:
+    """Yield what the parts of a rule forbid; refuse a part that no single state violates."""
+    match formula:
+        case f.And(parts):
+            for each in parts:
+                yield from forbidden_by(definitions, rule, each, variables)
+        case f.Forall(own, inner):
+            yield from forbidden_by(definitions, rule, inner, (*variables, *own))
+        case f.Modal("always", _, (condition,)) | (f.Count() as condition):
+            resolver = Resolver(definitions)
+            slots = resolver.variables(variables)
+            part = negate(resolver.part(condition))
+            while isinstance(part, Witness):
+                slots, part = (*slots, *part.bound), part.part
+            check_levels(part)
+            yield Forbidden(rule, formula, variables, slots, part)
+        case _:
+            raise UnsupportedConstructError(
+                f"no single state violates {formula}, so it cannot refuse a transaction: give "
+                "(always ...), (at-most-one ...) and (exactly-one ...) in conjunctions and "
+                "universal quantifiers, or on_violation='report'"
+            )
+
+
+def _leaves(part: Any, begins: bool = True) -> Iterator[tuple[Any, bool]]:
+    """Yield the leaves and variables of a condition; whether it comes true when they begin."""
+    if isinstance(part, Witness):
+        yield from ((one, begins) for one in part.bound)
+    inner = inner_parts(part)
+    for each in inner:
+        yield from _leaves(each, begins != isinstance(part, Lacks))
+    if not inner:
+        yield part, begins
+
+
+class Guard:
+    """What the refusing rules of a state forbid, and which changes may bring it about.
+
+    Attributes:
+        triggers: by the kind of a change, its predicate or function, and whether it begins.
+        objects: what a new object may bring about.
+        ranges: the variables within conditions, and whether more objects make these true.
+    """
+
+    def __init__(self, definitions: Definitions) -> None:
+        self.definitions = definitions
+        self.all: list[Forbidden] = []
+        self.triggers: defaultdict[tuple[str, int, bool], list[_Trigger]] = defaultdict(list)
+        self.objects: list[_Trigger] = []
+        self.ranges: list[tuple[Forbidden, Iterable[TypeSet], bool]] = []
+        self._rules = rules_of(definitions)
+        for rule in definitions.rules:
+            if rule.on_violation == REFUSE:
+                formula = TreeReader(definitions, rule.constraint).formula()
+                for one in forbidden_by(definitions, rule, formula):
+                    self._add(one)
+
+    def _add(self, one: Forbidden) -> None:
+        self.all.append(one)
+        derived = self._rules.of
+        parts = one.part.parts if isinstance(one.part, AllOf) else (one.part,)
+        facts = [each for each in parts if isinstance(each, HoldsFact)]
+        # A new object that a fact has is found by the fact.
+        found = {term for each in facts if not derived(each.predicate) for term in each.terms}
+        for each in one.bound:
+            if each.slot not in found:
+                self.objects.append(_trigger(one, (each.slot,)))
+        for leaf, begins in _leaves(one.part):
+            match leaf:
+                case Bound(_, types):
+                    self.ranges.append((one, types, begins))
+                case HoldsFact(predicate) if derived(predicate):
+                    self._depend(one, predicate)
+                case HoldsFact(predicate, terms):
+                    self.triggers[PROPOSITIONS, predicate, begins].append(_trigger(one, terms))
+                case FluentIs(function, terms) | NumberOf(function, terms):
+                    for sign in (True, False):
+                        self.triggers[VALUES, function, sign].append(_trigger(one, terms))
+
+    def _depend(self, one: Forbidden, derived: int) -> None:
+        """Look for all when something changes that a derived predicate depends on."""
+        self.ranges += [(one, (), True), (one, (), False)]
+        seen, pending = {(PROPOSITIONS, derived)}, [derived]
+        while pending:
+            for rule in self._rules.of(pending.pop()):
+                for leaf in parts_of(rule.body):
+                    if isinstance(leaf, FluentIs | NumberOf):
+                        seen.add((VALUES, leaf.function))
+                    elif isinstance(leaf, HoldsFact) and (PROPOSITIONS, leaf.predicate) not in seen:
+                        seen.add((PROPOSITIONS, leaf.predicate))
+                        pending.append(leaf.predicate)
+        for key in seen:
+            for sign in (True, False):
+                self.triggers[*key, sign].append(_trigger(one, ()))
+
+
+def _trigger(one: Forbidden, terms: tuple[Place, ...]) -> _Trigger:
+    slots = [each.slot for each in one.bound if each.slot in terms]
+    return _Trigger(one, terms, {slot: terms.index(slot) for slot in slots})
+
+
+def guard_of(definitions: PendingDefinitions) -> Guard:
+    """Return the guard of a state; it is kept as long as nothing changes what rules mean."""
+    if any(definitions.elements(kind).changes for kind in _MEANING):
+        return Guard(definitions)
+    origin = definitions.origin
+    key = tuple([origin.elements(kind) for kind in _MEANING])
+    kept: dict[Any, Guard] = origin.guards
+    if key not in kept:
+        kept.clear()
+        kept[key] = Guard(origin)
+    return kept[key]
+
+
+class Touched:
+    """What the changes of a transaction may have brought about: wholly, or for some objects."""
+
+    def __init__(self, definitions: PendingDefinitions, changes: Changes | None) -> None:
+        """Find it; without changes, which may be too many to be kept, all is looked for."""
+        self.guard = guard_of(definitions)
+        self.definitions = definitions
+        self.whole: dict[Forbidden, None] = {}
+        self.rows: defaultdict[_Trigger, list[Sequence[int]]] = defaultdict(list)
+        if changes is None or self._is_other(changes):
+            self.whole = dict.fromkeys(self.guard.all)
+        else:
+            self._read(changes)
+
+    def _is_other(self, changes: Changes) -> bool:
+        """Return whether what rules mention has another meaning."""
+        kinds = ("type", "object", "predicate", "function")
+        pairs = (pair for kind in kinds for _, *pair in changes.get(kind, ()))
+        formulas = (one for _, *pair in changes.get("formula", ()) for one in pair if one)
+        return any(None not in pair for pair in pairs) or any(
+            one.section == DERIVED_PREDICATE for one in formulas
+        )
+
+    def _read(self, changes: Changes) -> None:
+        guard = self.guard
+        for kind in (PROPOSITIONS, VALUES):
+            for _, before, now in changes.get(kind, ()):
+                one = before or now
+                key = one.key if kind == PROPOSITIONS else one.fluent.key
+                own = guard.triggers.get((kind, key[-2], now is not None))
+                if own and not (kind == PROPOSITIONS and key.is_goal):
+                    self._add(own, [int(id_) for id_ in key[-1].split()])
+        for _, before, now in changes.get("object", ()):
+            if now is not None:
+                self._add(guard.objects, [now.id])
+            for one, types, begins in guard.ranges:
+                if begins == (now is not None) and _ranges(types, now or before):
+                    self.whole[one] = None
+        made = {now for *_, now in changes.get("rule", ()) if now is not None}
+        self.whole |= dict.fromkeys([one for one in guard.all if one.rule in made])
+
+    def _add(self, triggers: Iterable[_Trigger], row: Sequence[int]) -> None:
+        for one in triggers:
+            if not one.places:
+                self.whole[one.forbidden] = None
+            elif one.fits(self.definitions, row):
+                self.rows[one].append(row)
+
+    def refuse(self, session: Session, kb_id: int) -> None:
+        """Raise when what is forbidden has come true."""
+        ask = _Ask(session, kb_id, self.definitions)
+        for one in self.whole:
+            ask.refuse(one, {})
+        for trigger, rows in self.rows.items():
+            if trigger.forbidden not in self.whole:
+                found = ask.first(trigger, self.guard.definitions, rows)
+                if found is not None:
+                    ask.refuse(
+                        trigger.forbidden,
+                        {slot: Known(rows[found][n]) for slot, n in trigger.places.items()},
+                    )
+
+
+class _Ask:
+    """Looks for what is forbidden in the state that a transaction would leave."""
+
+    def __init__(self, session: Session, kb_id: int, definitions: Definitions) -> None:
+        self._session = session
+        self._kb_id = kb_id
+        self._definitions = definitions
+
+    def _question(self, definitions: Definitions) -> Question:
+        return Question(self._session.backend.words, definitions, False)
+
+    def first(
+        self, trigger: _Trigger, definitions: Definitions, rows: Sequence[Sequence[int]]
+    ) -> int | None:
+        """Return the place of the first row with whose objects the condition holds."""
+        if not trigger.statements:
+            one, places = trigger.forbidden, trigger.places
+            rest = tuple([each for each in one.bound if each.slot not in places])
+            part = Witness(rest, one.part) if rest else one.part
+            question = self._question(definitions)
+            trigger.statements.append(question.touched(part, places, len(trigger.terms)))
+        given = {"touched": json.dumps(rows)}
+        found = run(self._session, trigger.statements[0], kb=self._kb_id, at=None, given=given)
+        return found[0][0] if found else None
+
+    def refuse(self, one: Forbidden, known: dict[Slot, Place]) -> None:
+        """Raise for the first objects for which the condition holds, if there are any."""
+        names, definitions = self._definitions.objects.live, self._definitions
+        part = replaced(one.part, {**known}, count(1_000_000))
+        columns = [Column("", each) for each in one.bound if each.slot not in known]
+        statement = self._question(definitions).answers(part, columns, {}, True)
+        found = run(self._session, statement, kb=self._kb_id, at=None, given={"most": 1})[1:]
+        if not found:
+            return
+        ids = [Known(id_) for id_ in found[0][1:]]
+        known |= {each.bound.slot: id_ for each, id_ in zip(columns, ids, strict=False)}
+        own = [known[each.slot].id for each in one.bound[: len(one.variables)]]  # type: ignore[union-attr]
+        instance = substitute(one.formula, bound(one.variables, [names(id_).name for id_ in own]))
+        part = replaced(one.part, {**known}, count(1_000_000))
+        parts = part.parts if isinstance(part, AllOf) else (part,)
+        said = ", ".join(sorted(filter(None, (self._text(each) for each in parts))))
+        raise RuleViolatedError(
+            f"rule {one.rule.name!r} refuses this: {instance} would be violated"
+            f"{f' by {said}' if said else ''}; nothing was written: change in the same "
+            "transaction what it forbids, or save the rule otherwise or delete it (kb.rules)",
+            one.rule.name,
+            str(instance),
+        )
+
+    def _text(self, part: Part) -> str | None:
+        """Write a fact, or that one lacks; None for what is no fact of objects."""
+        fact = part.part if isinstance(part, Lacks) else part
+        if not isinstance(fact, HoldsFact) or any(isinstance(one, Slot) for one in fact.terms):
+            return None
+        live = self._definitions.objects.live
+        names = [live(one.id).name for one in fact.terms if isinstance(one, Known)]
+        text = " ".join([self._definitions.predicates.live(fact.predicate).name, *names])
+        return f"(not ({text}))" if isinstance(part, Lacks) else f"({text})"
