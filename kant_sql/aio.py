@@ -54,6 +54,7 @@ from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
 from .knowledge_base import (
     Executions,
+    KeptRules,
     KnowledgeBase,
     KnowledgeStore,
     Operations,
@@ -65,6 +66,8 @@ from .limits import PATIENCE
 from .moment_text import When
 from .plans import PlanDao
 from .reasoning.ask import Answers, Binding
+from .reasoning.rule_watch import watcher_of
+from .reasoning.rules import Rules, Verdict
 from .sql.changes import Change
 from .sql.inventory import Inventory
 from .store.ownership import LoopBlock
@@ -75,6 +78,7 @@ __all__ = [
     "AsyncFormulaDao",
     "AsyncFunctionValueDao",
     "AsyncGoalDao",
+    "AsyncKeptRules",
     "AsyncKnowledgeBase",
     "AsyncKnowledgeStore",
     "AsyncMetricDao",
@@ -732,6 +736,16 @@ class AsyncExecutions(_Part):
     report = _write(Executions.report)
 
 
+class AsyncKeptRules(_Part):
+    """`KeptRules` for asyncio."""
+
+    get = _read(KeptRules.get)
+    get_all = _read(KeptRules.get_all)
+    save = _write(KeptRules.save)
+    delete = _write(KeptRules.delete)
+    standing = _read(KeptRules.standing)
+
+
 class AsyncOperations(_Part):
     """`Operations` for asyncio."""
 
@@ -768,6 +782,7 @@ class AsyncKnowledgeBase(_Part):
     plans = _Beside(AsyncPlanDao)
     pddl = _Beside(AsyncPddlParts)
     executions = _Beside(AsyncExecutions)
+    rules = _Beside(AsyncKeptRules)
     store = _Beside(AsyncOperations)
 
     transaction = _Call(KnowledgeBase.transaction, _Transaction)
@@ -895,6 +910,21 @@ class AsyncKnowledgeBase(_Part):
         finally:
             cancelled.set()
             lane.end()
+
+    async def watch_rules(
+        self,
+        rules: Rules | None = None,
+        *,
+        after: When | None = None,
+        since: When | None = None,
+        timeout: float | None = None,
+    ) -> AsyncIterator[Verdict]:
+        """Follow rules, as `KnowledgeBase.watch_rules`; it waits as `watch`."""
+        begin = partial(watcher_of, state_of(self._kb), rules, after, since)
+        watcher = await self._door.read(begin)
+        while (head := await self.watch(watcher.last, timeout=timeout)) is not None:
+            for verdict in await self._door.read(partial(watcher.follow, head)):
+                yield verdict
 
     async def close(self) -> None:
         """Close the connections and end the threads, as `KnowledgeBase.close`."""

@@ -21,7 +21,7 @@ from .store.state import State
 from .store.store import close_backend
 
 # What is public besides the names that `kant_sql` has.
-__all__ = ["Executions", "Operations", "PddlParts", "Rules"]
+__all__ = ["Executions", "KeptRules", "Operations", "PddlParts"]
 
 # Revisions that a notebook shows of a knowledge base.
 _LATEST = 5
@@ -176,13 +176,14 @@ class PddlParts(Front):
     load_unified_planning = writes(lambda: documents.exchange.load_unified_planning)
 
 
-class Rules(Front):
+class KeptRules(Front):
     """`kb.rules`: rules that are kept in the store, which report a violation or refuse it."""
 
     get = reads(lambda: reasoning.kept_rules.get)
     get_all = reads(lambda: reasoning.kept_rules.get_all)
     save = writes(lambda: reasoning.kept_rules.save)
     delete = writes(lambda: reasoning.kept_rules.delete)
+    standing = reads(lambda: reasoning.rule_watch.standing)
 
 
 class Executions(Front):
@@ -256,6 +257,7 @@ class KnowledgeBase(Front):
     log = reads(lambda: history.log.log)
     changes = reads(lambda: history.follow.changes)
     watch = reads(lambda: history.follow.watch)
+    watch_rules = reads(lambda: reasoning.rule_watch.watch_rules)
     history = reads(lambda: history.versions.history)
     blame = reads(lambda: history.versions.blame)
     timeline = reads(lambda: history.timeline.timeline)
@@ -272,9 +274,9 @@ class KnowledgeBase(Front):
         return Executions(self._factory, state=self._state)
 
     @cached_property
-    def rules(self) -> Rules:
+    def rules(self) -> KeptRules:
         """Rules that are kept in the store."""
-        return Rules(self._factory, state=self._state)
+        return KeptRules(self._factory, state=self._state)
 
     @cached_property
     def store(self) -> Operations:

@@ -149,14 +149,15 @@ def watch_until(
 ) -> int | None:
     """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
     store, upto = state
-    _refuse_unwatchable(store, upto)
+    refuse_unwatchable(store, upto)
     begin = None if after is None else last_before(store, after)
     deadline = time.monotonic() + seconds(timeout)
     with closing(store.backend.listener()) as listener:
         return _Watch(store, listener, begin, deadline, is_ended).wait()
 
 
-def _refuse_unwatchable(store: Store, upto: int | None) -> None:
+def refuse_unwatchable(store: Store, upto: int | None) -> None:
+    """Refuse to wait for what cannot come."""
     if upto is not None:
         raise ReadOnlyError(
             f"this is knowledge base {store.name!r} at revision {upto}, which never changes; watch "

@@ -14,13 +14,19 @@ if TYPE_CHECKING:
     from . import explain as explain
     from . import memory as memory
     from . import kept_rules as kept_rules
+    from . import rule_watch as rule_watch
     from . import rules as rules
     from . import validate as validate
     from . import when as when
     from .ask import Answers, Binding
+    from .kept_rules import KeptRule
     from .steps import Step, UpActionInstance
 else:
-    homes = {".ask": ("Answers", "Binding"), ".steps": ("Step", "UpActionInstance")}
+    homes = {
+        ".ask": ("Answers", "Binding"),
+        ".kept_rules": ("KeptRule",),
+        ".steps": ("Step", "UpActionInstance"),
+    }
     __getattr__ = asked_for(__name__, homes)
 
-__all__ = ["Answers", "Binding", "Step", "UpActionInstance"]
+__all__ = ["Answers", "Binding", "KeptRule", "Step", "UpActionInstance"]

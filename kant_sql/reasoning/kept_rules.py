@@ -77,7 +77,7 @@ def get(state: State, name: str) -> KeptRule | None:
     return next((one for one in get_all(state) if one.name.lower() == name.lower()), None)
 
 
-def get_all(state: State) -> html.Listing[KeptRule]:
+def get_all(state: State) -> list[KeptRule]:
     """Read all rules that are kept.
 
     Returns:
@@ -89,7 +89,7 @@ def get_all(state: State) -> html.Listing[KeptRule]:
         home (report): (sometime (robot_at rb1 wp1))
     """
 
-    def read(definitions: Definitions) -> html.Listing[KeptRule]:
+    def read(definitions: Definitions) -> list[KeptRule]:
         return html.Listing([kept(definitions, one) for one in definitions.rules], "rule")
 
     return state.store.read_definitions(read, state.at)

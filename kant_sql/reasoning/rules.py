@@ -50,12 +50,17 @@ class Verdict:
         is_preference: whether it is a preference.
         preference: the name of the preference; None for another rule, or without a name.
         revision: the first revision that violates it, with who made it, when and why; None if none
-            does.
+            does. Of `kb.watch_rules`, the revision that decided.
         time: its time in seconds from the first revision of the range; None without one.
         is_judged: whether its names had a meaning in some state of the range.
+        is_pending: whether it is violated unless a later revision makes it good.
+        name: the name of a rule that is kept in the store.
     """
 
-    _json_ = "rule", "verdict", "is_satisfied", "is_preference", "preference", "revision", "time"
+    _json_ = (
+        *("rule", "verdict", "is_satisfied", "is_preference", "preference", "revision", "time"),
+        "name",
+    )
 
     rule: str
     is_satisfied: bool
@@ -64,17 +69,22 @@ class Verdict:
     revision: Revision | None = None
     time: Decimal | None = None
     is_judged: bool = True
+    is_pending: bool = False
+    name: str | None = None
 
     @property
     def verdict(self) -> str:
-        """The verdict in words: `kept`, `violated` or `not judged`."""
+        """The verdict in words: `kept`, `violated`, `pending` or `not judged`."""
         if not self.is_judged:
             return "not judged"
+        if self.is_pending:
+            return "pending"
         return "kept" if self.is_satisfied else "violated"
 
     def _html_row_(self) -> html.Row:
         revision = self.revision
         return {
+            "name": self.name,
             "rule": self.rule,
             "verdict": self.verdict,
             "preference": self.preference or ("without a name" if self.is_preference else None),
@@ -91,9 +101,9 @@ class Verdict:
     def __str__(self) -> str:
         if not self.is_judged:
             return f"{self.rule} is not judged: no state of the range has all its names"
-        if self.revision is None:
-            return f"{self.rule} is kept"
-        return f"{self.rule} is violated in revision {revision_text(self.revision)}"
+        said = f"{self.rule} is {self.verdict}"
+        since = "" if self.revision is None else f" in revision {revision_text(self.revision)}"
+        return f"{said}{since}"
 
 
 class Verdicts(html.Listing[Verdict]):
@@ -170,6 +180,7 @@ class Verdicts(html.Listing[Verdict]):
 
 Rules = Source | f.Formula | Sequence[f.Formula | str]
 COMMITTED, OBSERVED = "committed", "observed"
+KEPT, VIOLATED, PENDING = "kept", "violated", "pending"
 _MICROSECOND = timedelta(microseconds=1)
 
 
@@ -219,19 +230,20 @@ def check_rules(
     store, upto = state
     one_of(clock, (COMMITTED, OBSERVED), "the clock", InvalidArgumentError)
     bounds = find_bounds(store, since, until, upto)
-    constraints, definitions = _read(store, rules, upto)
+    constraints, definitions = read_constraints(store, rules, upto)
 
     def work(session: Session, kb_id: int | None) -> Verdicts:
         if kb_id is None or bounds.high < bounds.low:
             return Verdicts([*_not_judged(constraints)], first=0, last=0)
         span = read_range(session, kb_id, bounds)
-        judge = _Judge(session, kb_id, constraints, definitions, span, clock)
-        return Verdicts(judge.run(), first=span.low, last=span.high)
+        judge = Judge(kb_id, constraints, definitions, clock)
+        judge.follow(session, span)
+        return Verdicts(judge.conclude(session), first=span.low, last=span.high)
 
     return store.query_in_snapshot(work)
 
 
-def _read(
+def read_constraints(
     store: Store, rules: Rules | None, upto: int | None
 ) -> tuple[tuple[f.Formula, ...], Definitions]:
     """Read the rules: those that are given, or those of the store."""
@@ -259,27 +271,42 @@ class _Known(NamedTuple):
     rule: Rule
 
 
+class _Decided(NamedTuple):
+    """A verdict on a rule that a state decided; without a word, the verdict so far."""
+
+    rule: Rule
+    moment: Moment | None
+    verdict: str | None = None
+
+
+def _verdict(rule: Rule, last: Moment) -> str:
+    """Return the verdict on a rule if the last state is the end; `pending` if it is not."""
+    if rule.violation is not None:
+        return VIOLATED
+    return PENDING if rule.is_open(last) else KEPT
+
+
 _Key = tuple[int, str, tuple[tuple[str, str], ...]]
 
 
-class _Judge:
+class Judge:
     """Judges constraints by the states of a range."""
 
     def __init__(
         self,
-        session: Session,
         kb_id: int,
         constraints: Sequence[f.Formula],
         definitions: Definitions,
-        span: Range,
-        clock: str,
+        clock: str = COMMITTED,
+        name: str | None = None,
+        watches: bool = False,
     ) -> None:
-        self._session = session
+        self._watches = watches
         self._kb_id = kb_id
         self._constraints = constraints
         self._definitions = definitions
-        self._range = span
         self._clock = clock
+        self._name = name
         nodes = f.walk(*constraints)
         numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
         self._bounds = sorted({number.value for number in numbers})
@@ -292,28 +319,55 @@ class _Judge:
         self._conditions: Conditions | None = None
         # The revisions that were judged, by the index of their moments.
         self._judged = array("q")
+        self._sweep: Sweep | None = None
+        self._visit: Visit | None = None
+        self._first: int = 0
+        self._begin: datetime | None = None
+        self._before = Decimal(-1)
+        # The verdict on each rule, and when another one came.
+        self._verdict: dict[int, str | None] = {}
+        self._decided: list[_Decided] = []
 
-    def run(self) -> list[Verdict]:
-        """Judge."""
-        visit: Visit | None = None
+    @property
+    def last(self) -> int:
+        """The last revision that was judged; 0 before the first."""
+        return self._range.high if self._first else 0
+
+    def follow(self, session: Session, span: Range) -> None:
+        """Judge the states of a range; another one begins where the last one ended."""
+        self._session, self._range = session, span
+        self._first = self._first or span.low
         for time, revision, following in self._moments():
+            visit = self._visit
             if following is not visit:
                 if visit is None or following.world is not visit.world:
                     self._enter(following)
-                visit = following
+                self._visit = following
             self._observe(Moment(len(self._judged), time))
             self._judged.append(revision)
-        rules = sorted(self._known.values())
-        for _, rule in rules:
-            last = self._last[id(rule)]
+
+    def conclude(self, session: Session) -> list[Verdict]:
+        """Judge the trajectory after its last state."""
+        for _, rule in self._known.values():
             for monitor in rule.monitors:
-                monitor.conclude(last)
-        verdicts = self._verdicts([rule for _, rule in rules])
+                monitor.conclude(self._last[id(rule)])
+        return self.standing(session)
+
+    def standing(self, session: Session) -> list[Verdict]:
+        """Return the verdicts so far, in the order of the rules."""
+        self._session = session
+        rules = sorted(self._known.values())
+        verdicts = self._verdicts([_Decided(rule, rule.violation) for _, rule in rules])
         found = [(order[0], verdict) for (order, _), verdict in zip(rules, verdicts, strict=True)]
         for number, constraint in enumerate(self._constraints):
             if number not in self._meant:
-                found += [(number, verdict) for verdict in _not_judged([constraint])]
+                found += [(number, verdict) for verdict in _not_judged([constraint], self._name)]
         return [verdict for _, verdict in sorted(found, key=itemgetter(0))]
+
+    def decided(self) -> list[Verdict]:
+        """Return the verdicts that came since the last call."""
+        found, self._decided = self._decided, []
+        return self._verdicts(found)
 
     def _observe(self, now: Moment) -> None:
         conditions = self._conditions
@@ -322,6 +376,10 @@ class _Judge:
             self._last[id(rule)] = now
             for monitor in rule.monitors:
                 monitor.observe(now, conditions.holds)
+            verdict = _verdict(rule, now) if self._watches else None
+            if self._verdict.get(id(rule)) != verdict:
+                self._verdict[id(rule)] = verdict
+                self._decided.append(_Decided(rule, now, verdict))
 
     def _enter(self, visit: Visit) -> None:
         """Find the rules that have a meaning in a world; those for new objects begin here."""
@@ -346,7 +404,8 @@ class _Judge:
     def _moments(self) -> Iterator[tuple[Decimal, int, Visit]]:
         """Yield the time and the number of each revision to judge, and its state."""
         session, kb_id, span = self._session, self._kb_id, self._range
-        sweep = Sweep(session, kb_id, self._constraints, self._definitions, span, False)
+        known = self._constraints, self._definitions
+        sweep = self._sweep = Sweep(session, kb_id, *known, span, False, self._sweep)
         return self._timed(sweep) if self._bounds else self._untimed(sweep)
 
     def _untimed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
@@ -365,13 +424,12 @@ class _Judge:
         """Yield those revisions, and those on both sides of the times of rules."""
         session, kb_id, (low, high, _) = self._session, self._kb_id, self._range
         present = sweep.begin()
-        first: datetime | None = None
-        before, yielded = Decimal(-1), low - 1
+        yielded = low - 1
         for number, committed, observed in stream_times(session, kb_id, low, high):
             moment = self._moment(committed, observed)
-            first = first or moment
+            self._begin = self._begin or moment
             # Observations may come late; a trajectory does not go back.
-            time = max(before, _seconds(first, moment))
+            before, time = self._before, max(self._before, _seconds(self._begin, moment))
             passes = self._passes(before, time)
             if passes and present is not None and yielded < number - 1:
                 yield before, number - 1, present
@@ -381,7 +439,7 @@ class _Judge:
             if present is not None and (passes or is_next or number in (low, high)):
                 yielded = number
                 yield time, number, present
-            before = time
+            self._before = time
 
     def _passes(self, before: Decimal, time: Decimal) -> bool:
         """Return whether a time of a rule lies between two times, or at one of them alone."""
@@ -394,41 +452,45 @@ class _Judge:
 
     # Verdicts.
 
-    def _verdicts(self, rules: Sequence[Rule]) -> list[Verdict]:
-        moments = {id(rule): rule.violation for rule in rules}
-        numbers = {self._judged[one.index] for one in moments.values() if one is not None}
-        first = self._range.low
-        revisions = read_numbered(self._session, self._kb_id, {first, *numbers})
-        begin = revisions[first]
-        found = []
-        for rule in rules:
-            violation = moments[id(rule)]
+    def _verdicts(self, found: Sequence[_Decided]) -> list[Verdict]:
+        if not found:
+            return []
+        numbers = {self._judged[one.moment.index] for one in found if one.moment is not None}
+        revisions = read_numbered(self._session, self._kb_id, {self._first, *numbers})
+        begin = revisions[self._first]
+        verdicts = []
+        for rule, moment, said in found:
             revision, time = None, None
-            if violation is not None:
-                revision = revisions[self._judged[violation.index]]
-                time = violation.time if self._bounds else self._since(begin, revision)
-            soft = rule.is_soft
-            satisfied = violation is None
-            found.append(Verdict(str(rule), satisfied, soft, rule.preference, revision, time))
-        return found
+            if moment is not None:
+                revision = revisions[self._judged[moment.index]]
+                time = moment.time if self._bounds else self._since(begin, revision)
+            word = said or _verdict(rule, self._last[id(rule)])
+            own = (rule.is_soft, rule.preference, revision, time)
+            pending = word == PENDING
+            verdicts.append(
+                Verdict(str(rule), word == KEPT, *own, is_pending=pending, name=self._name)
+            )
+        return verdicts
 
     def _since(self, begin: Revision, revision: Revision) -> Decimal:
         moments = [self._moment(one.committed_at, one.observed_at) for one in (begin, revision)]
         return max(Decimal(0), _seconds(*moments))
 
 
-def _not_judged(constraints: Iterable[f.Formula]) -> Iterator[Verdict]:
+def _not_judged(
+    constraints: Iterable[f.Formula], rule_name: str | None = None
+) -> Iterator[Verdict]:
     """Yield the verdicts on constraints whose names no state has."""
     for constraint in constraints:
         if isinstance(constraint, f.And):
-            yield from _not_judged(constraint.formulas)
+            yield from _not_judged(constraint.formulas, rule_name)
             continue
         inner: f.Formula = constraint
         while isinstance(inner, f.Forall):
             inner = inner.formula
         name = inner.name if isinstance(inner, f.Preference) else None
         is_soft = isinstance(inner, f.Preference)
-        yield Verdict(str(constraint), False, is_soft, name, is_judged=False)
+        yield Verdict(str(constraint), False, is_soft, name, is_judged=False, name=rule_name)
 
 
 def _seconds(first: datetime, moment: datetime) -> Decimal:

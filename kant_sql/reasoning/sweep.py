@@ -220,6 +220,9 @@ class Visit(NamedTuple):
 class Sweep:
     """Visits the states of a range in which something changed that formulas mention."""
 
+    _world: World
+    _last: int
+
     def __init__(
         self,
         session: Session,
@@ -228,8 +231,12 @@ class Sweep:
         definitions: Definitions,
         span: Range,
         ranges: bool,
+        before: Sweep | None = None,
     ) -> None:
-        """Find out what matters; `ranges` if variables range over objects beside quantifiers."""
+        """Find out what matters; `ranges` if variables range over objects beside quantifiers.
+
+        `before` ended where the range begins, so that its state need not be read again.
+        """
         self._session = session
         self._kb_id = kb_id
         self._range = span
@@ -242,6 +249,8 @@ class Sweep:
         if has_rules:
             more_facts, more_values = self._of_rules(rules)
             facts, values = facts + more_facts, values + more_values
+        self._patterns_found = facts, values
+        self._before = before
         self._subjects = subjects_of(session, kb_id, facts, values, span.low, span.high)
         ranges = (
             ranges
@@ -297,11 +306,16 @@ class Sweep:
         """
         session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
         base = low if low == archived else low - 1
-        self._definitions = load_at(session, kb_id, base) if base else Definitions()
-        self._world = world_of(self._definitions)
-        self._last = base
-        for touch in state_of(session, kb_id, self._subjects, base) if base else ():
-            self._apply(self._world, touch)
+        before, self._before = self._before, None
+        if before is not None and before._patterns_found == self._patterns_found:
+            self._definitions, self._world = before._definitions, before._world
+            self._last = before._last
+        else:
+            self._definitions = load_at(session, kb_id, base) if base else Definitions()
+            self._world = world_of(self._definitions)
+            self._last = base
+            for touch in state_of(session, kb_id, self._subjects, base) if base else ():
+                self._apply(self._world, touch)
         self._redefined = iter(read_redefinitions(session, kb_id, self._meaning, base, high))
         self._next_redefined = next(self._redefined, None)
         touches = stream_touches(session, kb_id, self._subjects, base, high)

@@ -33,7 +33,7 @@ from .dialects.base import Row, Session
 from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
 from .intervals import forks_at
 from .query import Query, found_rows, in_list, in_rows, integer
-from .rows import KB
+from .rows import KB, held_at
 from .tables import TABLES, RevisionRow
 
 AFTER, LOW, HIGH = integer("after"), integer("low"), integer("high")
@@ -490,6 +490,19 @@ def read_redefinitions(
     query = _redefinitions(meaning.objects is None, meaning.has_rules)
     rows = session.rows(query, kb=kb_id, after=after, high=high, **values)
     return [revision for (revision,) in rows]
+
+
+_RULE = TABLES["rule_version"].c
+_KEPT = Query(
+    select(_RULE.rule_id, _RULE.since, _RULE.text)
+    .where(_RULE.kb_id == KB, held_at(_RULE))
+    .order_by(_RULE.rule_id)
+)
+
+
+def read_kept_rules(session: Session, kb_id: int, at: int) -> list[Row]:
+    """Read the rules that were kept at a revision: which, since when, and their texts."""
+    return session.rows(_KEPT, kb=kb_id, at=at)
 
 
 _TIMES = Query(

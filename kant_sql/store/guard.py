@@ -145,7 +145,7 @@ def _leaves(part: Any, begins: bool = True) -> Iterator[tuple[Any, bool]]:
         yield part, begins
 
 
-class Guard:
+class RuleGuard:
     """What the refusing rules of a state forbid, and which changes may bring it about.
 
     Attributes:
@@ -211,20 +211,20 @@ def _trigger(one: Forbidden, terms: tuple[Place, ...]) -> _Trigger:
     return _Trigger(one, terms, {slot: terms.index(slot) for slot in slots})
 
 
-def guard_of(definitions: PendingDefinitions) -> Guard:
+def guard_of(definitions: PendingDefinitions) -> RuleGuard:
     """Return the guard of a state; it is kept as long as nothing changes what rules mean."""
     if any(definitions.elements(kind).changes for kind in _MEANING):
-        return Guard(definitions)
+        return RuleGuard(definitions)
     origin = definitions.origin
     key = tuple([origin.elements(kind) for kind in _MEANING])
-    kept: dict[Any, Guard] = origin.guards
+    kept: dict[Any, RuleGuard] = origin.guards
     if key not in kept:
         kept.clear()
-        kept[key] = Guard(origin)
+        kept[key] = RuleGuard(origin)
     return kept[key]
 
 
-class Touched:
+class TouchedRules:
     """What the changes of a transaction may have brought about: wholly, or for some objects."""
 
     def __init__(self, definitions: PendingDefinitions, changes: Changes | None) -> None:

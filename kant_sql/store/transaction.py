@@ -314,14 +314,14 @@ class Transaction:
 
     def _guard(self) -> None:
         """Refuse what a rule refuses; this costs statements where changes touch one."""
-        from .guard import Touched
+        from .guard import TouchedRules
 
         propositions, changes = self._propositions, {}
         for kind, ledger in self._ledgers.items():
             if isinstance(ledger, Ledger):
                 changes[kind] = [*ledger.differences()]
         was_spilled = propositions is not None and propositions.was_spilled
-        touched = Touched(self.definitions, None if was_spilled else changes)
+        touched = TouchedRules(self.definitions, None if was_spilled else changes)
         if touched.whole or touched.rows:
             self.flush()
             touched.refuse(self.session, self.kb_id)

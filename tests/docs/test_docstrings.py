@@ -216,5 +216,5 @@ def test_the_parts_of_an_asynchronous_knowledge_base_are_public() -> None:
         door = _Door(kb, True)
         opened = AsyncKnowledgeBase(door, kb=kb)
         daos = [part(opened, path) for path in PATHS]
-    assert len(daos) == len(DAOS) + len(FRONTS) == 21
+    assert len(daos) == len(DAOS) + len(FRONTS) == 22
     assert {type(dao).__name__ for dao in daos if id(type(dao)) not in public} == set()
