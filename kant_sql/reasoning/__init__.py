@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from . import complete as complete
     from . import durative as durative
     from . import explain as explain
-    from . import memory as memory
     from . import kept_rules as kept_rules
+    from . import memory as memory
     from . import rule_watch as rule_watch
     from . import rules as rules
     from . import validate as validate
