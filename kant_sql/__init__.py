@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from .reasoning.ask import Answers as Answers
     from .reasoning.complete import Completion as Completion
     from .reasoning.durative import Aborted as Aborted, BrokenInvariant as BrokenInvariant
+    from .reasoning.execute import ExecutedPlan as ExecutedPlan
     from .reasoning.executing import Durations as Durations
     from .reasoning.failures import FailedCondition as FailedCondition
     from .reasoning.memory import KnowledgeState as KnowledgeState
@@ -93,6 +94,7 @@ _HOMES = {
     ".reasoning.ask": ["Answers"],
     ".reasoning.complete": ["Completion"],
     ".reasoning.durative": ["Aborted", "BrokenInvariant"],
+    ".reasoning.execute": ["ExecutedPlan"],
     ".reasoning.executing": ["Durations"],
     ".reasoning.failures": ["FailedCondition"],
     ".reasoning.memory": ["KnowledgeState"],

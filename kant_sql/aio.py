@@ -16,10 +16,12 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
 from functools import partial, update_wrapper
+from inspect import isawaitable
 from types import MethodType, TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar, overload
 
 from . import knowledge_base as sync
+from .acts import Execution
 from .dao.interfaces import (
     AnyDao,
     Dao,
@@ -66,8 +68,10 @@ from .limits import PATIENCE
 from .moment_text import When
 from .plans import PlanDao
 from .reasoning.ask import Answers, Binding
+from .reasoning.execute import Dispatch, ExecutedPlan, Executive
 from .reasoning.rule_watch import watcher_of
 from .reasoning.rules import Rules, Verdict
+from .reasoning.validate import GivenPlan
 from .sql.changes import Change
 from .sql.inventory import Inventory
 from .store.ownership import LoopBlock
@@ -889,6 +893,60 @@ class AsyncKnowledgeBase(_Part):
             return found
 
         return await self._door.read(ask)
+
+    async def execute(
+        self,
+        plan: GivenPlan,
+        dispatch: Dispatch,
+        *,
+        cancel: Dispatch | None = None,
+        timeout: float | None = 0,
+        speed: float = 1,
+        reason: str | None = None,
+    ) -> ExecutedPlan:
+        """Execute a plan, as `KnowledgeBase.execute`; `dispatch` may be a coroutine function.
+
+        Coroutines run in this event loop, and are cancelled when the plan ends early; functions run
+        in threads. When this call is cancelled, so is the plan.
+        """
+        loop = asyncio.get_running_loop()
+        tasks: dict[str, asyncio.Task[Any] | None] = {}
+
+        def do(step: Execution) -> object:
+            made = dispatch(step)
+            if not isawaitable(made):
+                return made
+
+            async def run() -> object:
+                if step.id in tasks:  # It was called off before it began.
+                    raise asyncio.CancelledError
+                tasks[step.id] = asyncio.current_task()
+                return await made
+
+            return asyncio.run_coroutine_threadsafe(run(), loop).result()
+
+        def call_off(step: Execution) -> None:
+            task = tasks.setdefault(step.id, None)
+            if task is not None:
+                task.cancel()
+
+        def stop(step: Execution) -> None:
+            loop.call_soon_threadsafe(call_off, step)
+            if cancel is not None:
+                cancel(step)
+
+        given = plan, do, stop, timeout, speed, reason
+        executive = await self._door.write(lambda: Executive(state_of(self._kb), *given))
+        lane = _Lane()
+        future = lane.submit(executive.run)
+        try:
+            return await asyncio.shield(asyncio.wrap_future(future))
+        except asyncio.CancelledError:
+            executive.give_up()
+            await _finish(future)
+            raise
+        finally:
+            lane.end()
 
     async def watch(self, after: When | None = None, *, timeout: float | None = None) -> int | None:
         """Wait for a new revision, as `KnowledgeBase.watch`.

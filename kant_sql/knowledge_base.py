@@ -249,6 +249,7 @@ class KnowledgeBase(Front):
     abort = writes(lambda: reasoning.durative.abort)
     fail = writes(lambda: acts.executions.fail)
     statistics = reads(lambda: acts.statistics.statistics)
+    execute = writes(lambda: reasoning.execute.execute)
     plan = reads(lambda: plans.search.plan)
     validate = reads(lambda: reasoning.validate.validate)
     state = reads(lambda: reasoning.memory.state)

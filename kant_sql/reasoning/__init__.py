@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from . import ask as ask
     from . import complete as complete
     from . import durative as durative
+    from . import execute as execute
     from . import explain as explain
     from . import kept_rules as kept_rules
     from . import memory as memory

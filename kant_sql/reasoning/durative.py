@@ -8,7 +8,7 @@ processes know what runs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -70,10 +70,10 @@ APPLIED = "applied"
 
 @dataclass(frozen=True)
 class BrokenInvariant:
-    """A condition `over all` of a running step that does not hold.
+    """A condition of a step that does not hold, as one `over all` of a running step.
 
     Attributes:
-        step: the running step.
+        step: the step.
         unsatisfied: the condition.
         since: the revision since which it does not hold, with its time, actor and reason; None
             within a transaction that broke it.
@@ -147,11 +147,10 @@ def apply(
             with transaction.scope():
                 _apply(transaction, found)
         except NotApplicableError as error:
-            not_held = "; ".join(map(str, error.unsatisfied))
             if reason is None and transaction.metadata.reason == f"{APPLIED} {found}":
                 said = f"refused {found}"
                 transaction.metadata = transaction.metadata._replace(reason=said)
-            _record(transaction, found, REFUSED, message=not_held)
+            _refuse(transaction, found, error)
             refused.append(error)
 
     work = attempt if record_refusal else _apply
@@ -173,6 +172,24 @@ def _apply(transaction: Transaction, step: GroundStep) -> None:
     if step.recorded.outcome is None:
         set_outcome(transaction, step.recorded, RUNNING)
     set_outcome(transaction, step.recorded, SUCCEEDED)
+
+
+def _refuse(transaction: Transaction, step: GroundStep, error: NotApplicableError) -> Key:
+    """Record that a step was refused, and why."""
+    return _record(transaction, step, REFUSED, message="; ".join(map(str, error.unsatisfied)))
+
+
+def refuse(
+    store: Store, step: Execution, error: NotApplicableError, reason: str | None
+) -> Execution:
+    """Record that a step of a recorded plan was refused, in one revision; it stays to be done."""
+    refused: list[Key] = []
+
+    def work(transaction: Transaction, found: GroundStep) -> None:
+        refused.append(_refuse(transaction, found, error))
+
+    in_revision(store, step, reason, None, "refused", work)
+    return read_execution(store, refused[0])
 
 
 def _record(
@@ -253,17 +270,30 @@ def start(
         >>> kb.holds("(open)")
         True
     """
-    store = state.store
+    return begin_running(state.store, step, reason, plan_step, check=_check_durative)
+
+
+def begin_running(
+    store: Store,
+    step: Step,
+    reason: str | None,
+    plan_step: Execution | None = None,
+    *,
+    check: Callable[[GroundStep], None] | None = None,
+) -> Execution:
+    """Start a step; one without duration has all its effects at its end, and `apply` ends it."""
     started: list[Key] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
-        _check_durative(found)
+        if check is not None:
+            check(found)
         running = _find(running_executions(store), found)
         if running is not None:
             reason_ = f"it is running: {running.place}"
             raise not_applicable(found, [FailedCondition(str(found), reason_)])
         stepper = begin(view_of(transaction), found)
-        stepper.execute(transaction, AT_START)
+        if found.action.is_durative:
+            stepper.execute(transaction, AT_START)
         if found.recorded is None:
             started.append(_record(transaction, found, RUNNING, stepper.numbers))
         else:
@@ -417,20 +447,23 @@ def broken_invariants(state: State) -> list[BrokenInvariant]:
     store, at = state
     if at is not None:
         raise PlanError("running steps are of the present: ask the knowledge base, not kb.at(...)")
-    running = running_executions(store)
+    return Listing(find_broken(store, running_executions(store)), "broken invariant")
+
+
+def find_broken(store: Store, running: Iterable[Execution]) -> list[BrokenInvariant]:
+    """Return the conditions `over all` of steps that do not hold now."""
 
     def work(view: View) -> list[tuple[Execution, FailedCondition]]:
         found = []
         for step in running:
             of_step = ground(view.definitions, step)
-            nodes = closed_nodes(of_step, OVER_ALL)
+            nodes = closed_nodes(of_step, OVER_ALL) if of_step.action.is_durative else []
             numbers = {} if step.duration is None else {f.DURATION: step.duration}
             found += [(step, failed) for failed in Explainer(view, numbers).failed(nodes)]
         return found
 
     broken = store.read_in_snapshot(work)
-    found = (BrokenInvariant(step, failed, broken_since(store, failed)) for step, failed in broken)
-    return Listing(found, "broken invariant")
+    return [BrokenInvariant(step, failed, broken_since(store, failed)) for step, failed in broken]
 
 
 def broken_since(store: Store, failed: FailedCondition) -> Revision | None:

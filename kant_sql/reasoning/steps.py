@@ -44,7 +44,7 @@ from ..pddl.cursor import hint
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
-from ..planning import PlanStep
+from ..planning import Plan, PlanStep
 from .failures import FailedCondition
 
 
@@ -534,9 +534,29 @@ def _given(definitions: Definitions, step: object) -> _Given:
         return step.action, step.arguments, step.duration, None
     if isinstance(step, Execution):
         return step.action, step.arguments, step.duration, step
+    found = _of_unified_planning(step)
+    return found.action, found.arguments, None, None
+
+
+def read_plan_step(step: Step) -> PlanStep:
+    """Read a step of a plan, whatever it names."""
+    if isinstance(step, PlanStep):
+        return step
+    if isinstance(step, Execution):
+        return PlanStep(step.start, step.action, step.arguments, step.duration)
+    if isinstance(step, str):
+        steps = Plan.read(f"{step}\n" if "(" in step else f"({step})").steps
+        if len(steps) != 1:
+            raise PlanError(f"{shown(step)} has {len(steps)} steps, expected one")
+        return steps[0]
+    return _of_unified_planning(step)
+
+
+def _of_unified_planning(step: object) -> PlanStep:
     if type(step).__module__.startswith("unified_planning") and hasattr(step, "actual_parameters"):
         given: Any = step
-        return given.action.name, [str(each) for each in given.actual_parameters], None, None
+        arguments = tuple([str(each) for each in given.actual_parameters])
+        return PlanStep(None, given.action.name, arguments)
     raise PlanError(
         f"{shown(step)} is not a step; give text such as '(move rb1 hall kitchen)', a PlanStep, a "
         "step of a recorded plan, or an ActionInstance of unified-planning"

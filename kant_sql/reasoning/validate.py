@@ -18,6 +18,7 @@ them, which is exact. Trajectory constraints are judged in the states at happeni
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -26,11 +27,11 @@ from typing import Any, NamedTuple
 
 from .. import html
 from ..acts import Execution
-from ..arguments import expect
+from ..arguments import iterate
 from ..documents.exchange import read_task
 from ..dto import formulas as f
 from ..dto.lexical import fold
-from ..errors import UnsupportedConstructError
+from ..errors import PlanError, UnsupportedConstructError
 from ..history.moments import state_at
 from ..knowledge.grounding import substitute
 from ..knowledge.resolved import Resolver
@@ -40,6 +41,7 @@ from ..pddl.document import DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from ..pddl.reader import without_collector
 from ..planning import Plan, PlanStep
 from ..plans import RecordedPlan
+from ..plans.dao import SqlPlanDao
 from ..store.state import State
 from .actions import (
     Changes,
@@ -55,7 +57,8 @@ from .actions import (
 from .derived import read_world
 from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
-from .steps import preferred
+from .steps import Step as GivenStep
+from .steps import preferred, read_plan_step
 from .trajectory import Moment, Rule, Trajectory
 from .world import Row, World, fact_of, value_of
 
@@ -63,6 +66,7 @@ SIMULTANEOUS = Decimal("0.001")
 ANONYMOUS = "anonymous"
 
 Step = PlanStep | Execution
+GivenPlan = Plan | RecordedPlan | int | str | os.PathLike[str] | Iterable[GivenStep]
 
 
 @dataclass(frozen=True)
@@ -160,7 +164,7 @@ class Validation:
         return html.lines(str(self))
 
 
-def validate(state: State, plan: Plan | RecordedPlan, *, at: When | None = None) -> Validation:
+def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Validation:
     """Execute a plan in memory from a state of the store; nothing is written.
 
     Sequential and temporal plans are executed as PDDL 2.1 defines (Fox and Long, 2003), with
@@ -170,8 +174,9 @@ def validate(state: State, plan: Plan | RecordedPlan, *, at: When | None = None)
     are executed one after another.
 
     Args:
-        plan: a plan, or a recorded one, which is executed from the state chosen here, not from
-            the one that it was made from.
+        plan: a plan, its text or path (see `Plan.read`), a list of steps, each as for `kb.apply`,
+            or a recorded plan or its id. It is executed from the state chosen here, not from the
+            one that it was made from.
         at: a revision, given as for `kb.at`; None for the present, or the past state that
             this is a view of.
 
@@ -186,6 +191,8 @@ def validate(state: State, plan: Plan | RecordedPlan, *, at: When | None = None)
         UnknownRevisionError: there is no such revision yet, or the time lies in the future or
             has no zone.
         ArchivedError: that state was moved to an archive.
+        PlanError: there is no recorded plan of that id, or a step of the list is no step.
+        PddlError: the text is not that of a plan.
         InvalidKnowledgeError: `plan` is not a plan, or derived predicates are not stratified.
 
     Examples:
@@ -207,11 +214,25 @@ def validate(state: State, plan: Plan | RecordedPlan, *, at: When | None = None)
         step 0, (push), fails at 1:
           (not (locked)): does not hold
     """
-    expect(plan, (Plan, RecordedPlan), "the plan")
     store = state.store
     revision = state.at if at is None else state_at(store, at, state.at)
     task = read_task(State(store, revision))
-    return validate_plan(task.domain, task.problem, plan)
+    return validate_plan(task.domain, task.problem, read_given(state, plan))
+
+
+def read_given(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
+    """Read a plan that a caller gives: itself, its id, its text or path, or its steps."""
+    if isinstance(plan, Plan | RecordedPlan):
+        return plan
+    if isinstance(plan, int) and not isinstance(plan, bool):
+        found = SqlPlanDao(*state).get(plan)
+        if found is None:
+            raise PlanError(f"knowledge base {state.store.name!r} has no plan {plan}")
+        return found
+    if isinstance(plan, str | os.PathLike):
+        return Plan.read(plan)
+    steps = iterate(plan, "the plan", "a Plan, its id, its text, its path or a list of steps")
+    return Plan(tuple([read_plan_step(step) for step in steps]), "", "")
 
 
 @without_collector()

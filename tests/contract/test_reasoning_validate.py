@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from kant_sql import (
     UnknownRevisionError,
     UnsupportedConstructError,
 )
+from kant_sql.errors import PddlError, PlanError
 from tests.support.reading import nothing_changes
 from tests.support.statements import count
 
@@ -138,9 +140,25 @@ def test_goals_constraints_and_numbers_are_judged(rounds: KnowledgeBase) -> None
 
 
 def test_what_is_no_plan_is_refused(rounds: KnowledgeBase) -> None:
-    for junk in ("(move rb1 home lab)", None, [PlanStep(None, "check")]):
-        with pytest.raises(InvalidKnowledgeError, match="the plan is a Plan or RecordedPlan"):
-            rounds.validate(junk)  # type: ignore[arg-type]
+    with pytest.raises(InvalidKnowledgeError, match="the plan is a Plan, its id, its text, its"):
+        rounds.validate(None)  # type: ignore[arg-type]
+    junk: Any
+    for junk, problem in (([3], "3 is not a step"), (["(a) (b)"], "line"), (7, "has no plan 7")):
+        with pytest.raises((PlanError, PddlError), match=problem):
+            rounds.validate(junk)
+
+
+def test_a_plan_is_its_text_its_steps_or_its_id(rounds: KnowledgeBase) -> None:
+    plan = Plan.read("(move rb1 home lab)\n(move rb1 lab home)\n")
+    recorded = rounds.plans.record(plan)
+    given: Any
+    for given in (
+        str(plan),
+        recorded.id,
+        ["move rb1 home lab", plan.steps[1]],
+        (each for each in recorded.steps),
+    ):
+        assert rounds.validate(given) == rounds.validate(plan)
 
 
 def test_processes_are_refused_by_name(rounds: KnowledgeBase) -> None:

@@ -20,8 +20,9 @@ from tests.support.parts import DAOS, FRONTS
 from tests.support.worlds.robots import robot_at
 
 MODULES = (kant_sql, kant_sql.aio, kant_sql.operations, kant_sql.pddl, kant_sql.planning)
-# Two states of one kind, in the order of `git diff A B`; from and to, in that of `cp`.
-TWO_OF_A_KIND = {"diff", "backup"}
+# Two states of one kind, in the order of `git diff A B`; from and to, in that of `cp`; what is done
+# and who does it, in that of `map`.
+KNOWN_ORDER = {"diff", "backup", "execute"}
 POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
 
@@ -90,7 +91,7 @@ def test_from_the_second_argument_on_all_are_keywords() -> None:
     too_many = {
         name: positional(function, is_method)
         for name, function, is_method in found
-        if len(positional(function, is_method)) > 1 and name.rsplit(".", 1)[-1] not in TWO_OF_A_KIND
+        if len(positional(function, is_method)) > 1 and name.rsplit(".", 1)[-1] not in KNOWN_ORDER
     }
     assert too_many == {}
 

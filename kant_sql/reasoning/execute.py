@@ -1,0 +1,393 @@
+"""Executing whole plans: each step when its time has come, several at once, until one fails."""
+
+from __future__ import annotations
+
+import asyncio
+import contextvars
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent import futures
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+from .. import html
+from ..acts import Execution, Outcome
+from ..acts.executions import report
+from ..acts.recording import key_of, read_execution, running_executions
+from ..arguments import expect, optional_call, optional_text, refusal, seconds
+from ..errors import InvalidArgumentError, KantSqlError, NotApplicableError, PlanError
+from ..history.follow import refuse_unwatchable, watch_until
+from ..history.moments import head_revision
+from ..plans import RecordedPlan
+from ..plans.dao import SqlPlanDao
+from ..sql.executions import RUNNING, SUCCEEDED, Key
+from ..store.state import State
+from .durative import (
+    BrokenInvariant,
+    apply,
+    begin_running,
+    broken_since,
+    end,
+    find_broken,
+    refuse,
+)
+from .steps import ground
+from .validate import GivenPlan, read_given
+
+Dispatch = Callable[[Execution], object]
+_CANCELLED = (asyncio.CancelledError, futures.CancelledError)
+
+
+@dataclass(frozen=True)
+class ExecutedPlan:
+    """What came of executing a plan.
+
+    Attributes:
+        outcome: `succeeded`; else the outcome of the step that ended it: `failed`, `aborted`, or
+            `refused` if its condition did not hold when its time had come.
+        step: the execution that ended it; None if it succeeded, or was cancelled between steps.
+        unsatisfied: the conditions of that step that did not hold, each with the revision that
+            broke it; none if the step failed by itself.
+        plan: the recorded plan, with the outcomes of its steps.
+    """
+
+    outcome: Outcome
+    step: Execution | None
+    unsatisfied: tuple[BrokenInvariant, ...]
+    plan: RecordedPlan
+
+    def __str__(self) -> str:
+        done = sum(step.outcome == SUCCEEDED for step in self.plan.steps)
+        said = f"plan {self.plan.id} {self.outcome}, {done} of {len(self.plan.steps)} steps done"
+        if self.step is None:
+            return said
+        why = " ".join(each for each in (self.step.code, self.step.text) if each)
+        broken = [str(each) for each in self.unsatisfied] or [f"{self.step}: {why}".strip(": ")]
+        return "\n".join((said, *(f"  {each}" for each in broken)))
+
+    def _repr_html_(self) -> str:
+        return html.lines(str(self))
+
+
+def execute(
+    state: State,
+    plan: GivenPlan,
+    dispatch: Dispatch,
+    *,
+    cancel: Dispatch | None = None,
+    timeout: float | None = 0,
+    speed: float = 1,
+    reason: str | None = None,
+) -> ExecutedPlan:
+    """Execute a plan: call `dispatch(step)` for each step, and record what comes of it.
+
+    A step begins when its start time has come, all steps that the plan ends before have ended, and
+    its condition holds; without start times, one follows the other. It is recorded as `running`,
+    with its effects `at start`; then `dispatch` does it, in a thread of its own; then its other
+    effects are written, and it has succeeded. So durations are those of the robot, in the order of
+    the plan.
+
+    A step fails if `dispatch` raises an error or returns False, its invariants break meanwhile,
+    whoever breaks them, or its condition at the end does not hold; with the code `error.code`, or
+    the class of the error. It is aborted if `dispatch` raises `CancelledError`, or any process
+    calls `kb.abort(step)`. The first step that does not succeed ends the plan: the others that run
+    are aborted, in the same revision.
+
+    Args:
+        plan: as for `validate`. One that is not recorded is recorded first. Steps of a recorded
+            plan that have succeeded are not done again.
+        dispatch: does a step, given its execution, and returns when it is done.
+        cancel: called for each step that `dispatch` still does when the plan ends early, to stop
+            it; `execute` returns when all calls of `dispatch` have.
+        timeout: the seconds for which a step waits for its condition; None to wait without limit.
+        speed: how many time units of the plan pass in a second.
+        reason: the reason of all revisions; by default what is done with which step.
+
+    Returns:
+        What came of it, with the step that ended it, and what broke by whom. No error of
+        `dispatch` is raised.
+
+    Raises:
+        PlanError: there is no such plan; a step is not one of the domain, or cannot begin, as it
+            runs or has failed.
+        PddlError: the text is not that of a plan.
+        InvalidArgumentError: `speed` is not a positive number, or there is nothing to call.
+        ReadOnlyError: this is a view of the past, or a transaction is open.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+        ...   (:action unlock :parameters ()
+        ...     :precondition (not (open)) :effect (open)))''').revision
+        2
+        >>> print(kb.execute("(unlock)", print))
+        (unlock)
+        plan 1 succeeded, 1 of 1 steps done
+        >>> print(kb.execute("(unlock)", print))
+        plan 2 refused, 0 of 1 steps done
+          (unlock): (not (open)): does not hold, since revision 5 by perception
+    """
+    return Executive(state, plan, dispatch, cancel, timeout, speed, reason).run()
+
+
+class _Said(NamedTuple):
+    """What `dispatch` said of a step that did not succeed."""
+
+    outcome: Outcome
+    code: str | None = None
+    text: str | None = None
+
+
+@dataclass
+class Executive:
+    """Executes one plan, given as for `execute`."""
+
+    state: State
+    plan: GivenPlan
+    dispatch: Dispatch
+    cancel: Dispatch | None = None
+    timeout: float | None = 0
+    speed: float = 1
+    reason: str | None = None
+
+    def __post_init__(self) -> None:
+        expect(self.dispatch, Callable, "dispatch", InvalidArgumentError)  # type: ignore[arg-type]
+        optional_call(self.cancel, "cancel")
+        optional_text(self.reason, "the reason")
+        if not 0 < expect(self.speed, (int, float), "speed", InvalidArgumentError) < math.inf:
+            raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
+        self._patience, self._store = seconds(self.timeout), self.state.store
+        refuse_unwatchable(self._store, self.state.at)
+        given = read_given(self.state, self.plan)
+        if not isinstance(given, RecordedPlan):
+            given = SqlPlanDao(self._store).record(given)
+        self._plan_id = given.id
+        self._left = deque(_steps_left(given))
+        # A plan that goes on does so at once.
+        is_whole = len(self._left) == len(given.steps)
+        self._first = 0.0 if is_whole or not self._left else float(self._left[0].start or 0)
+        self._running: dict[Key, Execution] = {}
+        self._dispatched: dict[Key, Execution] = {}
+        self._threads: list[threading.Thread] = []
+        # Whoever holds it begins or ends a step, or looks at those that run.
+        self._lock = threading.Lock()
+        self._wake, self._is_over = threading.Event(), threading.Event()
+        self._pause: float | None = None
+        self._waits_since: float | None = None
+        self._end: tuple[Outcome, Execution | None, tuple[BrokenInvariant, ...]] | None = None
+        self._is_cancelled = False
+        self._error: BaseException | None = None
+
+    def run(self) -> ExecutedPlan:
+        """Execute the plan, in this thread and one for each step that runs."""
+        self._begun = time.monotonic()
+        self._thread(self._watch, head_revision(self._store))
+        try:
+            while not self._look():
+                self._wake.wait(self._pause)
+                self._wake.clear()
+        except BaseException:
+            # The store may be gone; then what ran is recorded as running.
+            with suppress(KantSqlError), self._lock:
+                self._stop(None)
+            raise
+        finally:
+            self._is_over.set()
+            self._call_off()
+        for thread in self._threads:
+            thread.join()
+        if self._error is not None:
+            raise self._error
+        plan = SqlPlanDao(self._store).get(self._plan_id)
+        assert plan is not None
+        return ExecutedPlan(*(self._end or ("succeeded", None, ())), plan)
+
+    def give_up(self) -> None:
+        """End the plan: what runs is aborted."""
+        self._is_cancelled = True
+        self._wake.set()
+
+    def _thread(self, work: Callable[..., None], *given: object) -> threading.Thread:
+        run = partial(contextvars.copy_context().run, work, *given)
+        thread = threading.Thread(target=run, name="kant_sql execute", daemon=True)
+        thread.start()
+        return thread
+
+    def _watch(self, after: int) -> None:
+        """Wake up for each revision, whoever writes it; this ends half a second after the plan."""
+        try:
+            while not self._is_over.is_set():
+                found = watch_until(self.state, after, None, self._is_over.is_set)
+                after = after if found is None else found
+                self._wake.set()
+        except Exception as error:
+            if not self._is_over.is_set():
+                self._break(error)
+
+    def _break(self, error: BaseException) -> None:
+        self._error = error
+        self._wake.set()
+
+    def _look(self) -> bool:
+        """Look at what runs, begin what can; return whether the plan is over."""
+        with self._lock:
+            if self._is_cancelled or self._error is not None:
+                self._stop(None)
+            if self._running and self._end is None:
+                self._look_at_running()
+            while self._end is None and self._begins():
+                pass
+            return self._end is not None or not (self._left or self._running)
+
+    def _look_at_running(self) -> None:
+        running = {key_of(step) for step in running_executions(self._store)}
+        for key in self._running.keys() - running:
+            now = read_execution(self._store, key)
+            if now.outcome != SUCCEEDED:
+                self._stop(now)
+                return
+        steps = [step for key, step in self._running.items() if key in running]
+        broken = find_broken(self._store, steps)
+        if broken:
+            step = broken[0].step
+            self._fail(step, tuple(each for each in broken if each.step == step))
+
+    def _begins(self) -> bool:
+        """Begin the next step if it can begin; else say how long to wait."""
+        self._pause = None
+        if not self._left or any(_is_before(one, self._left[0]) for one in self._running.values()):
+            return False
+        step, now = self._left[0], time.monotonic()
+        if step.start is not None:
+            due = self._begun + (float(step.start) - self._first) / self.speed
+            if due > now:
+                self._pause = min(due - now, threading.TIMEOUT_MAX)
+                return False
+        try:
+            begun = begin_running(self._store, step, self.reason)
+        except NotApplicableError as error:
+            self._waits_since = now if self._waits_since is None else self._waits_since
+            left = self._waits_since + self._patience - now
+            if left > 0:
+                self._pause = min(left, threading.TIMEOUT_MAX)
+            else:
+                refused = refuse(self._store, step, error, self.reason)
+                self._stop(refused, self._broken(step, error))
+            return False
+        self._waits_since = None
+        key = key_of(self._left.popleft())
+        self._running[key] = self._dispatched[key] = begun
+        self._threads.append(self._thread(self._perform, begun))
+        return True
+
+    def _broken(self, step: Execution, error: NotApplicableError) -> tuple[BrokenInvariant, ...]:
+        """Find out who broke what a step needs."""
+        found = []
+        for failed in error.unsatisfied:
+            since = failed.retracted
+            with suppress(KantSqlError):  # It may be no condition, but a value that is missing.
+                since = broken_since(self._store, failed)
+            found.append(BrokenInvariant(step, failed, since))
+        return tuple(found)
+
+    def _perform(self, step: Execution) -> None:
+        """Do a step, and record what came of it."""
+        try:
+            said = _Said("failed", text="dispatch returned False")
+            if self.dispatch(step) is not False:
+                said = _Said("succeeded")
+        except _CANCELLED:
+            said = _Said("aborted")
+        except Exception as error:
+            code = getattr(error, "code", None)
+            said = _Said("failed", str(code or type(error).__name__), str(error) or None)
+        del self._dispatched[key_of(step)]
+        try:
+            with self._lock:
+                self._conclude(step, said)
+        except BaseException as error:
+            self._break(error)
+        self._wake.set()
+
+    def _conclude(self, step: Execution, said: _Said) -> None:
+        key = key_of(step)
+        if self._end is not None:
+            return  # It was aborted meanwhile.
+        now = read_execution(self._store, key)
+        if now.outcome == RUNNING and said.outcome == SUCCEEDED:
+            found = self._store.read_definitions(lambda definitions: ground(definitions, step))
+            finish = end if found.action.is_durative else apply
+            try:
+                finish(self.state, step, reason=self.reason)
+            except NotApplicableError as error:
+                self._fail(step, self._broken(step, error))
+                return
+        elif now.outcome != SUCCEEDED:
+            self._stop(now, said=said)
+            return
+        del self._running[key]
+
+    def _fail(self, step: Execution, broken: tuple[BrokenInvariant, ...]) -> None:
+        why = "; ".join(str(each).removeprefix(f"{step}: ") for each in broken)
+        self._stop(step, broken, _Said("failed", text=why))
+
+    def _stop(
+        self,
+        by: Execution | None,
+        broken: tuple[BrokenInvariant, ...] = (),
+        said: _Said | None = None,
+    ) -> None:
+        """End the plan with a step, and abort the others that run, in one revision."""
+        if self._end is not None:
+            return
+        why = "the plan was cancelled" if by is None else f"{by} did not succeed"
+        others = [step for key, step in self._running.items() if by is None or key != key_of(by)]
+        with self._store.transaction(reason=self.reason or why):
+            if by is not None:
+                by = self._close(by, said) if said else by
+            for step in others:
+                self._close(step, _Said("aborted", text=why))
+        if by is not None:
+            by = read_execution(self._store, key_of(by))
+        self._end = ("aborted" if by is None else by.outcome or "aborted"), by, broken
+        self._running.clear()
+
+    def _close(self, step: Execution, said: _Said) -> Execution:
+        """Record how a step ended, unless somebody else has."""
+        now = read_execution(self._store, key_of(step))
+        if now.outcome != RUNNING:
+            return now
+        outcome, code, text = said
+        return report(self.state, now, outcome=outcome, code=code, text=text)
+
+    def _call_off(self) -> None:
+        """Have the calls of `dispatch` stopped that go on."""
+        for step in [*self._dispatched.values()]:
+            if self.cancel is not None:
+                try:
+                    self.cancel(step)
+                except Exception as error:
+                    self._error = self._error or error
+
+
+def _steps_left(plan: RecordedPlan) -> list[Execution]:
+    """Return the steps that are to be done, in the order of their times."""
+    left = [step for step in plan.steps if step.outcome != SUCCEEDED]
+    for step in left:
+        if step.outcome is not None:
+            raise PlanError(
+                f"{step.place}, {step}, is {step.outcome}; only what was not begun can be "
+                "executed: end what runs, or make a new plan of what is left"
+            )
+    return sorted(left, key=lambda step: step.start or 0)
+
+
+def _is_before(one: Execution, other: Execution) -> bool:
+    """Return whether a plan has a step end before another begins."""
+    if one.start is None or other.start is None:
+        return True
+    return one.start + (one.duration or 0) <= other.start

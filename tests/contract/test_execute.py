@@ -1,0 +1,304 @@
+"""Whole plans are executed: in their order, side by side, until a step fails, whoever breaks it."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Awaitable, Callable
+from concurrent.futures import CancelledError
+from threading import Event
+from typing import Any
+
+import pytest
+
+from kant_sql import ExecutedPlan, Execution, KnowledgeBase, Plan, PlanStep, aio
+from kant_sql.errors import (
+    InvalidArgumentError,
+    InvalidTimeoutError,
+    PddlError,
+    PlanError,
+    ReadOnlyError,
+    TransactionOpenError,
+)
+from kant_sql.reasoning import Step
+from tests.support.reading import beside, nothing_changes, store_of
+
+DOMAIN = """
+(define (domain ward) (:requirements :typing :durative-actions) (:types robot place)
+  (:predicates (at ?r - robot ?p - place) (lit ?p - place) (moving ?r - robot) (clean ?p - place))
+  (:action switch :parameters (?p - place) :precondition (not (lit ?p)) :effect (lit ?p))
+  (:durative-action move :parameters (?r - robot ?a ?b - place) :duration (= ?duration 5)
+    :condition (and (at start (at ?r ?a)) (over all (lit ?b)))
+    :effect (and (at start (not (at ?r ?a))) (at start (moving ?r))
+      (at end (not (moving ?r))) (at end (at ?r ?b))))
+  (:durative-action clean :parameters (?p - place) :duration (= ?duration 4)
+    :effect (at end (clean ?p))))
+"""
+PROBLEM = """
+(define (problem night) (:domain ward) (:objects r1 r2 - robot hall room - place)
+  (:init (at r1 hall) (at r2 hall) (lit hall)) (:goal (at r1 room)))
+"""
+PLAN = """
+0: (switch room)
+0.01: (move r1 hall room) [5]
+0.01: (clean hall) [4]
+5.02: (clean room) [4]
+"""
+FAST = 1000.0
+# What waits longer than this fails the test.
+LONG = 20
+
+
+@pytest.fixture
+def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A ward with two robots in the hall."""
+    fresh_kb.load_domain(DOMAIN)
+    fresh_kb.load_problem(PROBLEM)
+    return fresh_kb
+
+
+def nurse(kb: KnowledgeBase) -> KnowledgeBase:
+    """Another writer of the same knowledge base."""
+    return beside(kb, store_of(kb).name, "nurse")
+
+
+def outcomes(found: ExecutedPlan) -> list[str | None]:
+    return [step.outcome for step in found.plan.steps]
+
+
+def do_nothing(step: Execution) -> None:
+    pass
+
+
+def test_steps_run_in_their_order_and_side_by_side(kb: KnowledgeBase) -> None:
+    both = threading.Barrier(2, timeout=LONG)
+    done: list[str] = []
+
+    def dispatch(step: Execution) -> str:
+        now = kb.executions.get(step.id)
+        assert now is not None
+        assert now.outcome == "running"
+        if str(step) in ("(move r1 hall room)", "(clean hall)"):
+            both.wait()
+        assert kb.holds("(moving r1)") == (str(step) == "(move r1 hall room)") or "hall" in str(
+            step
+        )
+        done.append(str(step))
+        return "whatever"
+
+    found = kb.execute(PLAN, dispatch, speed=FAST, reason="the nurse called")
+    assert (found.outcome, found.step, found.unsatisfied) == ("succeeded", None, ())
+    assert str(found) == f"plan {found.plan.id} succeeded, 4 of 4 steps done"
+    assert (done[0], {*done[1:3]}, done[3]) == (
+        "(switch room)",
+        {"(move r1 hall room)", "(clean hall)"},
+        "(clean room)",
+    )
+    assert kb.holds("(and (at r1 room) (lit room) (clean hall) (clean room) (not (moving r1)))")
+    assert {step.reason for step in found.plan.steps} == {"the nurse called"}
+    assert found.plan == kb.plans.get(found.plan.id)
+    assert kb.store.verify().is_intact
+
+
+def test_a_step_begins_when_its_time_has_come(kb: KnowledgeBase) -> None:
+    begun: list[float] = []
+    zero = time.monotonic()
+    steps: list[Step] = [PlanStep(None, "switch", ("room",)), "(clean room)"]
+    kb.execute(steps, lambda step: begun.append(time.monotonic() - zero))
+    kb.execute("0: (clean hall) [4]\n40: (clean room) [4]\n", do_nothing, speed=200)
+    assert begun[1] >= begun[0]
+    assert time.monotonic() - zero >= 40 / 200
+    # A plan that goes on does so at once, with what is left.
+    plan = kb.plans.record(Plan.read("0: (clean hall) [4]\n5000: (clean room) [4]\n"))
+    kb.apply(plan.steps[0])
+    found = kb.execute(plan.id, do_nothing)
+    assert outcomes(found) == ["succeeded"] * 2
+
+
+class BumpError(Exception):
+    """An error with a code of its own."""
+
+    code = "E4"
+
+
+@pytest.mark.parametrize(
+    ("how", "outcome", "code", "text"),
+    [
+        (BumpError("a chair"), "failed", "E4", "a chair"),
+        (ValueError(), "failed", "ValueError", None),
+        (CancelledError(), "aborted", None, None),
+        (False, "failed", None, "dispatch returned False"),
+    ],
+)
+def test_a_step_that_fails_ends_the_plan(
+    kb: KnowledgeBase, how: BaseException | bool, outcome: str, code: str | None, text: str | None
+) -> None:
+    running, called_off = Event(), Event()
+
+    def dispatch(step: Execution) -> bool | None:
+        if step.action == "move":
+            assert running.wait(LONG)
+            if isinstance(how, BaseException):
+                raise how
+            return how
+        if step.action == "clean":
+            running.set()
+            assert called_off.wait(LONG)
+        return None
+
+    found = kb.execute(PLAN, dispatch, cancel=lambda step: called_off.set(), speed=FAST)
+    assert outcomes(found) == ["succeeded", outcome, "aborted", None]
+    assert found.step == found.plan.steps[1]
+    assert (found.outcome, found.step.code, found.step.text) == (outcome, code, text)
+    aborted = found.plan.steps[2]
+    assert aborted.text == "(move r1 hall room) did not succeed"
+    assert aborted.revision == found.step.revision == kb.revision
+    # What its start changed stays; nothing else was written.
+    assert kb.holds("(and (moving r1) (not (at r1 room)) (not (clean hall)))")
+    with pytest.raises(PlanError, match=f"is {outcome}; only what was not begun"):
+        kb.execute(found.plan, dispatch)
+    assert kb.store.verify().is_intact
+
+
+def test_an_invariant_that_another_breaks_is_found_while_the_step_runs(kb: KnowledgeBase) -> None:
+    running, called_off = Event(), Event()
+    calls: list[str] = []
+
+    def dispatch(step: Execution) -> None:
+        if step.action == "move":
+            running.set()
+            assert called_off.wait(LONG)
+
+    def cancel(step: Execution) -> None:
+        calls.append(str(step))
+        called_off.set()
+
+    def interfere() -> None:
+        assert running.wait(LONG)
+        nurse(kb).propositions.delete("(lit room)")
+
+    other = threading.Thread(target=interfere)
+    other.start()
+    found = kb.execute("(switch room)\n(move r1 hall room)", dispatch, cancel=cancel)
+    other.join()
+    assert calls == ["(move r1 hall room)"]
+    assert found.step == found.plan.steps[1]
+    [broken] = found.unsatisfied
+    assert broken.since is not None
+    assert (broken.unsatisfied.condition, broken.since.actor) == ("(lit room)", "nurse")
+    assert found.step.text == str(broken).removeprefix("(move r1 hall room): ")
+    assert str(found).endswith(f"since revision {broken.since.number} by nurse")
+
+
+def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> None:
+    start = time.monotonic()
+    found = kb.execute("(move r1 hall room)", do_nothing, timeout=0.2)
+    assert time.monotonic() - start >= 0.2
+    assert (found.outcome, outcomes(found)) == ("refused", [None])
+    assert found.step is not None
+    assert found.step.text == "(lit room): does not hold right after the start"
+    assert kb.executions.get(found.step.id) == found.step
+    other = threading.Timer(0.1, lambda: nurse(kb).propositions.save("(lit room)"))
+    other.start()
+    # It is not done, so it can be executed yet.
+    found = kb.execute(found.plan.id, do_nothing, timeout=LONG)
+    other.join()
+    assert outcomes(found) == ["succeeded"]
+
+
+def test_a_condition_at_the_end_that_does_not_hold_fails_the_step(kb: KnowledgeBase) -> None:
+    # The step without duration is judged again when it is done.
+    found = kb.execute("(switch room)", lambda step: kb.propositions.save("(lit room)"))
+    assert found.outcome == "failed"
+    assert found.step is not None
+    assert str(found.step.text).startswith("(not (lit room)): does not hold, since revision")
+
+
+def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
+    found = kb.execute("(clean hall)\n(clean room)", kb.abort)
+    assert (found.outcome, outcomes(found)) == ("aborted", ["aborted", None])
+    found = kb.execute("(clean hall)\n(clean room)", lambda step: kb.fail(step, code="E7"))
+    assert found.step is not None
+    assert (found.outcome, found.step.code) == ("failed", "E7")
+    assert kb.execute("(clean hall)", kb.end).outcome == "succeeded"
+    # One that another ends is noticed while it runs.
+    stop = Event()
+
+    def aborted(step: Execution) -> None:
+        nurse(kb).executions.report(step, outcome="aborted")
+        assert stop.wait(LONG)
+
+    found = kb.execute("(clean hall)", aborted, cancel=lambda step: stop.set())
+    assert found.outcome == "aborted"
+
+
+def test_what_cannot_be_executed_is_refused_before_anything_is_written(kb: KnowledgeBase) -> None:
+    with nothing_changes(kb):
+        for plan, error in (("(fly r1)", PlanError), ("fly", PddlError), (99, PlanError)):
+            with pytest.raises((error, OSError)):
+                kb.execute(plan, do_nothing)
+        wrong: list[dict[str, Any]] = [{"speed": 0}, {"speed": "1"}, {"timeout": -1}, {"cancel": 3}]
+        for options in wrong:
+            with pytest.raises((InvalidArgumentError, InvalidTimeoutError)):
+                kb.execute("(switch room)", do_nothing, **options)
+        with pytest.raises(InvalidArgumentError, match="dispatch"):
+            kb.execute("(switch room)", None)  # type: ignore[arg-type]
+        with pytest.raises(ReadOnlyError):
+            kb.at(1).execute("(switch room)", do_nothing)
+    with pytest.raises((ReadOnlyError, TransactionOpenError)), kb.transaction():
+        kb.execute("(switch room)", do_nothing)
+
+
+def run(url: str, test: Callable[[aio.AsyncKnowledgeBase], Awaitable[None]]) -> None:
+    async def main() -> None:
+        async with aio.connect(url, actor="executive") as kb:
+            await kb.load_domain(DOMAIN)
+            await kb.load_problem(PROBLEM)
+            await asyncio.wait_for(test(kb), LONG)
+
+    asyncio.run(main())
+
+
+def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
+    ended: list[str] = []
+
+    async def test(kb: aio.AsyncKnowledgeBase) -> None:
+        moving = asyncio.Event()
+
+        async def dispatch(step: Execution) -> None:
+            try:
+                if step.action == "move":
+                    moving.set()
+                    await asyncio.sleep(LONG)
+                if str(step) == "(clean hall)":
+                    await moving.wait()
+                    raise BumpError("a chair")
+            finally:
+                ended.append(str(step))
+
+        found = await kb.execute(PLAN, dispatch, speed=FAST)
+        assert outcomes(found) == ["succeeded", "aborted", "failed", None]
+        assert ended == ["(switch room)", "(clean hall)", "(move r1 hall room)"]
+
+    run(url, test)
+
+
+def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
+    async def test(kb: aio.AsyncKnowledgeBase) -> None:
+        running = asyncio.Event()
+
+        async def dispatch(step: Execution) -> None:
+            running.set()
+            await asyncio.sleep(LONG)
+
+        task = asyncio.create_task(kb.execute("(clean hall)\n(clean room)", dispatch))
+        await running.wait()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        [plan] = await kb.plans.get_all()
+        assert [step.outcome for step in plan.steps] == ["aborted", None]
+        assert plan.steps[0].text == "the plan was cancelled"
+
+    run(url, test)
