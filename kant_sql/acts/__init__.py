@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from decimal import Decimal
 from typing import TYPE_CHECKING, Literal
 
@@ -49,6 +50,7 @@ class Execution:
         revisions: the numbers of the revisions that set an outcome of it, or that were made while
             it ran and name it (`plan_step=`).
         knowledge_base: the name of the knowledge base that recorded it.
+        references: whether the action, and then each argument, is a name of the knowledge base.
 
     An execution does not change after it is read. Within a transaction, `outcome`, `code` and
     `text` include the transaction's own change; what is of revisions has committed ones only.
@@ -57,7 +59,7 @@ class Execution:
     _json_ = (
         *("execution=id", "plan=plan_id", "position", "start", "action", "arguments", "duration"),
         *("outcome", "code", "text", "started_at", "ended_at", "actor", "reason", "source"),
-        "revisions",
+        *("revisions", "references", "due_at"),
     )
 
     id: str
@@ -78,6 +80,16 @@ class Execution:
     outcomes: tuple[Version, ...]
     revisions: tuple[int, ...]
     knowledge_base: str
+    references: tuple[bool, ...]
+
+    @property
+    def due_at(self) -> datetime | None:
+        """When it should end by its duration; None unless it runs and has one."""
+        if self.outcome != "running" or self.started_at is None or self.duration is None:
+            return None
+        with suppress(OverflowError):
+            return self.started_at + timedelta(seconds=float(self.duration))
+        return None
 
     @property
     def revision(self) -> int | None:

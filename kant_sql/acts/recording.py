@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from datetime import datetime
 from decimal import Decimal
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import literal_column, select
 
@@ -289,32 +289,11 @@ class ExecutionReader:
         return None if revision is None else revision.committed_at
 
 
-class Word(NamedTuple):
-    """A word of what is or was to be done.
-
-    Attributes:
-        kind: `action` or `object` of a name in the knowledge base; `text` of another word.
-        text: the word.
-    """
-
-    kind: Literal["action", "object", "text"]
-    text: str
-
-
-def words_of(text: str) -> list[Word]:
-    """Read the text of an execution: the act, then its arguments."""
-    found: list[Word] = []
-    for one in _WORD.findall(text):
-        if one[0] == '"':
-            found.append(Word("text", json.loads(one)))
-        else:
-            found.append(Word("object" if found else "action", one))
-    return found
-
-
 def parse_words(text: str) -> list[str]:
     """Read the text of an execution; no name has a space, a quote or a parenthesis."""
-    return [one.text for one in words_of(text)] if '"' in text else text[1:-1].split(" ")
+    if '"' not in text:
+        return text[1:-1].split(" ")
+    return [json.loads(one) if one[0] == '"' else one for one in _WORD.findall(text)]
 
 
 def unstarted(name: str, key: Key, start: str | None, duration: str | None, text: str) -> Execution:
@@ -341,6 +320,7 @@ def unstarted(name: str, key: Key, start: str | None, duration: str | None, text
         outcomes=(),
         revisions=(),
         knowledge_base=name,
+        references=tuple(one[0] != '"' for one in _WORD.findall(text)),
     )
 
 

@@ -31,36 +31,26 @@ from ..store.state import State
 # How many facts, and how many values, a page has.
 MOST = 5_000
 # What is in the cell of a predicate that has no other argument.
-MARK = "yes"
-
-
-class ObjectColumn(NamedTuple):
-    """A predicate of one or two arguments, or a function.
-
-    Attributes:
-        name: its name; after an arrow, if the object is its second argument.
-        kind: `mark` without another argument; `first` or `second`: which argument the object is;
-            `value` of a function, and `values` of one with another argument.
-        element: the name of the predicate or the function.
-    """
-
-    name: str
-    kind: str
-    element: str
+MARK = "✓"
 
 
 class ObjectRow(NamedTuple):
-    """An object, and by column what is said of it: the other arguments, the values, or `yes`."""
+    """An object, and by column what is said of it: the other arguments, the values, or a mark."""
 
     object: str
     cells: dict[str, list[str]]
 
 
 class ObjectTable(NamedTuple):
-    """Objects of one type, and the columns that say something of one of them."""
+    """Objects of one type, and the columns that say something of one of them.
+
+    A column is the name of a predicate or a function; after an arrow, the object is its second
+    argument. Of each, `columns` has the text of the fact or the fluent that is behind a cell, with
+    `{object}` and `{cell}` in it; nothing for functions of two arguments.
+    """
 
     type: str
-    columns: list[ObjectColumn]
+    columns: dict[str, str]
     rows: list[ObjectRow]
 
 
@@ -123,25 +113,24 @@ def _values(is_past: bool) -> Query:
 _Key = tuple[str, int, int]
 
 
-def _columns(definitions: Definitions) -> dict[_Key, ObjectColumn]:
-    """Return the columns by what they are of, and which argument the object is."""
-    made: dict[_Key, ObjectColumn] = {}
-    for predicate in definitions.predicates:
-        name, number = predicate.name, len(predicate.parameters)
-        if number in (1, 2):
-            made["fact", predicate.id, 0] = ObjectColumn(name, ("mark", "first")[number - 1], name)
-        if number == 2:
-            made["fact", predicate.id, 1] = ObjectColumn(f"← {name}", "second", name)
-    for function in definitions.functions:
-        name, number = function.name, len(function.parameters)
-        if number in (1, 2):
-            kind = ("value", "values")[number - 1]
-            made["value", function.id, 0] = ObjectColumn(name, kind, name)
+def _columns(definitions: Definitions) -> dict[_Key, tuple[str, str]]:
+    """Return the columns, by what they are of and which argument the object is."""
+    made: dict[_Key, tuple[str, str]] = {}
+    for one in definitions.predicates:
+        if len(one.parameters) == 1:
+            made["fact", one.id, 0] = one.name, f"({one.name} {{object}})"
+        elif len(one.parameters) == 2:
+            made["fact", one.id, 0] = one.name, f"({one.name} {{object}} {{cell}})"
+            made["fact", one.id, 1] = f"← {one.name}", f"({one.name} {{cell}} {{object}})"
+    for each in definitions.functions:
+        if len(each.parameters) in (1, 2):
+            text = "" if len(each.parameters) == 2 else f"({each.name} {{object}})"
+            made["value", each.id, 0] = each.name, text
     return made
 
 
 def _said(
-    view: View, columns: dict[_Key, ObjectColumn], ids: list[int]
+    view: View, columns: dict[_Key, tuple[str, str]], ids: list[int]
 ) -> list[list[tuple[int, _Key, str]]]:
     """Read what is said of some objects, in two statements: facts, and values."""
     past = {} if view.at is None else then(view.session, view.at)
@@ -173,7 +162,7 @@ def _order(types: Elements[TypeDefinition], one: ObjectDefinition) -> tuple[str,
 def _tables(
     types: Elements[TypeDefinition],
     page: list[ObjectDefinition],
-    columns: dict[_Key, ObjectColumn],
+    columns: dict[_Key, tuple[str, str]],
     said: list[tuple[int, _Key, str]],
 ) -> list[ObjectTable]:
     """Make a table of the objects of each type, which are next to each other."""
@@ -185,10 +174,12 @@ def _tables(
         own = [*group]
         keys = [key for key in columns if any(key in cells[one.id] for one in own)]
         rows = [
-            ObjectRow(one.name, {columns[key].name: sorted(cells[one.id][key]) for key in keys})
+            ObjectRow(one.name, {columns[key][0]: sorted(cells[one.id][key]) for key in keys})
             for one in own
         ]
-        tables.append(ObjectTable(types.live(type_id).name, [columns[key] for key in keys], rows))
+        tables.append(
+            ObjectTable(types.live(type_id).name, dict(columns[key] for key in keys), rows)
+        )
     return tables
 
 

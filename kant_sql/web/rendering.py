@@ -130,6 +130,11 @@ def shifted(value: str, minutes: int) -> str | None:
     return None if moment > datetime.now(UTC) else moment.isoformat()
 
 
+def left(value: str) -> int:
+    """Return how many seconds it is until a time; below 0 when it is over."""
+    return round((datetime.fromisoformat(value) - datetime.now(UTC)).total_seconds())
+
+
 def as_json(value: object) -> str:
     """Return a value as JSON text."""
     return json.dumps(value, ensure_ascii=False, default=str)
@@ -173,6 +178,7 @@ def environment() -> Environment:
         as_json=as_json,
         position=position,
         shifted=shifted,
+        left=left,
     )
     return made
 

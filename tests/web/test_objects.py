@@ -63,7 +63,7 @@ def test_a_row_has_what_is_said_of_an_object(filled: Filled) -> None:
         "docked": [],
         "battery": ["10"],
     }
-    assert found["r2"] == {"at": [], "holding": [], "docked": ["yes"], "battery": []}
+    assert found["r2"] == {"at": [], "holding": [], "docked": ["✓"], "battery": []}
     assert found["corridor"] == {
         "← at": ["ann", "r1"],
         "beside": [],

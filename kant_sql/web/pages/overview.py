@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ...acts import Execution
 from ...acts.executions import ExecutionFilter
 from ...errors import KantSqlError, QuestionCancelledError
 from ...history.log import LogFilter, LogLine, read_log_page
@@ -12,7 +13,7 @@ from ...limits import limited
 from ...reasoning.explain import GoalStanding, read_goal_standings
 from ...sql.executions import RUNNING
 from ..registry import Pages
-from .acts import ExecutionLine, read_acts
+from .acts import read_acts
 from .home import GOAL_SECONDS
 
 PAGES = Pages("overview")
@@ -27,9 +28,9 @@ class OverviewPage(NamedTuple):
     `goals` is null where it takes too long to find out. `done` are the last acts that do not run.
     """
 
-    running: list[ExecutionLine]
+    running: list[Execution]
     goals: list[GoalStanding] | None
-    done: list[ExecutionLine]
+    done: list[Execution]
     changes: list[LogLine]
 
 
@@ -38,7 +39,7 @@ def overview(kb: KnowledgeBase) -> OverviewPage:
     """Show what runs, which goals are reached, what was done last, and the last changes."""
     running, _ = read_acts(kb, ExecutionFilter(outcome=RUNNING), MOST_RUNNING)
     last, _ = read_acts(kb, ExecutionFilter(), LAST_DONE)
-    done = [one for one in last if one.execution.outcome != RUNNING]
+    done = [one for one in last if one.outcome != RUNNING]
     changes = read_log_page(state_of(kb), LogFilter(), limit=LAST_CHANGES).revisions
     return OverviewPage(running, _goals(kb), done, changes)
 
