@@ -76,6 +76,34 @@ def test_goals_that_take_too_long_are_left_out(
     assert "takes too long" in client.get("/overview?kb=courier").text
 
 
+def test_the_standing_of_rules_follows_the_revisions(filled: Filled) -> None:
+    kb, client = filled
+    do_some(kb)
+    kb.rules.save("one-place", "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))")
+    kb.rules.save("free", "(sometime (not (docking rb1)))")
+
+    def found() -> dict[str, tuple[str, int | None]]:
+        rules = client.get("/api/overview?kb=courier").json()["rules"]
+        return {
+            one["name"]: (one["verdict"], one["revision"] and one["revision"]["number"])
+            for one in rules
+        }
+
+    before = found()
+    assert {name: verdict for name, (verdict, _) in before.items()} == {
+        "one-place": "kept",
+        "free": "pending",
+    }
+    kb.propositions.save("(at rb1 hall)")
+    assert found()["one-place"] == ("violated", kb.revision)
+    text = client.get("/overview?kb=courier").text
+    assert "1 violated" in text
+    assert (
+        f'in revision <a class="number" href="/revision?kb=courier&amp;number={kb.revision}"'
+        in text
+    )
+
+
 def test_it_costs_the_same_with_more_rows(filled: Filled) -> None:
     kb, client = filled
     do_some(kb)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from functools import partial
+from typing import Annotated, NamedTuple, TypeVar
 
 from fastapi import Query
 
@@ -15,6 +17,8 @@ from ...sql.inventory import Inventory
 from ..registry import Pages
 from ..stores import OpenStore
 from ..verifying import VerificationState
+
+T = TypeVar("T")
 
 PAGES = Pages("knowledge bases")
 
@@ -59,21 +63,27 @@ def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) ->
     return HomePage(listed, part, found[-1].name if has_more else None)
 
 
-def _is_goal_reached(store: OpenStore, name: str) -> bool | None:
-    """Ask a knowledge base; None when it takes too long, or cannot tell."""
+def briefly(question: Callable[[], T]) -> T | None:
+    """Ask a question; None when it takes too long, or cannot be answered.
+
+    Its own page says what is wrong; all else is shown all the same.
+    """
     try:
-        with limited(seconds=GOAL_SECONDS), store.knowledge_base(name) as kb:
-            return is_goal_reached(state_of(kb))
+        with limited(seconds=GOAL_SECONDS):
+            return question()
     except QuestionCancelledError:
         raise
     except KantSqlError:
-        # The page of the goals says what is wrong; the other knowledge bases are listed all the
-        # same.
         return None
+
+
+def _is_goal_reached(store: OpenStore, name: str) -> bool:
+    with store.knowledge_base(name) as kb:
+        return is_goal_reached(state_of(kb))
 
 
 def _listed(store: OpenStore, one: Inventory, is_asked: bool) -> ListedKnowledgeBase:
     is_reached = None if one.reached is None else one.reached == one.goals
     if is_asked:
-        is_reached = _is_goal_reached(store, one.name)
+        is_reached = briefly(partial(_is_goal_reached, store, one.name))
     return ListedKnowledgeBase(one, is_reached, store.verifier.state(one.name))

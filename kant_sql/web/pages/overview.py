@@ -6,49 +6,46 @@ from typing import NamedTuple
 
 from ...acts import Execution
 from ...acts.executions import ExecutionFilter
-from ...errors import KantSqlError, QuestionCancelledError
 from ...history.log import LogFilter, LogLine, read_log_page
 from ...knowledge_base import KnowledgeBase, state_of
-from ...limits import limited
 from ...reasoning.explain import GoalStanding, read_goal_standings
+from ...reasoning.rule_watch import standing
+from ...reasoning.rules import Verdict
 from ...sql.executions import RUNNING
 from ..registry import Pages
 from .acts import read_acts
-from .home import GOAL_SECONDS
+from .home import briefly
 
 PAGES = Pages("overview")
 
 # How much of each there is.
-MOST_RUNNING, MOST_GOALS, LAST_DONE, LAST_CHANGES = 50, 100, 10, 8
+MOST_RUNNING, MOST_GOALS, MOST_RULES, LAST_DONE, LAST_CHANGES = 50, 100, 100, 10, 8
 
 
 class OverviewPage(NamedTuple):
     """What is going on: each the newest of its kind, up to a number.
 
-    `goals` is null where it takes too long to find out. `done` are the last acts that do not run.
+    `goals` or `rules` is null where it takes too long to find out; `done` has acts that do not run.
     """
 
     running: list[Execution]
     goals: list[GoalStanding] | None
+    rules: list[Verdict] | None
     done: list[Execution]
     changes: list[LogLine]
 
 
 @PAGES.page("/overview", "overview.html", rows=["running", "done"])
 def overview(kb: KnowledgeBase) -> OverviewPage:
-    """Show what runs, which goals are reached, what was done last, and the last changes."""
+    """Show what runs, the goals and the rules, what was done last, and the last changes."""
     running, _ = read_acts(kb, ExecutionFilter(outcome=RUNNING), MOST_RUNNING)
     last, _ = read_acts(kb, ExecutionFilter(), LAST_DONE)
     done = [one for one in last if one.outcome != RUNNING]
     changes = read_log_page(state_of(kb), LogFilter(), limit=LAST_CHANGES).revisions
-    return OverviewPage(running, _goals(kb), done, changes)
-
-
-def _goals(kb: KnowledgeBase) -> list[GoalStanding] | None:
-    try:
-        with limited(seconds=GOAL_SECONDS):
-            return read_goal_standings(state_of(kb), MOST_GOALS)
-    except QuestionCancelledError:
-        raise
-    except KantSqlError:
-        return None
+    return OverviewPage(
+        running,
+        briefly(lambda: read_goal_standings(state_of(kb), MOST_GOALS)),
+        briefly(lambda: standing(state_of(kb)).worst_first[:MOST_RULES]),
+        done,
+        changes,
+    )
