@@ -7,6 +7,7 @@ import re
 import reprlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from datetime import timedelta
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -198,6 +199,19 @@ def seconds(timeout: Any) -> float:
         raise refusal("timeout", expected, timeout, InvalidTimeoutError)
     # Larger integers cannot be added to a time.
     return float(min(timeout, sys.float_info.max))
+
+
+# Beyond that, what is asked is whether it ever was.
+_LONGEST = timedelta(days=365 * 100)
+
+
+def period(value: Any, role: str) -> timedelta:
+    """Check a number of seconds, from 0; beyond a century it is one."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not value >= 0:
+        raise refusal(role, "a number of seconds, from 0", value, InvalidArgumentError)
+    limit = _LONGEST.total_seconds()
+    return _LONGEST if value >= limit else timedelta(seconds=value)
 
 
 def optional_text(

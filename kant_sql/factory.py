@@ -76,6 +76,7 @@ class DaoFactory(ABC):
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
         plan_step: Execution | None = None,
+        confirm: bool = False,
     ) -> AbstractContextManager[None]:
         """Make many calls one revision.
 
@@ -97,6 +98,7 @@ class DaoFactory(ABC):
                 `2 minutes ago`; stored beside the time of the commit.
             plan_step: the running execution, a step of a recorded plan or not; the revision links
                 to it.
+            confirm: saving a fact that holds already confirms it; without, it does nothing.
 
         Returns:
             The context manager.
@@ -314,8 +316,10 @@ class SqlDaoFactory(DaoFactory):
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
         plan_step: Execution | None = None,
+        confirm: bool = False,
     ) -> Iterator[None]:
         refuse_past(self._open_store, self._at)
+        flag(confirm, "confirm", InvalidArgumentError)
         if expected_revision is not None:
             whole_number(expected_revision, "expected_revision")
         step = None
@@ -329,7 +333,12 @@ class SqlDaoFactory(DaoFactory):
         with self._open_store.transaction(*own) as transaction:
             if plan_step is not None:
                 check_execution(transaction, plan_step)
-            yield
+            before = transaction.confirms
+            transaction.confirms = before or confirm
+            try:
+                yield
+            finally:
+                transaction.confirms = before
 
     @override
     def at(self, when: When) -> Self:

@@ -380,6 +380,36 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
         """
 
     @abstractmethod
+    def confirm(
+        self, facts: FactLike | Iterable[FactLike], *, not_within: float | None = None
+    ) -> int:
+        """Confirm facts that hold: they were seen again. The state does not change.
+
+        A fact that an act has asserted is expected, until another actor confirms it. Within a
+        transaction, what that transaction has asserted is not confirmed.
+
+        Args:
+            facts: PDDL text or an atom of a fact, or a DTO; or several of these, which are
+                confirmed in one revision.
+            not_within: seconds; what this actor confirmed less than that ago is left out, and a
+                call with nothing else writes nothing.
+
+        Returns:
+            How many facts were confirmed.
+
+        Raises:
+            InvalidKnowledgeError: one of them does not hold, or is a goal; nothing is confirmed.
+            PddlError: as `save`.
+            InvalidArgumentError: `not_within` is not a number of seconds, from 0.
+
+        Examples:
+            >>> kb.propositions.confirm("(robot_at rb1 wp1)", not_within=5)
+            1
+            >>> kb.propositions.confirm("(robot_at rb1 wp1)", not_within=5)
+            0
+        """
+
+    @abstractmethod
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
         """Read the facts of one predicate.
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from datetime import timedelta
 from typing import Any, ClassVar, Self, TypeVar
 
-from sqlalchemy import ColumnElement, bindparam, case, false, literal_column, or_, select
+from sqlalchemy import ColumnElement, String, bindparam, case, false, literal_column, or_, select
 from typing_extensions import override
 
-from ..arguments import expect, expect_list, flag
+from ..arguments import expect, expect_list, flag, period
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
 from ..dto.formulas import Atom, Node
@@ -17,13 +18,19 @@ from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
 from ..pddl.given import read_fact
 from ..sql.intervals import ANY_PREDICATE, held_then
-from ..sql.query import first_rows, in_rows, integer
+from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, THEN, looked_up, table_of
-from ..sql.tables import PropositionArgumentRow, PropositionRow, PropositionVersionRow
+from ..sql.tables import (
+    ConfirmationRow,
+    PropositionArgumentRow,
+    PropositionRow,
+    PropositionVersionRow,
+    RevisionRow,
+)
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import DtoBuilder, Reading, SqlGroundDao
+from .base import DtoBuilder, Reading, SqlGroundDao, batches
 from .dependants import propositions_on, retract
 from .interfaces import FactLike, PddlPropositionDao
 from .signatures import PREDICATES
@@ -223,6 +230,26 @@ def retract_all(transaction: Transaction, *, are_goals: bool) -> int:
     return len(atoms)
 
 
+_CONFIRMED, _REVISION = table_of(ConfirmationRow).c, table_of(RevisionRow).c
+# Times never go back, so the first revision after a moment is the first by number.
+_FIRST = first_rows(
+    select(_REVISION.number)
+    .where(_REVISION.kb_id == KB, _REVISION.committed_at > bindparam("after"))
+    .order_by(_REVISION.committed_at, _REVISION.number),
+    literal_column("1"),
+).scalar_subquery()
+_ACTOR = looked_up(_REVISION.actor, _REVISION.number, _CONFIRMED.since)
+# What an actor has confirmed since a moment.
+_RECENT = Query(
+    select(_CONFIRMED.proposition_id).where(
+        _CONFIRMED.kb_id == KB,
+        in_list(_CONFIRMED.proposition_id, "ids", bounded=_CONFIRMED.since),
+        _CONFIRMED.since >= _FIRST,
+        _ACTOR.is_not_distinct_from(bindparam("actor", type_=String)),
+    )
+)
+
+
 class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     """Propositions in an SQL store."""
 
@@ -245,6 +272,22 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
         return super().save(dto)
 
+    @override
+    def confirm(
+        self, facts: FactLike | Iterable[FactLike], *, not_within: float | None = None
+    ) -> int:
+        self._check_writable()
+        within = None if not_within is None else period(not_within, "not_within")
+        is_one = isinstance(facts, PddlPropositionDto | str | Node)
+        wanted: Any = [facts] if is_one else facts
+        confirmed = 0
+        with self._open_store.transaction() as transaction:
+            for batch in batches(wanted):
+                for fact in batch:
+                    self._check(fact)
+                confirmed += self._confirm_batch(transaction, batch, within)
+        return confirmed
+
     def _remove(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)
         return atom is not None and transaction.propositions.set(atom, False)
@@ -262,8 +305,34 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
             expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[FactLike]) -> int:
-        resolve = References(transaction, are_goals=False).resolve
-        return transaction.propositions.hold_all(dict(map(resolve, dtos)))
+        texts = dict(map(References(transaction, are_goals=False).resolve, dtos))
+        changed = transaction.propositions.hold_all(texts)
+        if transaction.confirms:
+            transaction.confirm(transaction.propositions.find(texts).values())
+        return changed
+
+    def _confirm_batch(
+        self, transaction: Transaction, facts: Sequence[FactLike], within: timedelta | None
+    ) -> int:
+        """Confirm facts, with a bounded number of statements."""
+        ledger = transaction.propositions
+        keys = [existing_key(transaction, fact, is_goal=False) for fact in facts]
+        atoms = ledger.find([key for key in keys if key is not None])
+        ledger.load(atoms.values())
+        for fact, key in zip(facts, keys, strict=True):
+            if key is None or key not in atoms or not ledger.holds(atoms[key]):
+                raise InvalidKnowledgeError(
+                    f"{fact} does not hold, so it cannot be confirmed; nothing was confirmed: save "
+                    f"it, as in kb.propositions.save('{fact}')"
+                )
+        recent: set[int] = set()
+        if within is not None:
+            session = transaction.session
+            ids = session.list_value([atom.id for atom in atoms.values()])
+            after = session.from_time(transaction.head.clock - within)
+            given = {"ids": ids, "actor": transaction.metadata.actor, "after": after}
+            recent = {id_ for (id_,) in session.rows(_RECENT, kb=transaction.kb_id, **given)}
+        return transaction.confirm(atom for atom in atoms.values() if atom.id not in recent)
 
     def _holds(self, transaction: Transaction, dto: FactLike) -> bool:
         atom = self._find(transaction, dto)

@@ -232,6 +232,22 @@ AUDIT_VIEWS = {
             {"planned_duration": _DOUBLE},
         ),
         _view(
+            "effect",
+            "since execution proposition_id",
+            _HELD,
+            {"execution": _TEXT, **_STEP, "proposition_id": _INTEGER, "text": _TEXT},
+            {"since": _INTEGER, "since_at": _TIME, "since_epoch": _DOUBLE, "asserted_by": _TEXT},
+            {"until": _INTEGER, "until_at": _TIME, "until_epoch": _DOUBLE, "retracted_by": _TEXT},
+            {"confirmed": _INTEGER, "confirmed_at": _TIME, "confirmed_epoch": _DOUBLE},
+            {"confirmed_by": _TEXT},
+        ),
+        _view(
+            "confirmation",
+            "revision proposition_id",
+            "revision BETWEEN :low AND :high",
+            {"revision": _INTEGER, "text": _TEXT, "proposition_id": _INTEGER, **_REVISION},
+        ),
+        _view(
             "archive",
             "archive_id",
             None,

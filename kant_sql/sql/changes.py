@@ -28,9 +28,10 @@ from .dialects.base import Row, Session
 from .executions import EXECUTION
 from .places import Place, from_place
 from .query import InRange, Query, first_rows, in_list, integer
-from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, table_of
+from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, looked_up, table_of
 from .tables import (
     ArchiveRow,
+    ConfirmationRow,
     ExecutionVersionRow,
     PlanRow,
     PromotionRow,
@@ -65,6 +66,7 @@ REVISIONS = (
 _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
 ASSERTED, RETRACTED = "+", "-"
 PLAN, ARCHIVE, PROMOTION = "plan", "archive", "promotion"
+CONFIRMATION = "confirmation"
 # What is read at once, and sorted in memory.
 FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
@@ -77,8 +79,8 @@ class Change(NamedTuple):
     Attributes:
         sign: `+` asserted, `-` retracted.
         kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `plan`,
-            `execution`, `plan step`, `archive` or `promotion`.
-        text: the element's canonical PDDL text.
+            `execution`, `plan step`, `confirmation`, `archive` or `promotion`.
+        text: the element's canonical PDDL text; of a confirmation, that of the fact.
     """
 
     sign: str
@@ -133,13 +135,26 @@ def _executions() -> VersionColumns:
     return VersionColumns(None, table, table.plan_id, table.kind, table.text)
 
 
+def _confirmations() -> VersionColumns:
+    table, atom = table_of(ConfirmationRow).c, table_of(PropositionRow).c
+    text = looked_up(atom.text, atom.id, table.proposition_id)
+    kind: Any = literal_column(f"'{CONFIRMATION}'")
+    return VersionColumns(None, table, table.proposition_id, kind, text)
+
+
 # What changes, by kind: elements, executions, and records, which are never retracted.
 _RECORDS = {
     kind: _record(mapped, kind)
     for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE), (PromotionRow, PROMOTION))
 }
 EXECUTIONS = _executions()
-_SOURCES = {**VERSION_COLUMNS, EXECUTION: EXECUTIONS, **_RECORDS}
+CONFIRMATIONS = _confirmations()
+_SOURCES = {
+    **VERSION_COLUMNS,
+    EXECUTION: EXECUTIONS,
+    CONFIRMATION: CONFIRMATIONS,
+    **_RECORDS,
+}
 
 
 def ends_of(source: VersionColumns) -> list[ChangeEnd]:

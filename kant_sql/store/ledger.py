@@ -467,6 +467,11 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         """Whether a proposition holds, as changed so far."""
         return self.value_of(atom) is not None
 
+    def held_before(self, atom: GroundAtom) -> bool:
+        """Whether a proposition held before this transaction."""
+        self.value_of(atom)
+        return self._before.get(atom.id) is not None
+
     def set(self, atom: GroundAtom, holds: bool) -> bool:
         """Assert or retract a proposition; return whether that is a change."""
         if (self.value_of(atom) is not None) == holds:
@@ -757,7 +762,7 @@ class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
 
 
 class Records(PendingChanges):
-    """The plans and archives that a transaction records: rows that are only ever added."""
+    """The plans, confirmations and archives that a transaction records: rows are only added."""
 
     def __init__(self, context: WriteContext) -> None:
         self._context = context
@@ -765,11 +770,14 @@ class Records(PendingChanges):
         self.pending: dict[Change, tuple[tuple[Insert, Row], ...]] = {}
         context.journal.track(self._lines, self.pending)
 
-    def add(self, change: Change, rows: Iterable[tuple[Insert, Row]]) -> None:
-        """Add a record: its change line, and its rows, parents first."""
+    def add(self, change: Change, rows: Iterable[tuple[Insert, Row]]) -> bool:
+        """Add a record: its change line, and its rows, parents first; False if it is there."""
+        if change in self._lines:
+            return False
         assign = self._context.journal.assign
         assign(self._lines, change, None)
         assign(self.pending, change, tuple(rows))
+        return True
 
     def lines(self) -> list[Change]:
         """Return what the transaction has recorded so far."""

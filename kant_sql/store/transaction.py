@@ -18,13 +18,13 @@ from sqlalchemy import bindparam, func, select, update
 from ..errors import ConnectionLostError
 from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
-from ..sql.changes import PLAN, Change, stream_changes
+from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import Key
 from ..sql.query import Insert, Query
 from ..sql.rows import KB, table_of
-from ..sql.tables import HeadRow, PlanRow, RevisionExecutionRow, RevisionRow
-from .caches import Agreements, AtomCache, FluentCache
+from ..sql.tables import ConfirmationRow, HeadRow, PlanRow, RevisionExecutionRow, RevisionRow
+from .caches import Agreements, AtomCache, FluentCache, GroundAtom
 from .head import Committed, Head
 from .journal import JournalScope
 from .ledger import (
@@ -60,6 +60,7 @@ _MOVE_HEAD = Query(
 # Flush above this count of pending propositions to bound memory.
 SPILL_AT = 10_000
 
+_NEW_CONFIRMATION = Insert(table_of(ConfirmationRow), "kb_id", "proposition_id", "since")
 _LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
 
 _PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS = "propositions", "values", "records", "executions"
@@ -83,6 +84,7 @@ class Transaction:
         agreements: the references by DTOs that were found to agree with what is stored.
         agreed_types: within a batch, the types that agree with what is stored, by address.
         changed: how many changes the revision has.
+        confirms: whether to save a fact that holds already is to confirm it.
     """
 
     def __init__(
@@ -109,6 +111,7 @@ class Transaction:
         self.redefined = False
         self.agreed_types: dict[int, object] | None = None
         self.changed = 0
+        self.confirms = False
         self._started = time.monotonic()
         self._atoms = atoms
         self._fluents = fluents
@@ -140,7 +143,7 @@ class Transaction:
 
     @property
     def records(self) -> Records:
-        """The plans and archives that it records."""
+        """The plans, confirmations and archives that it records."""
         found = self._records
         if found is None:
             found = self._ledgers[_RECORDS] = self._records = Records(self._context)
@@ -259,6 +262,14 @@ class Transaction:
         if self._records is not None and self._records.pending:
             self.flush()
         return self.executions.find(key)
+
+    def confirm(self, atoms: Iterable[GroundAtom]) -> int:
+        """Confirm facts that held before it, each once; return how many were."""
+        kb, number, add = self.kb_id, self.number, self.records.add
+        return sum(
+            add(Change(ASSERTED, CONFIRMATION, text), [(_NEW_CONFIRMATION, (kb, id_, number))])
+            for id_, _, text in filter(self.propositions.held_before, atoms)
+        )
 
     def spill(self) -> None:
         """Write and forget the pending propositions, if they are many."""

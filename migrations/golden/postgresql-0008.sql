@@ -188,6 +188,16 @@ COMMENT ON COLUMN archive.target IS 'where to: a URL without its password';
 COMMENT ON COLUMN archive.versions IS 'how many were moved';
 COMMENT ON COLUMN archive.rest IS 'SHA-256 of what this store keeps of the revisions up to there';
 COMMENT ON COLUMN archive.text IS 'all of it in canonical form';
+CREATE TABLE confirmation (
+    kb_id bigint NOT NULL,
+    proposition_id bigint NOT NULL,
+    since bigint NOT NULL,
+    CONSTRAINT fk_confirmation_kb_id_proposition_id FOREIGN KEY (kb_id, proposition_id) REFERENCES proposition(kb_id, id),
+    CONSTRAINT fk_confirmation_kb_id_since FOREIGN KEY (kb_id, since) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
+    CONSTRAINT pk_confirmation PRIMARY KEY (kb_id, proposition_id, since)
+);
+CREATE INDEX ix_confirmation_since ON public.confirmation USING btree (kb_id, since);
+COMMENT ON COLUMN confirmation.since IS 'recorded in this revision';
 CREATE TABLE document (
     kb_id bigint NOT NULL,
     id bigint NOT NULL,
@@ -1993,6 +2003,30 @@ UNION ALL
  SELECT k.name AS knowledge_base,
     v.since AS revision,
     '+'::text COLLATE "C" AS sign,
+    'confirmation'::text COLLATE "C" AS kind,
+    p.text,
+    v.proposition_id AS element_id,
+    r.committed_at,
+    EXTRACT(epoch FROM r.committed_at)::double precision AS committed_epoch,
+    to_char((r.committed_at AT TIME ZONE 'UTC'::text), 'YYYY-MM-DD"T"HH24'::text) COLLATE "C" AS committed_hour,
+    r.observed_at,
+    EXTRACT(epoch FROM r.observed_at)::double precision AS observed_epoch,
+    EXTRACT(epoch FROM r.committed_at - r.observed_at)::double precision AS delay,
+    r.actor,
+    r.reason,
+    r.source::text COLLATE "C" AS source,
+    x.plan_id,
+    x."position" AS plan_step,
+    v.kb_id
+   FROM confirmation v
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id
+     LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.since
+     LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.since
+UNION ALL
+ SELECT k.name AS knowledge_base,
+    v.since AS revision,
+    '+'::text COLLATE "C" AS sign,
     'rule'::text COLLATE "C" AS kind,
     v.text,
     v.rule_id AS element_id,
@@ -2036,6 +2070,45 @@ UNION ALL
      LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.until
      LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.until
   WHERE v.until IS NOT NULL;
+CREATE VIEW audit_confirmation (
+    knowledge_base character varying(255) COLLATE "C",
+    revision bigint,
+    text text COLLATE "C",
+    proposition_id bigint,
+    committed_at timestamp with time zone,
+    committed_epoch double precision,
+    committed_hour text COLLATE "C",
+    observed_at timestamp with time zone,
+    observed_epoch double precision,
+    delay double precision,
+    actor text COLLATE "C",
+    reason text COLLATE "C",
+    source text COLLATE "C",
+    plan_id bigint,
+    plan_step integer,
+    kb_id bigint
+) AS
+ SELECT k.name AS knowledge_base,
+    v.since AS revision,
+    p.text,
+    v.proposition_id,
+    r.committed_at,
+    EXTRACT(epoch FROM r.committed_at)::double precision AS committed_epoch,
+    to_char((r.committed_at AT TIME ZONE 'UTC'::text), 'YYYY-MM-DD"T"HH24'::text) COLLATE "C" AS committed_hour,
+    r.observed_at,
+    EXTRACT(epoch FROM r.observed_at)::double precision AS observed_epoch,
+    EXTRACT(epoch FROM r.committed_at - r.observed_at)::double precision AS delay,
+    r.actor,
+    r.reason,
+    r.source::text COLLATE "C" AS source,
+    x.plan_id,
+    x."position" AS plan_step,
+    v.kb_id
+   FROM confirmation v
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id
+     LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.since
+     LEFT JOIN revision_execution x ON x.kb_id = v.kb_id AND x.number = v.since;
 CREATE VIEW audit_definition (
     knowledge_base character varying(255) COLLATE "C",
     kind text COLLATE "C",
@@ -2256,6 +2329,81 @@ UNION ALL
      LEFT JOIN knowledge_base k ON k.id = v.kb_id
      LEFT JOIN revision s ON s.kb_id = v.kb_id AND s.number = v.since
      LEFT JOIN revision u ON u.kb_id = v.kb_id AND u.number = v.until;
+CREATE VIEW audit_effect (
+    knowledge_base character varying(255) COLLATE "C",
+    execution text COLLATE "C",
+    plan_id bigint,
+    "position" integer,
+    proposition_id bigint,
+    text text COLLATE "C",
+    since bigint,
+    since_at timestamp with time zone,
+    since_epoch double precision,
+    asserted_by text COLLATE "C",
+    until bigint,
+    until_at timestamp with time zone,
+    until_epoch double precision,
+    retracted_by text COLLATE "C",
+    confirmed bigint,
+    confirmed_at timestamp with time zone,
+    confirmed_epoch double precision,
+    confirmed_by text COLLATE "C",
+    kb_id bigint
+) AS
+ SELECT k.name AS knowledge_base,
+    v.execution,
+    v.plan_id,
+    v."position",
+    v.proposition_id,
+    p.text,
+    v.since,
+    v.since_at,
+    EXTRACT(epoch FROM v.since_at)::double precision AS since_epoch,
+    v.asserted_by,
+    v.until,
+    u.committed_at AS until_at,
+    EXTRACT(epoch FROM u.committed_at)::double precision AS until_epoch,
+    u.actor AS retracted_by,
+    v.confirmed,
+    r.committed_at AS confirmed_at,
+    EXTRACT(epoch FROM r.committed_at)::double precision AS confirmed_epoch,
+    r.actor AS confirmed_by,
+    v.kb_id
+   FROM ( SELECT w.kb_id,
+                CASE
+                    WHEN w.plan_id = 0 THEN w."position"::text COLLATE "C"
+                    ELSE ((w.plan_id::text COLLATE "C") || '.'::text) || (w."position"::text COLLATE "C")
+                END AS execution,
+            w.plan_id,
+            w."position",
+            f.proposition_id,
+            f.since,
+            f.until,
+            s.committed_at AS since_at,
+            s.actor AS asserted_by,
+            ( SELECT max(c.since) AS max
+                   FROM confirmation c
+                     JOIN revision q ON q.kb_id = c.kb_id AND q.number = c.since
+                  WHERE c.kb_id = f.kb_id AND c.proposition_id = f.proposition_id AND c.since > f.since AND (f.until IS NULL OR c.since <= f.until) AND COALESCE(q.actor, ''::text) <> COALESCE(s.actor, ''::text)) AS confirmed
+           FROM ( SELECT execution_version.kb_id,
+                    execution_version.plan_id,
+                    execution_version."position",
+                    execution_version.since
+                   FROM execution_version
+                  WHERE execution_version.outcome::text = ANY (ARRAY['running'::character varying, 'succeeded'::character varying]::text[])
+                UNION
+                 SELECT revision_execution.kb_id,
+                    revision_execution.plan_id,
+                    revision_execution."position",
+                    revision_execution.number
+                   FROM revision_execution) w
+             JOIN proposition_version f ON f.kb_id = w.kb_id AND f.since = w.since
+             JOIN revision s ON s.kb_id = f.kb_id AND s.number = f.since
+          WHERE NOT f.is_goal) v
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id
+     LEFT JOIN revision u ON u.kb_id = v.kb_id AND u.number = v.until
+     LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.confirmed;
 CREATE VIEW audit_execution (
     knowledge_base character varying(255) COLLATE "C",
     execution text COLLATE "C",

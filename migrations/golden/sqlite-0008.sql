@@ -946,6 +946,31 @@ SELECT
     k.name AS knowledge_base,
     v.since AS revision,
     CAST('+' AS TEXT) AS sign,
+    CAST('confirmation' AS TEXT) AS kind,
+    p.text AS text,
+    v.proposition_id AS element_id,
+    r.committed_at,
+    (strftime('%s', substr(r.committed_at, 1, 19)) * 1000000 + substr(r.committed_at, 21, 6)) / 1000000.0 AS committed_epoch,
+    substr(r.committed_at, 1, 13) AS committed_hour,
+    r.observed_at,
+    (strftime('%s', substr(r.observed_at, 1, 19)) * 1000000 + substr(r.observed_at, 21, 6)) / 1000000.0 AS observed_epoch,
+    ((strftime('%s', substr(r.committed_at, 1, 19)) - strftime('%s', substr(r.observed_at, 1, 19))) * 1000000 + substr(r.committed_at, 21, 6) - substr(r.observed_at, 21, 6)) / 1000000.0 AS delay,
+    r.actor,
+    r.reason,
+    r.source AS source,
+    x.plan_id,
+    x.position AS plan_step,
+    v.kb_id
+FROM confirmation AS v
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN proposition AS p ON p.kb_id = v.kb_id AND likelihood(p.id = v.proposition_id, 0.01)
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.since
+LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.since, 0.01)
+UNION ALL
+SELECT
+    k.name AS knowledge_base,
+    v.since AS revision,
+    CAST('+' AS TEXT) AS sign,
     CAST('rule' AS TEXT) AS kind,
     v.text AS text,
     v.rule_id AS element_id,
@@ -990,6 +1015,29 @@ LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
 LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.until
 LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.until, 0.01)
 WHERE v.until IS NOT NULL;
+CREATE VIEW audit_confirmation AS
+SELECT
+    k.name AS knowledge_base,
+    v.since AS revision,
+    p.text AS text,
+    v.proposition_id AS proposition_id,
+    r.committed_at,
+    (strftime('%s', substr(r.committed_at, 1, 19)) * 1000000 + substr(r.committed_at, 21, 6)) / 1000000.0 AS committed_epoch,
+    substr(r.committed_at, 1, 13) AS committed_hour,
+    r.observed_at,
+    (strftime('%s', substr(r.observed_at, 1, 19)) * 1000000 + substr(r.observed_at, 21, 6)) / 1000000.0 AS observed_epoch,
+    ((strftime('%s', substr(r.committed_at, 1, 19)) - strftime('%s', substr(r.observed_at, 1, 19))) * 1000000 + substr(r.committed_at, 21, 6) - substr(r.observed_at, 21, 6)) / 1000000.0 AS delay,
+    r.actor,
+    r.reason,
+    r.source AS source,
+    x.plan_id,
+    x.position AS plan_step,
+    v.kb_id
+FROM confirmation AS v
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN proposition AS p ON p.kb_id = v.kb_id AND likelihood(p.id = v.proposition_id, 0.01)
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.since
+LEFT JOIN revision_execution AS x ON x.kb_id = v.kb_id AND likelihood(x.number = v.since, 0.01);
 CREATE VIEW audit_definition AS
 SELECT
     k.name AS knowledge_base,
@@ -1198,6 +1246,61 @@ LEFT JOIN rule AS n ON n.kb_id = v.kb_id AND likelihood(n.id = v.rule_id, 0.01)
 LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
 LEFT JOIN revision AS s ON s.kb_id = v.kb_id AND s.number = v.since
 LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until;
+CREATE VIEW audit_effect AS
+SELECT
+    k.name AS knowledge_base,
+    v.execution,
+    v.plan_id,
+    v.position,
+    v.proposition_id,
+    p.text,
+    v.since,
+    v.since_at,
+    (strftime('%s', substr(v.since_at, 1, 19)) * 1000000 + substr(v.since_at, 21, 6)) / 1000000.0 AS since_epoch,
+    v.asserted_by,
+    v.until,
+    u.committed_at AS until_at,
+    (strftime('%s', substr(u.committed_at, 1, 19)) * 1000000 + substr(u.committed_at, 21, 6)) / 1000000.0 AS until_epoch,
+    u.actor AS retracted_by,
+    v.confirmed,
+    r.committed_at AS confirmed_at,
+    (strftime('%s', substr(r.committed_at, 1, 19)) * 1000000 + substr(r.committed_at, 21, 6)) / 1000000.0 AS confirmed_epoch,
+    r.actor AS confirmed_by,
+    v.kb_id
+FROM (
+    SELECT
+        w.kb_id,
+        CASE WHEN w.plan_id = 0 THEN w.position
+            ELSE w.plan_id || '.' || w.position END AS execution,
+        w.plan_id,
+        w.position,
+        f.proposition_id,
+        f.since,
+        f.until,
+        s.committed_at AS since_at,
+        s.actor AS asserted_by,
+        (
+            SELECT max(c.since)
+            FROM confirmation AS c
+            JOIN revision AS q ON q.kb_id = c.kb_id AND q.number = c.since
+            WHERE c.kb_id = f.kb_id AND c.proposition_id = f.proposition_id
+                AND c.since > f.since AND (f.until IS NULL OR c.since <= f.until)
+                AND COALESCE(q.actor, '') <> COALESCE(s.actor, '')
+        ) AS confirmed
+    FROM (
+        SELECT kb_id, plan_id, position, since FROM execution_version
+        WHERE outcome IN ('running', 'succeeded')
+        UNION
+        SELECT kb_id, plan_id, position, number FROM revision_execution
+    ) AS w
+    JOIN proposition_version AS f ON f.kb_id = w.kb_id AND f.since = w.since
+    JOIN revision AS s ON s.kb_id = f.kb_id AND s.number = f.since
+    WHERE NOT f.is_goal
+) AS v
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN proposition AS p ON p.kb_id = v.kb_id AND likelihood(p.id = v.proposition_id, 0.01)
+LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.confirmed;
 CREATE VIEW audit_execution AS
 SELECT
     k.name AS knowledge_base,
@@ -1648,6 +1751,16 @@ LEFT JOIN function AS d ON d.kb_id = v.kb_id AND likelihood(d.id = v.function_id
 LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
 LEFT JOIN revision AS s ON s.kb_id = v.kb_id AND s.number = v.since
 LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until;
+CREATE TABLE confirmation (
+    kb_id BIGINT NOT NULL,
+    proposition_id BIGINT NOT NULL,
+    since BIGINT NOT NULL,
+    CONSTRAINT fk_confirmation_kb_id_proposition_id FOREIGN KEY(kb_id, proposition_id) REFERENCES proposition (kb_id, id),
+    CONSTRAINT fk_confirmation_kb_id_since FOREIGN KEY(kb_id, since) REFERENCES revision (kb_id, number) DEFERRABLE INITIALLY DEFERRED,
+    CONSTRAINT pk_confirmation PRIMARY KEY (kb_id, proposition_id, since)
+)
+ WITHOUT ROWID;
+CREATE INDEX ix_confirmation_since ON confirmation (kb_id, since);
 CREATE TABLE document (
     kb_id BIGINT NOT NULL,
     id BIGINT NOT NULL,

@@ -1,4 +1,6 @@
-"""Steps of plans and acts without a plan are executions, of one mechanism; rules can be kept.
+"""Steps of plans and acts without a plan are executions, of one mechanism.
+
+Rules can be kept, and facts confirmed.
 
 The rows of steps keep their keys, their statuses and the texts that hashes cover. A status that was
 `started` is now `running`.
@@ -106,7 +108,7 @@ SELECT
 FROM (
     SELECT
         e.kb_id,
-        CASE WHEN e.plan_id = 0 THEN TEXT(e.position)
+        CASE WHEN e.plan_id = 0 THEN TEXT(e.position) || ''
             ELSE TEXT(e.plan_id) || '.' || TEXT(e.position) END AS execution,
         e.plan_id,
         e.position,
@@ -150,12 +152,69 @@ FROM (
 ) AS v
 LEFT JOIN knowledge_base AS k ON OF(k.id = v.kb_id)
 """
+# What the revision of an act asserts is an effect of it; another actor may confirm that.
+AUDIT_EFFECT = """
+SELECT
+    k.name AS knowledge_base,
+    v.execution,
+    v.plan_id,
+    v.position,
+    v.proposition_id,
+    p.text,
+    v.since,
+    v.since_at,
+    EPOCH(v.since_at) AS since_epoch,
+    v.asserted_by,
+    v.until,
+    u.committed_at AS until_at,
+    EPOCH(u.committed_at) AS until_epoch,
+    u.actor AS retracted_by,
+    v.confirmed,
+    r.committed_at AS confirmed_at,
+    EPOCH(r.committed_at) AS confirmed_epoch,
+    r.actor AS confirmed_by,
+    v.kb_id
+FROM (
+    SELECT
+        w.kb_id,
+        CASE WHEN w.plan_id = 0 THEN TEXT(w.position) || ''
+            ELSE TEXT(w.plan_id) || '.' || TEXT(w.position) END AS execution,
+        w.plan_id,
+        w.position,
+        f.proposition_id,
+        f.since,
+        f.until,
+        s.committed_at AS since_at,
+        s.actor AS asserted_by,
+        (
+            SELECT max(c.since)
+            FROM confirmation AS c
+            JOIN revision AS q ON q.kb_id = c.kb_id AND q.number = c.since
+            WHERE c.kb_id = f.kb_id AND c.proposition_id = f.proposition_id
+                AND c.since > f.since AND (f.until IS NULL OR c.since <= f.until)
+                AND COALESCE(q.actor, '') <> COALESCE(s.actor, '')
+        ) AS confirmed
+    FROM (
+        SELECT kb_id, plan_id, position, since FROM execution_version
+        WHERE outcome IN ('running', 'succeeded')
+        UNION
+        SELECT kb_id, plan_id, position, number FROM revision_execution
+    ) AS w
+    JOIN proposition_version AS f ON f.kb_id = w.kb_id AND f.since = w.since
+    JOIN revision AS s ON s.kb_id = f.kb_id AND s.number = f.since
+    WHERE NOT f.is_goal
+) AS v
+LEFT JOIN knowledge_base AS k ON OF(k.id = v.kb_id)
+LEFT JOIN proposition AS p ON p.kb_id = v.kb_id AND ONE(p.id = v.proposition_id)
+LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.confirmed
+"""
 JOINED = {"sqlite": "group_concat(h.said, ' ')", "postgresql": "string_agg(h.said, ' ')"}
 
 
 def upgrade() -> None:
     """Bring the tables to this version."""
-    for make in (_execution, _argument, _version, _link):
+    for make in (_execution, _argument, _version, _link, _confirmation):
         make()
     for made in _rule_tables():
         _module("0001")._create(made)
@@ -172,10 +231,12 @@ def downgrade() -> None:
     for table in BEFORE:
         _create_before(table)
     _carry(CARRIED_BACK)
-    op.execute("DROP VIEW audit_execution")
+    for view in ("audit_effect", "audit_confirmation", "audit_execution"):
+        op.execute(f"DROP VIEW {view}")
     _replace_views(_before(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table, *_ in reversed(CARRIED):
         op.drop_table(table)
+    op.drop_table("confirmation")
     for made in reversed(_rule_tables()):
         op.execute(sa.schema.DropTable(made))
 
@@ -187,6 +248,7 @@ def _refuse_to_lose() -> None:
     for what, rows in (
         ("outcomes of executions", "execution_version WHERE kind = 'execution'"),
         ("kept rules", "rule_version"),
+        ("confirmations", "confirmation"),
     ):
         count = op.get_bind().scalar(sa.text(f"SELECT count(*) FROM {rows}"))
         if count:
@@ -362,6 +424,21 @@ def _link() -> None:
     op.create_index(f"ix_{table}_execution", table, key)
 
 
+def _confirmation() -> None:
+    table = "confirmation"
+    op.create_table(
+        table,
+        _key("kb_id"),
+        _key("proposition_id"),
+        _key("since", comment="recorded in this revision"),
+        sa.PrimaryKeyConstraint("kb_id", "proposition_id", "since", name=f"pk_{table}"),
+        _to_element(table, "proposition_id", "proposition"),
+        _to_revision(table, "since", **AT_COMMIT),
+        sqlite_with_rowid=False,
+    )
+    op.create_index(f"ix_{table}_since", table, ["kb_id", "since"])
+
+
 def _partial_index(name: str, table: str, columns: list[str], where: str) -> None:
     both: dict[str, Any] = {
         f"{dialect}_where": sa.text(where) for dialect in ("sqlite", "postgresql")
@@ -409,7 +486,20 @@ def _queries() -> dict[str, str]:
         assert f"FROM {table} AS v" in changed[name]
         changed[name] = f"{changed[name].rstrip()}\nWHERE v.plan_id > 0\n"
     joined = JOINED["sqlite" if _is_sqlite() else "postgresql"]
-    return {**changed, "audit_execution": AUDIT_EXECUTION.replace("JOINED(h.said)", joined)}
+    (confirmed,) = filter(_is_confirmation, changed["audit_change"].split("UNION ALL"))
+    return {
+        **changed,
+        "audit_execution": AUDIT_EXECUTION.replace("JOINED(h.said)", joined),
+        "audit_confirmation": confirmed.replace(CONFIRMED, "").replace("element", "proposition"),
+        "audit_effect": AUDIT_EFFECT,
+    }
+
+
+CONFIRMED = "    WORD(+) AS sign,\n    WORD(confirmation) AS kind,\n"
+
+
+def _is_confirmation(part: str) -> bool:
+    return CONFIRMED in part
 
 
 def _changed(query: str) -> str:
@@ -423,6 +513,14 @@ def _changed(query: str) -> str:
         if "FROM execution_version AS v" in part:
             of_kind = part.replace("WORD(plan step)", "TEXT(v.kind)")
             parts[number] = of_kind.replace("v.plan_id AS element_id", f"{own} AS element_id")
+    # Confirmations are of facts, as their assertions are.
+    parts += [
+        one.replace("WORD(fact)", "WORD(confirmation)")
+        .replace(" proposition_version AS ", " confirmation AS ")
+        .replace("\nWHERE NOT v.is_goal", "")
+        for one in parts
+        if "WORD(+) AS sign,\n    WORD(fact) AS kind" in one
+    ]
     # Kept rules are named as documents are.
     parts += [one.replace("document", "rule") for one in parts if " document_version AS " in one]
     query = "UNION ALL".join(parts)

@@ -102,9 +102,10 @@ class RecordingFactory(SqliteDaoFactory):
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
         plan_step: Execution | None = None,
+        confirm: bool = False,
     ) -> Iterator[None]:
         given = (actor, source, expected_revision, observed_at, plan_step)
-        assert given == (None,) * 5, "not replayed"
+        assert (*given, confirm) == (*(None,) * 5, False), "not replayed"
         self._calls = []
         with super().transaction(reason=reason):
             yield

@@ -126,6 +126,8 @@ ATTACKS = {
     "say that a step of a plan was running then": """
         INSERT INTO revision_execution
         SELECT kb_id, number, 9001, 0 FROM revision WHERE number <> 2""",
+    "confirm a fact in an earlier revision": """
+        INSERT INTO confirmation SELECT kb_id, id, 1 FROM proposition""",
     "leave a hole in the revisions": """
         INSERT INTO revision (kb_id, number, committed_at, form, hash)
         SELECT kb_id, revision + 2, now(), 2, 'hash' FROM head""",

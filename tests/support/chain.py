@@ -41,6 +41,8 @@ _OTHER_CHANGES = (
     "SELECT kb_id, since, until, kind, text FROM execution_version",
     "SELECT kb_id, since, NULL, 'plan', text FROM plan",
     "SELECT kb_id, since, NULL, 'archive', text FROM archive",
+    "SELECT seen.kb_id, since, NULL, 'confirmation', text FROM confirmation AS seen"
+    " JOIN proposition ON proposition.kb_id = seen.kb_id AND id = proposition_id",
 )
 _PROPOSITION_CHANGES = """
     SELECT version.kb_id, since, until,

@@ -57,6 +57,8 @@ INSERT INTO execution_version (kb_id, plan_id, position, since, until, kind, out
 INSERT INTO revision_execution SELECT kb_id, 2, 9001, 0 FROM head;
 INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
     SELECT kb_id, 9002, revision, 1, 'elsewhere', 0, 'rest', 'archive' FROM head;
+INSERT INTO confirmation (kb_id, proposition_id, since)
+    SELECT kb_id, min(id), 2 FROM proposition GROUP BY kb_id;
 INSERT INTO promotion (kb_id, id, since, revision, origin, text)
     SELECT kb_id, 9001, revision, 1, 'elsewhere', 'promotion' FROM head;
 INSERT INTO verification (kb_id, revision, hash, verified_at)

@@ -30,6 +30,8 @@ from ...sql.tables import TABLES, HeadRow
 from ..replication.copy import (
     ARCHIVED_TABLES,
     ATOMS,
+    CONFIRMATION,
+    FACTS,
     ArchivedTable,
     AtomTables,
     children_of,
@@ -197,9 +199,16 @@ def _without_version(part: ArchivedTable, atoms: AtomTables) -> Query:
         .where(version.kb_id == KB, version[name] == argument[name])
         .correlate(atoms.arguments)
     )
+    used = [versions]
+    if atoms is FACTS:
+        own = select(CONFIRMATION.c.since).where(
+            CONFIRMATION.c.kb_id == KB, CONFIRMATION.c[name] == argument[name]
+        )
+        used.append(own.correlate(atoms.arguments))
     return Query(
         select(argument[name])
-        .where(argument.kb_id == KB, in_list(argument.object_id, "objects"), ~versions.exists())
+        .where(argument.kb_id == KB, in_list(argument.object_id, "objects"))
+        .where(*(~each.exists() for each in used))
         .distinct()
     )
 
@@ -222,7 +231,8 @@ def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
     """Remove archived versions and what only they need, and record it in the head.
 
     Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
-    they may come back, and a state lists elements by id. Atoms of an object without a version go.
+    they may come back, and a state lists elements by id. Atoms of an object without a version go,
+    unless they were confirmed.
     """
     session.replan()
     parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}

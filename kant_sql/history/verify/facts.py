@@ -8,7 +8,18 @@ from hashlib import sha256
 from math import copysign
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Table, and_, func, literal_column, or_, select, union
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Table,
+    and_,
+    false,
+    func,
+    literal_column,
+    or_,
+    select,
+    union,
+)
 
 from ...dto.elements import atom_text, value_text
 from ...knowledge.canonical import time_text
@@ -28,7 +39,7 @@ from ...sql.executions import (
 )
 from ...sql.intervals import fork
 from ...sql.plans import PlanDefinition, plan_rows
-from ...sql.query import Query, in_rows
+from ...sql.query import Query, in_rows, integer
 from ...sql.rows import KB, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
 from .sides import AFTER, Check, Touched, differing, interval_fault
@@ -195,6 +206,36 @@ def _is_nearest(number: float, value: str) -> bool:
         return False
     # A number too small for a double is a signed zero; SQLite drops the sign.
     return nearest == number and (number != 0 or copysign(1, number) >= copysign(1, nearest))
+
+
+_CONFIRMED, _ATOM = table_of(t.ConfirmationRow).c, table_of(t.PropositionRow).c
+_HELD = table_of(t.PropositionVersionRow).c
+# The last version that began before the confirmation, and whether it held until then.
+_SEEN = looked_up(
+    _HELD.since,
+    _HELD.proposition_id,
+    _CONFIRMED.proposition_id,
+    _HELD.since < _CONFIRMED.since,
+    or_(_HELD.until.is_(None), _HELD.until >= _CONFIRMED.since),
+)
+_NOT_SEEN = Query(
+    select(_CONFIRMED.since, _CONFIRMED.proposition_id)
+    .where(_CONFIRMED.kb_id == KB, _CONFIRMED.since > AFTER)
+    .where(
+        or_(
+            and_(_CONFIRMED.since > integer("archived"), _SEEN.is_(None)),
+            looked_up(_ATOM.is_goal, _ATOM.id, _CONFIRMED.proposition_id).is_not(false()),
+        )
+    )
+)
+
+
+def check_confirmations(check: Check, archived: int) -> None:
+    """Check that what was confirmed are facts, which held; archived versions are elsewhere."""
+    given = {"kb": check.kb_id, "after": check.after, "archived": archived}
+    for number, id_ in check.session.stream(_NOT_SEEN, **given):
+        message = f"row {id_} of proposition is confirmed, and it is no fact that held then"
+        check.report.add(number, "confirmation", message)
 
 
 _PLANS = table_of(t.PlanRow)

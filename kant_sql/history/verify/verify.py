@@ -41,7 +41,7 @@ from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
 from .definition_check import DefinitionCheck, ObjectFunctions, check_names
-from .facts import ExecutionCheck, FactCheck, PlanCheck
+from .facts import ExecutionCheck, FactCheck, PlanCheck, check_confirmations
 from .head import (
     Archive,
     archived_since,
@@ -415,6 +415,8 @@ class _Verifier:
             ExecutionCheck(check, names, self._archived),
         ):
             _guarded(check.session, check.report, part.run)
+        confirmations = partial(check_confirmations, check, self._archived)
+        _guarded(check.session, check.report, confirmations)
 
     def _tell(self, done: int) -> None:
         whole = self._last + self._ids

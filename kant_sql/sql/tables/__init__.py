@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from . import named as named
+from .atoms import ConfirmationRow as ConfirmationRow
 from .atoms import FunctionValueArgumentRow as FunctionValueArgumentRow
 from .atoms import FunctionValueRow as FunctionValueRow
 from .atoms import FunctionValueVersionRow as FunctionValueVersionRow

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import CheckConstraint, Double, Index, UniqueConstraint, false
+from sqlalchemy import (
+    CheckConstraint,
+    Double,
+    ForeignKeyConstraint,
+    Index,
+    UniqueConstraint,
+    false,
+)
 
 from .base import (
+    AT_COMMIT,
     LIVE,
+    REVISION,
     Base,
     Interval,
     column,
     kb_column,
+    key_column,
     lookup_index,
     optional,
     owner_column,
@@ -138,6 +148,22 @@ class PropositionVersionRow(Interval, Base):
     # two lookups a row, and two indexes for the side that they refer to.
     first_object_id = optional(int, order=20, comment="its first argument; NULL: it has none")
     second_object_id = optional(int, order=20, comment="its second argument; NULL: it has fewer")
+
+
+class ConfirmationRow(Base):
+    """A fact that held, seen again: it never changes the state."""
+
+    __tablename__ = "confirmation"
+    __has_rowid__ = False
+    __table_args__ = (
+        reference("proposition_id", "proposition"),
+        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
+        Index("ix_confirmation_since", "kb_id", "since"),
+    )
+
+    kb_id = kb_column()
+    proposition_id = owner_column()
+    since = key_column(-80, "recorded in this revision")
 
 
 class FunctionValueRow(_Atom, Base):
