@@ -2371,7 +2371,7 @@ CREATE VIEW audit_effect (
     v.kb_id
    FROM ( SELECT w.kb_id,
                 CASE
-                    WHEN w.plan_id = 0 THEN w."position"::text COLLATE "C"
+                    WHEN w.plan_id = 0 THEN (w."position"::text COLLATE "C") || ''::text
                     ELSE ((w.plan_id::text COLLATE "C") || '.'::text) || (w."position"::text COLLATE "C")
                 END AS execution,
             w.plan_id,
@@ -2456,7 +2456,7 @@ CREATE VIEW audit_execution (
     v.kb_id
    FROM ( SELECT e.kb_id,
                 CASE
-                    WHEN e.plan_id = 0 THEN e."position"::text COLLATE "C"
+                    WHEN e.plan_id = 0 THEN (e."position"::text COLLATE "C") || ''::text
                     ELSE ((e.plan_id::text COLLATE "C") || '.'::text) || (e."position"::text COLLATE "C")
                 END AS execution,
             e.plan_id,

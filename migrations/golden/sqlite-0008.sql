@@ -1270,7 +1270,7 @@ SELECT
 FROM (
     SELECT
         w.kb_id,
-        CASE WHEN w.plan_id = 0 THEN w.position
+        CASE WHEN w.plan_id = 0 THEN w.position || ''
             ELSE w.plan_id || '.' || w.position END AS execution,
         w.plan_id,
         w.position,
@@ -1330,7 +1330,7 @@ SELECT
 FROM (
     SELECT
         e.kb_id,
-        CASE WHEN e.plan_id = 0 THEN e.position
+        CASE WHEN e.plan_id = 0 THEN e.position || ''
             ELSE e.plan_id || '.' || e.position END AS execution,
         e.plan_id,
         e.position,

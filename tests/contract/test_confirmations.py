@@ -1,0 +1,195 @@
+"""Facts are confirmed: part of the history and its hashes, never a change of the state."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kant_sql
+from kant_sql import KnowledgeBase
+from kant_sql.errors import InvalidArgumentError, InvalidKnowledgeError, ReadOnlyError
+from tests.support.archives import damage
+from tests.support.reading import last_changes, nothing_changes
+from tests.support.statements import count
+
+DOMAIN = """
+(define (domain shelf) (:requirements :typing) (:types robot place)
+  (:predicates (at ?r - robot ?p - place) (clean ?p - place))
+  (:action move :parameters (?r - robot ?a ?b - place) :precondition (at ?r ?a)
+    :effect (and (not (at ?r ?a)) (at ?r ?b)))
+  (:action sweep :parameters (?p - place) :effect (clean ?p)))
+"""
+PROBLEM = """
+(define (problem day) (:domain shelf) (:objects rb1 rb2 - robot hall room - place)
+  (:init (at rb1 hall) (at rb2 hall)) (:goal (at rb1 room)))
+"""
+AT_ROOM, AT_HALL = "(at rb1 room)", "(at rb1 hall)"
+
+
+@pytest.fixture
+def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A knowledge base in which a robot has moved."""
+    fresh_kb.load_domain(DOMAIN)
+    fresh_kb.load_problem(PROBLEM)
+    apply(fresh_kb, "(move rb1 hall room)")
+    return fresh_kb
+
+
+def apply(kb: KnowledgeBase, step: str, actor: str = "executive") -> None:
+    with kb.transaction(actor=actor):
+        kb.apply(step)
+
+
+def confirm(kb: KnowledgeBase, *facts: str, actor: str = "camera", **given: Any) -> int:
+    with kb.transaction(actor=actor):
+        return kb.propositions.confirm(facts, **given)
+
+
+def test_a_confirmation_is_a_revision_and_no_change_of_the_state(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    state = {*map(str, kb.propositions.get_all())}
+    assert confirm(kb, AT_ROOM) == 1
+    assert last_changes(kb) == [f"+ confirmation {AT_ROOM}"]
+    assert kb.revision == before + 1
+    assert {*map(str, kb.propositions.get_all())} == state
+    assert kb.diff(before, kb.revision) == []
+    assert kb.store.verify().is_intact
+
+
+def test_what_does_not_hold_cannot_be_confirmed(kb: KnowledgeBase) -> None:
+    with nothing_changes(kb):
+        for facts in ([AT_HALL], [AT_ROOM, AT_HALL], ["(clean hall)"]):
+            with pytest.raises(InvalidKnowledgeError, match=r"does not hold.*save"):
+                kb.propositions.confirm(facts)
+        for wrong in (-1, True, "soon", float("nan")):
+            with pytest.raises(InvalidArgumentError, match="not_within"):
+                kb.propositions.confirm(AT_ROOM, not_within=wrong)  # type: ignore[arg-type]
+        with pytest.raises(ReadOnlyError):
+            kb.at(kb.revision).propositions.confirm(AT_ROOM)
+
+
+def test_repeated_ones_by_one_actor_write_nothing(kb: KnowledgeBase) -> None:
+    assert confirm(kb, AT_ROOM, not_within=60) == 1
+    with nothing_changes(kb):
+        assert confirm(kb, AT_ROOM, not_within=60) == 0
+    assert confirm(kb, AT_ROOM, "(at rb2 hall)", not_within=1e300) == 1
+    assert confirm(kb, AT_ROOM, actor="lidar", not_within=60) == 1
+    assert confirm(kb, AT_ROOM, not_within=0) == 1
+    assert confirm(kb, AT_ROOM) == 1
+
+
+def test_a_transaction_confirms_what_it_saves_again(kb: KnowledgeBase) -> None:
+    with kb.transaction(actor="camera", confirm=True):
+        kb.propositions.save_all([AT_ROOM, "(at rb2 hall)", "(clean hall)"])
+        kb.propositions.save([AT_ROOM, "(clean hall)"])
+        with kb.transaction():
+            kb.propositions.save(AT_ROOM)
+    assert last_changes(kb) == [
+        f"+ confirmation {AT_ROOM}",
+        "+ confirmation (at rb2 hall)",
+        "+ fact (clean hall)",
+    ]
+    with nothing_changes(kb), kb.transaction():
+        kb.propositions.save(AT_ROOM)
+    with kb.transaction():
+        with kb.transaction(confirm=True):
+            kb.propositions.save(AT_ROOM)
+        kb.propositions.save("(at rb2 hall)")
+    assert last_changes(kb) == [f"+ confirmation {AT_ROOM}"]
+    assert kb.store.verify().is_intact
+
+
+def test_a_scope_that_fails_takes_its_confirmations_back(kb: KnowledgeBase) -> None:
+    with kb.transaction():
+        kb.propositions.confirm("(at rb2 hall)")
+        with suppress(ZeroDivisionError), kb.transaction():
+            kb.propositions.confirm(AT_ROOM)
+            # What is pending is written for it.
+            kb.query("(at rb1 ?p)")
+            raise ZeroDivisionError
+        assert kb.propositions.confirm("(at rb2 hall)") == 0
+    assert last_changes(kb) == ["+ confirmation (at rb2 hall)"]
+
+
+def test_one_may_be_confirmed_and_then_retracted(kb: KnowledgeBase) -> None:
+    with kb.transaction(actor="camera"):
+        kb.propositions.confirm(AT_ROOM)
+        kb.propositions.delete(AT_ROOM)
+        kb.propositions.save("(clean room)")
+        assert kb.propositions.confirm("(clean room)") == 0
+    assert last_changes(kb)[0] == f"+ confirmation {AT_ROOM}"
+    assert kb.store.verify().is_intact
+
+
+def test_the_statements_are_few_however_many_facts(kb: KnowledgeBase) -> None:
+    kb.objects.save_all([kant_sql.PddlObjectDto(kb.types.get("robot"), f"r{n}") for n in range(60)])
+    facts = [f"(at r{n} hall)" for n in range(60)]
+    kb.propositions.save_all(facts)
+    counts = [
+        count(partial(kb.propositions.confirm, some, not_within=within))
+        for some, within in ((facts[:2], None), (facts, None), (facts[:2], 60), (facts, 60))
+    ]
+    assert counts[0] == counts[1]
+    assert counts[2] == counts[3] <= counts[0]
+
+
+ALTERED = (
+    "DELETE FROM confirmation",
+    "UPDATE confirmation SET since = since + 1",
+    "UPDATE confirmation SET proposition_id ="
+    " (SELECT id FROM proposition WHERE text = '(at rb2 hall)')",
+    # Only its kind tells a goal from a fact: the text is the same.
+    "UPDATE confirmation SET proposition_id ="
+    " (SELECT id FROM proposition WHERE text = '(at rb1 room)' AND is_goal)",
+    "INSERT INTO confirmation SELECT kb_id, proposition_id, since - 1 FROM confirmation",
+    "UPDATE confirmation SET kb_id = 77",
+)
+
+
+@pytest.mark.parametrize("statement", ALTERED)
+def test_verification_finds_each_raw_change(statement: str, tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shelf.db'}"
+    with kant_sql.connect(url, knowledge_base="shelf") as kb:
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+        kb.propositions.save_all([AT_ROOM, "(clean hall)"])
+        confirm(kb, AT_ROOM)
+        apply(kb, "(sweep room)")
+        assert kb.store.verify().is_intact
+    damage(url, statement)
+    with kant_sql.connect(url, knowledge_base="shelf") as kb:
+        assert not kb.store.verify(structure=False).is_intact
+
+
+def test_replicas_archives_branches_and_restored_states(kb: KnowledgeBase, tmp_path: Path) -> None:
+    name = kb.store.factory.name
+    replica, archive = (f"sqlite:///{tmp_path / each}.db" for each in ("replica", "archive"))
+    confirm(kb, AT_ROOM)
+    kb.store.push(replica)
+    confirm(kb, AT_ROOM, "(at rb2 hall)")
+    apply(kb, "(move rb2 hall room)")
+    kb.objects.delete("rb2")
+    kb.store.push(replica)
+    kb.store.archive(kb.revision, to=archive)
+    for url in (replica, archive):
+        with kant_sql.connect(url, knowledge_base=name) as other:
+            assert other.store.verify().is_intact
+            assert confirmed(other) == confirmed(kb)
+    assert len(confirmed(kb)) == 3
+    assert kb.store.verify().is_intact
+    before = kb.revision
+    kb.propositions.delete(AT_ROOM)
+    kb.restore(before)
+    assert kb.holds(AT_ROOM)
+    assert len(confirmed(kb)) == 3
+    with kb.branch() as branch:
+        assert confirmed(branch) == []
+
+
+def confirmed(kb: KnowledgeBase) -> list[tuple[int, str]]:
+    rows = kb.store.to_arrow("confirmation").to_pylist()
+    return [(row["revision"], row["text"]) for row in rows]
