@@ -126,7 +126,8 @@ def test_one_may_be_confirmed_and_then_retracted(kb: KnowledgeBase) -> None:
 
 
 def test_the_statements_are_few_however_many_facts(kb: KnowledgeBase) -> None:
-    kb.objects.save_all([kant_sql.PddlObjectDto(kb.types.get("robot"), f"r{n}") for n in range(60)])
+    robot = kant_sql.PddlTypeDto("robot")
+    kb.objects.save_all([kant_sql.PddlObjectDto(robot, f"r{n}") for n in range(60)])
     facts = [f"(at r{n} hall)" for n in range(60)]
     kb.propositions.save_all(facts)
     counts = [
