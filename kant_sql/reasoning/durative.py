@@ -201,10 +201,12 @@ def _record(
 ) -> Key:
     """Record a step of no plan."""
     duration = numbers.get(f.DURATION, step.duration) if step.action.is_durative else None
+    action = transaction.definitions.current().actions.named(step.action.name)
+    assert action is not None
     made = ExecutionDefinition(
         None,
         None if duration is None else number_text(duration),
-        transaction.definitions.actions.id_of(step.action.name),
+        action.id,
         None,
         step.ids,
         str(step),

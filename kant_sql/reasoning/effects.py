@@ -7,7 +7,7 @@ fluent add up; other assignments of one fluent must agree. Numbers are calculate
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
@@ -183,7 +183,7 @@ class EffectReader:
         self.changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
 
     def _object(self, term: Place, objects: Mapping[Slot, int]) -> int:
-        found = objects.get(term) if isinstance(term, Slot) else term.id
+        found = objects.get(term) if objects and isinstance(term, Slot) else None
         if found is None:
             found = self._step.of(term)
         assert found is not None
@@ -195,16 +195,19 @@ class EffectReader:
         names = [live(id_).name for id_ in ids]
         text = atom_text(declared.name, names)
         for id_, parameter in zip(ids, declared.parameters, strict=True):
-            self._check_fit(id_, parameter.type_ids, lambda: f"{text}, which {self._step} changes,")
+            if not self._fits(id_, parameter.type_ids):
+                role = f"{text}, which {self._step} changes,"
+                raise self._mismatch(id_, parameter.type_ids, role)
         return text
 
-    def _check_fit(self, id_: int, type_ids: Sequence[int], role: Callable[[], str]) -> None:
+    def _fits(self, id_: int, type_ids: Sequence[int]) -> bool:
+        return fits(self._definitions, id_, closure(self._definitions, type_ids))
+
+    def _mismatch(self, id_: int, type_ids: Sequence[int], role: str) -> TypeMismatchError:
         definitions = self._definitions
-        if not fits(definitions, id_, closure(definitions, type_ids)):
-            wanted = either_text(definitions.types.live(each).name for each in type_ids)
-            raise TypeMismatchError(
-                f"{role()} has {definitions.objects.live(id_).name}, which is not a {wanted}"
-            )
+        wanted = either_text(definitions.types.live(each).name for each in type_ids)
+        name = definitions.objects.live(id_).name
+        return TypeMismatchError(f"{role} has {name}, which is not a {wanted}")
 
     def _value(
         self,
@@ -216,7 +219,8 @@ class EffectReader:
     ) -> Exact | int:
         if isinstance(item.value, Slot | Known):
             id_ = self._object(item.value, objects)
-            self._check_fit(id_, function.type_ids, lambda: f"({item.operator} {text} ...)")
+            if not self._fits(id_, function.type_ids):
+                raise self._mismatch(id_, function.type_ids, f"({item.operator} {text} ...)")
             return id_
         assert item.value is not None
         number = exact(item.value, values, self._numbers)

@@ -35,7 +35,6 @@ from ..knowledge.resolved import (
     Witness,
     all_of,
     check_levels,
-    fits,
     negate,
     parts_of,
 )
@@ -96,17 +95,15 @@ class GroundStep:
 
     def of(self, term: Place) -> int | None:
         """Return the object of a term that is a constant or a parameter."""
-        return self._ids.get(term) if isinstance(term, Slot) else term.id
+        if not isinstance(term, Slot):
+            return term.id
+        position = self.action.positions.get(term.number)
+        return None if position is None else self.ids[position]
 
     @cached_property
     def misfits(self) -> list[FailedCondition]:
         """Which of its objects do not fit the parameters, by the definitions of its action."""
         return misfits(self.action.definitions, self)
-
-    @cached_property
-    def _ids(self) -> dict[Slot, int]:
-        pairs = zip(self.action.parameters, self.ids, strict=True)
-        return {bound.slot: id_ for bound, id_ in pairs}
 
 
 @dataclass(frozen=True)
@@ -166,6 +163,7 @@ class PreparedAction:
         is_durative: whether it has a duration.
         variables: its parameters.
         parameters: the variables of its parameters.
+        positions: the place of each of these among them, by its number.
         numbers: gives the numbers of new variables.
         resolver: resolves names, those of parameters included.
         kept: cache of its statements.
@@ -180,6 +178,7 @@ class PreparedAction:
         self.numbers = count()
         self.resolver = Resolver(definitions, self.numbers)
         self.parameters = self.resolver.variables(self.variables)
+        self.positions = {each.slot.number: n for n, each in enumerate(self.parameters)}
         self._parts: dict[str, Part] = {}
         self._items: dict[str, tuple[EffectItem, ...]] = {}
         self.kept: dict[Any, Any] = {}
@@ -483,8 +482,22 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
     if found is None:
         if len(kept) >= KEPT_STEPS:
             kept.clear()
-        found = kept[step] = _ground(definitions, step)
+        found = kept[step] = _plain(definitions, step) or _ground(definitions, step)
     return found
+
+
+def _plain(definitions: Definitions, step: str) -> GroundStep | None:
+    """Read what most steps are: an action and its objects, and nothing to refuse."""
+    if step[:1] != "(" or step[-1:] != ")":
+        return None
+    name, *words = step[1:-1].split() or ("",)
+    action = definitions.actions.named(name)
+    objects = [object_ for object_ in map(definitions.objects.named, words) if object_ is not None]
+    if action is None or len(objects) != len(words) or len(words) != len(action.parameters):
+        return None
+    node = prepared(definitions, find_action(definitions, name))
+    ids, names = [each.id for each in objects], [each.name for each in objects]
+    return GroundStep(node, tuple(ids), tuple(names))
 
 
 def _ground(definitions: Definitions, step: object) -> GroundStep:
@@ -571,7 +584,8 @@ def misfits(definitions: Definitions, step: GroundStep) -> list[FailedCondition]
         step.action.variables, step.action.parameters, step.ids, strict=True
     ):
         object_ = definitions.objects.live(id_)
-        if not all(fits(definitions, id_, types) for types in bound.types):
+        own = object_.type_ids
+        if any(types is not None and types.isdisjoint(own) for types in bound.types):
             given = either_text(live(each).name for each in object_.type_ids)
             reason = f"{object_.name} is of type {given}, expected {variable.type_text}"
             found.append(FailedCondition(f"?{variable.name} - {variable.type_text}", reason))
