@@ -383,22 +383,20 @@ _CHANGES = Query(
         " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
     ).bindparams(*BOUNDS)
 )
-_STATE = {
-    view: Query(
-        text(
-            f"SELECT v.since, '+', {kind}, v.text, v.since_at, v.since_observed_at, v.asserted_by,"
-            f" v.asserted_reason, r.source FROM {view} AS v LEFT JOIN audit_revision AS r"
-            " ON r.kb_id = v.kb_id AND r.revision = v.since"
-            " WHERE v.kb_id = :kb AND v.since < :low"
-            f" AND COALESCE(v.until >= :low, TRUE){condition} ORDER BY v.since, v.text"
-        ).bindparams(BOUNDS[0])
+_BEFORE = (
+    " LEFT JOIN audit_revision AS r ON r.kb_id = v.kb_id AND r.revision = v.since"
+    " WHERE v.kb_id = :kb AND v.since < :low AND COALESCE(v.until >= :low, TRUE)"
+)
+_HELD = "v.text, v.since_at, v.since_observed_at, v.asserted_by, v.asserted_reason, r.source FROM"
+_RAN = f"v.text, r.{', r.'.join(_WHO.split(', '))} FROM"
+_STATE = tuple(
+    Query(text(f"SELECT v.since, '+', {rows} ORDER BY v.since, v.text").bindparams(BOUNDS[0]))
+    for rows in (
+        f"v.kind, {_HELD} audit_fact AS v{_BEFORE} AND v.kind = 'fact'",
+        f"'value', {_HELD} audit_value AS v{_BEFORE}",
+        f"v.kind, {_RAN} execution_version AS v{_BEFORE} AND v.outcome = 'running'",
     )
-    for view, kind, condition in (
-        ("audit_fact", "v.kind", " AND v.kind = 'fact'"),
-        ("audit_value", "'value'", ""),
-        ("audit_plan_step_status", "'plan step'", " AND v.status = 'running'"),
-    )
-}
+)
 _STEP_TEXTS = Query(
     text("SELECT plan_id, position, text FROM execution WHERE kb_id = :kb AND plan_id > 0")
 )
@@ -437,7 +435,7 @@ def _stream_changes(session: Session, kb_id: int, low: int, high: int) -> Iterat
 
 def _stream_state(session: Session, kb_id: int, low: int) -> Iterator[_AuditedChange]:
     """Read which revisions asserted facts and values that held before one, or started steps."""
-    for query in _STATE.values():
+    for query in _STATE:
         yield from _audited(session, session.stream(query, kb=kb_id, low=low))
 
 

@@ -35,6 +35,7 @@ _OUTCOMES = {
     "succeeded": ("succeeded", "✓", "#007f5f"),
     "failed": ("failed", "✗", "#b84f00"),
     "aborted": ("aborted", "■", "#68717a"),
+    "refused": ("refused", "✗", "#68717a"),
     "running": ("running", "▶", "#0072b2"),
 }
 _SECTIONS = {"fact": "Facts", "goal": "Goals", "value": "Values"}
@@ -438,8 +439,11 @@ class _Pen:
         planner = "" if plan.planner is None else f" by {_said(plan.planner)}"
         never = f", {left:,} not started" if left else ""
         said = f"plan {plan.id}{planner}: {html.counted(len(plan.steps), 'step')}{never}"
-        self._say(said, self._link("/plan", id=plan.id), room=LABEL + 2)
-        if self._shown.since <= plan.recorded_at <= self._shown.until:
+        place = self._link("/plan", id=plan.id)
+        if plan.id is None:
+            said, place = html.counted(len(plan.steps), "execution"), self._link("/acts")
+        self._say(said, place, room=LABEL + 2)
+        if plan.recorded_at and self._shown.since <= plan.recorded_at <= self._shown.until:
             about = f"recorded {_time(plan.recorded_at)} in revision {plan.recorded_in}"
             by = _who(plan.actor, plan.reason, plan.source)
             self._parts.append(
@@ -458,7 +462,10 @@ class _Pen:
     def _step(self, plan: PlanBar, step: StepBar, span: tuple[float, float], y: int) -> None:
         name, sign, colour = _OUTCOMES[step.status or "running"]
         begin, end = span
-        lines = [f"{_said(step.text)} {name}", f"step {step.position} of plan {plan.id}"]
+        place = f"step {step.position} of plan {plan.id}"
+        if plan.id is None:
+            place = f"execution {step.position}"
+        lines = [f"{_said(step.text)} {name}", place]
         if step.since_at is not None:
             by = _who(step.actor, step.reason, step.source)
             lines.append(f"from {_time(step.since_at)} in revision {step.since}{by}")

@@ -1,11 +1,11 @@
-"""The recorded plans of a timeline: which steps were carried out when, and what became of them."""
+"""The executions of a timeline: which steps of plans ran when, and which acts of no plan."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, literal_column, select, union
+from sqlalchemy import Select, literal_column, select, union, union_all
 
 from ..dto.lexical import fold
 from ..pddl.lexer import tokenize
@@ -14,7 +14,7 @@ from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import is_in
 from ..sql.executions import NO_PLAN, RUNNING, VERSIONS, Key
 from ..sql.query import Query, first_rows, in_list, integer
-from ..sql.rows import KB
+from ..sql.rows import KB, table_of
 from .revisions import Revision
 from .window import PLAN, PlanBar, StepBar, TimelineQuestion, Window
 
@@ -32,29 +32,49 @@ def _some(ids: Select[Any], order: Any) -> Select[Any]:
 
 
 def _ids() -> Query:
-    """Select the plans that were recorded in a window, or of which a step changed or ran there."""
+    """Select the plans that were recorded in a window, or of which a step changed or ran there.
+
+    Executions without a plan that did have rows of their own.
+    """
     version = VERSIONS.c
-    columns = version.plan_id.label("id"), version.since, version.outcome
-    # Executions without a plan are no bars.
-    of_step: Any = select(*columns).where(version.kb_id == KB, version.plan_id > _NO_PLAN)
+    columns = version.plan_id, version.position, version.since, version.outcome
+    of_step: Any = select(*columns).where(version.kb_id == KB)
     recorded = _some(
-        select(t.PlanRow.id.label("id")).where(
-            t.PlanRow.kb_id == KB, t.PlanRow.since.between(LOW, HIGH)
-        ),
+        select(t.PlanRow.id).where(t.PlanRow.kb_id == KB, t.PlanRow.since.between(LOW, HIGH)),
         t.PlanRow.since.desc(),
     ).subquery()
     changed = _some(of_step.where(version.since.between(LOW, HIGH)), version.since.desc())
     started: Any = literal_column(f"'{RUNNING}'")
     now = of_step.where(version.until.is_(None), version.outcome == started).subquery()
     later = _some(of_step.where(version.until > HIGH), version.until).subquery()
-    found = union(
-        select(recorded.c.id),
-        select(changed.subquery().c.id),
-        select(now.c.id).where(now.c.since <= LOW),
-        select(later.c.id).where(later.c.since <= LOW, later.c.outcome == started),
+    steps = [
+        select(each.c.plan_id, each.c.position).where(*where)
+        for each, where in (
+            (changed.subquery(), ()),
+            (now, (now.c.since <= LOW,)),
+            (later, (later.c.since <= LOW, later.c.outcome == started)),
+        )
+    ]
+    found = union(*steps).cte("found")
+    ids = union(
+        select(recorded.c.id), select(found.c.plan_id).where(found.c.plan_id > _NO_PLAN)
     ).subquery()
-    newest = select(found.c.id).order_by(found.c.id.desc())
-    return Query(first_rows(newest, literal_column(str(MOST_PLANS + 1))))
+    plans: Any = select(ids.c.id, _NO_PLAN.label("position")).order_by(ids.c.id.desc())
+    acts = select(found).where(found.c.plan_id == _NO_PLAN).order_by(found.c.position.desc())
+    newest = (
+        first_rows(rows, literal_column(str(most + 1))).subquery()
+        for rows, most in ((plans, MOST_PLANS), (acts, MOST_STEPS))
+    )
+    return Query(union_all(*map(select, newest)))
+
+
+def _of_these(mapped: type[t.Base], *names: str) -> Any:
+    """Select what a table has of the steps of some plans, and of executions without a plan."""
+    columns = table_of(mapped).c
+    rows = select(*(columns[name] for name in ("plan_id", "position", *names)))
+    rows = rows.where(columns.kb_id == KB)
+    own = columns.plan_id == _NO_PLAN, in_list(columns.position, "acts")
+    return union_all(rows.where(in_list(columns.plan_id, "ids")), rows.where(*own)).subquery()
 
 
 _IDS = _ids()
@@ -63,26 +83,16 @@ _PLANS = Query(
     .where(t.PlanRow.kb_id == KB, in_list(t.PlanRow.id, "ids"))
     .order_by(t.PlanRow.id)
 )
-_NEWEST_FIRST: Any = (
-    select(t.ExecutionRow.plan_id, t.ExecutionRow.position, t.ExecutionRow.text)
-    .where(t.ExecutionRow.kb_id == KB, in_list(t.ExecutionRow.plan_id, "ids"))
-    .order_by(t.ExecutionRow.plan_id.desc(), t.ExecutionRow.position)
+_EXECUTION = _of_these(t.ExecutionRow, "text")
+_STEPS = Query(
+    first_rows(
+        select(_EXECUTION).order_by(_EXECUTION.c.plan_id.desc(), _EXECUTION.c.position),
+        literal_column(str(MOST_STEPS + 1)),
+    )
 )
-_STEPS = Query(first_rows(_NEWEST_FIRST, literal_column(str(MOST_STEPS + 1))))
+_STATUS = _of_these(t.ExecutionVersionRow, "since", "until", "outcome")
 _STATUSES = Query(
-    select(
-        VERSIONS.c.plan_id,
-        VERSIONS.c.position,
-        VERSIONS.c.since,
-        VERSIONS.c.until,
-        VERSIONS.c.outcome,
-    )
-    .where(
-        VERSIONS.c.kb_id == KB,
-        in_list(VERSIONS.c.plan_id, "ids"),
-        VERSIONS.c.since <= integer("head"),
-    )
-    .order_by(VERSIONS.c.since)
+    select(_STATUS).where(_STATUS.c.since <= integer("head")).order_by(_STATUS.c.since)
 )
 
 
@@ -115,12 +125,15 @@ class PlanBars:
 
     def _read(self, session: Session, kb_id: int, window: Window) -> None:
         rows = session.rows(_IDS, kb=kb_id, low=max(window.low, 1), high=window.high)
-        self.has_more = len(rows) > MOST_PLANS
+        plans = [id_ for id_, _ in rows if id_ != NO_PLAN]
+        acts = [position for id_, position in rows if id_ == NO_PLAN]
+        self.has_more = len(plans) > MOST_PLANS or len(acts) > MOST_STEPS
         if not rows:
             return
-        ids = session.list_value([id_ for (id_,) in rows[:MOST_PLANS]])
-        self._plans = session.rows(_PLANS, kb=kb_id, ids=ids)
-        steps = session.rows(_STEPS, kb=kb_id, ids=ids)
+        ids = session.list_value(plans[:MOST_PLANS])
+        own = session.list_value(acts[:MOST_STEPS])
+        self._plans = session.rows(_PLANS, kb=kb_id, ids=ids) if plans else []
+        steps = session.rows(_STEPS, kb=kb_id, ids=ids, acts=own)
         if len(steps) > MOST_STEPS:
             self.has_more = True
             del steps[MOST_STEPS:]
@@ -131,7 +144,7 @@ class PlanBars:
             if self._is_wanted(text):
                 self._steps.setdefault(plan_id, []).append((position, text))
         for plan_id, position, since, until, status in session.rows(
-            _STATUSES, kb=kb_id, ids=ids, head=window.head
+            _STATUSES, kb=kb_id, ids=ids, acts=own, head=window.head
         ):
             place, ended = (plan_id, position), None if status == RUNNING else since
             if ended is None and until is not None and until <= window.head:
@@ -163,6 +176,9 @@ class PlanBars:
                 own = told[recorded_in]
                 who = own.committed_at, own.actor, own.reason
                 made.append(PlanBar(plan_id, recorded_in, *who, planner, tuple(steps), own.source))
+        if NO_PLAN in self._steps:
+            acts = tuple(self._step(NO_PLAN, *act, told) for act in self._steps[NO_PLAN])
+            made.append(PlanBar(None, None, None, None, None, None, acts))
         return tuple(made)
 
     def _step(

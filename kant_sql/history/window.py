@@ -116,12 +116,12 @@ class Lane:
 
 @dataclass(frozen=True, slots=True)
 class StepBar:
-    """A step of a plan on a timeline.
+    """A step of a plan on a timeline, or an execution without a plan.
 
     Attributes:
-        position: its index in the plan, from 0.
+        position: its index in the plan, from 0; without a plan, the id of the execution.
         text: the action with its arguments.
-        status: `running`, `succeeded`, `failed` or `aborted`; None before it is started.
+        status: its outcome; None before it is started.
         since: the revision that started it; None if it was not started.
         until: the revision that ended it; None if it did not end.
         since_at: when it was started, in UTC.
@@ -151,10 +151,10 @@ class StepBar:
 
 @dataclass(frozen=True, slots=True)
 class PlanBar:
-    """A recorded plan on a timeline.
+    """A recorded plan on a timeline, or last, with only steps, the executions without a plan.
 
     Attributes:
-        id: its number in the knowledge base.
+        id: its number in the knowledge base; None: no plan.
         recorded_in: the revision that recorded it.
         recorded_at: when, in UTC.
         actor: who recorded it.
@@ -166,9 +166,9 @@ class PlanBar:
 
     _json_ = "id", "recorded_in", "recorded_at", "actor", "reason", "source", "planner", "steps"
 
-    id: int
-    recorded_in: int
-    recorded_at: datetime
+    id: int | None
+    recorded_in: int | None
+    recorded_at: datetime | None
     actor: str | None
     reason: str | None
     planner: str | None

@@ -288,9 +288,9 @@ class ReportReader(NamedTuple):
     def plans(self, shown: ReportTimeline) -> ReportPlans:
         """Read the plans that were made or carried out in the range, oldest first."""
         timeline = shown.timeline
-        bars = timeline.plans[-PLANS:]
-        left = len(timeline.plans) - len(bars)
-        plans = [plan for bar in bars if (plan := self.kb.plans.get(bar.id)) is not None]
+        ids = [bar.id for bar in timeline.plans if bar.id is not None]
+        left = max(0, len(ids) - PLANS)
+        plans = [plan for id_ in ids[left:] if (plan := self.kb.plans.get(id_)) is not None]
         some = "earlier plans" if timeline.has_more_plans else None
         left_out = some or (f"{left} earlier plans" if left else None)
         return ReportPlans(left_out, self.command("plans"), [self._plan(plan) for plan in plans])

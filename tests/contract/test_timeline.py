@@ -562,7 +562,7 @@ def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeB
     kb.plans.set_status(other.steps[1], status="running")  # 6
     kb.plans.set_status(other.steps[1], status="succeeded")  # 7
 
-    def shown(kb: KnowledgeBase, since: int, until: int) -> list[int]:
+    def shown(kb: KnowledgeBase, since: int, until: int) -> list[int | None]:
         return [plan.id for plan in kb.timeline(since, until=until).plans]
 
     assert shown(kb, 1, 1) == []
@@ -574,6 +574,41 @@ def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeB
     assert (past.steps[0].status, past.steps[0].until) == ("running", None)
     assert kb.timeline(kinds=ALL).plans == ()
     assert kb.timeline(lanes=1, after="fact:0:").plans == ()
+
+
+def test_executions_without_a_plan_come_last(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    begin(kb)  # 1
+    plan = kb.plans.record(TOUR)  # 2
+    report = kb.executions.report
+    running = report("dock", arguments=["rb1"], outcome="running")  # 3
+    done = report("greet", arguments=["a guest"], outcome="succeeded")  # 4
+    kb.fail(running, code="E4")  # 5
+    last = report("wait", outcome="running")  # 6
+
+    def shown(since: int, until: int, **wanted: Any) -> list[int]:
+        bars = kb.timeline(since, until=until, **wanted).plans
+        return [step.position for bar in bars if bar.id is None for step in bar.steps]
+
+    acts = [int(each.id) for each in (running, done, last)]
+    assert [bar.id for bar in kb.timeline().plans] == [plan.id, None]
+    assert shown(1, 6) == acts
+    assert shown(2, 2) == []
+    assert shown(3, 3) == acts[:1]
+    assert shown(4, 4) == shown(3, 5) == acts[:2]
+    assert shown(6, 6) == acts[2:]
+    assert shown(1, 6, object="rb1") == acts[:1]
+    assert shown(1, 6, text="guest") == acts[1:2]
+    (bar,) = kb.timeline(3, until=6).plans
+    steps = [(step.text, step.status, step.since, step.until) for step in bar.steps]
+    assert steps == [
+        ('("dock" rb1)', "failed", 3, 5),
+        ('("greet" "a guest")', "succeeded", None, 4),
+        ('("wait")', "running", 6, None),
+    ]
+    drawn = kb.timeline()._repr_html_()
+    assert "3 executions" in drawn
+    assert f"execution {running.id}" in drawn
 
 
 def test_plans_are_chosen_by_object_and_text(fresh_kb: KnowledgeBase) -> None:

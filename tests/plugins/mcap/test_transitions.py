@@ -151,6 +151,20 @@ def test_steps_of_plans_run_and_have_outcomes(story_url: str, tmp_path: Path) ->
     ]
 
 
+def test_executions_without_a_plan_that_run_are_in_the_first_message(
+    scratch_url: str, tmp_path: Path
+) -> None:
+    with kant_sql.connect(scratch_url, knowledge_base="courier") as kb:
+        running = kb.executions.report("dock", arguments=["the charger"], outcome="running")
+        kb.executions.report("greet", outcome="succeeded")
+        kb.fail(running)
+    export(scratch_url, tmp_path, since=2)
+    found = [each.data for each in messages(tmp_path)]
+    said = '("dock" "the charger")'
+    assert [each["value"] for each in found] == [said, said, f"failed: {said}"]
+    assert [each["revision"] for each in found] == [1, 2, 3]
+
+
 def test_messages_say_who_why_and_when_it_was_sensed(story_url: str, tmp_path: Path) -> None:
     export(story_url, tmp_path, elements=["(waiting t1)"])
     first, second = messages(tmp_path)
