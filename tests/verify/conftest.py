@@ -46,6 +46,12 @@ def act(kb: kant_sql.KnowledgeBase) -> None:
     done = report(step.action, arguments=["?"], outcome="running", started_at=begun)
     report(done, outcome="aborted", ended_at=ended)
     report("wait", outcome="running", started_at=begun)
+    kb.propositions.save("(idle)")
+    kb.propositions.confirm("(idle)")
+    rule = "(forall (?w - (either place crane)) (sometime (not (open ?w))))"
+    kb.rules.save("closes", rule)
+    kb.rules.save("closes", "(always (idle))")
+    kb.rules.save("closes", rule)
 
 
 @pytest.fixture(scope="session", params=BOTH)
