@@ -78,7 +78,11 @@ async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
         *many,
         **({"reason": JUNK[case.junk]()} if case.method == "transaction" else {}),
         **({"limit": JUNK[case.junk]()} if case.method in ("log", "revisions") else {}),
-        **({"timeout": JUNK[case.junk]()} if case.method in ("plan", "watch") else {}),
+        **(
+            {"timeout": JUNK[case.junk]()}
+            if case.method in ("plan", "watch", "watch_rules")
+            else {}
+        ),
         **({"after": JUNK[case.junk]()} if case.method == "changes" else {}),
         **given,
     )

@@ -41,6 +41,8 @@ PROBLEM = """
   (:init (at t1 p1) (= (fuel t1) 7.50) (= (home t1) hub))
   (:goal (and (at t1 p2) (forall (?p - place) (reachable ?p)))) (:metric minimize (total-cost)))
 """
+# With a node, a term, a number and a variable of either of two types.
+RULE = "(sometime (exists (?w - (either place crane)) (and (open ?w) (= (fuel t1) 3))))"
 MOVED = PROBLEM.replace("(at t1 p1)", "(at t1 p2)").replace("7.50", "5").replace(" t2", "")
 # Of these only the rows matter here.
 BY_HAND = """
@@ -90,6 +92,8 @@ def fill(kb: KnowledgeBase) -> None:
     """Write some revisions in which things come, change and go."""
     kb.load_domain(DOMAIN)
     kb.load_problem(PROBLEM)
+    kb.rules.save("moved", RULE)
+    kb.rules.save("moved", RULE.replace("t1", "t2"))
     kb.load_problem(MOVED)
     kb.load_domain(DOMAIN.replace("(open ?c)", "(not (open ?c))"))
 

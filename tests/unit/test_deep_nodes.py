@@ -21,6 +21,7 @@ WRAP: dict[type, Callable[[Any], Any]] = {
     f.Imply: lambda node: f.Imply(node, Q),
     f.Forall: lambda node: f.Forall(VARIABLES, node),
     f.Exists: lambda node: f.Exists(VARIABLES, node),
+    f.Count: lambda node: f.Count(VARIABLES, node),
     f.Timed: lambda node: f.Timed("at end", node),
     f.Preference: lambda node: f.Preference(None, node),
     f.Modal: lambda node: f.Modal("within", (ONE,), (node,)),
