@@ -58,29 +58,32 @@ def record(kb: KnowledgeBase) -> None:
     """Record the night of 2 March 2026 in an empty knowledge base."""
     with Clock().ruling() as clock:
         night = Night(kb, clock)
-        with night.at("22:00").transaction(actor="operator", reason="night begins"):  # 1
+        with night.at("22:00").transaction(actor="operator", reason="night begins"):
             kb.load_domain(DOMAIN)
             kb.objects.save_all(OBJECTS)
             facts = "(at r1 store)", "(at r2 store)", "(holding r1 insulin)"
             kb.propositions.save_all([*facts, "(holding r2 blanket)"])
-        night.move("22:05", "22:06:10", "(move r1 store room1)", "the nurse called")  # 2, 3
-        night.at("22:07").apply("(hand_over r1 insulin room1)", reason="the nurse called")  # 4
-        back = night.start("22:10", "(move r1 room1 room2)", "rounds")  # 5
-        night.at("22:12:30").fail(back, code="E7", text="the door is locked")  # 6
-        with night.at("22:12:31").transaction(actor="perception", plan_step=back):  # 7
+        night.move("22:05", "22:06:10", "(move r1 store room1)", "the nurse called")
+        night.at("22:07").apply("(hand_over r1 insulin room1)", reason="the nurse called")
+        with night.at("22:08").transaction(actor="perception", source={"camera": 1}):
+            kb.propositions.confirm(["(delivered insulin room1)"])
+        back = night.start("22:10", "(move r1 room1 room2)", "rounds")
+        night.at("22:12:30").fail(back, code="E7", text="the door is locked")
+        with night.at("22:12:31").transaction(actor="perception", plan_step=back):
             kb.propositions.save("(locked room2)")
             kb.propositions.save("(at r1 room1)")
-        with suppress(NotApplicableError):  # 8
+        with suppress(NotApplicableError):
             night.at("22:13").apply("(hand_over r2 blanket room2)", record_refusal=True)
-        slow = night.start("22:20", "(move r2 store room1)", "rounds")  # 9
-        night.at("22:25").abort(slow, reason="battery low")  # 10
-        with night.at("23:00").transaction(actor="charger", reason="r2 called"):  # 11
+        night.at("22:15").apply("(hand_over r2 blanket store)", reason="rounds")
+        slow = night.start("22:20", "(move r2 store room1)", "rounds")
+        night.at("22:25").abort(slow, reason="battery low")
+        with night.at("23:00").transaction(actor="charger", reason="r2 called"):
             early = clock.moment - timedelta(minutes=2)
             kb.executions.report(
                 "charge", arguments=["r2", "bay 4"], outcome="succeeded", started_at=early
             )
-        night.start("23:30", "(move r1 room1 store)", "rounds")  # 12
-        with night.at("23:40").transaction(actor="operator", reason="night ends"):  # 13
+        night.start("23:30", "(move r1 room1 store)", "rounds")
+        with night.at("23:40").transaction(actor="operator", reason="night ends"):
             kb.propositions.delete("(locked room2)")
 
 
