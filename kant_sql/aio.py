@@ -796,6 +796,8 @@ class AsyncKnowledgeBase(_Part):
     problem_pddl = _read(KnowledgeBase.problem_pddl)
     holds = _read(KnowledgeBase.holds)
     when = _iterate(KnowledgeBase.when)
+    consequences = _read(KnowledgeBase.consequences)
+    origins = _read(KnowledgeBase.origins)
     unsatisfied = _read(KnowledgeBase.unsatisfied)
     why_not = _read(KnowledgeBase.why_not)
     applicable_actions = _iterate(KnowledgeBase.applicable_actions)

@@ -240,6 +240,8 @@ class KnowledgeBase(Front):
     holds = reads(lambda: reasoning.ask.holds)
     query = reads(lambda: reasoning.ask.query)
     when = reads(lambda: reasoning.when.when)
+    consequences = reads(lambda: reasoning.because.consequences)
+    origins = reads(lambda: reasoning.because.origins)
     unsatisfied = reads(lambda: reasoning.explain.unsatisfied)
     why_not = reads(lambda: reasoning.act.why_not)
     applicable_actions = reads(lambda: reasoning.act.applicable_actions)

@@ -1,4 +1,4 @@
-"""`kant-sql log`, `history`, `blame`, `diff`, `restore`, `branch`, `watch`: revisions."""
+"""`kant-sql log`, `history`, `blame`, `origins`, `diff`, `restore`, `watch` ...: revisions."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ from .output import Printer, json_text, write_json
 if TYPE_CHECKING:
     from ..history.revisions import LogEntry, Revision, Version
     from ..knowledge_base import KnowledgeBase
+    from ..reasoning.because import CauseLinks
     from ..sql.changes import Change
 
 _STYLES = {"+": "green", "-": "red"}
@@ -196,6 +197,60 @@ def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False
             _write_version(Printer(), version)
 
 
+_Depth = Annotated[int, option("Follow so many links.", "--depth", metavar="N", min=1)]
+_Most = Annotated[int, option("Show at most N links.", "--limit", "-n", metavar="N", min=1)]
+_LinkLines = Annotated[bool, json_lines("link")]
+
+
+def consequences(
+    words: _Words,
+    kb: Name = None,
+    at: At = None,
+    depth: _Depth = 1,
+    limit: _Most = 100,
+    as_json: _LinkLines = False,
+) -> None:
+    """Show which acts, plans and derived facts used a fact."""
+    url, (element,) = split_url(words, _USAGE, _EXAMPLE)
+    with open_state(url, kb, at) as (_, state):
+        _write_links(state.consequences(element, depth=depth, limit=limit), as_json)
+
+
+def origins(
+    words: _Words,
+    kb: Name = None,
+    at: At = None,
+    depth: _Depth = 10,
+    limit: _Most = 100,
+    as_json: _LinkLines = False,
+) -> None:
+    """Show which acts, observations and files a fact goes back to."""
+    url, (element,) = split_url(words, _USAGE, _EXAMPLE)
+    with open_state(url, kb, at) as (_, state):
+        _write_links(state.origins(element, depth=depth, limit=limit), as_json)
+
+
+def _write_links(found: CauseLinks, as_json: bool) -> None:
+    printer = Printer()
+    for link in found:
+        if as_json:
+            write_json(link)
+            continue
+        indent = "  " * (link.depth - 1)
+        what = " ".join(filter(None, (link.kind, link.id, printable(link.text))))
+        printer.line(f"{indent}{what}", "bold")
+        if link.revision is not None:
+            said = ", ".join(map(printable, link.revision.said()))
+            printer.line(f"{indent}  revision {link.revision.number}{': ' if said else ''}{said}")
+        for name, texts in (("used", link.used), ("made", link.made)):
+            if texts:
+                printer.line(f"{indent}  {name}: {' '.join(map(printable, texts))}")
+    if found.searched is not None and not as_json:
+        printer.line(f"searched back to revision {found.searched}")
+    if found.has_more and not as_json:
+        printer.line("there are more; see --limit")
+
+
 _DIFF_USAGE = "[URL] A[..B] [B]"
 
 
@@ -290,7 +345,7 @@ def branch(
     actor: Actor = None,
     as_json: AsJson = False,
 ) -> None:
-    """Begin a knowledge base with a state of another, to try it out."""
+    """Begin a knowledge base with a state of another, as a trial."""
     url, names = split_url(words or (), _BRANCH_USAGE, "sqlite:///robot.db monday")
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
@@ -331,7 +386,7 @@ def watch(
     timeout: Annotated[float | None, seconds("Stop after so long; default: at Ctrl-C.")] = None,
     as_json: Annotated[bool, json_lines("revision")] = False,
 ) -> None:
-    """Show revisions as they are committed: when, who, why and what."""
+    """Show revisions as they are committed: who, when, why, what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     with open_to_read(url, kb) as (_, knowledge_base):
         writer = EntryWriter(as_json)

@@ -131,7 +131,7 @@ _HOMES = {
     "show": "state",
     **dict.fromkeys(("query", "holds", "goals"), "asking"),
     **dict.fromkeys(("why-not", "applicable", "apply"), "plans"),
-    **dict.fromkeys(("log", "diff", "history", "blame"), "history"),
+    **dict.fromkeys(("log", "diff", "history", "blame", "consequences", "origins"), "history"),
     **dict.fromkeys(("acts", "statistics"), "acts"),
     **dict.fromkeys(("when", "rules"), "asking"),
     **dict.fromkeys(("restore", "branch"), "history"),
@@ -146,6 +146,7 @@ _HOMES = {
 }
 _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
 _PAGED |= {"log", "acts", "statistics", "diff", "history", "blame", "when", "rules"}
+_PAGED |= {"consequences", "origins"}
 # Their exit code says what became of the store.
 _FINISHED = {"verify", "push", "promote"}
 

@@ -449,7 +449,7 @@ def export(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the audit views, or facts and values over time, to files.
+    """Write audit views, or facts and values over time, to files.
 
     Reads one consistent state, whatever is written meanwhile.
     """

@@ -90,7 +90,7 @@ def report(
         bool, option("Skip the verification, which reads the whole history.", "--no-verify")
     ] = False,
 ) -> None:
-    """Write what happened as one file: the report of an incident.
+    """Write what happened as one file: an incident's report.
 
     It opens in a browser from disk, without a network, and can be printed: a summary, a timeline,
     plans and outcomes, rules and violations, goals not reached, the log with reasons, and the

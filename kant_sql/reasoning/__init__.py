@@ -9,6 +9,7 @@ from ..later import asked_for
 if TYPE_CHECKING:
     from . import act as act
     from . import ask as ask
+    from . import because as because
     from . import complete as complete
     from . import durative as durative
     from . import execute as execute
@@ -20,14 +21,16 @@ if TYPE_CHECKING:
     from . import validate as validate
     from . import when as when
     from .ask import Answers, Binding
+    from .because import CauseLink, CauseLinks
     from .kept_rules import KeptRule
     from .steps import Step, UpActionInstance
 else:
     homes = {
         ".ask": ("Answers", "Binding"),
+        ".because": ("CauseLink", "CauseLinks"),
         ".kept_rules": ("KeptRule",),
         ".steps": ("Step", "UpActionInstance"),
     }
     __getattr__ = asked_for(__name__, homes)
 
-__all__ = ["Answers", "Binding", "KeptRule", "Step", "UpActionInstance"]
+__all__ = ["Answers", "Binding", "CauseLink", "CauseLinks", "KeptRule", "Step", "UpActionInstance"]

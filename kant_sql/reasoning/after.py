@@ -80,10 +80,10 @@ def with_quantities(quantity: Quantity, values: Mapping[Quantity, Quantity]) -> 
     return quantity
 
 
-def heads_of(rules: DerivationRules, *parts: Part) -> set[Head]:
+def heads_of(rules: DerivationRules, *parts: Part | Quantity) -> set[Head]:
     """Return what parts depend on, through rules, too."""
     found: set[Head] = set()
-    pending = list(parts)
+    pending: list[Part | Quantity] = list(parts)
     while pending:
         for each in parts_of(pending.pop()):
             head = head_of(each)

@@ -1,0 +1,696 @@
+"""Because of what: the acts whose conditions used a fact, and what a fact goes back to.
+
+Conditions are evaluated in memory, in the states in which acts began and ended. A page of acts is
+read at once, level by level, so that statements grow with the depth alone, and with definitions
+that changed between acts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any, NamedTuple
+
+from .. import html
+from ..acts import Execution
+from ..acts.recording import ExecutionReader
+from ..arguments import shown, whole_number
+from ..dto.elements import atom_text
+from ..dto.formulas import AT_END, AT_START, OVER_ALL, TIMES
+from ..errors import InvalidKnowledgeError
+from ..history.elements import Applied, Element, refuse_unknown_element, sought
+from ..history.revisions import LARGEST, Revision, at_most, read_numbered, read_position
+from ..history.versions import read_newest
+from ..knowledge.definitions import Definitions
+from ..knowledge.resolved import (
+    FluentIs,
+    HoldsFact,
+    Known,
+    Lacks,
+    NumberOf,
+    Part,
+    Place,
+    Slot,
+    parts_of,
+)
+from ..knowledge.rules import rules_of
+from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..sql.causes import PastReader, WantedActs, changed_atoms, find_acts, find_origins
+from ..sql.definition_rows import find_identities, last_change, load_at
+from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, Key, read_outcome
+from ..sql.rows import FACT, VALUE
+from ..store.snapshot import View, read_definition_revision
+from ..store.state import State
+from .after import head_of, heads_of
+from .derived import world_of
+from .steps import PreparedAction, prepared
+from .uses import Literal, Uses, parts_used
+from .world import Head, Row, World
+
+# Versions of the element in question that are followed, and derived facts that are looked at.
+VERSIONS, DERIVED = 50, 1_000
+_HEADS = ("predicate", "function")
+EXECUTABLE = (ACTION, DURATIVE_ACTION)
+_ABSENT = re.compile(r"\s*\(\s*not\s*(\(.*\))\s*\)\s*", re.DOTALL | re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class CauseLink:
+    """What used something and made something of it: an act, a plan, a rule, or an observation.
+
+    Attributes:
+        depth: how many links away from the element it is, from 1.
+        kind: `execution`, `plan`, `derived fact`, `observation` (a revision of no execution) or
+            `document` (one that loaded a domain or a problem).
+        id: the id of the execution or the plan; None of others.
+        text: the act, the derived fact, or the document.
+        revision: the revision in which it began, or that was observed; of a plan, that it was
+            planned from; None of a derived fact.
+        used: the literals that its condition used, as far as they were asked for.
+        made: the literals that it made true, as far as they were asked for.
+    """
+
+    depth: int
+    kind: str
+    id: str | None
+    text: str
+    revision: Revision | None
+    used: tuple[str, ...]
+    made: tuple[str, ...]
+
+    def _html_row_(self) -> html.Row:
+        revision = self.revision
+        return {
+            "depth": self.depth,
+            "kind": self.kind,
+            "id": self.id,
+            "text": self.text,
+            "revision": None if revision is None else revision.number,
+            "actor": None if revision is None else revision.actor,
+            "reason": None if revision is None else revision.reason,
+            "used": self.used,
+            "made": self.made,
+        }
+
+
+@dataclass(frozen=True)
+class CauseLinks:
+    """What an element led to, or what it goes back to.
+
+    Attributes:
+        element: the element.
+        links: the links, the nearest first, and among them the newest.
+        searched: the first revision from which on all acts were looked at; None for all.
+        has_more: whether there are more than the limit.
+    """
+
+    element: str
+    links: tuple[CauseLink, ...]
+    searched: int | None
+    has_more: bool
+
+    def __iter__(self) -> Iterator[CauseLink]:
+        return iter(self.links)
+
+    def __len__(self) -> int:
+        return len(self.links)
+
+    def _repr_html_(self) -> str:
+        return html.listing(self.links, "link")
+
+
+class _Dated(NamedTuple):
+    """A literal of a state, and the revision since which it was so; 0: ever, or by rules."""
+
+    literal: Literal
+    since: int
+    at: int
+    text: str
+
+
+class _Asked(NamedTuple):
+    """A part that is evaluated, with the objects of its parameters."""
+
+    part: Part
+    parameters: Sequence[Slot] = ()
+    arguments: Row = ()
+    duration: Decimal | None = None
+
+
+class _ActJob(NamedTuple):
+    """The conditions of an execution at a time, in a state."""
+
+    execution: Execution
+    time: str
+    at: int
+
+    def asked(self, world: World) -> list[_Asked]:
+        """Return what is evaluated; nothing for acts that are none of the domain."""
+        definitions, act = world.definitions, self.execution
+        definition = definitions.actions.named(act.action)
+        found = [definitions.objects.named(name) for name in act.arguments]
+        if definition is None or None in found or definition.kind not in EXECUTABLE:
+            return []
+        action = prepared(definitions, definition)
+        has_time = action.is_durative or self.time == AT_START
+        if not has_time or len(found) != len(action.parameters):
+            return []
+        ids = tuple([one.id for one in found if one is not None])
+        slots = [one.slot for one in action.parameters]
+        return [_Asked(part, slots, ids, act.duration) for part in parts_used(action, self.time)]
+
+
+class _FactJob(NamedTuple):
+    """A literal that rules may have derived."""
+
+    literal: Literal
+    at: int
+
+    def asked(self, world: World) -> list[_Asked]:
+        """Return the literal, if its predicate is derived."""
+        _, owner, row, holds = self.literal
+        if not self.literal.is_fact or not rules_of(world.definitions).of(owner):
+            return []
+        fact = HoldsFact(owner, tuple(map(Known, row)))
+        return [_Asked(fact if holds else Lacks(fact))]
+
+
+class _RuleJob(NamedTuple):
+    """All facts that rules derive from a predicate or a function."""
+
+    head: tuple[bool, int]
+    at: int
+
+    def asked(self, world: World) -> list[_Asked]:
+        """Return the derived facts; of a state without facts, what they depend on."""
+        rules, found = rules_of(world.definitions), []
+        for predicate in rules.component:
+            if self.head in heads_of(rules, *(rule.body for rule in rules.of(predicate))):
+                world.has(predicate, ())
+                rows = sorted(world.relation(predicate).rows)[:DERIVED] or [(0,)]
+                found += [_Asked(HoldsFact(predicate, tuple(map(Known, row)))) for row in rows]
+        return found
+
+
+_Job = _ActJob | _FactJob | _RuleJob
+_Used = list[tuple[Part, list[_Dated]]]
+
+
+class _Evaluation:
+    """Evaluates jobs in their states, which are read at once."""
+
+    def __init__(self, view: View) -> None:
+        assert view.kb_id is not None
+        self._view = view
+        self._session, self._kb_id = view.session, view.kb_id
+        self._reader = PastReader(view.session, view.kb_id)
+
+    def run(self, jobs: Sequence[_Job]) -> list[_Used]:
+        """Return for each job what each of its parts used, with the texts of literals."""
+        of_state: defaultdict[int, list[int]] = defaultdict(list)
+        for place, job in enumerate(jobs):
+            of_state[job.at].append(place)
+        worlds = [(world_of(one), own) for one, own in self._epochs(sorted(of_state)[::-1])]
+        atoms, heads = set[tuple[Any, int]](), set[tuple[bool, int, int]]()
+        for world, revisions in worlds:
+            for at in revisions:
+                for place in of_state[at]:
+                    for asked in jobs[place].asked(world):
+                        self._patterns(world.definitions, asked, at, atoms, heads)
+        states = self._states(atoms, heads)
+        found: list[list[tuple[Part, list[Literal]]]] = [[] for _ in jobs]
+        texts: dict[Literal, str] = {}
+        for world, revisions in worlds:
+            uses = Uses(world)
+            for at in revisions:
+                with_state(world, states[at])
+                for place in of_state[at]:
+                    for asked in jobs[place].asked(world):
+                        own = list(dict.fromkeys(uses.of(*asked)))
+                        texts |= {one: _text(world, one) for one in own if one not in texts}
+                        found[place].append((asked.part, own))
+        return self._dated(jobs, found, texts)
+
+    def _epochs(self, revisions: Sequence[int]) -> Iterator[tuple[Definitions, list[int]]]:
+        """Yield definitions with the revisions at which they were so, the newest first."""
+        session, kb_id, at = self._session, self._kb_id, self._view.at
+        definitions, rest = self._view.definitions, [*revisions]
+        is_now = at is None
+        epoch = read_definition_revision(session, kb_id) if at is None else LARGEST
+        if not is_now and rest:
+            epoch = last_change(session, kb_id, at or 0)
+        while rest:
+            if rest[0] < epoch:
+                epoch = last_change(session, kb_id, rest[0])
+                definitions = load_at(session, kb_id, rest[0])
+            own = [one for one in rest if one >= epoch]
+            yield definitions, own
+            rest = rest[len(own) :]
+
+    def _patterns(
+        self,
+        definitions: Definitions,
+        asked: _Asked,
+        at: int,
+        atoms: set[tuple[Any, int]],
+        heads: set[tuple[bool, int, int]],
+    ) -> None:
+        """Note what a part depends on: atoms, and all of what it has variables or rules for."""
+        rules = rules_of(definitions)
+        given = dict(zip(asked.parameters, asked.arguments, strict=True))
+        for part in parts_of(asked.part):
+            if not isinstance(part, HoldsFact | FluentIs | NumberOf):
+                continue
+            is_fact, owner = head_of(part) or (True, 0)
+            if is_fact and rules.of(owner):
+                heads.update((*head, at) for head in heads_of(rules, part))
+                continue
+            row = [given.get(one) if isinstance(one, Slot) else one.id for one in part.terms]
+            if None in row:
+                heads.add((is_fact, owner, at))
+            else:
+                atoms.add(((is_fact, owner, tuple(row)), at))
+
+    def _states(self, atoms: set[Any], heads: set[Any]) -> dict[int, list[Any]]:
+        """Read what held at each revision, of what is depended on."""
+        states: defaultdict[int, list[Any]] = defaultdict(list)
+        for (atom, at), held in self._reader.versions(atoms).items():
+            if held.until is None or held.until > at:
+                states[at].append((atom, held.value))
+        for atom, at, value in self._reader.whole(heads):
+            states[at].append((atom, value))
+        return states
+
+    def _dated(
+        self,
+        jobs: Sequence[_Job],
+        found: list[list[tuple[Part, list[Literal]]]],
+        texts: dict[Literal, str],
+    ) -> list[_Used]:
+        """Add since when literals were so."""
+        wanted = {
+            (one[:3], job.at) for job, own in zip(jobs, found, strict=True)
+            for _, literals in own for one in literals
+        }  # fmt: skip
+        versions = self._reader.versions(wanted)
+
+        def dated(literal: Literal, at: int) -> _Dated:
+            last = versions.get((literal[:3], at))
+            since = 0
+            if last is not None:
+                holds = last.until is None or last.until > at
+                since = last.since if holds else last.until or 0
+                since = since if holds == literal.holds else 0
+            return _Dated(literal, since, at, texts[literal])
+
+        return [
+            [(part, [dated(one, job.at) for one in literals]) for part, literals in own]
+            for job, own in zip(jobs, found, strict=True)
+        ]
+
+
+def with_state(world: World, state: Iterable[Any]) -> None:
+    """Give a world other facts and values."""
+    for fact in world.facts():
+        world.remove(*fact)
+    for fluent in world.values():
+        world.set(*fluent, None)
+    for (is_fact, owner, row), value in state:
+        if is_fact:
+            world.add(owner, row)
+        else:
+            world.set(owner, row, value if isinstance(value, int) else Decimal(str(value)))
+
+
+def _text(world: World, literal: Literal) -> str:
+    text = world.text(literal[:2], literal.row)
+    return text if literal.holds else f"(not {text})"
+
+
+def _moments(execution: Execution) -> Iterator[_ActJob]:
+    """Yield the conditions of an execution, each in the state in which it had to hold."""
+    outcomes = [(read_outcome(one.text).outcome, one.since.number) for one in execution.outcomes]
+    outcomes = [one for one in outcomes if one[0] != REFUSED]
+    if not outcomes or (outcomes[0][0] == ABORTED and execution.plan_id is not None):
+        return
+    (first, begun), (last, ended) = outcomes[0], outcomes[-1]
+    yield _ActJob(execution, AT_START, begun - 1)
+    if first == RUNNING:
+        yield _ActJob(execution, OVER_ALL, begun)
+    if last == SUCCEEDED:
+        yield _ActJob(execution, OVER_ALL, ended - 1)
+        yield _ActJob(execution, AT_END, ended - 1)
+
+
+class _Target(NamedTuple):
+    """A literal that may have been used, from one revision until another (None: still)."""
+
+    literal: Literal
+    since: int
+    until: int | None
+    text: str
+
+
+class _Sought(NamedTuple):
+    """The versions of an element, the newest first, and its text."""
+
+    text: str
+    targets: list[_Target]
+    is_cut: bool
+
+
+def _find(view: View, element: Element, at: int) -> _Sought | None:
+    """Find an element: a fact, a fluent, or the absence of one; None if its names never were."""
+    assert view.kb_id is not None
+    text = element if isinstance(element, str) else str(element)
+    absent = _ABSENT.fullmatch(text)
+    wanted, *others = sought(absent[1] if absent else element)
+    if others or not isinstance(wanted, Applied):
+        raise InvalidKnowledgeError(
+            f"{shown(element)} is not a fact or a fluent; give one such as (robot_at rb1 wp1), "
+            "(battery rb1), or (not (robot_at rb1 wp1)) for its absence"
+        )
+    keys = {"object": {*wanted.arguments}, **{kind: {wanted.name} for kind in _HEADS}}
+    ids = {kind: find_identities(view.session, view.kb_id, kind, keys[kind]) for kind in keys}
+    heads = [(kind, one) for kind in _HEADS if (one := ids[kind][wanted.name]) is not None]
+    objects = [one for name in wanted.arguments if (one := ids["object"][name]) is not None]
+    if not heads or len(objects) != len(wanted.arguments):
+        return None
+    [(kind, (owner, name)), *_] = heads
+    plain = atom_text(name, [one[1] for one in objects])
+    row = tuple([one[0] for one in objects])
+    literal = Literal(kind == "predicate", owner, row, absent is None)
+    of_kind = [wanted._replace(kinds=frozenset({FACT, VALUE}))]
+    rows = read_newest(view.session, view.kb_id, of_kind, at, VERSIONS)
+    spans = sorted(((one[2], one[3]) for one in rows), reverse=True)
+    if absent:
+        begins = [*(until for _, until in spans), 0]
+        ends = [None, *(since for since, _ in spans)]
+        gaps = zip(begins, ends, strict=True)
+        spans = [(begin, end) for begin, end in gaps if begin is not None]
+    elif not spans:
+        # Rules derive it, if anything does.
+        spans = [(0, None)]
+    plain = f"(not {plain})" if absent else plain
+    targets = [_Target(literal, since, until, plain) for since, until in spans if since <= at]
+    return _Sought(plain, targets, len(rows) == VERSIONS)
+
+
+# The texts of the literals that an execution, a step of a plan or a derived fact used.
+_Texts = dict[Any, dict[str, None]]
+_EXECUTION, _DERIVED = "execution", "derived fact"
+
+
+class _Found(NamedTuple):
+    """A link that is to be added."""
+
+    revision: int
+    kind: str
+    id: str | None
+    text: str
+    used: dict[str, None]
+    made: dict[str, None]
+
+
+class _Tracer:
+    """Follows links within one snapshot."""
+
+    def __init__(self, state: State, view: View, limit: int) -> None:
+        assert view.kb_id is not None
+        self.view, self.session, self.kb_id = view, view.session, view.kb_id
+        position = read_position(view.session, view.kb_id)
+        self.at = position.head if state.at is None else state.at
+        self.archived = position.archived
+        self.limit = limit
+        self.links: list[CauseLink] = []
+        self.searched = 0
+        self._reader = ExecutionReader(state.store, view, view.kb_id)
+        self._evaluation = _Evaluation(view)
+
+    def result(self, text: str) -> CauseLinks:
+        """Return the links that were found, up to the limit."""
+        has_more = len(self.links) > self.limit
+        return CauseLinks(text, tuple(self.links[: self.limit]), self.searched or None, has_more)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there are more links than were asked for."""
+        return len(self.links) > self.limit
+
+    # What follows from it.
+
+    def follow(self, targets: list[_Target], depth: int) -> None:
+        """Find what used some literals, and what used what that made, and so on."""
+        seen: set[Key] = set()
+        for level in range(1, depth + 1):
+            if not targets or self.is_full:
+                return
+            targets = self._used(targets, level, seen)
+
+    def _used(self, targets: list[_Target], level: int, seen: set[Key]) -> list[_Target]:
+        """Find what used some literals; return what it made of others."""
+        wanted = dict.fromkeys(one for target in targets for one in self._wanted(target))
+        found, searched = find_acts(self.session, self.kb_id, [*wanted], self.limit + 1)
+        self.searched = max(self.searched, searched)
+        acts: dict[Any, Execution] = {**self._reader.listed([one.key for one in found])}
+        # The state that a plan was made from; its steps come from other keys than their executions.
+        planned = {(*one.key, 0): one.revision for one in found if one.is_planned}
+        jobs: list[tuple[Any, _Job]] = [
+            (key, job)
+            for key in dict.fromkeys(one.key for one in found if not one.is_planned)
+            if key in acts and key not in seen
+            for job in _moments(acts[key])
+        ]
+        for key, at in planned.items():
+            acts[key] = acts[key[:2]]
+            jobs += [(key, _ActJob(acts[key], time, at)) for time in TIMES]
+        ends = {(one.literal[:2], min(one.until or LARGEST, self.at + 1) - 1) for one in targets}
+        jobs += [(None, _RuleJob(head, at)) for head, at in sorted(ends)]
+        ready = {(one.literal, one.since) for one in targets}
+        used: _Texts = {}
+        for (owner, _), parts in zip(jobs, self._run(jobs), strict=True):
+            for _, literals in parts:
+                # The first literal of a fact is that fact.
+                own = literals if owner else literals[1:]
+                texts = dict.fromkeys(one.text for one in own if (one.literal, one.since) in ready)
+                if texts:
+                    used.setdefault(owner or literals[0].text, {}).update(texts)
+        seen.update(key for key in used if key in acts)
+        return self._linked(level, acts, used, planned)
+
+    def _wanted(self, target: _Target) -> Iterator[WantedActs]:
+        """Yield which acts may have used a literal."""
+        low = max(target.since, self.archived, 1)
+        high = self.at if target.until is None else min(target.until, self.at)
+        for definition in self.view.definitions.actions:
+            if definition.kind not in EXECUTABLE or low > high:
+                continue
+            action = prepared(self.view.definitions, definition)
+            places = {one.slot: place for place, one in enumerate(action.parameters)}
+            for head, terms in occurrences(action):
+                if head != target.literal[:2]:
+                    continue
+                row = target.literal.row
+                pairs = [] if terms is None else [*zip(terms, row, strict=True)]
+                if any(isinstance(term, Known) and term.id != id_ for term, id_ in pairs):
+                    continue
+                fixed = [(id_, places[term]) for term, id_ in pairs if term in places]
+                (one, first), (other, second) = [*fixed, (0, 0), (0, 0)][:2]
+                yield WantedActs(definition.id, one, first, low, high, other, second)
+
+    def _linked(
+        self, level: int, acts: dict[Any, Execution], used: _Texts, planned: dict[Any, int]
+    ) -> list[_Target]:
+        """Add what used something, and return what it made."""
+        done = {key: acts[key].revisions for key in used if key in acts and key not in planned}
+        numbers = {one for revisions in done.values() for one in revisions}
+        made: defaultdict[int, list[_Target]] = defaultdict(list)
+        for one in changed_atoms(self.session, self.kb_id, numbers) if numbers else ():
+            text = one.text if one.holds else f"(not {one.text})"
+            target = _Target(Literal(*one.atom, one.holds), one.revision, one.until, text)
+            made[one.revision].append(target)
+        targets, found = list[_Target](), list[_Found]()
+        for key, texts in used.items():
+            if key in done:
+                own = [one for number in done[key] for one in made[number]]
+                targets += own
+                changed = dict.fromkeys(one.text for one in own)
+                act = str(acts[key])
+                found.append(_Found(done[key][0], _EXECUTION, acts[key].id, act, texts, changed))
+            elif key in planned:
+                act = str(acts[key])
+                found.append(_Found(planned[key], "plan", str(key[0]), act, texts, {}))
+            else:
+                found.append(_Found(0, _DERIVED, None, str(key), texts, {str(key): None}))
+        self._add(level, found)
+        return targets
+
+    def _add(self, level: int, found: list[_Found]) -> None:
+        """Add links, the newest first."""
+        numbers = {one.revision for one in found if one.revision}
+        revisions = read_numbered(self.session, self.kb_id, numbers)
+        found.sort(key=lambda one: -one.revision)
+        for number, kind, id_, text, used, made in found:
+            own = revisions.get(number), tuple(used), tuple(made)
+            self.links.append(CauseLink(level, kind, id_, text, *own))
+
+    # What it goes back to.
+
+    def go_back(self, target: _Target, depth: int) -> None:
+        """Find what made a literal true, and what that used, and so on."""
+        at = self.at if target.until is None else min(target.until - 1, self.at)
+        level = [_Dated(target.literal, target.since, at, target.text)]
+        seen = {one[:2] for one in level}
+        for number in range(1, depth + 1):
+            if not level or self.is_full:
+                return
+            found = {one[:2]: one for one in self._made(level, number)}
+            level = [one for key, one in found.items() if key not in seen]
+            seen.update(found)
+
+    def _made(self, level: list[_Dated], depth: int) -> list[_Dated]:
+        """Find what made literals true; return what it used."""
+        made: defaultdict[int, dict[str, None]] = defaultdict(dict)
+        for one in level:
+            made[one.since][one.text] = None
+        acted, loaded = find_origins(self.session, self.kb_id, made)
+        acts = self._reader.listed([key for _, key in acted])
+        jobs: list[tuple[Any, _Job]] = [
+            ((number, key), job)
+            for number, key in acted
+            for job in _moments(acts[key])
+            if job.at < number
+        ]
+        jobs += [(one, _FactJob(one.literal, one.at)) for one in level if not one.since]
+        used: defaultdict[Any, list[_Dated]] = defaultdict(list)
+        for (owner, job), parts in zip(jobs, self._run(jobs), strict=True):
+            for _, literals in parts:
+                # The first literal of a fact is that fact.
+                used[owner] += literals[isinstance(job, _FactJob) :]
+        found = []
+        for number in made.keys() - {number for number, _ in acted} - {0}:
+            kind = "document" if number in loaded else "observation"
+            text = loaded.get(number) or " ".join(made[number])
+            found.append(_Found(number, kind, None, text, {}, made[number]))
+        for number, key in acted:
+            texts = dict.fromkeys(one.text for one in used[number, key])
+            own = acts[key].id, str(acts[key])
+            found.append(_Found(number, _EXECUTION, *own, texts, made[number]))
+        for one in level:
+            if used.get(one):
+                texts = dict.fromkeys(each.text for each in used[one])
+                found.append(_Found(0, _DERIVED, None, one.text, texts, {one.text: None}))
+        self._add(depth, found)
+        return [one for own in used.values() for one in own]
+
+    def _run(self, jobs: list[tuple[Any, _Job]]) -> list[_Used]:
+        return self._evaluation.run([job for _, job in jobs])
+
+
+def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[Place, ...] | None]]:
+    """Return what the conditions of an action mention; through rules, of any objects."""
+    found: list[tuple[Head, tuple[Place, ...] | None]] | None = action.kept.get("mentioned")
+    if found is None:
+        rules, found = rules_of(action.definitions), []
+        parts = [part for time in TIMES for part in parts_used(action, time)]
+        for part in (each for one in parts for each in parts_of(one)):
+            if isinstance(part, HoldsFact | FluentIs | NumberOf):
+                head = head_of(part)
+                assert head is not None
+                found.append((head, part.terms))
+                if head[0] and rules.of(head[1]):
+                    found += [(each, None) for each in heads_of(rules, part) - {head}]
+        action.kept["mentioned"] = found
+    return found
+
+
+def consequences(state: State, element: Element, *, depth: int = 1, limit: int = 100) -> CauseLinks:
+    """Find what a fact or a value led to: the acts, plans and derived facts that used it.
+
+    An act used a version of it if the version was so when its condition held, and the truth of
+    the condition rests on it: the page "Because of what" says when. What a conditional effect
+    asked for, and the numbers that an effect read, count as well.
+
+    Args:
+        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
+        depth: how far to follow what the acts changed; 1 for what used the element itself.
+        limit: the most links, the newest of each level first.
+
+    Returns:
+        What used it, the nearest first.
+
+    Raises:
+        InvalidKnowledgeError: it is not a fact or a fluent.
+        UnknownNameError: it names what never was.
+
+    Examples:
+        >>> kb.consequences("(robot_at rb1 wp1)").links
+        ()
+    """
+
+    def trace(tracer: _Tracer, found: _Sought) -> None:
+        if found.is_cut:
+            tracer.searched = max(1, found.targets[-1].since)
+        tracer.follow(found.targets, depth)
+
+    return _trace(state, element, depth, limit, trace)
+
+
+def origins(state: State, element: Element, *, depth: int = 10, limit: int = 100) -> CauseLinks:
+    """Find what a fact or a value goes back to: acts, observations and documents.
+
+    Args:
+        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
+            It is asked for as it is now, or else as it was last.
+        depth: how far to go back from acts to what they used.
+        limit: the most links, the newest of each level first.
+
+    Returns:
+        What made it, and what that used, the nearest first. A literal that is in `used` and in no
+        `made` was never otherwise, or is further back.
+
+    Raises:
+        InvalidKnowledgeError: it is not a fact or a fluent.
+        UnknownNameError: it names what never was.
+
+    Examples:
+        >>> [(link.kind, link.made) for link in kb.origins("(robot_at rb1 wp1)")]
+        [('observation', ('(robot_at rb1 wp1)',))]
+    """
+
+    def trace(tracer: _Tracer, found: _Sought) -> None:
+        if found.targets:
+            tracer.go_back(found.targets[0], depth)
+
+    return _trace(state, element, depth, limit, trace)
+
+
+def _trace(
+    state: State,
+    element: Element,
+    depth: int,
+    limit: int,
+    trace: Callable[[_Tracer, _Sought], None],
+) -> CauseLinks:
+    """Find links within one snapshot."""
+    whole_number(depth, "depth", least=1, expected="a whole number from 1 on")
+    most = at_most(limit)
+
+    def work(view: View) -> CauseLinks | None:
+        if view.kb_id is None:
+            return None
+        tracer = _Tracer(state, view, most)
+        found = _find(view, element, tracer.at)
+        if found is None:
+            return None
+        trace(tracer, found)
+        return tracer.result(found.text)
+
+    links = state.store.read_in_snapshot(work, state.at)
+    if links is None:
+        refuse_unknown_element(state.store, element)
+        return CauseLinks(str(element), (), None, False)
+    return links

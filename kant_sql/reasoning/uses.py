@@ -1,0 +1,186 @@
+"""Which literals the truth of a condition rests on, in a state in memory.
+
+A literal is used if it stands in an instance of the condition and every part around it, up to the
+condition, has the truth value by which it counts: all parts of a conjunction that holds and those
+that fail of one that does not, the parts of a disjunction that hold, each object for which a
+quantified part counts. Atoms of derived predicates are followed through all instances of their
+rules, also where several derive one fact. A state in which all used literals are the same satisfies
+the condition, whatever else differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from decimal import Decimal
+from itertools import product
+from typing import Any, NamedTuple
+
+from ..knowledge.resolved import (
+    TRUE,
+    AllOf,
+    Bound,
+    Compares,
+    FluentIs,
+    HoldsFact,
+    Lacks,
+    NumberOf,
+    OneOf,
+    Part,
+    Slot,
+    Witness,
+    all_of,
+    closure,
+    parts_of,
+)
+from ..knowledge.rules import rules_of
+from .evaluate import Compiler, Env, Rows, Test
+from .steps import PreparedAction
+from .world import Row, World
+
+
+class Literal(NamedTuple):
+    """A fact or a fluent (`is_fact` is False), and whether it holds, or has a value."""
+
+    is_fact: bool
+    owner: int
+    row: Row
+    holds: bool
+
+
+def parts_used(action: PreparedAction, time: str) -> list[Part]:
+    """Return the conditions of a time, and of its effects, with the numbers that these read."""
+    key = "parts used", time
+    found: list[Part] | None = action.kept.get(key)
+    if found is None:
+        found = action.kept[key] = [action.condition(time)]
+        for item in action.items(time):
+            part = item.condition
+            if item.numbers:
+                # It holds if the fluents have values.
+                part = all_of([part, *(Compares("=", one, one) for one in item.numbers)])
+            if part != TRUE:
+                found.append(Witness(item.bound, part) if item.bound else part)
+    return found
+
+
+class _Compiled:
+    """A part, with tests of all parts within it and searches for the objects of its variables."""
+
+    def __init__(self, world: World, part: Part, parameters: Iterable[Slot]) -> None:
+        self.part = part
+        self.compiler = Compiler(world, parameters)
+        self.tests: dict[int, Test] = {}
+        self.rows: dict[int, Rows] = {}
+        self.members: dict[int, list[frozenset[int]]] = {}
+        self.picks: dict[int, Callable[[Env], Row]] = {}
+        for inner in parts_of(part):
+            if isinstance(inner, HoldsFact | NumberOf | FluentIs):
+                self.picks[id(inner)] = self.compiler.picker(inner.terms)
+            elif isinstance(inner, Witness):
+                self.rows[id(inner)] = self.compiler.rows(inner.bound, inner.part)
+                self.members[id(inner)] = [world.members(one.types) for one in inner.bound]
+            if isinstance(inner, Part):
+                self.tests[id(inner)] = self.compiler.test(inner)
+
+
+# A derived atom that is still to be followed: predicate, objects, and whether it holds.
+_Pending = list[tuple[int, Row, bool]]
+
+
+class Uses:
+    """Finds the literals that conditions use in the present state of a world."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        # With the parts: an id is used again once its object is gone.
+        self._compiled: dict[int, _Compiled] = {}
+        self._bodies: dict[int, list[tuple[_Compiled, tuple[Bound, ...]]]] = {}
+
+    def of(
+        self,
+        part: Part,
+        parameters: Sequence[Slot] = (),
+        arguments: Row = (),
+        duration: Decimal | None = None,
+    ) -> Iterator[Literal]:
+        """Yield what a part uses; of a conjunction that fails, what its parts that hold use."""
+        compiled = self._compile(part, parameters)
+        env = compiled.compiler.env(arguments, duration)
+        pending: _Pending = []
+        conjuncts = part.parts if isinstance(part, AllOf) else (part,)
+        for one in conjuncts:
+            if compiled.tests[id(one)](env):
+                yield from _walk(compiled, one, env, True, pending)
+        seen = {*pending}
+        while pending:
+            predicate, row, holds = pending.pop()
+            for body, bound in self._rules(predicate):
+                fits = zip(row, bound, strict=True)
+                if not all(id_ in self._world.members(one.types) for id_, one in fits):
+                    continue
+                env, found = body.compiler.env(row), _Pending()
+                if body.tests[id(body.part)](env) == holds:
+                    yield from _walk(body, body.part, env, holds, found)
+                pending += [one for one in dict.fromkeys(found) if one not in seen]
+                seen.update(found)
+
+    def _compile(self, part: Part, parameters: Sequence[Slot]) -> _Compiled:
+        found = self._compiled.get(id(part))
+        if found is None:
+            found = self._compiled[id(part)] = _Compiled(self._world, part, parameters)
+        return found
+
+    def _rules(self, predicate: int) -> list[tuple[_Compiled, tuple[Bound, ...]]]:
+        """Return the bodies of the rules of a predicate, with what fits their parameters."""
+        found = self._bodies.get(predicate)
+        if found is None:
+            definitions, found = self._world.definitions, []
+            for rule in rules_of(definitions).of(predicate):
+                declared = definitions.predicates.live(predicate).parameters
+                own = tuple(
+                    Bound(one.slot, (*one.types, closure(definitions, parameter.type_ids)))
+                    for one, parameter in zip(rule.parameters, declared, strict=True)
+                )
+                found.append((_Compiled(self._world, rule.body, [one.slot for one in own]), own))
+            self._bodies[predicate] = found
+        return found
+
+
+def _walk(
+    compiled: _Compiled, part: Part, env: Env, holds: bool, pending: _Pending
+) -> Iterator[Literal]:
+    """Yield the literals by which a part holds, or fails; note atoms that rules may derive."""
+    match part:
+        case Lacks(inner):
+            yield from _walk(compiled, inner, env, not holds, pending)
+        case AllOf(parts) | OneOf(parts):
+            for one in parts:
+                if compiled.tests[id(one)](env) == holds:
+                    yield from _walk(compiled, one, env, holds, pending)
+        case Witness(bound, inner):
+            # Inner searches set places of the environment, too.
+            found: Any = compiled.rows[id(part)](env.copy()) if holds else None
+            places = [compiled.compiler.at(one.slot) for one in bound]
+            for row in found if holds else product(*compiled.members[id(part)]):
+                own = env.copy()
+                for place, id_ in zip(places, row, strict=True):
+                    own[place] = id_
+                yield from _walk(compiled, inner, own, holds, pending)
+        case _:
+            yield from _leaf(compiled, part, env, holds, pending)
+
+
+def _leaf(
+    compiled: _Compiled, part: Part, env: Env, holds: bool, pending: _Pending
+) -> Iterator[Literal]:
+    """Yield the literals of a part without parts."""
+    for one in parts_of(part):
+        if isinstance(one, HoldsFact):
+            row = compiled.picks[id(one)](env)
+            yield Literal(True, one.predicate, row, holds)
+            if not one.is_stored:
+                pending.append((one.predicate, row, holds))
+        elif isinstance(one, NumberOf | FluentIs):
+            row = compiled.picks[id(one)](env)
+            has_value = row in compiled.compiler.world.table(one.function)
+            yield Literal(False, one.function, row, has_value)

@@ -1,0 +1,174 @@
+"""What a fact led to, and what it goes back to, on every backend."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase, Plan, PlanStep
+from kant_sql.errors import InvalidArgumentError, InvalidKnowledgeError, UnknownNameError
+from kant_sql.sql import causes
+from tests.support.statements import count
+
+DOMAIN = """
+(define (domain ward)
+  (:requirements :typing :durative-actions :derived-predicates :fluents :adl)
+  (:types robot place)
+  (:predicates (at ?r - robot ?p - place) (door ?a ?b - place) (way ?a ?b - place)
+    (alarm ?p - place) (docking ?r - robot) (seen ?p - place) (lit ?p - place))
+  (:functions (battery ?r - robot) (length ?a ?b - place))
+  (:derived (way ?a ?b - place)
+    (or (door ?a ?b) (exists (?c - place) (and (door ?a ?c) (way ?c ?b)))))
+  (:action move :parameters (?r - robot ?a ?b - place)
+    :precondition (and (at ?r ?a) (way ?a ?b) (forall (?p - place) (not (alarm ?p)))
+      (> (battery ?r) 10))
+    :effect (and (not (at ?r ?a)) (at ?r ?b)))
+  (:action look :parameters (?r - robot ?p - place) :precondition (at ?r ?p)
+    :effect (when (lit ?p) (seen ?p)))
+  (:durative-action dock :parameters (?r - robot) :duration (= ?duration 5)
+    :condition (over all (exists (?p - place) (at ?r ?p)))
+    :effect (and (at start (docking ?r)) (at end (not (docking ?r))))))
+"""
+PROBLEM = """
+(define (problem night) (:domain ward) (:objects rb1 rb2 - robot hall room lab - place)
+  (:init (at rb1 hall) (door hall room) (lit lab) (= (battery rb1) 90) (= (battery rb2) 1))
+  (:goal (seen lab)))
+"""
+
+
+@pytest.fixture
+def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A ward in which a camera saw a door that the robot then used."""
+    fresh_kb.load_domain(DOMAIN)
+    fresh_kb.load_problem(PROBLEM)
+    with fresh_kb.transaction(actor="camera", reason="saw it"):
+        fresh_kb.propositions.save_all(["(door room lab)"])
+    fresh_kb.apply("(move rb1 hall lab)")
+    fresh_kb.apply("(look rb1 lab)")
+    fresh_kb.end(fresh_kb.start("(dock rb1)"))
+    return fresh_kb
+
+
+def acts(kb: KnowledgeBase, element: str, **how: Any) -> list[tuple[int, str]]:
+    found = kb.consequences(element, **how)
+    return [(one.depth, one.text) for one in found if one.kind == "execution"]
+
+
+def test_an_act_used_what_its_condition_rested_on(kb: KnowledgeBase) -> None:
+    moved = [(1, "(move rb1 hall lab)")]
+    # By a rule, by a comparison, by an absence within a quantifier.
+    assert acts(kb, "(door room lab)") == acts(kb, "(door hall room)") == moved
+    assert acts(kb, "(battery rb1)") == acts(kb, "(at rb1 hall)") == moved
+    assert acts(kb, "(not (alarm room))") == moved
+    assert acts(kb, "(way hall lab)") == moved
+    # By a condition of an effect, and by the invariant of a durative action.
+    assert acts(kb, "(lit lab)") == [(1, "(look rb1 lab)")]
+    assert acts(kb, "(at rb1 lab)") == [(1, "(dock rb1)"), (1, "(look rb1 lab)")]
+    for unused in ("(battery rb2)", "(not (door hall lab))", "(alarm room)", "(seen lab)"):
+        assert acts(kb, unused) == []
+
+
+def test_consequences_are_followed(kb: KnowledgeBase) -> None:
+    assert acts(kb, "(door room lab)", depth=9) == [
+        (1, "(move rb1 hall lab)"),
+        (2, "(dock rb1)"),
+        (2, "(look rb1 lab)"),
+    ]
+    moved, *derived, dock, look = kb.consequences("(door room lab)", depth=2)
+    assert moved.revision is not None
+    assert moved.revision.number == 4
+    assert moved.used == ("(door room lab)",)
+    assert {*moved.made} == {"(at rb1 lab)", "(not (at rb1 hall))"}
+    assert {one.text for one in derived} == {"(way hall lab)", "(way room lab)"}
+    assert dock.used == look.used == ("(at rb1 lab)",)
+    found = kb.consequences("(door room lab)", depth=2, limit=2)
+    assert (len(found), found.has_more, found.searched) == (2, True, None)
+    assert kb.executions.get(look.id or "") is not None
+
+
+def test_only_while_it_held_it_was_used(kb: KnowledgeBase) -> None:
+    [(_, looked)] = acts(kb, "(lit lab)")
+    kb.propositions.delete("(lit lab)")
+    kb.apply("(look rb1 lab)")
+    assert acts(kb, "(lit lab)") == [(1, looked)]
+    # The condition of the effect did not hold, so that it used nothing.
+    assert acts(kb, "(not (lit lab))") == []
+    kb.propositions.save_all(["(lit lab)"])
+    kb.apply("(look rb1 lab)")
+    first, second = kb.consequences("(lit lab)")
+    assert first.id != second.id
+    assert acts(kb.at(kb.revision - 1), "(lit lab)") == [(1, looked)]
+    assert acts(kb.at(4), "(lit lab)") == []
+
+
+def test_a_plan_used_the_state_that_it_was_made_from(kb: KnowledgeBase) -> None:
+    kb.propositions.save_all(["(door lab hall)"])
+    recorded = kb.plans.record(
+        Plan((PlanStep(None, "move", ("rb1", "lab", "hall")),), "by hand", "found")
+    )
+    [plan] = [one for one in kb.consequences("(door lab hall)") if one.kind == "plan"]
+    assert (plan.id, plan.text) == (str(recorded.id), "(move rb1 lab hall)")
+    kb.apply(recorded.steps[0])
+    kinds = [one.kind for one in kb.consequences("(door lab hall)")]
+    assert kinds.count("execution") == kinds.count("plan") == 1
+
+
+def test_origins_lead_to_observations_and_documents(kb: KnowledgeBase) -> None:
+    found = kb.origins("(seen lab)")
+    first, second, *rest = found
+    assert (first.text, first.used) == ("(look rb1 lab)", ("(at rb1 lab)", "(lit lab)"))
+    assert (second.depth, second.text, second.made) == (2, "(move rb1 hall lab)", ("(at rb1 lab)",))
+    [camera] = [one for one in rest if one.kind == "observation"]
+    assert camera.revision is not None
+    assert camera.revision.actor == "camera"
+    assert (camera.depth, camera.made) == (3, ("(door room lab)",))
+    documents = [one for one in found if one.kind == "document"]
+    assert {text for one in documents for text in one.made} >= {"(at rb1 hall)", "(lit lab)"}
+    assert all("night" in one.text for one in documents)
+    assert [one.depth for one in kb.origins("(seen lab)", depth=1)] == [1]
+    [derived, *_] = kb.origins("(way hall lab)")
+    assert derived.kind == "derived fact"
+    assert "(door room lab)" in derived.used
+    # What held last.
+    [gone] = kb.origins("(at rb1 hall)", depth=1)
+    assert gone.kind == "document"
+    [left] = kb.origins("(not (at rb1 hall))", depth=1)
+    assert left.text == "(move rb1 hall lab)"
+
+
+def test_definitions_are_those_of_the_time(kb: KnowledgeBase) -> None:
+    kb.load_domain(DOMAIN.replace("(at ?r ?a) (way ?a ?b)", "(at ?r ?a)"))
+    assert acts(kb, "(at rb1 hall)") == [(1, "(move rb1 hall lab)")]
+    kb.objects.delete("room")
+    assert acts(kb.at(5), "(door room lab)") == [(1, "(move rb1 hall lab)")]
+
+
+def test_statements_do_not_grow_with_acts(kb: KnowledgeBase) -> None:
+    few = count(lambda: kb.consequences("(lit lab)"))
+    for _ in range(30):
+        kb.apply("(look rb1 lab)")
+    assert count(lambda: kb.consequences("(lit lab)")) <= few <= 25
+    assert len(kb.consequences("(lit lab)")) == 31
+
+
+def test_of_many_acts_the_newest_are_searched(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(causes, "FEW", 3)
+    for _ in range(8):
+        kb.apply("(look rb1 lab)")
+    found = kb.consequences("(lit lab)")
+    assert found.searched is not None
+    assert 0 < len(found) < 9
+    assert acts(kb.at(found.searched), "(lit lab)")
+
+
+def test_what_is_no_fact_is_refused(kb: KnowledgeBase) -> None:
+    for wrong in ("rb1", "(and (at rb1 hall) (at rb1 lab))", "(or (at rb1 hall))"):
+        with pytest.raises(InvalidKnowledgeError, match="is not a fact or a fluent"):
+            kb.consequences(wrong)
+    with pytest.raises(UnknownNameError):
+        kb.origins("(at rb1 cellar)")
+    with pytest.raises(InvalidArgumentError, match="depth"):
+        kb.origins("(at rb1 hall)", depth=0)
