@@ -3005,6 +3005,139 @@ CREATE VIEW audit_revision (
    FROM revision r
      LEFT JOIN knowledge_base k ON k.id = r.kb_id
      LEFT JOIN revision_execution x ON x.kb_id = r.kb_id AND x.number = r.number;
+CREATE VIEW audit_statistics (
+    knowledge_base character varying(255) COLLATE "C",
+    action character varying COLLATE "C",
+    arguments text COLLATE "C",
+    executions bigint,
+    running bigint,
+    succeeded bigint,
+    failed bigint,
+    aborted bigint,
+    refused bigint,
+    success_rate double precision,
+    success_low double precision,
+    success_high double precision,
+    median double precision,
+    percentile_95 double precision,
+    codes text COLLATE "C",
+    kb_id bigint
+) AS
+ SELECT knowledge_base,
+    action,
+    arguments,
+    executions,
+    running,
+    succeeded,
+    failed,
+    aborted,
+    refused,
+    succeeded::double precision / decided::double precision AS success_rate,
+        CASE succeeded
+            WHEN 0 THEN failed::double precision / decided::double precision - 1::double precision
+            ELSE ((succeeded::numeric + 1.920729410347062)::double precision - 1.959963984540054::double precision * spread) / (decided::numeric + 3.841458820694124)::double precision
+        END AS success_low,
+        CASE failed
+            WHEN 0 THEN succeeded::double precision / decided::double precision
+            ELSE ((succeeded::numeric + 1.920729410347062)::double precision + 1.959963984540054::double precision * spread) / (decided::numeric + 3.841458820694124)::double precision
+        END AS success_high,
+    median,
+    percentile_95,
+    codes,
+    kb_id
+   FROM ( SELECT g.knowledge_base,
+            g.action,
+            g.arguments,
+            g.executions,
+            g.running,
+            g.succeeded,
+            g.failed,
+            g.aborted,
+            g.refused,
+            g.median,
+            g.percentile_95,
+            g.codes,
+            g.kb_id,
+            NULLIF(g.succeeded + g.failed, 0) AS decided,
+            sqrt(g.succeeded::double precision * g.failed::double precision / NULLIF(g.succeeded + g.failed, 0)::double precision + 0.960364705173531::double precision) AS spread
+           FROM ( SELECT p.knowledge_base,
+                    p.action,
+                    p.arguments,
+                    count(*) AS executions,
+                    count(
+                        CASE p.outcome
+                            WHEN 'running'::text THEN 1
+                            ELSE NULL::integer
+                        END) AS running,
+                    count(
+                        CASE p.outcome
+                            WHEN 'succeeded'::text THEN 1
+                            ELSE NULL::integer
+                        END) AS succeeded,
+                    count(
+                        CASE p.outcome
+                            WHEN 'failed'::text THEN 1
+                            ELSE NULL::integer
+                        END) AS failed,
+                    count(
+                        CASE p.outcome
+                            WHEN 'aborted'::text THEN 1
+                            ELSE NULL::integer
+                        END) AS aborted,
+                    count(
+                        CASE p.outcome
+                            WHEN 'refused'::text THEN 1
+                            ELSE NULL::integer
+                        END) AS refused,
+                    avg(
+                        CASE
+                            WHEN p.place = ((p.timed + 1) / 2) OR p.place = ((p.timed + 2) / 2) THEN p.duration
+                            ELSE NULL::double precision
+                        END) AS median,
+                    max(
+                        CASE
+                            WHEN p.place = ((95 * p.timed + 99) / 100) THEN p.duration
+                            ELSE NULL::double precision
+                        END) AS percentile_95,
+                    string_agg(p.failures, ', '::text) AS codes,
+                    p.kb_id
+                   FROM ( SELECT e.knowledge_base,
+                            e.kb_id,
+                            e.action,
+                            e.arguments,
+                            e.outcome,
+                            e.code,
+                            e.duration,
+                            row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, (e.duration IS NULL) ORDER BY e.duration) AS place,
+                            count(e.duration) OVER (PARTITION BY e.kb_id, e.action, e.arguments) AS timed,
+                                CASE row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, e.code)
+                                    WHEN 1 THEN (e.code || ': '::text) || count(*) OVER (PARTITION BY e.kb_id, e.action, e.arguments, e.code)
+                                    ELSE NULL::text
+                                END AS failures
+                           FROM ( SELECT v.knowledge_base,
+                                    v.kb_id,
+                                    v.action,
+                                    NULL::text COLLATE "C" AS arguments,
+                                    v.outcome,
+                                    v.code,
+CASE
+ WHEN v.outcome = ANY (ARRAY['succeeded'::text, 'failed'::text]) THEN v.duration
+ ELSE NULL::double precision
+END AS duration
+                                   FROM audit_execution v
+                                UNION ALL
+                                 SELECT v.knowledge_base,
+                                    v.kb_id,
+                                    v.action,
+                                    COALESCE(v.arguments, ''::text) AS arguments,
+                                    v.outcome,
+                                    v.code,
+CASE
+ WHEN v.outcome = ANY (ARRAY['succeeded'::text, 'failed'::text]) THEN v.duration
+ ELSE NULL::double precision
+END AS duration
+                                   FROM audit_execution v) e) p
+                  GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments) g) s;
 CREATE VIEW audit_value (
     knowledge_base character varying(255) COLLATE "C",
     function_value_id bigint,

@@ -1681,6 +1681,75 @@ SELECT
 FROM revision AS r
 LEFT JOIN knowledge_base AS k ON likelihood(k.id = r.kb_id, 0.05)
 LEFT JOIN revision_execution AS x ON x.kb_id = r.kb_id AND x.number = r.number;
+CREATE VIEW audit_statistics AS
+SELECT
+    s.knowledge_base,
+    s.action,
+    s.arguments,
+    s.executions,
+    s.running,
+    s.succeeded,
+    s.failed,
+    s.aborted,
+    s.refused,
+    CAST(s.succeeded AS REAL) / s.decided AS success_rate,
+    CASE s.succeeded WHEN 0 THEN CAST(s.failed AS REAL) / s.decided - 1 ELSE
+        (s.succeeded + 1.920729410347062 - 1.959963984540054 * s.spread)
+        / (s.decided + 3.841458820694124) END AS success_low,
+    CASE s.failed WHEN 0 THEN CAST(s.succeeded AS REAL) / s.decided ELSE
+        (s.succeeded + 1.920729410347062 + 1.959963984540054 * s.spread)
+        / (s.decided + 3.841458820694124) END AS success_high,
+    s.median,
+    s.percentile_95,
+    s.codes,
+    s.kb_id
+FROM (
+    SELECT
+        g.*,
+        NULLIF(g.succeeded + g.failed, 0) AS decided,
+        sqrt(CAST(g.succeeded AS REAL) * g.failed / NULLIF(g.succeeded + g.failed, 0)
+            + 0.960364705173531) AS spread
+    FROM (
+        SELECT
+            p.knowledge_base,
+            p.action,
+            p.arguments,
+            count(*) AS executions,
+            count(CASE p.outcome WHEN 'running' THEN 1 END) AS running,
+            count(CASE p.outcome WHEN 'succeeded' THEN 1 END) AS succeeded,
+            count(CASE p.outcome WHEN 'failed' THEN 1 END) AS failed,
+            count(CASE p.outcome WHEN 'aborted' THEN 1 END) AS aborted,
+            count(CASE p.outcome WHEN 'refused' THEN 1 END) AS refused,
+            avg(CASE WHEN p.place IN ((p.timed + 1) / 2, (p.timed + 2) / 2)
+                THEN p.duration END) AS median,
+            max(CASE WHEN p.place = (95 * p.timed + 99) / 100 THEN p.duration END)
+                AS percentile_95,
+            group_concat(p.failures, ', ') AS codes,
+            p.kb_id
+        FROM (
+            SELECT
+                e.*,
+                row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, e.duration IS NULL
+                    ORDER BY e.duration) AS place,
+                count(e.duration) OVER (PARTITION BY e.kb_id, e.action, e.arguments) AS timed,
+                CASE row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, e.code)
+                    WHEN 1 THEN e.code || ': ' || count(*) OVER (
+                        PARTITION BY e.kb_id, e.action, e.arguments, e.code) END AS failures
+            FROM (
+        SELECT
+            v.knowledge_base, v.kb_id, v.action, NULL AS arguments, v.outcome, v.code,
+            CASE WHEN v.outcome IN ('succeeded', 'failed') THEN v.duration END AS duration
+        FROM audit_execution AS v
+        UNION ALL
+        SELECT
+            v.knowledge_base, v.kb_id, v.action, COALESCE(v.arguments, '') AS arguments, v.outcome, v.code,
+            CASE WHEN v.outcome IN ('succeeded', 'failed') THEN v.duration END AS duration
+        FROM audit_execution AS v
+            ) AS e
+        ) AS p
+        GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments
+    ) AS g
+) AS s;
 CREATE VIEW audit_value AS
 SELECT
     k.name AS knowledge_base,

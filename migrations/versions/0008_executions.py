@@ -209,6 +209,80 @@ LEFT JOIN proposition AS p ON p.kb_id = v.kb_id AND ONE(p.id = v.proposition_id)
 LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until
 LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.confirmed
 """
+# Of each action, and of each action with its arguments. Wilson's interval: 1.96 is the quantile
+# of the normal distribution, and 3.84 its square.
+OF_EACH = """SELECT
+            v.knowledge_base, v.kb_id, v.action, {} AS arguments, v.outcome, v.code,
+            CASE WHEN v.outcome IN ('succeeded', 'failed') THEN v.duration END AS duration
+        FROM audit_execution AS v"""
+AUDIT_STATISTICS = f"""
+SELECT
+    s.knowledge_base,
+    s.action,
+    s.arguments,
+    s.executions,
+    s.running,
+    s.succeeded,
+    s.failed,
+    s.aborted,
+    s.refused,
+    DOUBLE(s.succeeded) / s.decided AS success_rate,
+    CASE s.succeeded WHEN 0 THEN DOUBLE(s.failed) / s.decided - 1 ELSE
+        (s.succeeded + 1.920729410347062 - 1.959963984540054 * s.spread)
+        / (s.decided + 3.841458820694124) END AS success_low,
+    CASE s.failed WHEN 0 THEN DOUBLE(s.succeeded) / s.decided ELSE
+        (s.succeeded + 1.920729410347062 + 1.959963984540054 * s.spread)
+        / (s.decided + 3.841458820694124) END AS success_high,
+    s.median,
+    s.percentile_95,
+    s.codes,
+    s.kb_id
+FROM (
+    SELECT
+        g.*,
+        NULLIF(g.succeeded + g.failed, 0) AS decided,
+        sqrt(DOUBLE(g.succeeded) * g.failed / NULLIF(g.succeeded + g.failed, 0)
+            + 0.960364705173531) AS spread
+    FROM (
+        SELECT
+            p.knowledge_base,
+            p.action,
+            p.arguments,
+            count(*) AS executions,
+            count(CASE p.outcome WHEN 'running' THEN 1 END) AS running,
+            count(CASE p.outcome WHEN 'succeeded' THEN 1 END) AS succeeded,
+            count(CASE p.outcome WHEN 'failed' THEN 1 END) AS failed,
+            count(CASE p.outcome WHEN 'aborted' THEN 1 END) AS aborted,
+            count(CASE p.outcome WHEN 'refused' THEN 1 END) AS refused,
+            avg(CASE WHEN p.place IN ((p.timed + 1) / 2, (p.timed + 2) / 2)
+                THEN p.duration END) AS median,
+            max(CASE WHEN p.place = (95 * p.timed + 99) / 100 THEN p.duration END)
+                AS percentile_95,
+            JOINED(p.failures) AS codes,
+            p.kb_id
+        FROM (
+            SELECT
+                e.*,
+                row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, e.duration IS NULL
+                    ORDER BY e.duration) AS place,
+                count(e.duration) OVER (PARTITION BY e.kb_id, e.action, e.arguments) AS timed,
+                CASE row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, e.code)
+                    WHEN 1 THEN e.code || ': ' || count(*) OVER (
+                        PARTITION BY e.kb_id, e.action, e.arguments, e.code) END AS failures
+            FROM (
+        {OF_EACH.format("TEXT(NULL)")}
+        UNION ALL
+        {OF_EACH.format("COALESCE(v.arguments, '')")}
+            ) AS e
+        ) AS p
+        GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments
+    ) AS g
+) AS s
+"""
+SEPARATED = {
+    "sqlite": "group_concat(p.failures, ', ')",
+    "postgresql": "string_agg(p.failures, ', ')",
+}
 JOINED = {"sqlite": "group_concat(h.said, ' ')", "postgresql": "string_agg(h.said, ' ')"}
 
 
@@ -231,7 +305,7 @@ def downgrade() -> None:
     for table in BEFORE:
         _create_before(table)
     _carry(CARRIED_BACK)
-    for view in ("audit_effect", "audit_confirmation", "audit_execution"):
+    for view in ("audit_effect", "audit_confirmation", "audit_statistics", "audit_execution"):
         op.execute(f"DROP VIEW {view}")
     _replace_views(_before(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table, *_ in reversed(CARRIED):
@@ -485,11 +559,12 @@ def _queries() -> dict[str, str]:
     ):
         assert f"FROM {table} AS v" in changed[name]
         changed[name] = f"{changed[name].rstrip()}\nWHERE v.plan_id > 0\n"
-    joined = JOINED["sqlite" if _is_sqlite() else "postgresql"]
+    dialect = "sqlite" if _is_sqlite() else "postgresql"
     (confirmed,) = filter(_is_confirmation, changed["audit_change"].split("UNION ALL"))
     return {
         **changed,
-        "audit_execution": AUDIT_EXECUTION.replace("JOINED(h.said)", joined),
+        "audit_execution": AUDIT_EXECUTION.replace("JOINED(h.said)", JOINED[dialect]),
+        "audit_statistics": AUDIT_STATISTICS.replace("JOINED(p.failures)", SEPARATED[dialect]),
         "audit_confirmation": confirmed.replace(CONFIRMED, "").replace("element", "proposition"),
         "audit_effect": AUDIT_EFFECT,
     }

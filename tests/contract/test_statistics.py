@@ -157,3 +157,27 @@ def test_refusals(kb: KnowledgeBase) -> None:
         with pytest.raises(InvalidArgumentError):
             kb.statistics(by=wrong)
     assert kb.at(0).statistics() == []
+
+
+def test_the_view_for_auditors_has_the_same_figures(kb: KnowledgeBase) -> None:
+    rows = kb.store.to_arrow("statistics").to_pylist()
+    of_all = {row["action"]: row for row in rows if row["arguments"] is None}
+    of_each = {
+        (row["action"], row["arguments"]): row for row in rows if row["arguments"] is not None
+    }
+    whole, each = kb.statistics(), kb.statistics(by=["arguments"])
+    assert len(rows) == len(whole) + len(each)
+    pairs = [(of_all[one.action], one) for one in whole]
+    pairs += [(of_each[one.action, " ".join(one.arguments or ())], one) for one in each]
+    for row, one in pairs:
+        counts = ("running", "succeeded", "failed", "aborted", "refused")
+        assert [row[name] for name in counts] == [getattr(one, name) for name in counts]
+        assert row["executions"] == one.count
+        found = [row["success_rate"], row["success_low"], row["success_high"]]
+        interval = one.interval or (None, None)
+        assert found == pytest.approx([one.success_rate, *interval], abs=1e-12)
+        assert [row["median"], row["percentile_95"]] == pytest.approx(
+            [one.median, one.percentile_95], abs=1e-6
+        )
+        codes = dict(pair.split(": ") for pair in (row["codes"] or "").split(", ") if pair)
+        assert codes == {code: str(count) for code, count in one.codes.items()}
