@@ -167,8 +167,9 @@ class Executive:
             given = SqlPlanDao(self._store).record(given)
         self._plan_id = given.id
         self._left = deque(_steps_left(given))
+        self.size = len(self._left)
         # A plan that goes on does so at once.
-        is_whole = len(self._left) == len(given.steps)
+        is_whole = self.size == len(given.steps)
         self._first = 0.0 if is_whole or not self._left else float(self._left[0].start or 0)
         self._running: dict[Key, Execution] = {}
         self._dispatched: dict[Key, Execution] = {}

@@ -36,6 +36,7 @@ from ..sql.dialects.base import url_label
 from . import own, paper
 from .experts import DomainExpert, ProblemExpert, planner_services
 from .service import Service
+from .skills import PlanServer
 
 logger = logging.getLogger(__name__)
 
@@ -141,6 +142,9 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         """Yield the services whose interfaces are installed."""
         for messages, kinds in _interfaces("kant_sql_msgs"):
             self._watch(kb, messages)
+            with suppress(ModuleNotFoundError):  # Built before it had actions.
+                made = importlib.import_module("kant_sql_msgs.action")
+                self._active.callback(PlanServer(self, kb, made).close)
             yield from own.services(kb, messages, kinds)
         for messages, kinds in _interfaces("kant_msgs"):
             empty = importlib.import_module("std_srvs.srv").Empty
@@ -253,7 +257,7 @@ class Threads(Executor):  # type: ignore[misc]
         """Begin one callback, and wait for its end if that comes soon."""
         with suppress(ShutdownException, TimeoutException, TimeoutError):
             task, entity, _ = self.wait_for_ready_callbacks(timeout_sec)
-            if entity is None or entity.callback_group is self._own:
+            if entity is not None and entity.callback_group is self._own:
                 self._run(task)  # Lifecycle and parameters wait for no service.
             else:
                 self._pool.submit(self._run, task).exception(LONG)

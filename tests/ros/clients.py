@@ -14,7 +14,10 @@ from typing import Any
 import rclpy
 from kant_msgs import msg
 from kant_msgs.srv import UpdatePddlProposition
+from kant_sql_msgs.action import Execute, Perform
 from kant_sql_msgs.srv import Query
+from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
 
 from kant_sql.ros.listener import follow
 
@@ -103,5 +106,55 @@ def ask(condition: str) -> None:
     assert future.result().holds
 
 
+def skill(name: str) -> None:
+    """Serve the steps of an action: to a ditch they fail, to a swamp they last until the end."""
+
+    def do(handle: Any) -> Any:
+        place = handle.request.arguments[-1]
+        handle.publish_feedback(Perform.Feedback(text=f"heading for {place}"))
+        while place == "swamp" and not handle.is_cancel_requested:
+            time.sleep(0.02)
+        if handle.is_cancel_requested:
+            handle.canceled()
+        elif place == "ditch":
+            handle.abort()
+            return Perform.Result(code="E4", text="it is deep")
+        else:
+            handle.succeed()
+        return Perform.Result()
+
+    rclpy.init()
+    node = rclpy.create_node("skill")
+    group, cancel = ReentrantCallbackGroup(), lambda _: CancelResponse.ACCEPT
+    ActionServer(node, Perform, name, do, callback_group=group, cancel_callback=cancel)
+    rclpy.spin(node, rclpy.executors.MultiThreadedExecutor(3))
+
+
+def execute(plan: str, cancel_at: str = "") -> None:
+    """Have a plan executed, and print what is said of it; cancel it at a text."""
+    caller = Caller()
+    client = ActionClient(caller.node, Execute, "kant_sql/execute")
+    told: list[Any] = []
+
+    def tell(message: Any) -> None:
+        one = message.feedback
+        told.append(one)
+        print(one.execution, one.step, one.outcome, one.text, f"{one.progress:.2f}", flush=True)
+
+    caller.spin(client.server_is_ready)
+    sent = client.send_goal_async(Execute.Goal(plan=plan), tell)
+    assert caller.spin(sent.done)
+    result = sent.result().get_result_async()
+    if cancel_at:
+        assert caller.spin(lambda: any(cancel_at in one.text for one in told))
+        sent.result().cancel_goal_async()
+    assert caller.spin(result.done)
+    found = result.result()
+    said = found.result
+    print(found.status, said.outcome, said.execution, said.code, said.text, sep="|", flush=True)
+
+
 if __name__ == "__main__":
-    {each.__name__: each for each in (save, followed, ask)}[sys.argv[1]](*sys.argv[2:])
+    {each.__name__: each for each in (save, followed, ask, skill, execute)}[sys.argv[1]](
+        *sys.argv[2:]
+    )
