@@ -105,6 +105,7 @@ def report_html(
             page["timeline"] = report.stays(timeline)
             page["drawing"] = draw(timeline.timeline)
             page["plans"] = read("plans", partial(report.plans, timeline))
+        page["acts"] = read("acts", report.acts)
         page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)
         page["log"] = read("log", report.log)

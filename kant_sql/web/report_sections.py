@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import NamedTuple
 
+from ..acts import Execution
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
@@ -25,8 +26,8 @@ from ..reasoning.rules import Rules, Verdict
 
 # Lanes that are looked at, slices of their window, and what each section shows at most.
 SEEN, SLICES = 200, 200
-ACTORS, LANES, BARS, PLANS, STEPS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
-    20, 40, 300, 25, 100, 200, 200, 300, 30, 200,
+ACTORS, LANES, BARS, PLANS, STEPS, ACTS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
+    20, 40, 300, 25, 100, 100, 200, 200, 300, 30, 200,
 )  # fmt: skip
 # Changes of all revisions together, of each an equal share.
 SHOWN = 900
@@ -113,6 +114,13 @@ class ReportPlans(ReportSection):
     """The recorded plans."""
 
     plans: list[ReportPlan]
+
+
+@dataclass(frozen=True)
+class ReportActs(ReportSection):
+    """What was done, as it was at the end of the range."""
+
+    acts: list[Execution]
 
 
 @dataclass(frozen=True)
@@ -304,6 +312,13 @@ class ReportReader(NamedTuple):
             max(0, len(plan.steps) - STEPS),
             self.command("plans", "--plan", str(plan.id)),
         )
+
+    def acts(self) -> ReportActs:
+        """Read the last acts that got their outcome in the range, oldest first."""
+        then = self.kb.at(self.tally.last).executions
+        found = [*then.get_all(since=self.tally.first, limit=ACTS + 1)]
+        left_out = "earlier acts" if len(found) > ACTS else None
+        return ReportActs(left_out, self.ranged("acts"), found[:ACTS][::-1])
 
     def rules(self, rules: Rules | None) -> ReportRules:
         """Hold rules against the range."""

@@ -36,8 +36,9 @@ from tests.support.worlds.hostile import (
     record_hostile,
     text_columns,
 )
+from tests.web.test_acts import do_some
 
-SECTIONS = {"summary", "timeline", "plans", "rules", "goals", "log", "verification"}
+SECTIONS = {"summary", "timeline", "plans", "acts", "rules", "goals", "log", "verification"}
 LIMITS = {"ACTORS": 2, "LANES": 3, "BARS": 2, "STEPS": 1, "ENTRIES": 4, "CHANGES": 1}
 RULES = ("(always (not (served t1)))", "(always (not (served t2)))")
 
@@ -106,6 +107,29 @@ def test_it_says_what_happened(story: KnowledgeBase) -> None:
     ):
         assert said in page.text, said
     assert "Left out" not in page.text
+
+
+def test_it_lists_the_acts_of_its_range_as_they_were_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with kant_sql.connect(f"sqlite:///{tmp_path / 'acts.db'}", actor="executive") as kb:
+        do_some(kb)
+        running = next(kb.executions.get_all(outcome="running"))
+        kb.end(running)
+        after = kb.revision
+
+        def rows(since: int | None = None, until: int | None = None) -> list[str]:
+            text = report_html(kb, verify=False, since=since, until=until)
+            acts = text[text.index('<section id="acts">') : text.index('<section id="rules">')]
+            assert Page(text).links
+            return re.findall(r'<span class="tag [a-z]*">(\w+)<', acts)
+
+        assert rows() == ["succeeded", "refused", "failed", "succeeded"]
+        assert rows(until=after - 1) == ["succeeded", "refused", "failed", "running"]
+        assert rows(since=5, until=6) == ["refused", "running"]
+        monkeypatch.setattr(report_sections, "ACTS", 1)
+        assert rows() == ["succeeded"]
+        assert "earlier acts" in Page(report_html(kb, verify=False)).text
 
 
 def test_it_needs_nothing_else(story: KnowledgeBase) -> None:
