@@ -38,7 +38,7 @@ from ..sql.query import Query, integer
 from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..store.store import Store
 
-NAMED_KINDS = ("type", "object", "predicate", "function", "action", "document")
+NAMED_KINDS = ("type", "object", "predicate", "function", "action", "rule", "document")
 _CLASSES: dict[type[Dto], str] = {
     PddlTypeDto: "type",
     PddlObjectDto: "object",
@@ -54,6 +54,7 @@ _DEFINITIONS = {
     ":durative-action": "action",
     ":process": "action",
     ":event": "action",
+    ":rule": "rule",
 }
 ACCEPTED = (
     "give a DTO of a type, object, predicate, function, action, proposition or function value, a "

@@ -59,6 +59,7 @@ _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
     (VERSION_COLUMNS[VALUE], table_of(FunctionValueArgumentRow).c, ("function_value_id",)),
     (VERSION_COLUMNS["action"], TABLES["action_term"].c, ("action_id", "since")),
     (VERSION_COLUMNS["formula"], TABLES["formula_term"].c, ("formula_id", "since")),
+    (VERSION_COLUMNS["rule"], TABLES["rule_term"].c, ("rule_id", "since")),
     (EXECUTIONS, table_of(ExecutionArgumentRow).c, ("plan_id", "position")),
 )
 

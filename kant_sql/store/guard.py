@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
@@ -211,9 +211,9 @@ def _trigger(one: Forbidden, terms: tuple[Place, ...]) -> _Trigger:
     return _Trigger(one, terms, {slot: terms.index(slot) for slot in slots})
 
 
-def guard_of(definitions: PendingDefinitions) -> RuleGuard:
+def guard_of(definitions: PendingDefinitions, touched: Container[str]) -> RuleGuard:
     """Return the guard of a state; it is kept as long as nothing changes what rules mean."""
-    if any(definitions.elements(kind).changes for kind in _MEANING):
+    if any(kind in touched and definitions.elements(kind).changes for kind in _MEANING):
         return RuleGuard(definitions)
     origin = definitions.origin
     key = tuple([origin.elements(kind) for kind in _MEANING])
@@ -229,7 +229,7 @@ class TouchedRules:
 
     def __init__(self, definitions: PendingDefinitions, changes: Changes | None) -> None:
         """Find it; without changes, which may be too many to be kept, all is looked for."""
-        self.guard = guard_of(definitions)
+        self.guard = guard_of(definitions, _MEANING if changes is None else changes)
         self.definitions = definitions
         self.whole: dict[Forbidden, None] = {}
         self.rows: defaultdict[_Trigger, list[Sequence[int]]] = defaultdict(list)
