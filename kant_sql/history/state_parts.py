@@ -60,7 +60,7 @@ COUNTED, SORTED, SEARCHED = 20_000, 10_000, 10_000
 _BY_TEXT = (str,)
 # How many of what has just gone are read, of each state.
 GONE = 200
-_NAMED = ("object", "type", "predicate", "function", "action")
+_NAMED = ("object", "type", "predicate", "function", "action", "rule")
 # The parts of a state, in the order in which they are shown.
 PARTS = {
     FACT: "Facts",
@@ -77,6 +77,7 @@ PARTS = {
     "timed": "Timed initial literals",
     "constraint": "Constraints of the problem",
     "metric": "Metric",
+    "rule": "Rules that are kept",
 }
 assert {*PARTS} == {FACT, VALUE, *_NAMED, *DOMAIN_SECTIONS, *PROBLEM_SECTIONS}
 

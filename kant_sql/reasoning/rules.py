@@ -127,7 +127,7 @@ class Verdicts(html.Listing[Verdict]):
     @property
     def violated(self) -> list[Verdict]:
         """The rules and preferences that are violated."""
-        return [one for one in self if one.is_judged and not one.is_satisfied]
+        return [one for one in self if one.verdict == VIOLATED]
 
     @property
     def not_judged(self) -> list[Verdict]:
@@ -136,8 +136,9 @@ class Verdicts(html.Listing[Verdict]):
 
     @property
     def worst_first(self) -> list[Verdict]:
-        """All of them: first those that are violated, then those that were not judged."""
-        return [*self.violated, *self.not_judged, *(one for one in self if one.is_satisfied)]
+        """All of them: first those that are violated, pending, or not judged."""
+        words = VIOLATED, PENDING, "not judged", KEPT
+        return sorted(self, key=lambda one: words.index(one.verdict))
 
     @property
     def violated_preferences(self) -> Mapping[str, int]:
