@@ -12,8 +12,9 @@ import typer
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
 from ..knowledge.canonical import time_text
-from ..pddl.lexer import Source, decode
+from ..pddl.lexer import Source, decode, load
 from .common import (
+    Actor,
     AsJson,
     At,
     Fixed,
@@ -24,6 +25,7 @@ from .common import (
     ask_state,
     json_lines,
     open_state,
+    open_to_read,
     option,
     parse_fixed,
     parse_optional,
@@ -284,6 +286,15 @@ def rules(
             "'(always (robot_at rb1 wp1))'; default: those of the domain and the problem.",
         ),
     ] = None,
+    kept: Annotated[
+        bool, option("Judge the rules that are kept in the store instead.", "--kept")
+    ] = False,
+    save: Annotated[str | None, option("Keep the rule, by this name.", metavar="NAME")] = None,
+    refuse: Annotated[
+        bool, option("With --save: refuse each transaction that would violate it.", "--refuse")
+    ] = False,
+    delete: Annotated[str | None, option("Delete the kept rule NAME.", metavar="NAME")] = None,
+    actor: Actor = None,
     kb: Name = None,
     at: At = None,
     since: Since = None,
@@ -305,9 +316,15 @@ def rules(
     example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
     url, given = split_url(words or (), _RULES_USAGE, example)
     source = next(map(rules_source, given), None)
+    if save is not None or delete is not None:
+        with open_to_read(url, kb, actor) as (_, knowledge_base):
+            return _change_kept(knowledge_base, save, delete, source, refuse)
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_state(url, kb, at) as (name, state):
-        found = state.pddl.check_rules(source, since=first, until=last, clock=clock)
+        if kept:
+            found = state.rules.standing()
+        else:
+            found = state.pddl.check_rules(source, since=first, until=last, clock=clock)
     if as_json:
         ends = {"first": found.first, "last": found.last}
         write_json(knowledge_base=name, **ends, is_satisfied=found.is_satisfied, rules=found)
@@ -317,6 +334,18 @@ def rules(
         return 0
     hard = any(not one.is_preference for one in found.violated)
     return FAILED if hard else NOT_JUDGED
+
+
+def _change_kept(
+    kb: KnowledgeBase, save: str | None, delete: str | None, source: Source | None, refuse: bool
+) -> int:
+    """Keep a rule, or delete one; return the exit code."""
+    if delete is not None and not kb.rules.delete(delete):
+        return FAILED
+    if save is not None:
+        text = "" if source is None else load(source).code
+        kb.rules.save(save, text, on_violation="refuse" if refuse else "report")
+    return 0
 
 
 def rules_source(given: str) -> Source:
@@ -334,6 +363,7 @@ def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:
     for verdict in found:
         kind = "preference" if verdict.is_preference else "rule"
         style = "green" if verdict.is_satisfied else "red"
-        printer.line(f"{verdict.verdict} {kind}: {verdict.rule}", style)
+        name = "" if verdict.name is None else f"{printable(verdict.name)}: "
+        printer.line(f"{verdict.verdict} {kind}: {name}{verdict.rule}", style)
         if verdict.revision is not None:
             _write_end(printer, "in", verdict.revision, "  ")

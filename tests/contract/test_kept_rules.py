@@ -223,9 +223,10 @@ def test_a_restored_or_branched_state_is_checked(kb: KnowledgeBase) -> None:
     kb.restore(kb.revision - 1)
     with kb.branch() as branch, pytest.raises(Refused):
         branch.propositions.save("(at r1 room)")
-    problem = "(define (problem p) (:domain ward) (:objects r1 - robot hall room - place) (:init (at r1 room) (at r1 hall)))"
+    objects = "(:objects r1 - robot hall room - place)"
+    wrong_init = "(:init (at r1 room) (at r1 hall))"
     with pytest.raises(Refused):
-        kb.load_problem(problem)
+        kb.load_problem(f"(define (problem p) (:domain ward) {objects} {wrong_init})")
 
 
 class _UndoneError(Exception):
