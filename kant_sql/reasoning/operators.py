@@ -50,7 +50,7 @@ from .after import heads_of
 from .arithmetic import EXACT, Exact
 from .derived import world_of
 from .effects import combined
-from .evaluate import Compiler, Env, Search, Test, alternatives
+from .evaluate import Compiler, Env, Search, alternatives
 from .failures import FailedCondition
 from .promise import promise_of
 from .steps import EffectItem, PreparedAction, executable, prepared
@@ -123,11 +123,10 @@ class _Conjunction:
     """
 
     def __init__(self, task: GroundedTask, compiler: Compiler, part: Part) -> None:
-        self._task, fixed, left = task, list[Part](), list[Part]()
+        self._task, self.is_left, fixed = task, False, list[Part]()
         self.literals: list[Part] = []
         self._bits: list[tuple[bool, int, Callable[[Env], Row]]] = []
-        self._compared: list[tuple[Any, ...]] = []
-        self._choices: list[tuple[Callable[[Env], Judge], bool]] = []
+        self._tests: list[tuple[bool, Callable[[Env], Judge]]] = []
         for each in part.parts if isinstance(part, AllOf) else (part,):
             inner = each.part if isinstance(each, Lacks) else each
             if not task.changes(each):
@@ -136,17 +135,12 @@ class _Conjunction:
                 self.literals.append(each)
                 row = compiler.picker(inner.terms)
                 self._bits.append((inner is each, inner.predicate, row))
-            elif isinstance(each, Compares):
-                sides = [_number(task, compiler, side) for side in (each.left, each.right)]
-                # What equals itself has a value.
-                is_value = each.operator == "=" and each.left == each.right
-                self._compared.append((None if is_value else COMPARE[each.operator], *sides))
-            elif (choice := _choice(task, compiler, inner)) is not None:
-                self._choices.append((choice, inner is each))
             else:
-                left.append(each)
-        self.fixed, self.is_left = all_of(fixed), bool(left)
-        self._is_possible, self._left = compiler.test(self.fixed), compiler.test(all_of(left))
+                ground = _grounder(task, compiler, inner)
+                self.is_left |= ground is None
+                self._tests.append((inner is each, ground or _in_world(task, compiler, inner)))
+        self.fixed = all_of(fixed)
+        self._is_possible = compiler.test(self.fixed)
 
     def ground(self, env: Env) -> _Needs:
         """Judge what is fixed, and ground the rest."""
@@ -156,31 +150,42 @@ class _Conjunction:
         for is_positive, predicate, row in self._bits:
             bit = self._task.bit((predicate, row(env)))
             want, against = (want | bit, against) if is_positive else (want, against | bit)
-        tests = [_compared(by, left(env), right(env)) for by, left, right in self._compared]
-        for choice, is_positive in self._choices:
-            tests.append(choice(env) if is_positive else _negated(choice(env)))
-        if self.is_left:
-            tests.append(_judged(self._task, self._left, env))
+        found = [(is_positive, ground(env)) for is_positive, ground in self._tests]
+        tests = [test if is_positive else _negated(test) for is_positive, test in found]
         return _Needs(want | against, _NEVER if want & against else want, _every(tests))
 
 
-def _judged(task: GroundedTask, test: Test, env: Env) -> Judge:
-    """Return a test in the world of a task."""
-    own = env.copy()
+def _in_world(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge]:
+    """Compile what grounds a test in the world of a task."""
+    test = compiler.test(part)
 
-    def judged(bits: int, values: Values) -> bool:
-        with task.lock:
-            task.go((bits, values))
-            return test(own.copy())
+    def ground(env: Env) -> Judge:
+        own = env.copy()
 
-    return judged
+        def judged(bits: int, values: Values) -> bool:
+            with task.lock:
+                task.go((bits, values))
+                return test(own.copy())
+
+        return judged
+
+    return ground
+
+
+def _grounder(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge] | None:
+    """Compile what grounds a test of bits and values; None if the world has to judge it."""
+    if isinstance(part, Compares):
+        left, right = (_number(task, compiler, side) for side in (part.left, part.right))
+        # What equals itself has a value.
+        is_value = part.operator == "=" and part.left == part.right
+        compare = None if is_value else COMPARE[part.operator]
+        return lambda env: _compared(compare, left(env), right(env))
+    return _choice(task, compiler, part) if isinstance(part, OneOf | Witness) else None
 
 
 def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge] | None:
-    """Compile what grounds a disjunction or a quantifier; None if the world has to judge it."""
-    if not isinstance(part, OneOf | Witness):
-        return None
-    ways, whole = [], compiler.test(part)
+    """Compile what grounds a disjunction or a quantifier, as `_grounder`."""
+    ways, whole = [], _in_world(task, compiler, part)
     for variables, parts in alternatives((), part):
         condition = _Conjunction(task, compiler, all_of(parts))
         if condition.is_left:
@@ -198,7 +203,7 @@ def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env
                 else:
                     others.append(needs)
                 if len(others) > MOST_CHOICES:
-                    return _judged(task, whole, env)
+                    return whole(env)
         return _some(single, others)
 
     return ground
@@ -424,8 +429,7 @@ class GroundedTask:
         actions: the actions, in their order; `timed` are the durative ones.
         lock: held while the world moves and is read.
         searched: the actions whose steps in reach the world finds for each state.
-        listed: the steps that were found, by the addresses of what they are listed as; `plain`
-            are those of which bits say all.
+        listed: the steps that were found, by the addresses of what they are listed as.
         is_tested: whether bits do not say all of a step's condition.
         asked: what was compiled of questions.
     """
@@ -449,7 +453,6 @@ class GroundedTask:
         self.lock = RLock()
         self.searched: list[_Schema] = []
         self.listed: dict[int, Operator] = {}
-        self.plain: dict[int, Operator] = {}
         self.is_tested = False
         self.asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
         self._facts: list[FluentRow] = []
@@ -524,8 +527,6 @@ class GroundedTask:
                 found = self._operators[key] = Operator(self._schemas[action], ids)
                 self.is_tested |= found.test is not None
                 self.listed[id(found.step)] = found
-                if found.is_plain:
-                    self.plain[id(found.step)] = found
             return self._operators[key]
 
     def in_reach(self, near: Near | None, at: At) -> Near:
