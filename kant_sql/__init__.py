@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from .reasoning.execute import ExecutedPlan as ExecutedPlan
     from .reasoning.executing import Durations as Durations
     from .reasoning.failures import FailedCondition as FailedCondition
+    from .reasoning.links import CausalLink as CausalLink
     from .reasoning.memory import KnowledgeState as KnowledgeState
     from .reasoning.rules import Verdict as Verdict, Verdicts as Verdicts
     from .reasoning.validate import (
@@ -97,6 +98,7 @@ _HOMES = {
     ".reasoning.execute": ["ExecutedPlan"],
     ".reasoning.executing": ["Durations"],
     ".reasoning.failures": ["FailedCondition"],
+    ".reasoning.links": ["CausalLink"],
     ".reasoning.memory": ["KnowledgeState"],
     ".reasoning.rules": ["Verdict", "Verdicts"],
     ".reasoning.validate": ["FailedStep", "Validation", "ViolatedConstraint"],

@@ -723,6 +723,7 @@ class AsyncPddlParts(_Part):
 
     metric_value = _read(PddlParts.metric_value)
     check_rules = _read(PddlParts.check_rules)
+    causal_links = _read(PddlParts.causal_links)
     broken_invariants = _read(PddlParts.broken_invariants)
     domain = _read(PddlParts.domain)
     problem = _read(PddlParts.problem)

@@ -166,6 +166,7 @@ class PddlParts(Front):
 
     metric_value = reads(lambda: reasoning.explain.metric_value)
     check_rules = reads(lambda: reasoning.rules.check_rules)
+    causal_links = reads(lambda: reasoning.links.causal_links)
     broken_invariants = reads(lambda: reasoning.durative.broken_invariants)
 
     domain = reads(lambda: documents.exchange.domain)

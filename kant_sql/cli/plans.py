@@ -179,21 +179,27 @@ def plans(
     kb: Name = None,
     at: At = None,
     id_: Annotated[int | None, option("The same as ID.", "--plan", metavar="ID")] = None,
+    links: Annotated[bool, option("Show what supports the conditions of a plan's steps.")] = False,
     as_json: Annotated[bool, json_lines("plan")] = False,
 ) -> None:
     """List the recorded plans and the status of their steps."""
     url, ids = split_url(words or (), _PLANS_USAGE, "sqlite:///robot.db 57")
     id_ = _parse_id(ids[0], id_) if ids else id_
+    if links and id_ is None:
+        raise typer.BadParameter("needs the number of a plan", param_hint="--links")
     with open_state(url, kb, at) as (name, state):
         found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
+        supports = state.pddl.causal_links(found[0]) if links else []
         if as_json:
             for one in found:
-                write_json(one, knowledge_base=name)
+                write_json(one, knowledge_base=name, **({"links": supports} if links else {}))
         elif id_ is None:
             columns = "plan", "recorded in", "planned from", "planner", "status", "steps"
             Printer().table("plans", columns, [_recorded_row(one) for one in found])
         else:
             _write_recorded(Printer(), found[0])
+            for link in supports:
+                Printer().line(f"  {printable(str(link))}")
 
 
 def _parse_id(text: str, other: int | None) -> int:

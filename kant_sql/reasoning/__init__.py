@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from . import execute as execute
     from . import explain as explain
     from . import kept_rules as kept_rules
+    from . import links as links
     from . import memory as memory
     from . import rule_watch as rule_watch
     from . import rules as rules

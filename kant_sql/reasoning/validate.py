@@ -252,13 +252,18 @@ def validate_plan(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -
             a constraint without a semantics.
         InvalidKnowledgeError: the derived predicates cannot be stratified.
     """
+    check_validated(domain)
+    return PlanExecution(domain, problem, plan.steps).run()
+
+
+def check_validated(domain: Domain) -> None:
+    """Refuse a domain with what happens by itself."""
     for action in domain.actions:
         if action.kind in (PROCESS, EVENT):
             raise UnsupportedConstructError(
                 f"the {action.kind} {action.name} happens by itself, which cannot be validated; "
                 "remove it from the domain, or use a validator for PDDL+, such as VAL"
             )
-    return _Execution(domain, problem, plan.steps).run()
 
 
 class _Entry(NamedTuple):
@@ -281,7 +286,7 @@ class _Failure(Exception):  # noqa: N818
 
 
 @dataclass
-class _Execution:
+class PlanExecution:
     """The execution of one plan."""
 
     domain: Domain
@@ -305,7 +310,7 @@ class _Execution:
 
     def run(self) -> Validation:
         """Execute the plan, and judge what is left."""
-        failed = self._execute()
+        failed = self.execute()
         self.trajectory.conclude()
         constraints = [
             self._constraint(rule, rule.violation)
@@ -330,7 +335,8 @@ class _Execution:
             violated_constraints=tuple(constraints),
         )
 
-    def _execute(self) -> FailedStep | None:
+    def execute(self) -> FailedStep | None:
+        """Execute the steps; return the first that cannot be executed."""
         self._observe(None)
         for happening in self._happenings():
             time = happening[0].time
@@ -393,12 +399,15 @@ class _Execution:
         self._check_interference(snaps, literals)
         for snap in snaps:
             self._note(snap.phase.violated(snap.arguments))
-        apply_changes(self.world, [*literals, *(snap.changes for snap in snaps)])
+        self._apply(literals, snaps)
         for snap in snaps:
             if snap.time == f.AT_START:
                 self.running[snap.position] = snap
             else:
                 self.running.pop(snap.position, None)
+
+    def _apply(self, literals: Sequence[Changes], snaps: Sequence[Snap]) -> None:
+        apply_changes(self.world, [*literals, *(snap.changes for snap in snaps)])
 
     def _literal(self, number: int) -> Changes:
         """Return what a timed initial literal changes."""

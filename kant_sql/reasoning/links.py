@@ -1,0 +1,146 @@
+"""Why a step is in a plan: what supports the conditions of steps, and the goal.
+
+A causal link says that one step, or the state before the plan, makes true what another step needs
+(McAllester and Rosenblitt, Systematic Nonlinear Planning, 1991). A step supports what it changes:
+to assert a fact that holds already supports nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+
+from typing_extensions import override
+
+from .. import html
+from ..arguments import expect
+from ..documents.exchange import read_task
+from ..dto import formulas as f
+from ..errors import PlanError
+from ..history.moments import state_at
+from ..knowledge.resolved import Resolver
+from ..knowledge.rules import rules_of
+from ..moment_text import When
+from ..planning import Plan
+from ..plans import RecordedPlan
+from ..store.state import State
+from .actions import Changes, Snap
+from .uses import Literal, Uses, parts_used
+from .validate import PlanExecution, check_validated
+from .world import Row
+
+
+@dataclass(frozen=True)
+class CausalLink:
+    """What supports a part of a step's condition, or of the goal.
+
+    Attributes:
+        supporter: the index in the plan of the step that made it so; None for the state before the
+            plan, or a timed initial literal.
+        literal: the fact or its negation as PDDL text; a fluent for its value.
+        position: the index of the step that needs it; None for the goal.
+    """
+
+    supporter: int | None
+    literal: str
+    position: int | None
+
+    def __str__(self) -> str:
+        by = "the state before" if self.supporter is None else f"step {self.supporter}"
+        needs = "the goal" if self.position is None else f"step {self.position}"
+        return f"{needs} needs {self.literal} from {by}"
+
+
+class _Linking(PlanExecution):
+    """Executes a plan, and notes what supports what is needed."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.links: dict[CausalLink, None] = {}
+        self._uses = Uses(self.world)
+        # The step that changed a fact (True) or a fluent last.
+        self._by: dict[tuple[bool, int, Row], int | None] = {}
+
+    @override
+    def _apply(self, literals: Sequence[Changes], snaps: Sequence[Snap]) -> None:
+        world, by = self.world, dict[tuple[bool, int, Row], int | None]()
+        for position, each in [(None, one) for one in literals] + [
+            (snap.position, snap.changes) for snap in snaps
+        ]:
+            by.update(((True, *fact), position) for fact in each.adds | each.deletes)
+            by.update(((False, *fluent), position) for fluent in each.updates)
+        for snap in snaps:
+            self._need(snap, snap.time or f.AT_START)
+        facts, values = world.facts(), world.values()
+        super()._apply(literals, snaps)
+        changed = {(True, *fact) for fact in facts ^ world.facts()}
+        changed |= {(False, *key) for key, _ in values.items() ^ world.values().items()}
+        self._by.update((each, by[each]) for each in changed)
+
+    @override
+    def _pass(self, time: Decimal) -> None:
+        for position, snap in self.running.items():
+            self._need(snap, f.OVER_ALL)
+            for effect in snap.schema.continuous:
+                rates = effect.rates(snap.arguments, snap.duration)
+                self._by.update(((False, *fluent), position) for fluent, _ in rates)
+        super()._pass(time)
+
+    def need_goal(self) -> None:
+        """Note what supports the goal."""
+        resolver = Resolver(self.world.definitions)
+        for goal in self.problem.goal:
+            self._link(self._uses.of(resolver.part(goal)), None)
+
+    def _need(self, snap: Snap, time: str) -> None:
+        action = snap.schema.action
+        slots = [each.slot for each in action.parameters]
+        for part in parts_used(action, time):
+            self._link(self._uses.of(part, slots, snap.arguments, snap.duration), snap.position)
+
+    def _link(self, used: Iterable[Literal], position: int | None) -> None:
+        world, rules = self.world, rules_of(self.world.definitions)
+        for is_fact, owner, row, holds in used:
+            if is_fact and rules.of(owner) and row not in world.relation(owner, True).rows:
+                # What it follows from is used, too.
+                continue
+            text = world.text((is_fact, owner), row)
+            literal = text if holds or not is_fact else f"(not {text})"
+            supporter = self._by.get((is_fact, owner, row))
+            self.links[CausalLink(supporter, literal, position)] = None
+
+
+def causal_links(
+    state: State, plan: Plan | RecordedPlan, *, at: When | None = None
+) -> list[CausalLink]:
+    """Find why steps are in a plan: which step, or fact, supports which condition.
+
+    The plan is executed in memory, as `KnowledgeBase.validate` does. Each literal that a satisfied
+    condition uses, negative, quantified and through derived predicates too, is linked to the step
+    that changed it last. A step that supports neither the goal nor another step is not needed.
+
+    Args:
+        plan: a plan that can be executed.
+        at: the state that it is executed from, given as for `kb.at`; by default that which a
+            recorded plan was made from, and the present for another one.
+
+    Returns:
+        The links, in the order in which steps need them, and those of the goal last.
+
+    Raises:
+        PlanError: a step cannot be executed; the error says why.
+        UnsupportedConstructError, UnknownRevisionError, ArchivedError, InvalidKnowledgeError: as
+            for `KnowledgeBase.validate`.
+    """
+    expect(plan, (Plan, RecordedPlan), "the plan")
+    made = plan.revision if at is None and isinstance(plan, RecordedPlan) else None
+    revision = state_at(state.store, at, state.at) if at is not None else made or state.at
+    task = read_task(State(state.store, revision))
+    check_validated(task.domain)
+    run = _Linking(task.domain, task.problem, plan.steps)
+    failed = run.execute()
+    if failed is not None:
+        raise PlanError(f"the plan cannot be executed: {failed}; see kb.validate")
+    run.need_goal()
+    return html.Listing(run.links, "causal link")
