@@ -108,8 +108,9 @@ def report(kb: KnowledgeBase, robot: str) -> None:
     """Ask what was done, what came of it, and what it rested on."""
     print("executions", sum(1 for _ in kb.executions.get_all()))
     [whole] = kb.statistics()
-    low, high = whole.interval
-    print(f"went {whole.succeeded}, failed {whole.failed}: {low:.2f} to {high:.2f} succeed")
+    print(f"went {whole.succeeded}, failed {whole.failed}")
+    if whole.interval is not None:
+        print("success rate {:.2f} to {:.2f}".format(*whole.interval))
     for code, count in sorted(whole.codes.items()):
         print(f"  {code} {count}")
     for way in kb.statistics(by=["arguments"]):
@@ -119,7 +120,8 @@ def report(kb: KnowledgeBase, robot: str) -> None:
     corrected = [one for one in kb.store.revisions() if one.reason == CORRECTED]
     print("corrected", len(corrected))
     fact = f"(in {robot} kitchen)"
-    print(f"{fact} led to {len(kb.consequences(fact).links)} acts")
+    links = kb.consequences(fact).links
+    print(f"{fact} led to {sum(link.kind == 'execution' for link in links)} acts")
     print("intact", kb.store.verify().is_intact)
 
 
