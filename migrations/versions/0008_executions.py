@@ -20,64 +20,32 @@ down_revision = "0007"
 branch_labels = None
 depends_on = None
 
-NUMBER = sa.BigInteger()
 POSITION = sa.Integer()
 WORD = sa.String(16)
 LONG_TEXT = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
 UTC_TIME = sa.String(27).with_variant(sa.TIMESTAMP(timezone=True), "postgresql")
-AT_COMMIT: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
+WITHOUT_ROWID = {"execution", "execution_argument", "execution_version", "confirmation"}
 
 # What the versions are called, up and down: only the column says it, not the hashed text.
 UP = "CASE status WHEN 'started' THEN 'running' ELSE status END"
 DOWN = "CASE outcome WHEN 'running' THEN 'started' ELSE outcome END"
 KEY = "kb_id, plan_id, position"
-# Each new table, its columns, and the rows of the one before it.
+# Each table before and the one that takes its place, the columns of both, and what only the new
+# one has; `plan_step` has the revision of its plan.
 CARRIED = (
-    (
-        "execution",
-        f"{KEY}, since, start, duration, action_id, text",
-        "SELECT s.kb_id, s.plan_id, s.position, p.since, s.start, s.duration, s.action_id, s.text"
-        " FROM plan_step AS s JOIN plan AS p ON p.kb_id = s.kb_id AND p.id = s.plan_id",
-    ),
-    (
-        "execution_argument",
-        f"{KEY}, argument, object_id",
-        f"SELECT {KEY}, argument, object_id FROM plan_step_argument",
-    ),
-    (
-        "execution_version",
-        f"{KEY}, since, until, kind, outcome, text",
-        f"SELECT {KEY}, since, until, 'plan step', {UP}, text FROM plan_step_version",
-    ),
-    (
-        "revision_execution",
-        "kb_id, number, plan_id, position",
-        "SELECT kb_id, number, plan_id, position FROM revision_plan_step",
-    ),
+    ("plan_step", "execution", f"{KEY}, start, duration, action_id, text"),
+    ("plan_step_argument", "execution_argument", f"{KEY}, argument, object_id"),
+    ("plan_step_version", "execution_version", f"{KEY}, since, until, text"),
+    ("revision_plan_step", "revision_execution", f"{KEY}, number"),
 )
-CARRIED_BACK = (
-    (
-        "plan_step",
-        f"{KEY}, start, duration, action_id, text",
-        f"SELECT {KEY}, start, duration, action_id, text FROM execution",
-    ),
-    (
-        "plan_step_argument",
-        f"{KEY}, argument, object_id",
-        f"SELECT {KEY}, argument, object_id FROM execution_argument",
-    ),
-    (
-        "plan_step_version",
-        f"{KEY}, since, until, status, text",
-        f"SELECT {KEY}, since, until, {DOWN}, text FROM execution_version",
-    ),
-    (
-        "revision_plan_step",
-        "kb_id, number, plan_id, position",
-        "SELECT kb_id, number, plan_id, position FROM revision_execution",
-    ),
-)
-BEFORE = tuple(table for table, *_ in CARRIED_BACK)
+ADDED = {
+    "execution": {
+        "since": "(SELECT p.since FROM plan AS p WHERE p.kb_id = v.kb_id AND p.id = v.plan_id)"
+    },
+    "execution_version": {"kind": "'plan step'", "outcome": UP},
+    "plan_step_version": {"status": DOWN},
+}
+BEFORE = tuple(before for before, *_ in CARRIED)
 
 AUDIT_EXECUTION = """
 SELECT
@@ -288,11 +256,9 @@ JOINED = {"sqlite": "group_concat(h.said, ' ')", "postgresql": "string_agg(h.sai
 
 def upgrade() -> None:
     """Bring the tables to this version."""
-    for make in (_execution, _argument, _version, _link, _confirmation):
-        make()
-    for made in _rule_tables():
+    for made in _tables():
         _module("0001")._create(made)
-    _carry(CARRIED)
+    _carry()
     _replace_views(_queries(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
     for table in reversed(BEFORE):
         op.drop_table(table)
@@ -304,14 +270,11 @@ def downgrade() -> None:
         _refuse_to_lose()
     for table in BEFORE:
         _create_before(table)
-    _carry(CARRIED_BACK)
+    _carry(is_back=True)
     for view in ("audit_effect", "audit_confirmation", "audit_statistics", "audit_execution"):
         op.execute(f"DROP VIEW {view}")
     _replace_views(_before(), "CREATE" if _is_sqlite() else "CREATE OR REPLACE", _before())
-    for table, *_ in reversed(CARRIED):
-        op.drop_table(table)
-    op.drop_table("confirmation")
-    for made in reversed(_rule_tables()):
+    for made in reversed(_tables()):
         op.execute(sa.schema.DropTable(made))
 
 
@@ -332,24 +295,112 @@ def _refuse_to_lose() -> None:
             )
 
 
-def _carry(tables: tuple[tuple[str, str, str], ...]) -> None:
-    for table, columns, rows in tables:
+def _carry(is_back: bool = False) -> None:
+    for *tables, columns in CARRIED:
+        source, target = reversed(tables) if is_back else tables
+        added = ADDED.get(target, {})
         # In a downgrade to `base`, what has no place there is dropped.
-        op.execute(f"INSERT INTO {table} ({columns}) {rows}{_of_plans(table)}")
+        where = " WHERE v.plan_id > 0" if is_back else ""
+        op.execute(
+            f"INSERT INTO {target} ({', '.join((columns, *added))})"
+            f" SELECT {', '.join((columns, *added.values()))} FROM {source} AS v{where}"
+        )
     if not _is_sqlite():
         # A table with references that are yet to be checked cannot be dropped.
         op.execute("SET CONSTRAINTS ALL IMMEDIATE")
 
 
-def _of_plans(table: str) -> str:
-    return " WHERE plan_id > 0" if table in BEFORE else ""
-
-
-def _rule_tables() -> list[sa.Table]:
-    """Make the tables of kept rules, as the first version makes those of formulas."""
+def _tables() -> list[sa.Table]:
+    """Make the new tables, as the first version makes its own."""
     first = _module("0001")
-    tables = first.METADATA.tables
-    before = {*tables}
+    before = {*first.METADATA.tables}
+    for make in (_executions, _confirmations, _rules):
+        make(first)
+    made = [table for table in first.METADATA.sorted_tables if table.name not in before]
+    for table in made:
+        # The first version creates and drops all that are there.
+        first.METADATA.remove(table)
+        table.dialect_options["sqlite"]["with_rowid"] = table.name not in WITHOUT_ROWID
+    return made
+
+
+def _executions(first: Any) -> None:
+    key, place, column, optional = first._key, first._place, first._column, first._optional
+    owner = "kb_id", "plan_id", "position"
+
+    def to_execution() -> sa.ForeignKeyConstraint:
+        return sa.ForeignKeyConstraint(owner, [f"execution.{name}" for name in owner])
+
+    first._table(
+        "execution",
+        key("plan_id", comment="0: it is of no plan"),
+        place("position", "of a step: from 0; of no plan: the id"),
+        column("since", comment="recorded in this revision, with its plan if it has one"),
+        optional("start", LONG_TEXT, "seconds from the plan's beginning, as exact decimal text"),
+        optional(
+            *("duration", LONG_TEXT),
+            "seconds, as exact decimal text; NULL: an instant, or not known",
+        ),
+        optional("action_id", comment="NULL: it is no action of the domain"),
+        optional("name", LONG_TEXT, "what it is called that is no action of the domain"),
+        first._text("action and arguments, without times; what is no PDDL is quoted"),
+        first._reference("action_id", "action"),
+        sa.CheckConstraint("(action_id IS NULL) <> (name IS NULL)", name="action_or_name"),
+        first._index("execution", "action", "action_id"),
+        first._partial("execution", "name", "name", where="name IS NOT NULL"),
+    )
+    first._table(
+        "execution_argument",
+        *(key("plan_id"), place("position"), place("argument", "from 0")),
+        optional("object_id", comment="NULL: it is no object of the knowledge base"),
+        optional("value", LONG_TEXT, "what was said instead of an object"),
+        to_execution(),
+        first._reference("object_id", "object"),
+        sa.CheckConstraint("(object_id IS NULL) <> (value IS NULL)", name="object_or_value"),
+        first._index("execution_argument", "object", "object_id"),
+    )
+    outcomes = "'running', 'succeeded', 'failed', 'aborted', 'refused'"
+    *indexes, _ = first._version_items("execution_version", "plan_id", "position")
+    first._table(
+        "execution_version",
+        *(key("plan_id"), place("position"), first._since(), first._until()),
+        column("kind", WORD, "execution; plan step: written before version 0008"),
+        column("outcome", WORD, "running, succeeded, failed, aborted or refused"),
+        optional("code", LONG_TEXT, "of a failure"),
+        optional("message", LONG_TEXT, "what is said of a failure, or did not hold"),
+        optional("started_at", UTC_TIME, "UTC; NULL: when the revision was committed"),
+        optional("ended_at", UTC_TIME, "UTC; NULL: when the revision was committed"),
+        first._text("which execution it is, and its outcome"),
+        to_execution(),
+        *indexes,
+        sa.CheckConstraint(f"outcome IN ({outcomes})", name="outcome"),
+        sa.CheckConstraint("kind IN ('execution', 'plan step')", name="kind"),
+        first._partial(
+            *("execution_version", "running", "outcome", "plan_id", "position", "until"),
+            where="until IS NULL AND outcome = 'running'",
+        ),
+    )
+    first._table(
+        "revision_execution",
+        *(key("number", comment="the revision"), column("plan_id"), column("position", POSITION)),
+        first._to_revision("number"),
+        to_execution(),
+        first._index("revision_execution", "execution", "plan_id", "position", "number"),
+    )
+
+
+def _confirmations(first: Any) -> None:
+    first._table(
+        "confirmation",
+        first._key("proposition_id"),
+        first._key("since", comment="recorded in this revision"),
+        first._reference("proposition_id", "proposition"),
+        first._to_revision("since", at_commit=True),
+        first._index("confirmation", "since", "since"),
+    )
+
+
+def _rules(first: Any) -> None:
     first._identity("rule")
     first._version(
         "rule",
@@ -359,165 +410,6 @@ def _rule_tables() -> list[sa.Table]:
     )
     check = sa.CheckConstraint("section = 'constraint'", name="section")
     first._trees("rule", False, check)
-    made = [table for table in first.METADATA.sorted_tables if table.name not in before]
-    for table in made:
-        # The first version creates and drops all that are there.
-        first.METADATA.remove(table)
-    return made
-
-
-def _key(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
-    return sa.Column(name, kind, autoincrement=False, nullable=False, comment=comment)
-
-
-def _column(name: str, kind: Any = NUMBER, comment: str | None = None) -> sa.Column[Any]:
-    return sa.Column(name, kind, nullable=False, comment=comment)
-
-
-def _optional(name: str, kind: Any = LONG_TEXT, comment: str | None = None) -> sa.Column[Any]:
-    return sa.Column(name, kind, nullable=True, comment=comment)
-
-
-def _to(table: str, name: str, *columns: str, to: tuple[str, ...], **when: Any) -> Any:
-    places = [f"{table}.{column}" for column in to]
-    return sa.ForeignKeyConstraint(columns, places, name=f"fk_{name}", **when)
-
-
-def _to_revision(table: str, column: str, **when: Any) -> Any:
-    name = f"{table}_kb_id_{column}"
-    return _to("revision", name, "kb_id", column, to=("kb_id", "number"), **when)
-
-
-def _to_execution(table: str) -> Any:
-    key = ("kb_id", "plan_id", "position")
-    return _to("execution", f"{table}_kb_id_plan_id_position", *key, to=key)
-
-
-def _to_element(table: str, column: str, element: str) -> Any:
-    return _to(element, f"{table}_kb_id_{column}", "kb_id", column, to=("kb_id", "id"))
-
-
-def _execution() -> None:
-    op.create_table(
-        "execution",
-        _key("kb_id"),
-        _key("plan_id", comment="0: it is of no plan"),
-        _key("position", POSITION, "of a step: from 0; of no plan: the id"),
-        _column("since", comment="recorded in this revision, with its plan if it has one"),
-        _optional("start", comment="seconds from the plan's beginning, as exact decimal text"),
-        _optional(
-            "duration", comment="seconds, as exact decimal text; NULL: an instant, or not known"
-        ),
-        _optional("action_id", NUMBER, "NULL: it is no action of the domain"),
-        _optional("name", comment="what it is called that is no action of the domain"),
-        _column(
-            "text", LONG_TEXT, "action and arguments, without times; what is no PDDL is quoted"
-        ),
-        sa.PrimaryKeyConstraint("kb_id", "plan_id", "position", name="pk_execution"),
-        _to_element("execution", "action_id", "action"),
-        sa.CheckConstraint(
-            "(action_id IS NULL) <> (name IS NULL)", name=op.f("ck_execution_action_or_name")
-        ),
-        sqlite_with_rowid=False,
-    )
-    op.create_index("ix_execution_action", "execution", ["kb_id", "action_id"])
-    _partial_index("ix_execution_name", "execution", ["kb_id", "name"], "name IS NOT NULL")
-
-
-def _argument() -> None:
-    op.create_table(
-        "execution_argument",
-        _key("kb_id"),
-        _key("plan_id"),
-        _key("position", POSITION),
-        _key("argument", POSITION, "from 0"),
-        _optional("object_id", NUMBER, "NULL: it is no object of the knowledge base"),
-        _optional("value", comment="what was said instead of an object"),
-        sa.PrimaryKeyConstraint(
-            "kb_id", "plan_id", "position", "argument", name="pk_execution_argument"
-        ),
-        _to_execution("execution_argument"),
-        _to_element("execution_argument", "object_id", "object"),
-        sa.CheckConstraint(
-            "(object_id IS NULL) <> (value IS NULL)",
-            name=op.f("ck_execution_argument_object_or_value"),
-        ),
-        sqlite_with_rowid=False,
-    )
-    op.create_index("ix_execution_argument_object", "execution_argument", ["kb_id", "object_id"])
-
-
-def _version() -> None:
-    table = "execution_version"
-    op.create_table(
-        table,
-        _key("kb_id"),
-        _key("plan_id"),
-        _key("position", POSITION),
-        _key("since", comment="asserted in this revision"),
-        _optional("until", NUMBER, "retracted in this revision; NULL: holds now"),
-        _column("kind", WORD, "execution; plan step: written before version 0008"),
-        _column("outcome", WORD, "running, succeeded, failed, aborted or refused"),
-        _optional("code", comment="of a failure"),
-        _optional("message", comment="what is said of a failure, or did not hold"),
-        _optional("started_at", UTC_TIME, "UTC; NULL: when the revision was committed"),
-        _optional("ended_at", UTC_TIME, "UTC; NULL: when the revision was committed"),
-        _column("text", LONG_TEXT, "which execution it is, and its outcome"),
-        sa.PrimaryKeyConstraint("kb_id", "plan_id", "position", "since", name=f"pk_{table}"),
-        _to_execution(table),
-        _to_revision(table, "since", **AT_COMMIT),
-        _to_revision(table, "until", **AT_COMMIT),
-        sa.CheckConstraint("since < until", name=op.f(f"ck_{table}_since_before_until")),
-        sa.CheckConstraint(
-            "outcome IN ('running', 'succeeded', 'failed', 'aborted', 'refused')",
-            name=op.f(f"ck_{table}_outcome"),
-        ),
-        sa.CheckConstraint("kind IN ('execution', 'plan step')", name=op.f(f"ck_{table}_kind")),
-        sqlite_with_rowid=False,
-    )
-    op.create_index(f"ix_{table}_since", table, ["kb_id", "since"])
-    _partial_index(f"ix_{table}_until", table, ["kb_id", "until"], "until IS NOT NULL")
-    running = ["kb_id", "outcome", "plan_id", "position", "until"]
-    where = "until IS NULL AND outcome = 'running'"
-    _partial_index(f"ix_{table}_running", table, running, where)
-
-
-def _link() -> None:
-    table = "revision_execution"
-    op.create_table(
-        table,
-        _key("kb_id"),
-        _key("number", comment="the revision"),
-        _column("plan_id"),
-        _column("position", POSITION),
-        sa.PrimaryKeyConstraint("kb_id", "number", name=f"pk_{table}"),
-        _to_revision(table, "number"),
-        _to_execution(table),
-    )
-    key = ["kb_id", "plan_id", "position", "number"]
-    op.create_index(f"ix_{table}_execution", table, key)
-
-
-def _confirmation() -> None:
-    table = "confirmation"
-    op.create_table(
-        table,
-        _key("kb_id"),
-        _key("proposition_id"),
-        _key("since", comment="recorded in this revision"),
-        sa.PrimaryKeyConstraint("kb_id", "proposition_id", "since", name=f"pk_{table}"),
-        _to_element(table, "proposition_id", "proposition"),
-        _to_revision(table, "since", **AT_COMMIT),
-        sqlite_with_rowid=False,
-    )
-    op.create_index(f"ix_{table}_since", table, ["kb_id", "since"])
-
-
-def _partial_index(name: str, table: str, columns: list[str], where: str) -> None:
-    both: dict[str, Any] = {
-        f"{dialect}_where": sa.text(where) for dialect in ("sqlite", "postgresql")
-    }
-    op.create_index(name, table, columns, unique=False, **both)
 
 
 def _create_before(table: str) -> None:
@@ -579,7 +471,7 @@ def _is_confirmation(part: str) -> bool:
 
 def _changed(query: str) -> str:
     """Read the new tables in place of those before."""
-    for old, new in zip(BEFORE, (table for table, *_ in CARRIED), strict=True):
+    for old, new, _ in CARRIED:
         query = query.replace(f" {old} AS ", f" {new} AS ")
     parts = query.split("UNION ALL")
     # An act without a plan is found by its own id.
