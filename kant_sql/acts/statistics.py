@@ -59,14 +59,24 @@ class Statistics:
         failed: how many failed.
         aborted: how many were aborted.
         refused: how many were refused, and so not begun.
-        median: seconds that half of those took that succeeded or failed; None without any.
+        mean: seconds that those took on average that succeeded or failed; None without any.
+        median: seconds that half of those took at most.
         percentile_95: seconds within which 95 % of those ended.
         codes: how many failed with each code, the most frequent first.
     """
 
     _json_ = (
         *("action", "argument", "arguments", "actor", "count", "running", "succeeded", "failed"),
-        *("aborted", "refused", "success_rate", "interval", "median", "percentile_95", "codes"),
+        *(
+            "aborted",
+            "refused",
+            "success_rate",
+            "interval",
+            "mean",
+            "median",
+            "percentile_95",
+            "codes",
+        ),
     )
 
     action: str | None
@@ -79,6 +89,7 @@ class Statistics:
     failed: int
     aborted: int
     refused: int
+    mean: float | None
     median: float | None
     percentile_95: float | None
     codes: Mapping[str, int] = field(hash=False)
@@ -107,6 +118,7 @@ class Statistics:
             **{name: getattr(self, name) for name in ("count", *OUTCOMES)},
             "success rate": self.success_rate,
             "95 % interval": None if interval is None else "{:.3f} to {:.3f}".format(*interval),
+            "mean (s)": self.mean,
             "median (s)": self.median,
             "95 % within (s)": self.percentile_95,
             "codes": tuple(f"{code}: {count}" for code, count in self.codes.items()),
@@ -200,8 +212,9 @@ def _made(
 
 _NOW, _IDENTITY = table_of(t.ExecutionVersionRow), table_of(t.ExecutionRow)
 _ARGUMENT, _REVISION = table_of(t.ExecutionArgumentRow), table_of(t.RevisionRow)
-_MEASURED = ("count", *OUTCOMES, "median", "percentile_95")
+_MEASURED = ("count", *OUTCOMES, "mean", "median", "percentile_95")
 _PLACES = {
+    "mean": "avg(seconds)",
     "median": "avg(CASE WHEN place IN ((timed + 1) / 2, (timed + 2) / 2) THEN seconds END)",
     "percentile_95": "max(CASE WHEN place = (95 * timed + 99) / 100 THEN seconds END)",
 }

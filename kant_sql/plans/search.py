@@ -118,7 +118,7 @@ class Expected:
 
     @property
     def cost(self) -> Fraction:
-        """The expected time until success, in whole hundredths of a second.
+        """The expected time until success (Wald's equation), in whole hundredths of a second.
 
         An attempt counts for a second at least, or it would cost nothing to fail.
         """
@@ -126,21 +126,21 @@ class Expected:
 
     def updated(self, seen: Statistics | None) -> Expected:
         """Return what is expected after executions, which this counts as much as `WEIGHT` of."""
-        if seen is None or seen.median is None:
+        if seen is None or seen.mean is None:
             return self
         count = seen.succeeded + seen.failed
         return Expected(
-            (count * Fraction(seen.median) + WEIGHT * self.seconds) / (count + WEIGHT),
+            (count * Fraction(seen.mean) + WEIGHT * self.seconds) / (count + WEIGHT),
             (seen.succeeded + WEIGHT * self.success) / (count + WEIGHT),
         )
 
 
 def expected_of_action(seen: Statistics | None, usual: Fraction) -> Expected:
     """Return what is expected of an action: the mean of success after the prior Beta(1, 1)."""
-    if seen is None or seen.median is None:
+    if seen is None or seen.mean is None:
         return Expected(usual, Fraction(1, 2))
     success = Fraction(seen.succeeded + 1, seen.succeeded + seen.failed + 2)
-    return Expected(Fraction(seen.median), success)
+    return Expected(Fraction(seen.mean), success)
 
 
 def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[str, ...]]:
@@ -150,8 +150,8 @@ def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[
     if metric is not None:
         ignored.append(f"the metric ({metric.optimization} {metric.expression}): costs of history")
     whole, by_act = (statistics(past, by=by) for by in (("action",), ("arguments",)))
-    [median] = [one.median for one in statistics(past, by=())] or [None]
-    usual = Fraction(1 if median is None else median)
+    [mean] = [one.mean for one in statistics(past, by=())] or [None]
+    usual = Fraction(1 if mean is None else mean)
     seen = {fold(one.action or ""): one for one in whole}
     objects, made = Objects(domain, problem), []
     for action in domain.actions:

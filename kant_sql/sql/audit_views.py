@@ -238,7 +238,7 @@ AUDIT_VIEWS = {
             {"action": _TEXT, "arguments": _TEXT, "executions": _INTEGER, "running": _INTEGER},
             {"succeeded": _INTEGER, "failed": _INTEGER, "aborted": _INTEGER, "refused": _INTEGER},
             {"success_rate": _DOUBLE, "success_low": _DOUBLE, "success_high": _DOUBLE},
-            {"median": _DOUBLE, "percentile_95": _DOUBLE, "codes": _TEXT},
+            {"mean": _DOUBLE, "median": _DOUBLE, "percentile_95": _DOUBLE, "codes": _TEXT},
         ),
         _view(
             "effect",

@@ -3018,6 +3018,7 @@ CREATE VIEW audit_statistics (
     success_rate double precision,
     success_low double precision,
     success_high double precision,
+    mean double precision,
     median double precision,
     percentile_95 double precision,
     codes text COLLATE "C",
@@ -3041,6 +3042,7 @@ CREATE VIEW audit_statistics (
             WHEN 0 THEN succeeded::double precision / decided::double precision
             ELSE ((succeeded::numeric + 1.920729410347062)::double precision + 1.959963984540054::double precision * spread) / (decided::numeric + 3.841458820694124)::double precision
         END AS success_high,
+    mean,
     median,
     percentile_95,
     codes,
@@ -3054,6 +3056,7 @@ CREATE VIEW audit_statistics (
             g.failed,
             g.aborted,
             g.refused,
+            g.mean,
             g.median,
             g.percentile_95,
             g.codes,
@@ -3089,6 +3092,7 @@ CREATE VIEW audit_statistics (
                             WHEN 'refused'::text THEN 1
                             ELSE NULL::integer
                         END) AS refused,
+                    avg(p.duration) AS mean,
                     avg(
                         CASE
                             WHEN p.place = ((p.timed + 1) / 2) OR p.place = ((p.timed + 2) / 2) THEN p.duration

@@ -201,6 +201,7 @@ SELECT
     CASE s.failed WHEN 0 THEN DOUBLE(s.succeeded) / s.decided ELSE
         (s.succeeded + 1.920729410347062 + 1.959963984540054 * s.spread)
         / (s.decided + 3.841458820694124) END AS success_high,
+    s.mean,
     s.median,
     s.percentile_95,
     s.codes,
@@ -222,6 +223,7 @@ FROM (
             count(CASE p.outcome WHEN 'failed' THEN 1 END) AS failed,
             count(CASE p.outcome WHEN 'aborted' THEN 1 END) AS aborted,
             count(CASE p.outcome WHEN 'refused' THEN 1 END) AS refused,
+            avg(p.duration) AS mean,
             avg(CASE WHEN p.place IN ((p.timed + 1) / 2, (p.timed + 2) / 2)
                 THEN p.duration END) AS median,
             max(CASE WHEN p.place = (95 * p.timed + 99) / 100 THEN p.duration END)

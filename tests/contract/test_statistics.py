@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from math import ceil
-from statistics import median
+from statistics import mean, median
 from typing import Any
 
 import pytest
@@ -89,6 +89,7 @@ def figures(acts: list[Execution]) -> Any:
     return (
         len(acts),
         [outcomes[name] for name in ("running", "succeeded", "failed", "aborted", "refused")],
+        pytest.approx(mean(times)) if times else None,
         pytest.approx(median(times)) if times else None,
         pytest.approx(times[ceil(0.95 * len(times)) - 1]) if times else None,
         Counter(each.code for each in acts if each.code is not None),
@@ -104,6 +105,7 @@ def found(by: tuple[str, ...], given: list[Statistics]) -> dict[tuple[Any, ...],
         ): (
             each.count,
             [each.running, each.succeeded, each.failed, each.aborted, each.refused],
+            each.mean,
             each.median,
             each.percentile_95,
             Counter(each.codes),
@@ -176,8 +178,9 @@ def test_the_view_for_auditors_has_the_same_figures(kb: KnowledgeBase) -> None:
         found = [row["success_rate"], row["success_low"], row["success_high"]]
         interval = one.interval or (None, None)
         assert found == pytest.approx([one.success_rate, *interval], abs=1e-12)
-        assert [row["median"], row["percentile_95"]] == pytest.approx(
-            [one.median, one.percentile_95], abs=1e-6
+        times = ("mean", "median", "percentile_95")
+        assert [row[name] for name in times] == pytest.approx(
+            [getattr(one, name) for name in times], abs=1e-6
         )
         codes = dict(pair.split(": ") for pair in (row["codes"] or "").split(", ") if pair)
         assert codes == {code: str(count) for code, count in one.codes.items()}
