@@ -816,6 +816,9 @@ class AsyncKnowledgeBase(_Part):
     changes = _iterate(KnowledgeBase.changes)
     history = _read(KnowledgeBase.history)
     blame = _read(KnowledgeBase.blame)
+    unconfirmed = _read(KnowledgeBase.unconfirmed)
+    contradicted = _read(KnowledgeBase.contradicted)
+    stale = _read(KnowledgeBase.stale)
     timeline = _read(KnowledgeBase.timeline)
     restore = _write(KnowledgeBase.restore)
 

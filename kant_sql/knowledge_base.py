@@ -264,6 +264,9 @@ class KnowledgeBase(Front):
     watch_rules = reads(lambda: reasoning.rule_watch.watch_rules)
     history = reads(lambda: history.versions.history)
     blame = reads(lambda: history.versions.blame)
+    unconfirmed = reads(lambda: history.confirmations.unconfirmed)
+    contradicted = reads(lambda: history.confirmations.contradicted)
+    stale = reads(lambda: reasoning.stale.stale)
     timeline = reads(lambda: history.timeline.timeline)
     restore = writes(lambda: history.restore.restore)
 

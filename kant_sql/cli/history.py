@@ -73,6 +73,14 @@ def _write_version(printer: Printer, version: Version) -> None:
         printer.line(f"  {what} in revision {revision.number}  {moment}", _STYLES[sign])
         for line in metadata(revision):
             printer.line(f"    {line}")
+    seen = version.confirmed
+    if version.acts:
+        printer.line(f"  effect of {', '.join(version.acts)}")
+    if seen is not None:
+        moment = time_text(seen.committed_at)
+        printer.line(f"  confirmed in revision {seen.number}  {moment}", _STYLES["+"])
+        for line in metadata(seen):
+            printer.line(f"    {line}")
 
 
 def _indented(text: str, indent: str) -> str:
@@ -195,6 +203,27 @@ def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False
             write_json(version)
         else:
             _write_version(Printer(), version)
+
+
+def unconfirmed(
+    url: Url,
+    kb: Name = None,
+    at: At = None,
+    older_than: Annotated[float | None, seconds("Show only what is older than this.")] = None,
+    contradicted: Annotated[
+        bool, option("Show what another actor retracted unseen.", "--contradicted")
+    ] = False,
+    as_json: Annotated[bool, json_lines("fact")] = False,
+) -> None:
+    """Show the effects of acts that nobody else has confirmed."""
+    with open_state(url, kb, at) as (_, state):
+        found = state.contradicted() if contradicted else state.unconfirmed(older_than=older_than)
+        printer = Printer()
+        for version in found:
+            if as_json:
+                write_json(version)
+            else:
+                _write_version(printer, version)
 
 
 _Depth = Annotated[int, option("Follow so many links.", "--depth", metavar="N", min=1)]

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ..moment_text import When
     from . import anchors as anchors
     from . import archive as archive
+    from . import confirmations as confirmations
     from . import diff as diff
     from . import follow as follow
     from . import log as log

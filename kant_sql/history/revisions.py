@@ -123,12 +123,16 @@ class Version:
         text: the element's canonical PDDL text.
         since: the revision that asserted it: by whom, when and why.
         until: the revision that retracted it; None while it holds.
+        confirmed: of a fact, the last revision that confirmed it while it held, up to the state.
+        acts: of a fact, the ids of the executions of which it is an effect.
     """
 
     kind: str
     text: str
     since: Revision
     until: Revision | None
+    confirmed: Revision | None = None
+    acts: tuple[str, ...] = ()
 
     def _html_row_(self) -> html.Row:
         until = self.until
@@ -140,6 +144,9 @@ class Version:
             "asserted by": self.since.actor,
             "reason": self.since.reason,
             "source": self.since.source_text,
+            "effect of": ", ".join(self.acts) or None,
+            "confirmed at": self.confirmed and self.confirmed.committed_at,
+            "confirmed by": self.confirmed and self.confirmed.actor,
             "until": None if until is None else until.number,
             "retracted at": None if until is None else until.committed_at,
             "retracted by": None if until is None else until.actor,

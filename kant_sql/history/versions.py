@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, func, literal_column, select, union_all
+from sqlalchemy import ColumnElement, Select, func, literal_column, select, union, union_all
 
 from .. import html
 from ..arguments import shown
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..sql.changes import EXECUTIONS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Row, Session
-from ..sql.query import Query, first_rows, in_rows, integer
+from ..sql.executions import RUNNING, SUCCEEDED, id_text
+from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import (
     FACT,
     GOAL,
@@ -23,13 +24,18 @@ from ..sql.rows import (
     VALUE,
     VERSION_COLUMNS,
     VersionColumns,
+    looked_up,
     table_of,
 )
 from ..sql.tables import (
     TABLES,
+    ConfirmationRow,
     ExecutionArgumentRow,
+    ExecutionVersionRow,
     FunctionValueArgumentRow,
     PropositionArgumentRow,
+    RevisionExecutionRow,
+    RevisionRow,
 )
 from ..store.state import State
 from ..store.store import Store
@@ -330,29 +336,111 @@ def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
         if kb_id is None:
             return []
         rows = read_newest(session, kb_id, wanted, at, 1, with_revision=True)
+        held = [row for row in rows if row[3] is None or row[3] > at]
+        seen, acts = read_evidence(session, kb_id, held, at)
+        last = read_numbered(session, kb_id, {*seen.values()})
         return [
-            Version(row[0], row[1], make_revision(session, row[5:]), None)
-            for row in rows
-            if row[3] is None or row[3] > at
+            Version(
+                *(row[0], row[1], make_revision(session, row[5:]), None),
+                *((last.get(seen.get((row[4], row[2]), 0)), acts.get(row[2], ())))
+                if row[0] == FACT
+                else (),
+            )
+            for row in held
         ]
 
     return _query(store, wanted, work)
 
 
-def make_versions(session: Session, kb_id: int, rows: Iterable[Row], at: int) -> list[Version]:
+_FACT, _SEEN = VERSION_COLUMNS[PROPOSITION].version, table_of(ConfirmationRow).c
+_OUTCOME, _LINK = table_of(ExecutionVersionRow).c, table_of(RevisionExecutionRow).c
+EFFECTIVE: list[Any] = [literal_column(f"'{outcome}'") for outcome in (RUNNING, SUCCEEDED)]
+
+
+def actor_of(number: Any) -> Any:
+    """Look up the actor of a revision."""
+    revision = table_of(RevisionRow).alias().c
+    return looked_up(revision.actor, revision.number, number)
+
+
+def last_confirmation(by_others: bool) -> Any:
+    """Look up the last revision that confirmed a fact while it held, up to a revision."""
+    found = select(_SEEN.since).where(
+        _SEEN.kb_id == KB,
+        _SEEN.proposition_id == _FACT.proposition_id,
+        _SEEN.since > _FACT.since,
+        _SEEN.since <= func.coalesce(_FACT.until, THEN),
+        _SEEN.since <= THEN,
+    )
+    if by_others:
+        found = found.where(actor_of(_SEEN.since).is_distinct_from(actor_of(_FACT.since)))
+    found = first_rows(found.order_by(_SEEN.since.desc()), _ONE)
+    return found.correlate(_FACT.since.table).scalar_subquery()
+
+
+_CONFIRMED = Query(
+    select(_FACT.proposition_id, _FACT.since, last_confirmation(by_others=False)).where(
+        _FACT.kb_id == KB,
+        in_list(_FACT.proposition_id, "ids", bounded=_FACT.since),
+        _FACT.since <= THEN,
+    )
+)
+# The executions whose effects a revision has: those that it records, and the one that it names.
+_ACTS = Query(
+    union(
+        select(_OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position).where(
+            _OUTCOME.kb_id == KB,
+            in_list(_OUTCOME.since, "numbers"),
+            _OUTCOME.outcome.in_(EFFECTIVE),
+        ),
+        select(_LINK.number, _LINK.plan_id, _LINK.position).where(
+            _LINK.kb_id == KB, in_list(_LINK.number, "numbers")
+        ),
+    )
+)
+
+
+class Evidence(NamedTuple):
+    """What is known of when facts were seen, and of which acts they are effects."""
+
+    confirmed: dict[tuple[int, int], int]  # id and `since` -> the last revision that confirmed it
+    acts: dict[int, tuple[str, ...]]  # the revision -> the ids of its acts
+
+
+def read_evidence(session: Session, kb_id: int, rows: Sequence[Row], at: int) -> Evidence:
+    """Read the evidence for the facts among versions, in two statements."""
+    facts = {(row[4], row[2]) for row in rows if row[0] == FACT}
+    if not facts:
+        return Evidence({}, {})
+    ids, numbers = ([*{fact[n] for fact in facts}] for n in (0, 1))
+    given = {"kb": kb_id, "ids": session.list_value(ids), "at": at}
+    seen = {(id_, since): last for id_, since, last in session.rows(_CONFIRMED, **given) if last}
+    acts: dict[int, tuple[str, ...]] = {}
+    for number, *key in session.rows(_ACTS, kb=kb_id, numbers=session.list_value(numbers)):
+        acts[number] = (*acts.get(number, ()), id_text((key[0], key[1])))
+    return Evidence(seen, acts)
+
+
+def make_versions(session: Session, kb_id: int, rows: Sequence[Row], at: int) -> list[Version]:
     """Build versions from rows, oldest first; one that ends after `at` holds there."""
     known = []
-    for kind, text, since, until, _ in rows:
+    seen, acts = read_evidence(session, kb_id, rows, at)
+    for kind, text, since, until, owner in rows:
         for number in (since, until or 0):
             check_integer(f"of the versions of each {kind}", repr(text), "since or until", number)
         ended = until if until is not None and until <= at else None
-        known.append((since, ended, kind, text))
-    known.sort(key=lambda row: (row[0], row[1] is None, row[1] or 0, row[2:]))
-    numbers = {number for row in known for number in row[:2] if number is not None}
+        is_fact = kind == FACT
+        confirmed = seen.get((owner, since)) if is_fact else None
+        known.append((since, ended, kind, text, confirmed, acts.get(since, ()) if is_fact else ()))
+    known.sort(key=lambda row: (row[0], row[1] is None, row[1] or 0, row[2:4]))
+    numbers = {number for row in known for number in (*row[:2], row[4]) if number is not None}
     revisions = read_numbered(session, kb_id, numbers)
     for number in numbers - revisions.keys():
         raise unreadable("revision", f"revision {number!r}", LookupError("there is none"))
     return [
-        Version(kind, text, revisions[since], None if until is None else revisions[until])
-        for since, until, kind, text in known
+        Version(
+            *(kind, text, revisions[since], None if until is None else revisions[until]),
+            *(None if confirmed is None else revisions[confirmed], of),
+        )
+        for since, until, kind, text, confirmed, of in known
     ]

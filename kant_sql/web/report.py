@@ -108,6 +108,7 @@ def report_html(
         page["acts"] = read("acts", report.acts)
         page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)
+        page["effects"] = read("effects", report.effects)
         page["log"] = read("log", report.log)
     if verify:
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))

@@ -14,7 +14,7 @@ from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
 from ..history.drawing import lane_key
 from ..history.overview import ActorTally, Tally, read_tally
-from ..history.revisions import LogEntry, Revision
+from ..history.revisions import LogEntry, Revision, Version
 from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
 from ..history.window import Bar, Lane
@@ -29,6 +29,7 @@ SEEN, SLICES = 200, 200
 ACTORS, LANES, BARS, PLANS, STEPS, ACTS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
     20, 40, 300, 25, 100, 100, 200, 200, 300, 30, 200,
 )  # fmt: skip
+EFFECTS = 100
 # Changes of all revisions together, of each an equal share.
 SHOWN = 900
 
@@ -140,6 +141,14 @@ class ReportGoals(ReportSection):
     revision: int
     goals: list[FailedCondition]
     count: int
+
+
+@dataclass(frozen=True)
+class ReportEffects(ReportSection):
+    """What was expected at the end of the range, and what was contradicted within it."""
+
+    unconfirmed: list[Version]
+    contradicted: list[Version]
 
 
 @dataclass(frozen=True)
@@ -343,6 +352,18 @@ class ReportReader(NamedTuple):
         left_out = f"{left:,} more goals" if left > 0 else None
         command = self.command("goals", "--at", str(last))
         return ReportGoals(left_out, command, last, found[:GOALS], len(found))
+
+    def effects(self) -> ReportEffects:
+        """Read effects of acts that nobody confirmed, and those that somebody retracted unseen."""
+        first, last = self.tally.first, self.tally.last
+        then = self.kb.at(last)
+        lists = (
+            then.unconfirmed(limit=EFFECTS + 1),
+            then.contradicted(since=first, limit=EFFECTS + 1),
+        )
+        left_out = "more effects" if any(len(each) > EFFECTS for each in lists) else None
+        command = self.command("unconfirmed", "--at", str(last))
+        return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
 
     def log(self) -> ReportLog:
         """Read the last revisions of the range with their changes, oldest first."""

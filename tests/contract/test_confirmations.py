@@ -8,13 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import kant_sql
-from kant_sql import KnowledgeBase
-from kant_sql.errors import InvalidArgumentError, InvalidKnowledgeError, ReadOnlyError
+from kant_sql import KnowledgeBase, Version
+from kant_sql.errors import (
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    ReadOnlyError,
+    UnsupportedConstructError,
+)
 from tests.support.archives import damage
 from tests.support.reading import last_changes, nothing_changes
-from tests.support.statements import count
+from tests.support.statements import count, recorded
 
 DOMAIN = """
 (define (domain shelf) (:requirements :typing) (:types robot place)
@@ -136,6 +143,159 @@ def test_the_statements_are_few_however_many_facts(kb: KnowledgeBase) -> None:
     ]
     assert counts[0] == counts[1]
     assert counts[2] == counts[3] <= counts[0]
+
+
+def texts(found: list[Version]) -> list[str]:
+    return [each.text for each in found]
+
+
+def test_what_an_act_asserts_is_expected_until_another_confirms_it(kb: KnowledgeBase) -> None:
+    [fact] = kb.unconfirmed()
+    [done] = kb.executions.get_all()
+    assert (fact.text, fact.acts, fact.confirmed) == (AT_ROOM, (done.id,), None)
+    assert (fact.since.actor, fact.since.number) == ("executive", done.revision)
+    confirm(kb, AT_ROOM, actor="executive")
+    assert texts(kb.unconfirmed()) == [AT_ROOM]
+    confirm(kb, AT_ROOM)
+    assert kb.unconfirmed() == []
+    assert texts(kb.at(kb.revision - 1).unconfirmed()) == [AT_ROOM]
+    # The next time that it is asserted it is expected again.
+    apply(kb, "(move rb1 room hall)")
+    apply(kb, "(move rb1 hall room)")
+    assert texts(kb.unconfirmed()) == [AT_ROOM]
+    assert texts(kb.at(kb.revision - 1).unconfirmed()) == [AT_HALL]
+
+
+def test_effects_of_steps_that_were_named_and_of_none(kb: KnowledgeBase) -> None:
+    confirm(kb, AT_ROOM)
+    running = kb.executions.report("mop", outcome="running")
+    with kb.transaction(plan_step=running, actor="executive"):
+        kb.propositions.save("(clean hall)")
+    kb.propositions.save("(clean room)")
+    with kb.transaction():
+        kb.executions.report(running, outcome="failed")
+        kb.propositions.save("(at rb2 room)")
+    [fact] = kb.unconfirmed()
+    assert (fact.text, fact.acts) == ("(clean hall)", (running.id,))
+
+
+def test_the_oldest_come_first_and_the_young_are_left_out(kb: KnowledgeBase) -> None:
+    apply(kb, "(sweep hall)")
+    apply(kb, "(sweep room)")
+    found = kb.unconfirmed()
+    assert texts(found) == [AT_ROOM, "(clean hall)", "(clean room)"]
+    assert texts(kb.unconfirmed(limit=2)) == texts(found)[:2]
+    assert kb.unconfirmed(older_than=3600) == []
+    assert texts(kb.unconfirmed(older_than=0)) == texts(found)
+    # A past state is as old as it was then.
+    assert kb.at(found[1].since.number).unconfirmed(older_than=3600) == []
+    with pytest.raises(InvalidArgumentError, match="seconds"):
+        kb.unconfirmed(older_than=-1)
+
+
+def test_what_somebody_retracted_unseen_is_contradicted(kb: KnowledgeBase) -> None:
+    apply(kb, "(sweep hall)")
+    confirm(kb, "(clean hall)")
+    first = kb.revision
+    with kb.transaction(actor="lidar"):
+        kb.propositions.delete_all([AT_ROOM, "(clean hall)"])
+    [wrong] = kb.contradicted()
+    assert (wrong.text, wrong.until and wrong.until.actor) == (AT_ROOM, "lidar")
+    assert kb.executions.get(wrong.acts[0]) is not None
+    assert kb.at(first).contradicted() == []
+    assert kb.contradicted(until=first) == []
+    # What the executive itself or another act ends was no mistake.
+    for step, actor in (("(move rb2 hall room)", "executive"), ("(move rb2 room hall)", "other")):
+        apply(kb, step, actor)
+    with kb.transaction(actor="other"):
+        kb.propositions.delete("(at rb2 hall)")
+    assert texts(kb.contradicted()) == [AT_ROOM]
+    assert texts(kb.contradicted(limit=1, since=first + 1)) == [AT_ROOM]
+
+
+def test_stale_facts_of_a_condition(kb: KnowledgeBase) -> None:
+    apply(kb, "(sweep room)")
+    condition = "(and (AT ?R ?p) (not (clean hall)) (clean ?p) (not (= ?r rb2)))"
+    assert texts(kb.stale(condition, than=0)) == [AT_ROOM, "(clean room)"]
+    assert kb.stale(condition, than=60) == []
+    assert kb.stale("(clean hall)", than=0) == []
+    assert texts(kb.at(kb.revision - 1).stale("(at rb1 ?p)", than=0)) == [AT_ROOM]
+    for wrong in ("(exists (?p - place) (clean ?p))", "(or (clean hall) (clean room))"):
+        with pytest.raises(UnsupportedConstructError, match="conjunction"):
+            kb.stale(wrong, than=1)
+
+
+def test_blame_and_history_say_who_confirmed_last(kb: KnowledgeBase) -> None:
+    assert (found := kb.blame(AT_ROOM)) is not None
+    assert found.confirmed is None
+    confirm(kb, AT_ROOM)
+    confirm(kb, AT_ROOM, actor="lidar")
+    for now in (kb.blame(AT_ROOM), kb.history(AT_ROOM)[-1]):
+        assert now is not None
+        assert now.acts == found.acts
+        assert now.confirmed == kb.store.revisions()[-1]
+    assert (then := kb.at(kb.revision - 1).blame(AT_ROOM)) is not None
+    assert then.confirmed is not None
+    assert then.confirmed.actor == "camera"
+
+
+@given(st.lists(st.tuples(st.sampled_from(["move", "confirm", "retract", "save"]), st.booleans())))
+@settings(max_examples=25, deadline=None)
+def test_expected_facts_as_a_model_has_them(steps: list[tuple[str, bool]]) -> None:
+    """What is expected follows from the last assertion, and from what came after."""
+    expected: dict[str, bool] = {}
+    with kant_sql.connect("sqlite://", knowledge_base="model", actor="executive") as kb:
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+        for what, is_first in steps:
+            place = "hall" if is_first else "room"
+            fact = f"(clean {place})"
+            if what == "move":
+                kb.apply(f"(sweep {place})")
+                expected.setdefault(fact, True)
+            elif what == "confirm" and fact in expected:
+                confirm(kb, fact)
+                expected[fact] = False
+            elif what == "retract":
+                kb.propositions.delete(fact)
+                expected.pop(fact, None)
+            elif what == "save":
+                kb.propositions.save(fact)
+                expected.setdefault(fact, False)
+        assert {*texts(kb.unconfirmed())} == {fact for fact, is_so in expected.items() if is_so}
+        assert kb.store.verify().is_intact
+
+
+def test_the_statements_do_not_grow_with_the_rows(kb: KnowledgeBase) -> None:
+    def counts() -> list[int]:
+        ask = partial(kb.stale, "(at ?r ?p)", than=0)
+        calls = (kb.unconfirmed, kb.contradicted, ask, partial(kb.blame, AT_ROOM))
+        return [count(call) for call in calls]
+
+    def contradict(*places: str) -> None:
+        for place in places:
+            apply(kb, f"(sweep {place})")
+            with kb.transaction(actor="camera"):
+                kb.propositions.delete(f"(clean {place})")
+
+    contradict("hall")
+    counts()
+    before = counts()
+    contradict("hall", "room")
+    apply(kb, "(move rb2 hall room)")
+    assert counts() == before
+    # Nothing of it is on the way of who does not use it.
+    assert not any("confirmation" in sql for sql in statements_of(kb))
+
+
+def statements_of(kb: KnowledgeBase) -> list[str]:
+    with recorded() as found:
+        kb.propositions.save("(clean hall)")
+        kb.propositions.save("(clean hall)")
+        kb.apply("(sweep room)")
+        kb.apply("(move rb1 room hall)")
+    assert found
+    return [*found]
 
 
 ALTERED = (

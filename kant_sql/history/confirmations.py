@@ -1,0 +1,175 @@
+"""What acts asserted and nobody has seen, or somebody retracted, and what was last seen when."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import cache
+from typing import Any
+
+from sqlalchemy import Select, func, literal_column, or_, select, union
+
+from .. import html
+from ..arguments import period
+from ..moment_text import When
+from ..sql import tables as t
+from ..sql.dialects.base import Row, Session
+from ..sql.intervals import held_by, then
+from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, table_of
+from ..store.state import State
+from ..store.store import Store
+from .moments import find_bounds, last_until
+from .revisions import LARGEST, Version, at_most
+from .versions import EFFECTIVE, actor_of, last_confirmation, make_versions
+
+_ONE: Any = literal_column("1")
+_FACT = VERSION_COLUMNS[PROPOSITION]
+_HELD = _FACT.version
+_OUTCOME, _LINK = table_of(t.ExecutionVersionRow).c, table_of(t.RevisionExecutionRow).c
+_REVISION = table_of(t.RevisionRow).c
+# With more acts, what holds is compared with them, and else they with what holds.
+FEW = 1_000
+
+
+def _acts(*conditions: Any) -> tuple[Select[Any], Select[Any]]:
+    """Select revisions that record an act with effects, and those that name an execution."""
+    began = select(_OUTCOME.since).where(_OUTCOME.kb_id == KB, _OUTCOME.outcome.in_(EFFECTIVE))
+    named = select(_LINK.number).where(_LINK.kb_id == KB)
+    of = zip((began, named), (_OUTCOME.since, _LINK.number), strict=True)
+    first, second = (rows.where(*(number == one for one in conditions)) for rows, number in of)
+    return first, second
+
+
+def _is_of_act(number: Any) -> Any:
+    return or_(*(rows.correlate(_HELD.since.table).exists() for rows in _acts(number)))
+
+
+_COUNT = Query(
+    select(func.count()).select_from(
+        first_rows(_acts()[0], literal_column(str(FEW + 1))).subquery()
+    )
+)
+
+
+@cache
+def _query(which: str, is_past: bool, by_acts: bool = False) -> Query:
+    """Select facts that hold, or that ended in a range of revisions, oldest or newest first."""
+    rows = select(_FACT.kind, _FACT.text, _HELD.since, _HELD.until, _HELD.proposition_id)
+    rows = rows.where(_HELD.kb_id == KB, ~_HELD.is_goal)
+    seen: Any = last_confirmation(by_others=which != "stale")
+    if which == "contradicted":
+        retracted, asserted = actor_of(_HELD.until), actor_of(_HELD.since)
+        rows = rows.where(_HELD.until.between(integer("low"), integer("high")))
+        rows = rows.where(retracted.is_distinct_from(asserted), ~_is_of_act(_HELD.until))
+        order = _HELD.until.desc(), _HELD.proposition_id
+    else:
+        rows = rows.where(held_by(PROPOSITION, _HELD, THEN if is_past else None))
+        rows = rows.where(_HELD.since <= integer("upto"))
+        order = _HELD.since, _HELD.proposition_id
+    if which == "stale":
+        rows = rows.where(in_list(_HELD.proposition_id, "ids", bounded=_HELD.since))
+        rows = rows.where(or_(seen.is_(None), seen <= integer("upto")))
+    else:
+        rows = rows.where(seen.is_(None))
+        rows = rows.where(
+            in_rows(_HELD.since, select(union(*_acts()).subquery().c.since))
+            if by_acts
+            else _is_of_act(_HELD.since)
+        )
+    return Query(first_rows(rows.order_by(*order), integer("size")))
+
+
+def unconfirmed(
+    state: State, *, older_than: float | None = None, limit: int | None = None
+) -> list[Version]:
+    """Find expected facts: acts asserted them, and no other actor has confirmed them.
+
+    Args:
+        older_than: only what was asserted at least so many seconds ago.
+        limit: the maximum number of facts; None for all.
+
+    Returns:
+        The facts that hold, the oldest first, with the acts that asserted them.
+
+    Raises:
+        InvalidArgumentError: `older_than` is not a number of seconds, from 0.
+
+    Examples:
+        >>> kb.unconfirmed(older_than=60)
+        []
+    """
+    return _find(state, "unconfirmed", older_than, limit)
+
+
+def contradicted(
+    state: State,
+    *,
+    since: When | None = None,
+    until: When | None = None,
+    limit: int | None = None,
+) -> list[Version]:
+    """Find expected facts that another actor retracted, before anyone had confirmed them.
+
+    What another act deleted is not contradicted: its condition held.
+
+    Args:
+        since: only what was retracted from this revision or time on.
+        until: only what was retracted up to this revision or time.
+        limit: the maximum number of facts; None for all.
+
+    Returns:
+        The facts, those that were retracted last first, with the acts that asserted them.
+
+    Raises:
+        UnknownRevisionError: a bound lies in the future, or is a time without zone.
+
+    Examples:
+        >>> kb.contradicted()
+        []
+    """
+    bounds = find_bounds(state.store, since, until, state.at)
+    return _find(state, "contradicted", None, limit, low=bounds.low, high=bounds.high)
+
+
+def stale_facts(state: State, ids: Collection[int], than: float) -> list[Version]:
+    """Find which of some facts were neither asserted nor confirmed in the last seconds."""
+    return _find(state, "stale", than, None, ids=ids)
+
+
+def _find(
+    state: State, which: str, seconds: float | None, limit: int | None, **given: Any
+) -> list[Version]:
+    age = None if seconds is None else period(seconds, "the number of seconds")
+    size, at = at_most(limit), LARGEST if state.at is None else state.at
+
+    def work(session: Session, kb_id: int | None) -> list[Version]:
+        if kb_id is None:
+            return []
+        own = {name: value for name, value in given.items() if name != "ids"}
+        if "ids" in given:
+            own["ids"] = session.list_value([*given["ids"]])
+        if which != "contradicted":
+            now = _now(state.store, session, kb_id, state.at)
+            moment = session.from_time(now if age is None else now - age)
+            row = session.first(_UPTO, kb=kb_id, moment=moment)
+            own["upto"] = at if age is None else (row and row[0]) or 0
+            own |= {} if state.at is None else then(session, at)
+        own["at"] = at
+        count = session.first(_COUNT, kb=kb_id) if which != "stale" else None
+        query = _query(which, state.at is not None, count is not None and count[0] <= FEW)
+        rows: list[Row] = session.rows(query, kb=kb_id, size=size, **own)
+        made = make_versions(session, kb_id, rows, at)
+        order = {(row[1], row[2]): place for place, row in enumerate(rows)}
+        return sorted(made, key=lambda one: order[one.text, one.since.number])
+
+    return html.Listing(state.store.query_in_snapshot(work), "fact")
+
+
+_UPTO = Query(select(last_until("moment")))
+_TIME = Query(select(_REVISION.committed_at).where(_REVISION.kb_id == KB, _REVISION.number == THEN))
+
+
+def _now(store: Store, session: Session, kb_id: int, at: int | None) -> Any:
+    """Return what time it is, or was when a past state was committed."""
+    row = None if at is None else session.first(_TIME, kb=kb_id, at=at)
+    return store.clock(session) if row is None else session.to_time(row[0])

@@ -1,0 +1,99 @@
+"""Which facts that a condition rests on nobody has seen for long."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+from ..dto.formulas import And, Atom, Comparison, Equal, Node, Not
+from ..dto.lexical import fold
+from ..errors import UnsupportedConstructError
+from ..history.confirmations import stale_facts
+from ..history.revisions import Version
+from ..knowledge.definitions import Definitions
+from ..knowledge.rules import rules_of
+from ..knowledge.symbols import symbols_of
+from ..pddl.given import read_condition, text_of
+from ..sql.intervals import FIND
+from ..store.snapshot import View
+from ..store.state import State
+from .ask import EXAMPLE, query
+
+
+def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
+    """Find the facts that a condition needs, and that nobody has asserted or confirmed lately.
+
+    Args:
+        condition: an atom, or a conjunction of atoms, comparisons and their negations, as for
+            `query`; its free variables stand for any objects. The facts are those of its positive
+            atoms, for each of its answers.
+        than: seconds; what was seen less than that ago is not stale.
+
+    Returns:
+        The facts that hold, those that were asserted first first.
+
+    Raises:
+        UnsupportedConstructError: the condition has another operator, or a derived predicate.
+        InvalidArgumentError: `than` is not a number of seconds, from 0.
+
+    Examples:
+        >>> kb.stale("(robot_at ?r ?w)", than=60)
+        []
+    """
+    text = condition if isinstance(condition, str) else text_of(condition, EXAMPLE)
+
+    atoms = state.store.read_definitions(lambda known: _needed(known, text), state.at)
+    answers = query(state, text)
+    names = [f"?{fold(name)}" for name in answers.columns]
+    bindings = [dict(zip(names, row, strict=True)) for row in answers]
+
+    def find(view: View) -> list[int]:
+        if view.kb_id is None:
+            return []
+        wanted: dict[int, set[str]] = defaultdict(set)
+        for predicate, terms in atoms:
+            for binding in bindings:
+                objects = (binding.get(fold(term), term) for term in terms)
+                wanted[predicate].add(view.definitions.arguments(objects) or "")
+        own = {"kb": view.kb_id, "is_goal": False}
+        return [
+            row[0]
+            for predicate, arguments in wanted.items()
+            for row in view.session.rows(
+                FIND, predicate=predicate, arguments=view.session.list_value([*arguments]), **own
+            )
+        ]
+
+    return stale_facts(state, state.store.read_in_snapshot(find, state.at), than)
+
+
+def _needed(definitions: Definitions, text: str) -> list[tuple[int, list[str]]]:
+    """Find the facts that a condition needs: predicates, and names of objects and variables."""
+    read = read_condition(text, symbols=symbols_of(definitions)).formula
+    found = []
+    for atom in _atoms(read):
+        predicate = definitions.predicates.named(atom.predicate)
+        assert predicate is not None
+        if predicate.id in rules_of(definitions).component:
+            raise _refused(f"{atom}, which is derived")
+        terms = [str(term) for term in atom.terms]
+        found.append((predicate.id, terms))
+    return found
+
+
+def _atoms(formula: Node) -> Iterator[Atom]:
+    """Yield the positive atoms of a conjunction."""
+    if isinstance(formula, Atom):
+        yield formula
+    elif isinstance(formula, And):
+        for part in formula.formulas:
+            yield from _atoms(part)
+    elif not isinstance(formula, Not | Comparison | Equal):
+        raise _refused(str(formula))
+
+
+def _refused(what: str) -> UnsupportedConstructError:
+    return UnsupportedConstructError(
+        f"stale takes a conjunction of literals of facts, and of comparisons, not {what}; ask for "
+        "the facts that it needs, as in kb.stale('(robot_at ?r ?p)', than=60)"
+    )
