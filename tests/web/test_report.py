@@ -272,7 +272,7 @@ def test_it_takes_few_statements_however_much_happened(kb: KnowledgeBase) -> Non
         fill(kb, size)
         kb.propositions.delete(fact(1))
         # What is large is read in another way.
-        assert count(lambda: report_html(kb, objects=["rb1"], verify=False)) <= 50
+        assert count(lambda: report_html(kb, objects=["rb1"], verify=False)) <= 60
 
 
 def test_a_history_that_was_changed_is_reported(connect: Connect, tmp_path: Path) -> None:
