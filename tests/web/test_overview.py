@@ -104,6 +104,22 @@ def test_the_standing_of_rules_follows_the_revisions(filled: Filled) -> None:
     )
 
 
+def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(
+    filled: Filled,
+) -> None:
+    kb, client = filled
+    do_some(kb)
+    moved, docking = client.get("/api/overview?kb=courier").json()["unconfirmed"]
+    assert (moved["text"], docking["text"]) == ("(at rb1 room)", "(docking rb1)")
+    text = client.get("/overview?kb=courier").text
+    assert "Expected and not seen" in text
+    assert f"/act?kb=courier&id={moved['acts'][0]}" in Markup(text).links
+    with kb.transaction(actor="camera"):
+        kb.propositions.confirm("(at rb1 room)")
+    (left,) = client.get("/api/overview?kb=courier").json()["unconfirmed"]
+    assert left["text"] == "(docking rb1)"
+
+
 def test_it_costs_the_same_with_more_rows(filled: Filled) -> None:
     kb, client = filled
     do_some(kb)

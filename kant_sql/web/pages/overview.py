@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 from ...acts import Execution
 from ...acts.executions import ExecutionFilter
+from ...history.confirmations import unconfirmed
 from ...history.log import LogFilter, LogLine, read_log_page
+from ...history.revisions import Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...reasoning.explain import GoalStanding, read_goal_standings
 from ...reasoning.rule_watch import standing
@@ -19,25 +21,28 @@ from .home import briefly
 PAGES = Pages("overview")
 
 # How much of each there is.
-MOST_RUNNING, MOST_GOALS, MOST_RULES, LAST_DONE, LAST_CHANGES = 50, 100, 100, 10, 8
+MOST_RUNNING, MOST_GOALS, MOST_RULES, MOST_EXPECTED = 50, 100, 100, 20
+LAST_DONE, LAST_CHANGES = 10, 8
 
 
 class OverviewPage(NamedTuple):
     """What is going on: each the newest of its kind, up to a number.
 
-    `goals` or `rules` is null where it takes too long to find out; `done` has acts that do not run.
+    `unconfirmed` has what was expected of acts and not seen. It, `goals` or `rules` is null where
+    it takes too long to find out; `done` has acts that do not run.
     """
 
     running: list[Execution]
     goals: list[GoalStanding] | None
     rules: list[Verdict] | None
+    unconfirmed: list[Version] | None
     done: list[Execution]
     changes: list[LogLine]
 
 
 @PAGES.page("/overview", "overview.html", rows=["running", "done"])
 def overview(kb: KnowledgeBase) -> OverviewPage:
-    """Show what runs, the goals and the rules, what was done last, and the last changes."""
+    """Show what runs, goals, rules, what was not seen, what was done last, the last changes."""
     running, _ = read_acts(kb, ExecutionFilter(outcome=RUNNING), MOST_RUNNING)
     last, _ = read_acts(kb, ExecutionFilter(), LAST_DONE)
     done = [one for one in last if one.outcome != RUNNING]
@@ -46,6 +51,7 @@ def overview(kb: KnowledgeBase) -> OverviewPage:
         running,
         briefly(lambda: read_goal_standings(state_of(kb), MOST_GOALS)),
         briefly(lambda: standing(state_of(kb)).worst_first[:MOST_RULES]),
+        briefly(lambda: unconfirmed(state_of(kb), limit=MOST_EXPECTED)),
         done,
         changes,
     )
