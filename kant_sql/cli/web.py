@@ -76,6 +76,14 @@ def report(
             "Report what involved this object; you can repeat this.", "--object", metavar="NAME"
         ),
     ] = None,
+    fact: Annotated[
+        list[str] | None,
+        option(
+            "Report what used this fact, and where it comes from; you can repeat this.",
+            "--fact",
+            metavar="PDDL",
+        ),
+    ] = None,
     rules: Annotated[
         str | None,
         option(
@@ -117,6 +125,7 @@ def report(
             since=earliest,
             until=latest,
             objects=object or (),
+            facts=fact or (),
             rules=None if rules is None else rules_source(rules),
             verify=not no_verify,
             anchor=anchored,

@@ -367,12 +367,14 @@ def _find(view: View, element: Element, at: int) -> _Sought | None:
     assert view.kb_id is not None
     text = element if isinstance(element, str) else str(element)
     absent = _ABSENT.fullmatch(text)
-    wanted, *others = sought(absent[1] if absent else element)
-    if others or not isinstance(wanted, Applied):
+    # `(= (battery rb1) 90)` may be a formula, too.
+    applied = [one for one in sought(absent[1] if absent else element) if isinstance(one, Applied)]
+    if len(applied) != 1:
         raise InvalidKnowledgeError(
             f"{shown(element)} is not a fact or a fluent; give one such as (robot_at rb1 wp1), "
             "(battery rb1), or (not (robot_at rb1 wp1)) for its absence"
         )
+    [wanted] = applied
     keys = {"object": {*wanted.arguments}, **{kind: {wanted.name} for kind in _HEADS}}
     ids = {kind: find_identities(view.session, view.kb_id, kind, keys[kind]) for kind in keys}
     heads = [(kind, one) for kind in _HEADS if (one := ids[kind][wanted.name]) is not None]
@@ -694,3 +696,17 @@ def _trace(
         refuse_unknown_element(state.store, element)
         return CauseLinks(str(element), (), None, False)
     return links
+
+
+def literals_used(state: State, executions: Sequence[Execution]) -> list[list[tuple[str, int]]]:
+    """Return the literals that each execution used, and the revisions since which they were so."""
+
+    def work(view: View) -> list[list[tuple[str, int]]]:
+        jobs = [(place, job) for place, one in enumerate(executions) for job in _moments(one)]
+        found: list[list[tuple[str, int]]] = [[] for _ in executions]
+        used = _Evaluation(view).run([job for _, job in jobs]) if jobs else []
+        for (place, _), parts in zip(jobs, used, strict=True):
+            found[place] += [(one.text, one.since) for _, literals in parts for one in literals]
+        return found
+
+    return state.store.read_in_snapshot(work, state.at)

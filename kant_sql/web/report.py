@@ -50,6 +50,7 @@ def report_html(
     since: When | None = None,
     until: When | None = None,
     objects: Iterable[str] = (),
+    facts: Iterable[str] = (),
     rules: Rules | None = None,
     verify: bool = True,
     anchor: Anchor | None = None,
@@ -62,6 +63,7 @@ def report_html(
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
         objects: the names of objects; the report says what involved each of them.
+        facts: facts and fluents; the report says what each led to, and what it goes back to.
         rules: constraints and preferences, as for `kb.pddl.check_rules`; None for those of
             the domain and the problem.
         verify: whether to verify the whole history.
@@ -94,6 +96,10 @@ def report_html(
         "objects": {
             name: read(f"object {name}", partial(_object, report, name))
             for name in dict.fromkeys(names)
+        },
+        "facts": {
+            text: read(f"fact {text}", partial(report.causes, text))
+            for text in dict.fromkeys(items(facts, str, "the facts"))
         },
         "is_verified": verify,
         "verify_command": report.command("verify"),
@@ -191,6 +197,7 @@ def write_report(
     since: When | None = None,
     until: When | None = None,
     objects: Iterable[str] = (),
+    facts: Iterable[str] = (),
     rules: Rules | None = None,
     verify: bool = True,
     anchor: Anchor | None = None,
@@ -204,6 +211,7 @@ def write_report(
         since: as for `report_html`.
         until: as for `report_html`.
         objects: as for `report_html`.
+        facts: as for `report_html`.
         rules: as for `report_html`.
         verify: as for `report_html`.
         anchor: as for `report_html`.
@@ -229,6 +237,7 @@ def write_report(
             since=since,
             until=until,
             objects=objects,
+            facts=facts,
             rules=rules,
             verify=verify,
             anchor=anchor,

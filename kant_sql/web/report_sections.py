@@ -21,6 +21,7 @@ from ..history.window import Bar, Lane
 from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans import RecordedPlan
+from ..reasoning import CauseLinks
 from ..reasoning.failures import FailedCondition
 from ..reasoning.rules import Rules, Verdict
 
@@ -30,6 +31,8 @@ ACTORS, LANES, BARS, PLANS, STEPS, ACTS, RULES, GOALS, ENTRIES, CHANGES, FINDING
     20, 40, 300, 25, 100, 100, 200, 200, 300, 30, 200,
 )  # fmt: skip
 EFFECTS = 100
+# Of each fact: how far its consequences and origins are followed, and links of each.
+DEPTH, LINKS = 5, 50
 # Changes of all revisions together, of each an equal share.
 SHOWN = 900
 
@@ -174,6 +177,14 @@ class ReportVerification(ReportSection):
     """The verdict of verification."""
 
     verification: Verification
+
+
+@dataclass(frozen=True)
+class ReportCauses(ReportSection):
+    """What a fact led to, and what it goes back to, as of the end of the range."""
+
+    consequences: CauseLinks
+    origins: CauseLinks
 
 
 class ReportTimeline(NamedTuple):
@@ -364,6 +375,14 @@ class ReportReader(NamedTuple):
         left_out = "more effects" if any(len(each) > EFFECTS for each in lists) else None
         command = self.command("unconfirmed", "--at", str(last))
         return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
+
+    def causes(self, fact: str) -> ReportCauses:
+        """Find what a fact led to, and what it goes back to."""
+        then, how = self.kb.at(self.tally.last), {"depth": DEPTH, "limit": LINKS}
+        found = then.consequences(fact, **how), then.origins(fact, **how)
+        left_out = f"all but the nearest {LINKS} links" if any(f.has_more for f in found) else None
+        command = self.command("consequences", fact, "--at", str(self.tally.last))
+        return ReportCauses(left_out, command, *found)
 
     def log(self) -> ReportLog:
         """Read the last revisions of the range with their changes, oldest first."""

@@ -52,6 +52,26 @@ def test_the_history_of_an_element_is_the_librarys(
     assert data["before"] is None
 
 
+def test_a_fact_says_what_it_led_to_and_each_link_can_be_followed(filled: Filled) -> None:
+    kb, client = filled
+    kb.load_domain(
+        "(define (domain doors) (:predicates (open) (shut) (seen))"
+        " (:action look :precondition (and (open) (not (shut))) :effect (seen)))"
+    )
+    with kb.transaction(actor="camera"):
+        kb.propositions.save_all(["(open)"])
+    kb.apply("(look)")
+    data = get(client, "/fact", text="(open)")
+    [used] = data["consequences"]["links"]
+    assert (used["kind"], used["used"], used["made"]) == ("execution", ["(open)"], ["(seen)"])
+    assert data["origins"]["links"][0]["revision"]["actor"] == "camera"
+    found = get(client, "/fact", text="(seen)")["origins"]["links"]
+    assert [one["kind"] for one in found] == ["execution", "observation"]
+    page = client.get("/fact", params={"kb": "courier", "text": "(seen)"}).text
+    assert f"/act?kb=courier&amp;id={used['id']}" in page
+    assert "/fact?kb=courier&amp;text=%28shut%29" in page
+
+
 def test_the_first_line_of_a_fact_says_who_when_and_why(client: TestClient) -> None:
     page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb2 t4)"}).text
     lead = page[page.index('class="lead"') :].split("</p>")[0]

@@ -172,6 +172,22 @@ def test_the_drawing_has_what_changed_most(
     assert "more never changed in this time." in drawn
 
 
+def test_a_wrong_fact_led_to_these_acts(kb: KnowledgeBase) -> None:
+    kb.load_domain(
+        "(define (domain doors) (:predicates (open) (seen))"
+        " (:action look :precondition (open) :effect (seen)))"
+    )
+    with kb.transaction(actor="camera", reason="frame 812"):
+        kb.propositions.save_all(["(open)"])
+    kb.apply("(look)")
+    page = Page(report_html(kb, facts=["(open)", "(seen)"], verify=False))
+    assert "facts" in page.ids
+    for said in ("What it led to 1", "(look)", "What it goes back to 2", "frame 812"):
+        assert said in page.text
+    with pytest.raises(UnknownNameError):
+        report_html(kb, facts=["(shut)"], verify=False)
+
+
 def test_a_range_is_all_that_it_is_about(story: KnowledgeBase) -> None:
     for since, until in ((28, 32), (at("13:58"), at("14:20"))):
         page = Page(report_html(story, since=since, until=until))

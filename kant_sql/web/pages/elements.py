@@ -22,11 +22,15 @@ from ...history.plan_pages import StepLine
 from ...history.revisions import Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
+from ...reasoning import CauseLinks
+from ...sql.rows import FACT, VALUE
 from ..registry import Before, Pages
 
 PAGES = Pages("elements")
 
 VERSIONS, CHANGES = 50, 100
+# Links to what a fact led to, and goes back to, and how far they are followed.
+CAUSES, CAUSES_DEPTH = 20, 3
 # A longer definition is not compared line by line.
 MOST_LINES = 1_000
 
@@ -65,10 +69,25 @@ class DefinitionPage(NamedTuple):
     archived: int
 
 
+@dataclass(frozen=True)
+class FactPage:
+    """A page of versions, and of a fact or a value what it led to and goes back to."""
+
+    _json_ = "*element", "consequences", "origins"
+
+    element: ElementPage
+    consequences: CauseLinks | None
+    origins: CauseLinks | None
+
+
 @PAGES.page("/fact", "fact.html", rows=["versions"])
-def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> ElementPage:
+def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
-    return read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
+    found = read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
+    if before is not None or not {FACT, VALUE} & {one.kind for one in found.latest}:
+        return FactPage(found, None, None)
+    links = {"depth": CAUSES_DEPTH, "limit": CAUSES}
+    return FactPage(found, kb.consequences(text, **links), kb.origins(text, **links))
 
 
 @PAGES.page("/object", "object.html", rows=["changes"])
