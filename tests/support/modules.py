@@ -8,8 +8,8 @@ from types import ModuleType
 
 import kant_sql
 
-# The only module that imports rclpy, which comes with ROS 2 and not from an index of packages.
-NODE = "kant_sql.ros.node"
+# The only modules that import rclpy, which comes with ROS 2 and not from an index of packages.
+NODE = ("kant_sql.ros.node", "kant_sql.ros.skills")
 
 
 def import_all() -> list[ModuleType]:
@@ -18,5 +18,5 @@ def import_all() -> list[ModuleType]:
     return [
         importlib.import_module(name)
         for name in names
-        if name != NODE and not name.endswith("__main__") and ".migrations" not in name
+        if name not in NODE and not name.endswith("__main__") and ".migrations" not in name
     ]
