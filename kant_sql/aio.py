@@ -666,6 +666,7 @@ class AsyncPropositionDao(AsyncDao[PddlPropositionDto, FactLike]):
 
     get_by_predicate = _read(PddlPropositionDao.get_by_predicate)
     get_by_object = _read(PddlPropositionDao.get_by_object)
+    confirm = _write(PddlPropositionDao.confirm)
 
 
 class AsyncFunctionValueDao(AsyncDao[PddlFunctionValueDto, ValueLike]):

@@ -390,5 +390,6 @@ def test_statements_do_not_grow_with_versions(kb: KnowledgeBase, connect: Connec
         )
         taken.add((*counts, count(lambda: kb.history(f.Comparison(">", fuel(), number("0"))))))
     assert len(kb.history(robot_at())) == 41
-    # The versions, by names, and their revisions; of a formula, first all texts.
-    assert taken == {(2, 2, 2, 2, 3)}
+    # The versions, by names, and their revisions; of a formula, first all texts. Of facts, also who
+    # confirmed them, and of which acts they are effects.
+    assert taken == {(4, 4, 4, 2, 3)}
