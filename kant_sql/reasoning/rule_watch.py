@@ -101,6 +101,20 @@ class RuleWatcher:
             self._given = [_Asked(low, *read_constraints(store, rules, None))]
         self._kept: dict[Row, _Asked] = {}
         self._judges: dict[_Asked, Judge] = {}
+        self._lock = Lock()
+
+    def stand(self, head: int) -> list[Verdict]:
+        """Judge the revisions up to a head; return the verdicts on all rules so far."""
+        with self._lock:
+            if head < self.last:
+                # The store was put back to an earlier state.
+                self.last, self._judges = 0, {}
+            self.follow(head)
+
+            def work(session: Session, _: int | None) -> list[Verdict]:
+                return [each for one in self._judges.values() for each in one.standing(session)]
+
+            return self._store.query_in_snapshot(work)
 
     def follow(self, head: int) -> list[Verdict]:
         """Judge the revisions up to a new head; return the verdicts that they decided."""
@@ -125,14 +139,6 @@ class RuleWatcher:
                 found += judge.decided()
             self._judges, self.last = judges, head
             return sorted(found, key=lambda one: one.revision.number if one.revision else 0)
-
-        return self._store.query_in_snapshot(work)
-
-    def standing(self) -> list[Verdict]:
-        """Return the verdicts on all rules so far."""
-
-        def work(session: Session, _: int | None) -> list[Verdict]:
-            return [each for judge in self._judges.values() for each in judge.standing(session)]
 
         return self._store.query_in_snapshot(work)
 
@@ -188,10 +194,7 @@ def standing(state: State) -> Verdicts:
     store, at = state
     head = head_revision(store) if at is None else at
     with _LOCK:
-        watcher = _FOLLOWED.get(store) if at is None else None
-        if watcher is None or head < watcher.last:
-            watcher = RuleWatcher(store, 0)
-        watcher.follow(head)
-        if at is None:
-            _FOLLOWED[store] = watcher
-        return Verdicts(watcher.standing(), first=min(head, 1), last=head)
+        watcher = RuleWatcher(store, 0) if at is not None else _FOLLOWED.get(store)
+        if watcher is None:
+            watcher = _FOLLOWED[store] = RuleWatcher(store, 0)
+    return Verdicts(watcher.stand(head), first=min(head, 1), last=head)
