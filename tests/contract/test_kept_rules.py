@@ -190,16 +190,16 @@ def test_a_write_that_touches_no_rule_takes_the_same_statements(kb: KnowledgeBas
 
 
 def test_statements_do_not_grow_with_what_is_touched(kb: KnowledgeBase) -> None:
-    kb.objects.save([f"d{number} - drone" for number in range(40)])
+    kb.objects.save([f"d{number} - drone" for number in range(12)])
     kb.rules.save("one-place", ONE_PLACE, on_violation="refuse")
 
     def move(*robots: int) -> Callable[[], object]:
         return lambda: kb.propositions.save([f"(at d{number} hall)" for number in robots])
 
     move(0)()
-    assert count(move(*range(1, 12))) == count(move(*range(12, 40)))
-    with pytest.raises(Refused, match=r"\(at d39 hall\), \(at d39 room\)"):
-        kb.propositions.save(["(at r1 hall)", "(at d39 room)"])
+    assert count(move(1)) == count(move(*range(2, 12)))
+    with pytest.raises(Refused, match=r"\(at d9 hall\), \(at d9 room\)"):
+        kb.propositions.save(["(at r1 hall)", "(at d9 room)"])
 
 
 def test_another_connection_knows_the_rules(kb: KnowledgeBase) -> None:
