@@ -42,9 +42,13 @@ SCHEMA_OF_TABLES = text(
     "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
     f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
 )
+# Where the search path has another view of that name first, a view names the schema of those it
+# reads.
 _RELATIONS = """
 SELECT c.relname, c.relkind::text, quote_literal(obj_description(c.oid, 'pg_class')),
-    CASE WHEN c.relkind = 'v' THEN pg_get_viewdef(c.oid, true) END,
+    CASE WHEN c.relkind = 'v' THEN replace(
+        pg_get_viewdef(c.oid, true), concat(' ', c.relnamespace::regnamespace, '.audit_'), ' audit_'
+    ) END,
     quote_literal(c.reloptions::text)
 FROM pg_class AS c
 WHERE c.relkind IN ('r', 'p', 'v', 'm', 'f') AND {which}
