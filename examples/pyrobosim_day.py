@@ -119,6 +119,7 @@ def report(kb: KnowledgeBase, robot: str) -> None:
     print("confirmed", sum(change.kind == "confirmation" for change in changes))
     corrected = [one for one in kb.store.revisions() if one.reason == CORRECTED]
     print("corrected", len(corrected))
+    print("not seen", *(fact.text for fact in kb.unconfirmed()))
     fact = f"(in {robot} kitchen)"
     links = kb.consequences(fact).links
     print(f"{fact} led to {sum(link.kind == 'execution' for link in links)} acts")
