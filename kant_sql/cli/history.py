@@ -236,7 +236,7 @@ def consequences(
     kb: Name = None,
     at: At = None,
     depth: _Depth = 1,
-    limit: _Most = 100,
+    limit: _Most = 50,
     as_json: _LinkLines = False,
 ) -> None:
     """Show which acts, plans and derived facts used a fact."""

@@ -609,7 +609,7 @@ def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[Place, ...] | 
     return found
 
 
-def consequences(state: State, element: Element, *, depth: int = 1, limit: int = 100) -> CauseLinks:
+def consequences(state: State, element: Element, *, depth: int = 1, limit: int = 50) -> CauseLinks:
     """Find what a fact or a value led to: the acts, plans and derived facts that used it.
 
     An act used a version of it if the version was so when its condition held, and the truth of

@@ -22,7 +22,7 @@ from .query import Query
 
 # Executions of an action or with an object, beyond which they are looked for by revision, and how
 # many revisions that searches.
-FEW = 5_000
+FEW = 2_000
 # A predicate (True) or a function, its id, and the ids of objects.
 Atom = tuple[bool, int, tuple[int, ...]]
 _ATOMS = {True: ("proposition", "predicate"), False: ("function_value", "function")}
@@ -263,7 +263,7 @@ def _changed(dialect: str) -> Query:
         after = Walk("n", table, id_, f"v.{id_}")
         following = loops.part(after, "v.until - 1", "9223372036854775806", "1", "n.since")
         for end, until in (("since", "v.until"), ("until", f"({following})")):
-            found = loops.loop("v", table, f"v.kb_id = :kb AND v.{end} = w.id0")
+            found = loops.loop("v", table, f"v.kb_id = :kb AND v.{end} BETWEEN w.id0 AND w.id0")
             found += loops.loop("i", identity, f"i.kb_id = :kb AND i.id = v.{id_}")
             rest = " WHERE NOT v.is_goal" if is_fact else ""
             wanted = f"w.id0, {int(is_fact)}, i.{owner}_id, i.arguments, {int(end == 'since')}"
@@ -288,8 +288,9 @@ def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> lis
 @cache
 def _origins(dialect: str) -> Query:
     loops, rows = NESTED_LOOPS[dialect], NESTED_LOOPS[dialect].rows("wanted", 1)
-    acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since = w.id0")
-    loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since = w.id0")
+    # As an equality, SQLite prefers the primary key, and reads all of the knowledge base.
+    acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since BETWEEN w.id0 AND w.id0")
+    loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since BETWEEN w.id0 AND w.id0")
     found = f"SELECT w.id0, v.plan_id, v.position, NULL FROM {rows} AS w{acts}"
     loaded = f"SELECT w.id0, NULL, NULL, v.text FROM {rows} AS w{loads}"
     return Query(text(f"{found} WHERE v.outcome <> 'refused' UNION ALL {loaded}"))
