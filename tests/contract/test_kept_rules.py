@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from random import Random
 
 import pytest
 
+import kant_sql
 from kant_sql import DependantsError, KnowledgeBase, UnsupportedConstructError, aio
 from kant_sql.errors import InvalidKnowledgeError, InvalidNameError, PddlError
 from kant_sql.errors import RuleViolatedError as Refused
@@ -227,6 +229,26 @@ def test_a_restored_or_branched_state_is_checked(kb: KnowledgeBase) -> None:
     wrong_init = "(:init (at r1 room) (at r1 hall))"
     with pytest.raises(Refused):
         kb.load_problem(f"(define (problem p) (:domain ward) {objects} {wrong_init})")
+
+
+def test_a_replica_has_the_rules_and_an_archive_those_of_the_past(
+    kb: KnowledgeBase, tmp_path: Path
+) -> None:
+    replica, archive = (f"sqlite:///{tmp_path / name}.db" for name in ("replica", "archive"))
+    kb.rules.save("one-place", ONE_PLACE)
+    kb.store.push(replica)
+    kb.rules.save("one-place", ONE_PLACE, on_violation="refuse")
+    kb.store.push(replica)
+    with kant_sql.connect(replica, knowledge_base=kb.store.factory.name) as other:
+        assert other.rules.get_all() == kb.rules.get_all()
+        assert other.store.verify().is_intact
+        other.store.promote()
+        with pytest.raises(Refused):
+            other.propositions.save("(at r1 room)")
+    kb.store.archive(kb.revision, to=archive)
+    assert kb.store.verify().is_intact
+    with kant_sql.connect(archive, knowledge_base=kb.store.factory.name) as moved:
+        assert moved.store.verify().is_intact
 
 
 class _UndoneError(Exception):
