@@ -54,6 +54,7 @@ from ..sql.relations import ConditionStatement
 # What each element of a kind was before a transaction, and what it is now; None where it is not.
 Changes = Mapping[str, Sequence[tuple[Any, Any, Any]]]
 PROPOSITIONS, VALUES = "propositions", "values"
+_STATE = {PROPOSITIONS, VALUES}
 # The kinds that decide what a rule means.
 _MEANING = ("type", "predicate", "function", "formula", "rule")
 
@@ -216,12 +217,15 @@ def guard_of(definitions: PendingDefinitions, touched: Container[str]) -> RuleGu
     if any(kind in touched and definitions.elements(kind).changes for kind in _MEANING):
         return RuleGuard(definitions)
     origin = definitions.origin
-    key = tuple([origin.elements(kind) for kind in _MEANING])
-    kept: dict[Any, RuleGuard] = origin.guards
-    if key not in kept:
-        kept.clear()
-        kept[key] = RuleGuard(origin)
-    return kept[key]
+    found: RuleGuard | None = origin.derived.get(RuleGuard)
+    if found is None:
+        key = tuple([origin.elements(kind) for kind in _MEANING])
+        found = origin.guards.get(key)
+        if found is None:
+            origin.guards.clear()
+            found = origin.guards[key] = RuleGuard(origin)
+        origin.derived[RuleGuard] = found
+    return found
 
 
 class TouchedRules:
@@ -233,9 +237,12 @@ class TouchedRules:
         self.definitions = definitions
         self.whole: dict[Forbidden, None] = {}
         self.rows: defaultdict[_Trigger, list[Sequence[int]]] = defaultdict(list)
-        if changes is None or self._is_other(changes):
+        if changes is not None and changes.keys() <= _STATE:
+            self._read_state(changes)
+        elif changes is None or self._is_other(changes):
             self.whole = dict.fromkeys(self.guard.all)
         else:
+            self._read_state(changes)
             self._read(changes)
 
     def _is_other(self, changes: Changes) -> bool:
@@ -247,7 +254,7 @@ class TouchedRules:
             one.section == DERIVED_PREDICATE for one in formulas
         )
 
-    def _read(self, changes: Changes) -> None:
+    def _read_state(self, changes: Changes) -> None:
         guard = self.guard
         for kind in (PROPOSITIONS, VALUES):
             for _, before, now in changes.get(kind, ()):
@@ -256,6 +263,9 @@ class TouchedRules:
                 own = guard.triggers.get((kind, key[-2], now is not None))
                 if own and not (kind == PROPOSITIONS and key.is_goal):
                     self._add(own, [int(id_) for id_ in key[-1].split()])
+
+    def _read(self, changes: Changes) -> None:
+        guard = self.guard
         for _, before, now in changes.get("object", ()):
             if now is not None:
                 self._add(guard.objects, [now.id])
