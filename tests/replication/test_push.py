@@ -90,7 +90,8 @@ def test_a_revision_takes_the_same_few_statements_however_long_the_history(
         counts.append(len(statements))
         file_kb.propositions.save(robot_at())
     assert len({*counts}) == 1
-    assert counts[0] <= 24, statements
+    # One of them reads confirmations.
+    assert counts[0] <= 25, statements
 
 
 @pytest.mark.more
