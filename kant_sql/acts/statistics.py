@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from math import sqrt
 from typing import Any, Literal
@@ -15,17 +15,19 @@ from .. import html
 from ..arguments import one_of, optional_text, shown
 from ..dao.text import refuse_unknown_actor
 from ..errors import InvalidArgumentError
+from ..history.confirmations import unconfirmed
 from ..history.moments import find_bounds
 from ..history.revisions import LARGEST, at_most
 from ..moment_text import When
 from ..sql import tables as t
-from ..sql.executions import OUTCOMES
+from ..sql.executions import OUTCOMES, Key
 from ..sql.query import Query, Seconds, first_rows, integer
 from ..sql.rows import KB, looked_up, table_of
 from ..store.snapshot import View
 from ..store.state import State
+from . import Execution
 from .executions import began, had_outcome
-from .recording import parse_words
+from .recording import ExecutionReader, parse_id, parse_words
 
 Grouping = Literal["action", "argument", "arguments", "actor"]
 GROUPINGS = ("action", "argument", "arguments", "actor")
@@ -63,6 +65,7 @@ class Statistics:
         median: seconds that half of those took at most.
         percentile_95: seconds within which 95 % of those ended.
         codes: how many failed with each code, the most frequent first.
+        unconfirmed: how many facts hold as effects of them that no other actor has confirmed.
     """
 
     _json_ = (
@@ -77,6 +80,7 @@ class Statistics:
             "percentile_95",
             "codes",
         ),
+        "unconfirmed",
     )
 
     action: str | None
@@ -93,6 +97,7 @@ class Statistics:
     median: float | None
     percentile_95: float | None
     codes: Mapping[str, int] = field(hash=False)
+    unconfirmed: int = 0
 
     @property
     def success_rate(self) -> float | None:
@@ -121,6 +126,7 @@ class Statistics:
             "mean (s)": self.mean,
             "median (s)": self.median,
             "95 % within (s)": self.percentile_95,
+            "unconfirmed effects": self.unconfirmed,
             "codes": tuple(f"{code}: {count}" for code, count in self.codes.items()),
         }
 
@@ -184,7 +190,34 @@ def statistics(
     found = state.store.read_in_snapshot(read, state.at)
     if actor is not None and not found:
         refuse_unknown_actor(state.store, actor)
-    return found
+    waiting = _unconfirmed(state, wanted, actor, bounds.low, high) if found else {}
+    return [replace(one, unconfirmed=waiting.get(_group(one), 0)) for one in found]
+
+
+def _group(one: Statistics) -> tuple[Any, ...]:
+    return one.action, one.argument, one.arguments, one.actor
+
+
+def _unconfirmed(
+    state: State, wanted: Sequence[str], actor: str | None, low: int, high: int
+) -> Mapping[tuple[Any, ...], int]:
+    """Count the facts that are only expected, for each group of the acts of which they are."""
+    facts = Counter(act for version in unconfirmed(state) for act in version.acts)
+    keys = [key for key in map(parse_id, facts) if key is not None]
+
+    def read(view: View) -> dict[Key, Execution]:
+        return ExecutionReader(state.store, view, view.kb_id or 0).listed(keys)
+
+    counted: Counter[tuple[Any, ...]] = Counter()
+    for act in state.store.read_in_snapshot(read, state.at).values() if keys else ():
+        if actor not in (None, act.actor) or not low <= (act.revision or high) <= high:
+            continue
+        whole = "arguments" in wanted
+        for word in {*act.arguments} if "argument" in wanted else [None]:
+            key = act.action if whole or "action" in wanted else None, word
+            rest = act.arguments if whole else None, act.actor if "actor" in wanted else None
+            counted[*key, *rest] += facts[act.id]
+    return counted
 
 
 def _checked(by: Iterable[str]) -> tuple[str, ...]:
