@@ -12,6 +12,7 @@ from tests.benchmarks import sizing
 
 SMALL = {
     "acting": ["--rounds", "2", "--backend", "sqlite"],
+    "causing": ["--acts", "20", "--backend", "sqlite"],
     "refusing": ["--rounds", "2", "--backend", "sqlite"],
     "answering": ["--facts", "2000", "--edges", "90", "--rounds", "3", "--backend", "sqlite"],
     "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
