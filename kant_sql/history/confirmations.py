@@ -13,7 +13,7 @@ from ..arguments import period
 from ..moment_text import When
 from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
-from ..sql.intervals import held_by, then
+from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, table_of
 from ..store.state import State
@@ -64,8 +64,13 @@ def _query(which: str, is_past: bool, by_acts: bool = False) -> Query:
         order = _HELD.until.desc(), _HELD.proposition_id
     else:
         rows = rows.where(held_by(PROPOSITION, _HELD, THEN if is_past else None))
-        rows = rows.where(_HELD.since <= integer("upto"))
-        order = _HELD.since, _HELD.proposition_id
+        if not by_acts and which != "stale":
+            # By the index of what holds: it is little beside all that ever held.
+            rows = rows.where(ANY_PREDICATE)
+        # An expression has no index: that of `since` would read all of the history.
+        since = _HELD.since + literal_column("0")
+        rows = rows.where(since <= integer("upto"))
+        order = since, _HELD.proposition_id
     if which == "stale":
         rows = rows.where(in_list(_HELD.proposition_id, "ids", bounded=_HELD.since))
         rows = rows.where(or_(seen.is_(None), seen <= integer("upto")))

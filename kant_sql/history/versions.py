@@ -382,7 +382,7 @@ _CONFIRMED = Query(
     select(_FACT.proposition_id, _FACT.since, last_confirmation(by_others=False)).where(
         _FACT.kb_id == KB,
         in_list(_FACT.proposition_id, "ids", bounded=_FACT.since),
-        _FACT.since <= THEN,
+        _FACT.since.between(integer("low"), integer("high")),
     )
 )
 # The executions whose effects a revision has: those that it records, and the one that it names.
@@ -413,7 +413,9 @@ def read_evidence(session: Session, kb_id: int, rows: Sequence[Row], at: int) ->
     if not facts:
         return Evidence({}, {})
     ids, numbers = ([*{fact[n] for fact in facts}] for n in (0, 1))
-    given = {"kb": kb_id, "ids": session.list_value(ids), "at": at}
+    # What else these facts ever were may be much.
+    bounds = {"low": min(numbers), "high": max(numbers)}
+    given = {"kb": kb_id, "ids": session.list_value(ids), "at": at, **bounds}
     seen = {(id_, since): last for id_, since, last in session.rows(_CONFIRMED, **given) if last}
     acts: dict[int, tuple[str, ...]] = {}
     for number, *key in session.rows(_ACTS, kb=kb_id, numbers=session.list_value(numbers)):
