@@ -15,12 +15,12 @@ from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
-from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, table_of
+from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
 from ..store.state import State
 from ..store.store import Store
 from .moments import find_bounds, last_until
 from .revisions import LARGEST, Version, at_most
-from .versions import EFFECTIVE, actor_of, last_confirmation, make_versions
+from .versions import actor_of, had_effect, last_confirmation, make_versions
 
 _ONE: Any = literal_column("1")
 _FACT = VERSION_COLUMNS[PROPOSITION]
@@ -31,17 +31,15 @@ _REVISION = table_of(t.RevisionRow).c
 FEW = 1_000
 
 
-def _acts(*conditions: Any) -> tuple[Select[Any], Select[Any]]:
+def _acts() -> tuple[Select[Any], Select[Any]]:
     """Select revisions that record an act with effects, and those that name an execution."""
-    began = select(_OUTCOME.since).where(_OUTCOME.kb_id == KB, _OUTCOME.outcome.in_(EFFECTIVE))
-    named = select(_LINK.number).where(_LINK.kb_id == KB)
-    of = zip((began, named), (_OUTCOME.since, _LINK.number), strict=True)
-    first, second = (rows.where(*(number == one for one in conditions)) for rows, number in of)
-    return first, second
+    began = select(_OUTCOME.since).where(_OUTCOME.kb_id == KB, had_effect())
+    return began, select(_LINK.number).where(_LINK.kb_id == KB)
 
 
 def _is_of_act(number: Any) -> Any:
-    return or_(*(rows.correlate(_HELD.since.table).exists() for rows in _acts(number)))
+    began = looked_up(_OUTCOME.since, _OUTCOME.since, number, had_effect())
+    return or_(began.is_not(None), looked_up(_LINK.number, _LINK.number, number).is_not(None))
 
 
 _COUNT = Query(
@@ -154,10 +152,11 @@ def _find(
         if "ids" in given:
             own["ids"] = session.list_value([*given["ids"]])
         if which != "contradicted":
-            now = _now(state.store, session, kb_id, state.at)
-            moment = session.from_time(now if age is None else now - age)
-            row = session.first(_UPTO, kb=kb_id, moment=moment)
-            own["upto"] = at if age is None else (row and row[0]) or 0
+            own["upto"] = at
+            if age is not None:
+                moment = _now(state.store, session, kb_id, state.at) - age
+                row = session.first(_UPTO, kb=kb_id, moment=session.from_time(moment))
+                own["upto"] = (row and row[0]) or 0
             own |= {} if state.at is None else then(session, at)
         own["at"] = at
         count = session.first(_COUNT, kb=kb_id) if which != "stale" else None

@@ -357,6 +357,14 @@ _OUTCOME, _LINK = table_of(ExecutionVersionRow).c, table_of(RevisionExecutionRow
 EFFECTIVE: list[Any] = [literal_column(f"'{outcome}'") for outcome in (RUNNING, SUCCEEDED)]
 
 
+def had_effect() -> Any:
+    """Whether an outcome is one with effects: looked up by its key, so that an index finds it."""
+    own = table_of(ExecutionVersionRow).alias("own").c
+    key = (own[name] == _OUTCOME[name] for name in ("plan_id", "position", "since"))
+    found = select(_ONE).where(own.kb_id == KB, *key, own.outcome.in_(EFFECTIVE))
+    return found.correlate(_OUTCOME.since.table).exists()
+
+
 def actor_of(number: Any) -> Any:
     """Look up the actor of a revision."""
     revision = table_of(RevisionRow).alias().c
@@ -391,7 +399,7 @@ _ACTS = Query(
         select(_OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position).where(
             _OUTCOME.kb_id == KB,
             in_list(_OUTCOME.since, "numbers"),
-            _OUTCOME.outcome.in_(EFFECTIVE),
+            had_effect(),
         ),
         select(_LINK.number, _LINK.plan_id, _LINK.position).where(
             _LINK.kb_id == KB, in_list(_LINK.number, "numbers")
