@@ -320,7 +320,10 @@ def _rows_of(view: AuditView, source: Any, windowed: bool) -> Query:
     rows = select(*columns).select_from(source).where(column("kb_id") == KB)
     if windowed and view.window is not None:
         rows = rows.where(text(f"({view.window})").bindparams(*BOUNDS))
-    return Query(rows.order_by(*map(column, view.order)))
+    # Databases differ in where NULL is sorted; numbers are never NULL here, and use an index.
+    order: list[Any] = [*map(column, view.order)]
+    sorted_by = [one.nulls_first() if view.columns[one.name] is _TEXT else one for one in order]
+    return Query(rows.order_by(*sorted_by))
 
 
 def _last_revision(comparison: str) -> Query:

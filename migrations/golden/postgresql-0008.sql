@@ -3062,7 +3062,21 @@ CREATE VIEW audit_statistics (
             g.codes,
             g.kb_id,
             NULLIF(g.succeeded + g.failed, 0) AS decided,
-            sqrt(g.succeeded::double precision * g.failed::double precision / NULLIF(g.succeeded + g.failed, 0)::double precision + 0.960364705173531::double precision) AS spread
+            ( WITH RECURSIVE near(step, square, root) AS (
+                         SELECT 1 AS "?column?",
+                            of.square,
+                            of.square
+                           FROM ( SELECT g.succeeded::double precision * g.failed::double precision / NULLIF(g.succeeded + g.failed, 0)::double precision + 0.960364705173531::double precision AS square) of
+                        UNION ALL
+                         SELECT near_1.step + 1,
+                            near_1.square,
+                            (near_1.root + near_1.square / near_1.root) / 2::double precision
+                           FROM near near_1
+                          WHERE near_1.step < 40
+                        )
+                 SELECT near.root
+                   FROM near
+                  WHERE near.step = 40) AS spread
            FROM ( SELECT p.knowledge_base,
                     p.action,
                     p.arguments,

@@ -1708,8 +1708,18 @@ FROM (
     SELECT
         g.*,
         NULLIF(g.succeeded + g.failed, 0) AS decided,
-        sqrt(CAST(g.succeeded AS REAL) * g.failed / NULLIF(g.succeeded + g.failed, 0)
-            + 0.960364705173531) AS spread
+        (
+            WITH RECURSIVE near (step, square, root) AS (
+                SELECT 1, of.square, of.square FROM (
+                    SELECT CAST(g.succeeded AS REAL) * g.failed / NULLIF(g.succeeded + g.failed, 0)
+                        + 0.960364705173531 AS square
+                ) AS of
+                UNION ALL
+                SELECT near.step + 1, near.square, (near.root + near.square / near.root) / 2
+                FROM near WHERE near.step < 40
+            )
+            SELECT near.root FROM near WHERE near.step = 40
+        ) AS spread
     FROM (
         SELECT
             p.knowledge_base,

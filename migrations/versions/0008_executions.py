@@ -183,6 +183,19 @@ OF_EACH = """SELECT
             v.knowledge_base, v.kb_id, v.action, {} AS arguments, v.outcome, v.code,
             CASE WHEN v.outcome IN ('succeeded', 'failed') THEN v.duration END AS duration
         FROM audit_execution AS v"""
+# By Heron's method, as not every SQLite has a function for it.
+SQUARE_ROOT = """(
+            WITH RECURSIVE near (step, square, root) AS (
+                SELECT 1, of.square, of.square FROM (
+                    SELECT DOUBLE(g.succeeded) * g.failed / NULLIF(g.succeeded + g.failed, 0)
+                        + 0.960364705173531 AS square
+                ) AS of
+                UNION ALL
+                SELECT near.step + 1, near.square, (near.root + near.square / near.root) / 2
+                FROM near WHERE near.step < 40
+            )
+            SELECT near.root FROM near WHERE near.step = 40
+        )"""
 AUDIT_STATISTICS = f"""
 SELECT
     s.knowledge_base,
@@ -210,8 +223,7 @@ FROM (
     SELECT
         g.*,
         NULLIF(g.succeeded + g.failed, 0) AS decided,
-        sqrt(DOUBLE(g.succeeded) * g.failed / NULLIF(g.succeeded + g.failed, 0)
-            + 0.960364705173531) AS spread
+        {SQUARE_ROOT} AS spread
     FROM (
         SELECT
             p.knowledge_base,

@@ -30,7 +30,8 @@ from tests.support.reading import findings
 
 # A migration that has landed is frozen.
 LANDED = pytest.mark.more
-NEW_VIEWS = {"audit_promotion", "audit_execution"}
+NEW_VIEWS = {"audit_promotion", "audit_execution", "audit_effect", "audit_confirmation"}
+NEW_VIEWS |= {"audit_statistics"}
 # What version 0006 adds to the head.
 ORIGIN = ("origin", "origin_revision", "origin_committed_at", "heard_at")
 TIME = "2026-03-02T14:00:00.000000Z"
