@@ -20,13 +20,7 @@ from .arithmetic import EXACT, decimal_of
 from .effects import not_applicable
 from .failures import TOLERANCE, FailedCondition
 from .operators import Assignments, At, GroundedTask, changed_values
-from .promise import (
-    AFTER_START,
-    check_linear,
-    is_executable,
-    limits_of,
-    promise_of,
-)
+from .promise import AFTER_START, check_linear, is_executable, limits_of, promise_of
 from .steps import GroundStep, PreparedAction, misfits
 from .world import FluentRow
 
@@ -49,6 +43,7 @@ class StepRun:
     def __init__(self, task: GroundedTask, step: GroundStep) -> None:
         self._task, self._step, self._action = task, step, step.action
         self._compiler = task.compiler(step.action)
+        self._refuse(misfits(task.definitions, step))
 
     def finish(self, at: At) -> At:
         """Return what the step makes of a state, as `durative.apply` writes it."""
@@ -69,7 +64,6 @@ class StepRun:
     def begin(self, at: At) -> tuple[Snap, At]:
         """Return the step as it starts, and the state after that; or refuse it."""
         task, step, action = self._task, self._step, self._action
-        self._refuse(misfits(task.definitions, step))
         time, duration = None, None
         if action.is_durative:
             check_linear(action)

@@ -14,7 +14,6 @@ from decimal import Decimal
 from typing_extensions import override
 
 from .. import html
-from ..arguments import expect
 from ..documents.exchange import read_task
 from ..dto import formulas as f
 from ..errors import PlanError
@@ -22,12 +21,11 @@ from ..history.moments import state_at
 from ..knowledge.resolved import Resolver
 from ..knowledge.rules import rules_of
 from ..moment_text import When
-from ..planning import Plan
 from ..plans import RecordedPlan
 from ..store.state import State
 from .actions import Changes, Snap
 from .uses import Literal, Uses, parts_used
-from .validate import PlanExecution, check_validated
+from .validate import GivenPlan, PlanExecution, check_validated, read_given
 from .world import Row
 
 
@@ -65,18 +63,17 @@ class _Linking(PlanExecution):
     @override
     def _apply(self, literals: Sequence[Changes], snaps: Sequence[Snap]) -> None:
         world, by = self.world, dict[tuple[bool, int, Row], int | None]()
-        for position, each in [(None, one) for one in literals] + [
-            (snap.position, snap.changes) for snap in snaps
-        ]:
-            by.update(((True, *fact), position) for fact in each.adds | each.deletes)
-            by.update(((False, *fluent), position) for fluent in each.updates)
         for snap in snaps:
             self._need(snap, snap.time or f.AT_START)
+            each = snap.changes
+            by.update(((True, *fact), snap.position) for fact in each.adds | each.deletes)
+            by.update(((False, *fluent), snap.position) for fluent in each.updates)
         facts, values = world.facts(), world.values()
         super()._apply(literals, snaps)
         changed = {(True, *fact) for fact in facts ^ world.facts()}
         changed |= {(False, *key) for key, _ in values.items() ^ world.values().items()}
-        self._by.update((each, by[each]) for each in changed)
+        # What no step changes is a timed literal.
+        self._by.update((each, by.get(each)) for each in changed)
 
     @override
     def _pass(self, time: Decimal) -> None:
@@ -111,9 +108,7 @@ class _Linking(PlanExecution):
             self.links[CausalLink(supporter, literal, position)] = None
 
 
-def causal_links(
-    state: State, plan: Plan | RecordedPlan, *, at: When | None = None
-) -> list[CausalLink]:
+def causal_links(state: State, plan: GivenPlan, *, at: When | None = None) -> list[CausalLink]:
     """Find why steps are in a plan: which step, or fact, supports which condition.
 
     The plan is executed in memory, as `KnowledgeBase.validate` does. Each literal that a satisfied
@@ -121,7 +116,7 @@ def causal_links(
     that changed it last. A step that supports neither the goal nor another step is not needed.
 
     Args:
-        plan: a plan that can be executed.
+        plan: a plan that can be executed, given as for `KnowledgeBase.validate`.
         at: the state that it is executed from, given as for `kb.at`; by default that which a
             recorded plan was made from, and the present for another one.
 
@@ -133,7 +128,7 @@ def causal_links(
         UnsupportedConstructError, UnknownRevisionError, ArchivedError, InvalidKnowledgeError: as
             for `KnowledgeBase.validate`.
     """
-    expect(plan, (Plan, RecordedPlan), "the plan")
+    plan = read_given(state, plan)
     made = plan.revision if at is None and isinstance(plan, RecordedPlan) else None
     revision = state_at(state.store, at, state.at) if at is not None else made or state.at
     task = read_task(State(state.store, revision))

@@ -24,12 +24,7 @@ from ..store.caches import AtomKey, FluentKey
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
-from .ask import (
-    Answers,
-    Binding,
-    Prepared,
-    prepare,
-)
+from .ask import Answers, Binding, Prepared, prepare
 from .effects import StepChanges, objects_of, write
 from .evaluate import Compiler
 from .executing import Durations, StepRun, listed
@@ -156,13 +151,15 @@ class KnowledgeState:
             step.
 
         Raises:
-            NotApplicableError: none is admissible, or a number that limits it has no value.
+            NotApplicableError: none is admissible, a number that limits it has no value, or an
+                object does not fit.
             PddlError, InvalidKnowledgeError: the step names an unknown element.
         """
         task = self._task
         with task.lock:
-            run, at = ground(task.definitions, step), (self._bits, self._values)
-            return StepRun(task, run).durations(at) if run.action.is_durative else None
+            run = StepRun(task, given := ground(task.definitions, step))
+            at = self._bits, self._values
+            return run.durations(at) if given.action.is_durative else None
 
     def apply(self, step: Step) -> KnowledgeState:
         """Return the state after a step, as `KnowledgeBase.apply` writes it.
@@ -205,12 +202,11 @@ class KnowledgeState:
             What would turn the other state into this one: `+` for what holds here only, `-` for
             what holds there only; facts and values, sorted.
         """
-        if other is not None:
-            expect(other, KnowledgeState, "the other state", InvalidArgumentError)
         first = self._first
-        there = KnowledgeState(*first[:1], first, first.bits, first.values, None)
-        there = there if other is None else other
-        return diff_lines([*there._lines(self)], [*self._lines(there)])
+        if other is None:
+            other = KnowledgeState(first.task, first, first.bits, first.values, None)
+        expect(other, KnowledgeState, "the other state", InvalidArgumentError)
+        return diff_lines([*other._lines(self)], [*self._lines(other)])
 
     def _lines(self, other: KnowledgeState) -> Iterator[tuple[str, str]]:
         """Yield kind and text of what holds here, without some that holds in the other state."""
@@ -242,12 +238,9 @@ class KnowledgeState:
 
     def __repr__(self) -> str:
         task, origin = self._task, self._first.origin
-        facts, number = (
-            len(task.facts) + self._bits.bit_count(),
-            len(task.values) + len(self._values),
-        )
-        where = f"{origin.parent!r} from revision {origin.revision}"
-        return f"<{type(self).__name__} of {where}: {facts} facts, {number} values>"
+        facts = len(task.facts) + self._bits.bit_count()
+        where = f"{origin.parent!r} from revision {origin.revision}: {facts} facts"
+        return f"<{type(self).__name__} of {where}, {len(task.values) + len(self._values)} values>"
 
     def _changes(self) -> StepChanges:
         """Return what differs from the state that was read, as effects."""
@@ -302,7 +295,8 @@ def state(state: State) -> KnowledgeState:
         4
     """
     store, at = state
-    refuse_open(store, "that it could be read at")
+    if at is None:
+        refuse_open(store, "that it could be read at")
 
     def work(view: View) -> tuple[Origin, Sequence[Formula]]:
         return origin_of(store, view), hard_goals(view)
@@ -310,11 +304,8 @@ def state(state: State) -> KnowledgeState:
     origin, goals = store.read_in_snapshot(work, at)
     definitions = origin.definitions
     changing = changing_heads(definitions)
-    facts = [
-        (atom.key.predicate_id, objects_of(atom.key))
-        for atom in origin.atoms
-        if not atom.key.is_goal
-    ]
+    keys = [atom.key for atom in origin.atoms if not atom.key.is_goal]
+    facts = [(key.predicate_id, objects_of(key)) for key in keys]
     values: dict[FluentRow, Value] = {}
     for fluent, (text, object_id) in origin.values:
         key = fluent.key.function_id, objects_of(fluent.key)

@@ -21,8 +21,9 @@ from threading import RLock
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
+from ..dao.function_value import ROUNDED_DIGITS
 from ..dto import formulas as f
-from ..dto.lexical import fold
+from ..dto.lexical import decimal_text, fold
 from ..knowledge.definitions import KINDS, Definitions
 from ..knowledge.resolved import (
     COMPARE,
@@ -368,6 +369,9 @@ def changed_values(values: Values, made: Assignments) -> Values | list[FailedCon
         if isinstance(found, FailedCondition):
             failed.append(found)
         elif found != before:
+            if isinstance(found, Decimal) and abs(found.adjusted()) > ROUNDED_DIGITS:
+                # Refuses what the store could not write.
+                decimal_text(found)
             # Else the number stays as it is spelled, as it does in the store.
             after[fluent] = found
     return failed or after

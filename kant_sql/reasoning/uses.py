@@ -10,10 +10,10 @@ the condition, whatever else differs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..knowledge.resolved import (
     TRUE,
@@ -71,14 +71,9 @@ class _Compiled:
         self.compiler = Compiler(world, parameters)
         self.tests: dict[int, Test] = {}
         self.rows: dict[int, Rows] = {}
-        self.members: dict[int, list[frozenset[int]]] = {}
-        self.picks: dict[int, Callable[[Env], Row]] = {}
         for inner in parts_of(part):
-            if isinstance(inner, HoldsFact | NumberOf | FluentIs):
-                self.picks[id(inner)] = self.compiler.picker(inner.terms)
-            elif isinstance(inner, Witness):
+            if isinstance(inner, Witness):
                 self.rows[id(inner)] = self.compiler.rows(inner.bound, inner.part)
-                self.members[id(inner)] = [world.members(one.types) for one in inner.bound]
             if isinstance(inner, Part):
                 self.tests[id(inner)] = self.compiler.test(inner)
 
@@ -159,9 +154,10 @@ def _walk(
                     yield from _walk(compiled, one, env, holds, pending)
         case Witness(bound, inner):
             # Inner searches set places of the environment, too.
-            found: Any = compiled.rows[id(part)](env.copy()) if holds else None
+            members = compiled.compiler.world.members
+            every = product(*(members(one.types) for one in bound))
             places = [compiled.compiler.at(one.slot) for one in bound]
-            for row in found if holds else product(*compiled.members[id(part)]):
+            for row in compiled.rows[id(part)](env.copy()) if holds else every:
                 own = env.copy()
                 for place, id_ in zip(places, row, strict=True):
                     own[place] = id_
@@ -175,12 +171,13 @@ def _leaf(
 ) -> Iterator[Literal]:
     """Yield the literals of a part without parts."""
     for one in parts_of(part):
+        if not isinstance(one, HoldsFact | NumberOf | FluentIs):
+            continue
+        row = compiled.compiler.picker(one.terms)(env)
         if isinstance(one, HoldsFact):
-            row = compiled.picks[id(one)](env)
             yield Literal(True, one.predicate, row, holds)
             if not one.is_stored:
                 pending.append((one.predicate, row, holds))
-        elif isinstance(one, NumberOf | FluentIs):
-            row = compiled.picks[id(one)](env)
+        else:
             has_value = row in compiled.compiler.world.table(one.function)
             yield Literal(False, one.function, row, has_value)

@@ -62,6 +62,7 @@ def test_a_recorded_plan_is_linked_from_the_state_that_it_was_made_from(
     recorded = home.plans.get(home.plans.record(PLAN).id)
     assert recorded is not None
     before = home.pddl.causal_links(PLAN)
+    assert home.pddl.causal_links(recorded.id) == before == home.pddl.causal_links(PLAN.steps)
     for step in recorded.steps:
         home.apply(step)
     assert home.pddl.causal_links(recorded) == before

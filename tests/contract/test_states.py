@@ -189,6 +189,29 @@ def test_durations_are_those_that_the_constraints_admit(home: KnowledgeBase) -> 
         charged.durations("(charge hall)")
 
 
+def test_objects_fit_before_durations_are_asked_for(home: KnowledgeBase) -> None:
+    home.objects.save("crate")
+    with pytest.raises(NotApplicableError, match="crate is of type object, expected place"):
+        home.state().durations("(charge crate)")
+
+
+def test_numbers_that_no_store_can_write_are_refused(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("""(define (domain growth) (:requirements :fluents) (:functions (n))
+      (:action square :parameters () :effect (assign (n) (* (n) (n)))))""")
+    fresh_kb.function_values.set("n", value=Decimal(7))
+
+    def grow(found: Any) -> None:
+        for _ in range(10):
+            after = found.apply("(square)")
+            found = after if isinstance(after, KnowledgeState) else found
+
+    first = fresh_kb.state()
+    theirs, ours = (result(lambda: grow(each)) for each in (fresh_kb, first))  # noqa: B023
+    assert ours == theirs
+    assert theirs[0] == "InvalidKnowledgeError"
+    assert "cannot express the number 4.9" in theirs[1]
+
+
 def test_states_of_other_histories_are_refused_by_what_they_are(home: KnowledgeBase) -> None:
     state = home.state()
     moved = state.apply("(move hall lab)")
@@ -207,6 +230,7 @@ def test_states_of_other_histories_are_refused_by_what_they_are(home: KnowledgeB
         for refused_call in (home.state, lambda: home.commit(moved)):
             with pytest.raises(ReadOnlyError, match="has a transaction open"):
                 refused_call()
+        assert home.at(first).state() == state
     with pytest.raises(InvalidArgumentError, match="KnowledgeState"):
         home.commit("(at lab)")  # type: ignore[arg-type]
     with home.transaction(actor="nurse", reason="rounds"):
