@@ -20,7 +20,7 @@ from .arithmetic import EXACT, decimal_of
 from .effects import not_applicable
 from .failures import TOLERANCE, FailedCondition
 from .operators import Assignments, At, GroundedTask, changed_values
-from .promise import AFTER_START, check_linear, is_executable, limits_of, promise_of
+from .promise import AFTER_START, check_linear, is_executable, limits_of, no_duration, promise_of
 from .steps import GroundStep, PreparedAction, misfits
 from .world import FluentRow
 
@@ -109,18 +109,11 @@ class StepRun:
 
     def _duration(self, at: At) -> Decimal | None:
         """Return the duration that is given or fixed; None if none matters."""
-        step, action = self._step, self._action
-        if step.duration is not None and step.duration < 0:
-            reason = f"the duration is {step.duration:f}"
-            self._refuse([FailedCondition("(>= ?duration 0)", reason)])
-        if step.duration is not None:
-            return step.duration
-        if any(each.operator == "=" for each in action.constraints(AT_START)):
+        given, limits = self._step.duration, self._action.constraints(AT_START)
+        if given is None and any(each.operator == "=" for each in limits):
             return self.durations(at).least
-        if action.needs_duration:
-            reason = f"is not given; write it after the step, as in '{step} [5]'"
-            self._refuse([FailedCondition("?duration", reason)])
-        return None
+        self._refuse(no_duration(self._step, given))
+        return given
 
     def _happen(self, snap: Snap, at: At) -> At:
         """Return the state after a part of the step; refuse it if its condition does not hold."""

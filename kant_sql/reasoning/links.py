@@ -26,7 +26,7 @@ from ..store.state import State
 from .actions import Changes, Snap
 from .uses import Literal, Uses, parts_used
 from .validate import GivenPlan, PlanExecution, check_validated, read_given
-from .world import Row
+from .world import Row, Value
 
 
 @dataclass(frozen=True)
@@ -62,18 +62,23 @@ class _Linking(PlanExecution):
 
     @override
     def _apply(self, literals: Sequence[Changes], snaps: Sequence[Snap]) -> None:
-        world, by = self.world, dict[tuple[bool, int, Row], int | None]()
+        by = dict[tuple[bool, int, Row], int | None]()
+        for position, each in [
+            *((None, one) for one in literals),
+            *((snap.position, snap.changes) for snap in snaps),
+        ]:
+            by.update(((True, *fact), position) for fact in each.adds | each.deletes)
+            by.update(((False, *fluent), position) for fluent in each.updates)
         for snap in snaps:
             self._need(snap, snap.time or f.AT_START)
-            each = snap.changes
-            by.update(((True, *fact), snap.position) for fact in each.adds | each.deletes)
-            by.update(((False, *fluent), snap.position) for fluent in each.updates)
-        facts, values = world.facts(), world.values()
+        before = {each: self._now(*each) for each in by}
         super()._apply(literals, snaps)
-        changed = {(True, *fact) for fact in facts ^ world.facts()}
-        changed |= {(False, *key) for key, _ in values.items() ^ world.values().items()}
-        # What no step changes is a timed literal.
-        self._by.update((each, by.get(each)) for each in changed)
+        self._by.update(each for each in by.items() if self._now(*each[0]) != before[each[0]])
+
+    def _now(self, is_fact: bool, owner: int, row: Row) -> Value | bool | None:
+        """Return whether a fact holds, or the value of a fluent."""
+        world = self.world
+        return row in world.relation(owner, True).rows if is_fact else world.table(owner).get(row)
 
     @override
     def _pass(self, time: Decimal) -> None:
@@ -99,7 +104,7 @@ class _Linking(PlanExecution):
     def _link(self, used: Iterable[Literal], position: int | None) -> None:
         world, rules = self.world, rules_of(self.world.definitions)
         for is_fact, owner, row, holds in used:
-            if is_fact and rules.of(owner) and row not in world.relation(owner, True).rows:
+            if is_fact and rules.of(owner) and not self._now(is_fact, owner, row):
                 # What it follows from is used, too.
                 continue
             text = world.text((is_fact, owner), row)

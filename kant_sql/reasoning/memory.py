@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from itertools import chain
 from operator import itemgetter
@@ -69,7 +69,7 @@ class KnowledgeState:
 
     def holds(self, condition: str | Node, /, **bindings: Binding) -> bool:
         """Return whether a condition holds; takes and raises what `KnowledgeBase.holds` does."""
-        return bool(self._ask(condition, None, bindings)[1]())
+        return bool(self._ask(condition, None, bindings)[1])
 
     def query(
         self,
@@ -87,29 +87,24 @@ class KnowledgeState:
         most = None if limit is None else count_limit(limit)
         prepared, rows = self._ask(condition, parameters, bindings)
         names = self._task.world.names
-        read = lambda: [names(row) for row in sorted(rows())[:most]]  # noqa: E731
-        return Answers(read, columns=prepared.columns, sql=_no_sql)
+        found = [names(row) for row in sorted(rows)[:most]]
+        return Answers(found.copy, columns=prepared.columns, sql=_no_sql)
 
     def _ask(
         self, condition: str | Node, parameters: str | None, bindings: Mapping[str, Binding]
-    ) -> tuple[Prepared, Callable[[], set[Row]]]:
-        """Return a question, and what answers it; it is compiled once for all states of a task."""
+    ) -> tuple[Prepared, set[Row]]:
+        """Return a question and its answers; it is compiled once for all states of a task."""
         task = self._task
         prepared = prepare(task.definitions, condition, parameters, bindings)
         given = [*prepared.values(task.definitions, bindings).values()]
-
-        def rows() -> set[Row]:
-            with task.lock:
-                if prepared not in task.asked:
-                    compiler, asked = Compiler(task.world, prepared.places), prepared.condition
-                    columns = [each.bound for each in asked.columns]
-                    task.asked[prepared] = compiler, compiler.rows(columns, asked.part)
-                compiler, run = task.asked[prepared]
-                task.go((self._bits, self._values))
-                found: set[Row] = run(compiler.env(given))
-                return found
-
-        return prepared, rows
+        with task.lock:
+            if prepared not in task.asked:
+                compiler, asked = Compiler(task.world, prepared.places), prepared.condition
+                columns = [each.bound for each in asked.columns]
+                task.asked[prepared] = compiler, compiler.rows(columns, asked.part)
+            compiler, rows = task.asked[prepared]
+            task.go((self._bits, self._values))
+            return prepared, rows(compiler.env(given))
 
     def goal_reached(self) -> bool:
         """Return whether all goals hold; preferences do not count, and without goals they do.

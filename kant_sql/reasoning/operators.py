@@ -27,7 +27,6 @@ from ..dto.lexical import decimal_text, fold
 from ..knowledge.definitions import KINDS, Definitions
 from ..knowledge.resolved import (
     COMPARE,
-    FALSE,
     AllOf,
     Bound,
     Compares,
@@ -186,13 +185,9 @@ def _grounder(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[E
 
 def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge] | None:
     """Compile what grounds a disjunction or a quantifier, as `_grounder`."""
-    ways, whole = [], _in_world(task, compiler, part)
-    for variables, parts in alternatives((), part):
-        condition = _Conjunction(task, compiler, all_of(parts))
-        if condition.is_left:
-            return None
-        bound = [Bound(*each) for each in variables.items()]
-        ways.append((compiler.search(bound, condition.fixed), condition))
+    ways, whole = _ways(task, compiler, (), part), _in_world(task, compiler, part)
+    if any(each.is_left for _, each in ways):
+        return None
 
     def ground(env: Env) -> Judge:
         own, single, others = env.copy(), 0, list[_Needs]()
@@ -208,6 +203,18 @@ def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env
         return _some(single, others)
 
     return ground
+
+
+def _ways(
+    task: GroundedTask, compiler: Compiler, bound: Iterable[Bound], part: Part
+) -> list[tuple[Search, _Conjunction]]:
+    """Take alternatives apart, each with the search for objects for which what is fixed holds."""
+    found = []
+    for variables, parts in alternatives(bound, part):
+        condition = _Conjunction(task, compiler, all_of(parts))
+        slots = [Bound(*each) for each in variables.items()]
+        found.append((compiler.search(slots, condition.fixed), condition))
+    return found
 
 
 def _negated(test: Judge) -> Judge:
@@ -265,15 +272,9 @@ class _Effect:
 
     def __init__(self, task: GroundedTask, compiler: Compiler, item: EffectItem) -> None:
         self._task, self._item = task, item
-        found = alternatives(item.bound, item.condition)
-        whole = [all_of(parts) for _, parts in found]
-        conditions = [_Conjunction(task, compiler, part) for part in whole]
-        self._ways = [
-            (compiler.search([Bound(*each) for each in variables.items()], one.fixed), one)
-            for (variables, _), one in zip(found, conditions, strict=True)
-        ]
+        self._ways = _ways(task, compiler, item.bound, item.condition)
         self._row = compiler.picker(item.terms)
-        self.is_plain = item.lacking == FALSE and not any(each.is_left for each in conditions)
+        self.is_plain = not (item.needs_values or any(each.is_left for _, each in self._ways))
         self._value: Callable[[Env], NumberIn | int] | None = None
         if isinstance(item.value, Slot | Known):
             at = compiler.at(item.value)
@@ -282,8 +283,7 @@ class _Effect:
             self._value = _number(task, compiler, item.value)
         if self._value is not None:
             # Facts are a set, but each change of a number counts; and it is of fixed fluents.
-            own = len(found) == 1 and [*found[0][0]] == [each.slot for each in item.bound]
-            self.is_plain &= own and [each.fixed for each in conditions] == whole
+            self.is_plain &= [each.fixed for _, each in self._ways] == [item.condition]
 
     def ground(self, env: Env, branches: list[_Branch], updates: _Updates) -> None:
         """Add what it changes for the objects of a step."""
@@ -400,11 +400,8 @@ class _Schema:
             delta = (fact, relation) if row is None else None
             search = compiler.search(action.parameters, part, delta)
             self._searches.append((fact.predicate, row, relation, search))
-        self._all = compiler.search(action.parameters, all_of([*self.condition.literals, fixed]))
-
-    def in_reach(self) -> list[Operator]:
-        """Return the steps whose literals hold where the world is."""
-        return self._found(self._all)
+        # Finds the steps whose literals hold where the world is.
+        self.all = compiler.search(action.parameters, all_of([*self.condition.literals, fixed]))
 
     def of_fact(self, predicate: int, row: Row) -> list[Operator]:
         """Return the steps that a fact matters to, whether it holds or not."""
@@ -417,10 +414,11 @@ class _Schema:
                 if sum(1 for _ in islice(search(env), MOST_OF_FACT)) == MOST_OF_FACT:
                     self.task.searched.append(self)
                 else:
-                    found += self._found(search)
+                    found += self.found(search)
         return found
 
-    def _found(self, search: Search) -> list[Operator]:
+    def found(self, search: Search) -> list[Operator]:
+        """Return the steps that a search finds."""
         env = self.compiler.env()
         rows = {self._pick(env) for _ in search(env)}
         return [self.task.operator(self.action.name, row) for row in rows]
@@ -539,7 +537,7 @@ class GroundedTask:
         if near is None:
             with self.lock:
                 self.go(at)
-                every = [found for each in self._schemas.values() for found in each.in_reach()]
+                every = [found for each in self._schemas.values() for found in each.found(each.all)]
             return sorted(every, key=_ORDER), now
         before, bits = near
         found = [each for each in before if now & each.care == each.want]
@@ -555,7 +553,7 @@ class GroundedTask:
         if self.searched:
             with self.lock:
                 self.go(at)
-                new += [one for each in self.searched for one in each.in_reach()]
+                new += [one for each in self.searched for one in each.found(each.all)]
         if new:
             # Those of the bits were not in reach before; one may depend on several of them.
             found = [*dict.fromkeys(found + new)] if self.searched or len(new) > 1 else found + new

@@ -288,12 +288,19 @@ def duration_of(
             failed += [] if wrong is None else [wrong]
     if duration is None and not failed:
         failed = [*_contradictions(found)]
+    if duration is not None:
+        return {f.DURATION: duration}, failed + no_duration(step, duration)
+    return {}, failed or no_duration(step, duration)
+
+
+def no_duration(step: GroundStep, duration: Decimal | None) -> list[FailedCondition]:
+    """Return that a duration is negative, or that it matters and is not given."""
     if duration is not None and duration < 0:
-        failed.append(FailedCondition("(>= ?duration 0)", f"the duration is {duration:f}"))
-    if duration is None and not failed and action.needs_duration:
+        return [FailedCondition("(>= ?duration 0)", f"the duration is {duration:f}")]
+    if duration is None and step.action.needs_duration:
         reason = f"is not given; write it after the step, as in '{step} [5]'"
-        failed.append(FailedCondition("?duration", reason))
-    return {} if duration is None else {f.DURATION: duration}, failed
+        return [FailedCondition("?duration", reason)]
+    return []
 
 
 def _contradictions(
