@@ -30,6 +30,7 @@ from ..errors import (
     NotApplicableError,
     PddlError,
     PlanError,
+    UnsupportedConstructError,
 )
 from ..history.diff import diff
 from ..history.revisions import Revision
@@ -150,7 +151,7 @@ def apply(
             if reason is None and transaction.metadata.reason == f"{APPLIED} {found}":
                 said = f"refused {found}"
                 transaction.metadata = transaction.metadata._replace(reason=said)
-            _refuse(transaction, found, error)
+            _record(transaction, found, REFUSED, message=_why(error))
             refused.append(error)
 
     work = attempt if record_refusal else _apply
@@ -174,19 +175,16 @@ def _apply(transaction: Transaction, step: GroundStep) -> None:
     set_outcome(transaction, step.recorded, SUCCEEDED)
 
 
-def _refuse(transaction: Transaction, step: GroundStep, error: NotApplicableError) -> Key:
-    """Record that a step was refused, and why."""
-    return _record(transaction, step, REFUSED, message="; ".join(map(str, error.unsatisfied)))
+def _why(error: NotApplicableError) -> str:
+    return "; ".join(map(str, error.unsatisfied))
 
 
-def refuse(
-    store: Store, step: Execution, error: NotApplicableError, reason: str | None
-) -> Execution:
+def refuse(store: Store, step: Execution, why: str, reason: str | None) -> Execution:
     """Record that a step of a recorded plan was refused, in one revision; it stays to be done."""
     refused: list[Key] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
-        refused.append(_refuse(transaction, found, error))
+        refused.append(_record(transaction, found, REFUSED, message=why))
 
     in_revision(store, step, reason, None, "refused", work)
     return read_execution(store, refused[0])
@@ -458,7 +456,11 @@ def find_broken(store: Store, running: Iterable[Execution]) -> list[BrokenInvari
     def work(view: View) -> list[tuple[Execution, FailedCondition]]:
         found = []
         for step in running:
-            of_step = ground(view.definitions, step)
+            try:
+                of_step = ground(view.definitions, step)
+            except InvalidKnowledgeError as error:  # What it names is gone.
+                found.append((step, FailedCondition(str(step), str(error))))
+                continue
             nodes = closed_nodes(of_step, OVER_ALL) if of_step.action.is_durative else []
             numbers = {} if step.duration is None else {f.DURATION: step.duration}
             found += [(step, failed) for failed in Explainer(view, numbers).failed(nodes)]
@@ -472,7 +474,10 @@ def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
     """Return the revision since which a condition does not hold."""
     if failed.retracted is not None:
         return failed.retracted
-    periods = when(State(store, None), f"(not {failed.condition})")
+    try:
+        periods = when(State(store, None), f"(not {failed.condition})")
+    except (InvalidKnowledgeError, UnsupportedConstructError):
+        return None  # It is no condition, but an unknown name, a rule, or a missing value.
     return periods[-1].since if periods and periods[-1].until is None else None
 
 

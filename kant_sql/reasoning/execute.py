@@ -8,7 +8,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,8 +19,15 @@ from .. import html
 from ..acts import Execution, Outcome
 from ..acts.executions import report
 from ..acts.recording import key_of, read_execution, running_executions
-from ..arguments import expect, optional_call, optional_text, refusal, seconds
-from ..errors import InvalidArgumentError, KantSqlError, NotApplicableError, PlanError
+from ..arguments import UNSTORABLE, expect, optional_call, optional_text, refusal, seconds
+from ..errors import (
+    InvalidArgumentError,
+    InvalidKnowledgeError,
+    KantSqlError,
+    NotApplicableError,
+    PlanError,
+    RuleViolatedError,
+)
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import head_revision
 from ..plans import RecordedPlan
@@ -36,6 +43,7 @@ from .durative import (
     find_broken,
     refuse,
 )
+from .failures import FailedCondition
 from .steps import ground
 from .validate import GivenPlan, read_given
 
@@ -93,10 +101,10 @@ def execute(
     the plan.
 
     A step fails if `dispatch` raises an error or returns False, its invariants break meanwhile,
-    whoever breaks them, or its condition at the end does not hold; with the code `error.code`, or
-    the class of the error. It is aborted if `dispatch` raises `CancelledError`, or any process
-    calls `kb.abort(step)`. The first step that does not succeed ends the plan: the others that run
-    are aborted, in the same revision.
+    whoever breaks them, its condition at the end does not hold, or a kept rule refuses its effects;
+    with the code `error.code`, or the class of the error. It is aborted if `dispatch` raises
+    `CancelledError`, or any process calls `kb.abort(step)`. The first step that does not succeed
+    ends the plan: the others that run are aborted, in the same revision.
 
     Args:
         plan: as for `validate`. One that is not recorded is recorded first. Steps of a recorded
@@ -135,11 +143,20 @@ def execute(
 
 
 class _Said(NamedTuple):
-    """What `dispatch` said of a step that did not succeed."""
+    """What came of a step that did not succeed."""
 
     outcome: Outcome
     code: str | None = None
     text: str | None = None
+
+
+def _failure(error: BaseException) -> _Said:
+    code, text = type(error).__name__, ""
+    with suppress(Exception):  # An error may fail to say what it is.
+        text = str(error)
+        code = str(getattr(error, "code", None) or code)
+    code, text = (UNSTORABLE.sub("\ufffd", each) for each in (code, text))
+    return _Said("failed", code, text or None)
 
 
 @dataclass
@@ -270,14 +287,15 @@ class Executive:
                 return False
         try:
             begun = begin_running(self._store, step, self.reason)
-        except NotApplicableError as error:
+        except (NotApplicableError, RuleViolatedError) as error:
             self._waits_since = now if self._waits_since is None else self._waits_since
             left = self._waits_since + self._patience - now
             if left > 0:
                 self._pause = min(left, threading.TIMEOUT_MAX)
             else:
-                refused = refuse(self._store, step, error, self.reason)
-                self._stop(refused, self._broken(step, error))
+                broken = self._broken(step, error)
+                why = "; ".join(str(each.unsatisfied) for each in broken)
+                self._stop(refuse(self._store, step, why, self.reason), broken)
             return False
         self._waits_since = None
         key = key_of(self._left.popleft())
@@ -285,15 +303,18 @@ class Executive:
         self._threads.append(self._thread(self._perform, begun))
         return True
 
-    def _broken(self, step: Execution, error: NotApplicableError) -> tuple[BrokenInvariant, ...]:
+    def _broken(
+        self, step: Execution, error: NotApplicableError | RuleViolatedError
+    ) -> tuple[BrokenInvariant, ...]:
         """Find out who broke what a step needs."""
-        found = []
-        for failed in error.unsatisfied:
-            since = failed.retracted
-            with suppress(KantSqlError):  # It may be no condition, but a value that is missing.
-                since = broken_since(self._store, failed)
-            found.append(BrokenInvariant(step, failed, since))
-        return tuple(found)
+        if isinstance(error, RuleViolatedError):
+            said = f"rule {error.rule!r} refuses the effects"
+            all_failed: Sequence[FailedCondition] = [FailedCondition(error.instance, said)]
+        else:
+            all_failed = error.unsatisfied
+        return tuple(
+            [BrokenInvariant(step, each, broken_since(self._store, each)) for each in all_failed]
+        )
 
     def _perform(self, step: Execution) -> None:
         """Do a step, and record what came of it."""
@@ -303,9 +324,8 @@ class Executive:
                 said = _Said("succeeded")
         except _CANCELLED:
             said = _Said("aborted")
-        except Exception as error:
-            code = getattr(error, "code", None)
-            said = _Said("failed", str(code or type(error).__name__), str(error) or None)
+        except BaseException as error:  # Nobody else waits for this thread.
+            said = _failure(error)
         del self._dispatched[key_of(step)]
         try:
             with self._lock:
@@ -320,12 +340,16 @@ class Executive:
             return  # It was aborted meanwhile.
         now = read_execution(self._store, key)
         if now.outcome == RUNNING and said.outcome == SUCCEEDED:
-            found = self._store.read_definitions(lambda definitions: ground(definitions, step))
-            finish = end if found.action.is_durative else apply
             try:
+                found = self._store.read_definitions(lambda known: ground(known, step))
+                finish = end if found.action.is_durative else apply
                 finish(self.state, step, reason=self.reason)
-            except NotApplicableError as error:
+            except (NotApplicableError, RuleViolatedError) as error:
                 self._fail(step, self._broken(step, error))
+                return
+            except (InvalidKnowledgeError, PlanError) as error:
+                # What it names is gone, or somebody else has ended it just now.
+                self._stop(step, said=_failure(error))
                 return
         elif now.outcome != SUCCEEDED:
             self._stop(now, said=said)

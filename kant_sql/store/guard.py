@@ -247,12 +247,11 @@ class TouchedRules:
 
     def _is_other(self, changes: Changes) -> bool:
         """Return whether what rules mention has another meaning."""
-        kinds = ("type", "object", "predicate", "function")
-        pairs = (pair for kind in kinds for _, *pair in changes.get(kind, ()))
+        kinds = ("type", "predicate", "function")
+        others = (before for kind in kinds for _, before, _ in changes.get(kind, ()))
+        objects = (None not in pair for _, *pair in changes.get("object", ()))
         formulas = (one for _, *pair in changes.get("formula", ()) for one in pair if one)
-        return any(None not in pair for pair in pairs) or any(
-            one.section == DERIVED_PREDICATE for one in formulas
-        )
+        return any((*others, *objects)) or any(one.section == DERIVED_PREDICATE for one in formulas)
 
     def _read_state(self, changes: Changes) -> None:
         guard = self.guard

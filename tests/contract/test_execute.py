@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 import threading
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import CancelledError
+from multiprocessing import get_context
 from threading import Event
 from typing import Any
 
 import pytest
 
+import kant_sql
 from kant_sql import ExecutedPlan, Execution, KnowledgeBase, Plan, PlanStep, aio
 from kant_sql.errors import (
     InvalidArgumentError,
@@ -23,6 +27,7 @@ from kant_sql.errors import (
 )
 from kant_sql.reasoning import Step
 from tests.support.reading import beside, nothing_changes, store_of
+from tests.support.stores import Connect
 
 DOMAIN = """
 (define (domain ward) (:requirements :typing :durative-actions) (:types robot place)
@@ -122,9 +127,20 @@ class BumpError(Exception):
     code = "E4"
 
 
+class MuteError(Exception):
+    """An error that cannot say what it is."""
+
+    def __str__(self) -> str:
+        raise RuntimeError
+
+
 @pytest.mark.parametrize(
     ("how", "outcome", "code", "text"),
     [
+        (SystemExit(3), "failed", "3", "3"),
+        (KeyboardInterrupt(), "failed", "KeyboardInterrupt", None),
+        (MuteError(), "failed", "MuteError", None),
+        (ValueError("half \0 of \ud800"), "failed", "ValueError", "half \ufffd of \ufffd"),
         (BumpError("a chair"), "failed", "E4", "a chair"),
         (ValueError(), "failed", "ValueError", None),
         (CancelledError(), "aborted", None, None),
@@ -213,6 +229,66 @@ def test_a_condition_at_the_end_that_does_not_hold_fails_the_step(kb: KnowledgeB
     assert found.outcome == "failed"
     assert found.step is not None
     assert str(found.step.text).startswith("(not (lit room)): does not hold, since revision")
+
+
+def test_a_step_whose_effects_a_rule_refuses_ends_the_plan(kb: KnowledgeBase) -> None:
+    kb.rules.save("dirty", "(always (not (clean hall)))", on_violation="refuse")
+    said = "(always (not (clean hall))): rule 'dirty' refuses the effects"
+    found = kb.execute("(clean room)\n(clean hall)\n(switch room)", do_nothing)
+    assert outcomes(found) == ["succeeded", "failed", None]
+    assert found.step is not None
+    assert (found.step.text, found.unsatisfied[0].since) == (said, None)
+    kb.rules.save("dark", "(always (imply (lit room) (clean hall)))", on_violation="refuse")
+    kb.rules.save("still", "(always (not (moving r1)))", on_violation="refuse")
+    found = kb.execute("(move r1 hall hall)", do_nothing)
+    assert (found.outcome, outcomes(found)) == ("refused", [None])
+
+
+@pytest.mark.parametrize("name", ["hall", "clean"])
+def test_a_step_whose_names_are_gone_fails(kb: KnowledgeBase, name: str) -> None:
+    def delete(step: Execution) -> None:
+        assert kb.objects.delete(name) or kb.actions.delete(name)
+
+    found = kb.execute("(clean hall)\n(clean room)", delete)
+    assert (found.outcome, outcomes(found)) == ("failed", ["failed", None])
+    assert f"{name!r}" in str(found)
+    assert kb.pddl.broken_invariants() == []
+    assert kb.store.verify().is_intact
+
+
+def die(url: str) -> None:
+    """Execute a plan in a process that is killed while its second step runs."""
+
+    def dispatch(step: Execution) -> None:
+        if step.action == "move":
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with kant_sql.connect(url, actor="executive") as kb:
+        kb.execute(kb.plans.get_all()[0], dispatch)
+
+
+def test_a_killed_process_leaves_what_ran_and_another_goes_on(
+    shared_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url, actor="operator")
+    kb.load_domain(DOMAIN)
+    kb.load_problem(PROBLEM)
+    plan = kb.plans.record(Plan.read("(switch room)\n(move r1 hall room)\n(clean room)\n"))
+    process = get_context("spawn").Process(target=die, args=(shared_url,))
+    process.start()
+    process.join(LONG)
+    assert process.exitcode == -signal.SIGKILL
+    steps = kb.plans.get(plan.id)
+    assert steps is not None
+    assert [step.outcome for step in steps.steps] == ["succeeded", "running", None]
+    [running] = kb.executions.get_all(outcome="running")
+    assert (str(running), running.actor) == ("(move r1 hall room)", "executive")
+    with nothing_changes(kb), pytest.raises(PlanError, match="is running; only what was not begun"):
+        kb.execute(plan.id, do_nothing)
+    # The robot has arrived all the same.
+    kb.end(running)
+    assert outcomes(kb.execute(plan.id, do_nothing)) == ["succeeded"] * 3
+    assert kb.store.verify().is_intact
 
 
 def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:

@@ -161,6 +161,16 @@ def test_what_cannot_refuse_is_not_kept(
     assert kb.rules.get_all() == []
 
 
+def test_a_type_that_takes_its_objects_with_it_is_noticed(kb: KnowledgeBase) -> None:
+    kb.types.save("closet - place")
+    kb.objects.save("c1 - closet")
+    kb.propositions.save(["(open hall)", "(open room)"])
+    kb.rules.save("r", "(always (exists (?p - place) (not (open ?p))))", on_violation="refuse")
+    with pytest.raises(Refused):
+        kb.types.delete("closet")
+    assert kb.objects.get("c1") is not None
+
+
 def test_documents_have_no_counts(kb: KnowledgeBase) -> None:
     with pytest.raises(PddlError):
         kb.pddl.constraints.save(ONE_PLACE)
