@@ -40,9 +40,10 @@ class PlanStep:
         arguments = expect_tuple(self.arguments, str, "the arguments of a PlanStep")
         if arguments is not self.arguments:
             object.__setattr__(self, "arguments", arguments)
-        for number, role in ((self.start, "start"), (self.duration, "duration")):
+        for role, number in (("start", self.start), ("duration", self.duration)):
             if number is not None:
-                check_number(number, f"the {role} of a PlanStep")
+                exact = check_number(number, f"the {role} of a PlanStep")
+                object.__setattr__(self, role, exact)
 
     def _html_row_(self) -> html.Row:
         text = f"({' '.join((self.action, *self.arguments))})"

@@ -6,7 +6,7 @@ import re
 import threading
 from decimal import Decimal
 from random import Random
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -183,6 +183,11 @@ def test_durations_are_those_that_the_constraints_admit(home: KnowledgeBase) -> 
         step = f"(charge hall) [{lasts}]"
         assert (home.why_not(step) == []) is is_admitted
         assert isinstance(result(lambda: state.apply(step)), KnowledgeState) is is_admitted  # noqa: B023
+    for number in (3, 3.0):
+        # Numbers of any kind are taken, as they are for values.
+        given = PlanStep(None, "charge", ("hall",), cast("Any", number))
+        assert home.why_not(given) == []
+        assert state.apply(given) == state.apply("(charge hall) [3]")
     charged = state.apply("(charge hall) [3]")
     assert charged.holds("(and (= (battery) 10) (lit))")
     with pytest.raises(NotApplicableError, match="no duration is from 2 to 0"):
