@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, func, literal_column, select, union, union_all
+from sqlalchemy import ColumnElement, Select, func, literal_column, null, select, union, union_all
 
 from .. import html
 from ..arguments import shown
@@ -14,7 +14,7 @@ from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..sql.changes import EXECUTIONS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Row, Session
 from ..sql.executions import RUNNING, SUCCEEDED, id_text
-from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.query import InRange, Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import (
     FACT,
     GOAL,
@@ -50,7 +50,7 @@ from .elements import (
     refuse_unknown_element,
     sought,
 )
-from .revisions import LARGEST, Version, make_revision, read_numbered, revision_of
+from .revisions import LARGEST, Revision, Version, make_revision, read_numbered, revision_of
 
 # Versions of what an object is in that are looked at, to find the newest.
 INVOLVED = 20_000
@@ -337,15 +337,9 @@ def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
             return []
         rows = read_newest(session, kb_id, wanted, at, 1, with_revision=True)
         held = [row for row in rows if row[3] is None or row[3] > at]
-        seen, acts = read_evidence(session, kb_id, held, at)
-        last = read_numbered(session, kb_id, {*seen.values()})
+        found = read_evidence(session, kb_id, held, at)
         return [
-            Version(
-                *(row[0], row[1], make_revision(session, row[5:]), None),
-                *((last.get(seen.get((row[4], row[2]), 0)), acts.get(row[2], ())))
-                if row[0] == FACT
-                else (),
-            )
+            Version(row[0], row[1], make_revision(session, row[5:]), None, *found.of(row))
             for row in held
         ]
 
@@ -386,71 +380,82 @@ def last_confirmation(by_others: bool) -> Any:
     return found.correlate(_FACT.since.table).scalar_subquery()
 
 
-_CONFIRMED = Query(
-    select(_FACT.proposition_id, _FACT.since, last_confirmation(by_others=False)).where(
+def _evidence() -> Select[Any]:
+    """Select who confirmed facts last, and the executions whose effects revisions have.
+
+    These are those that the revision records, and the one that it names.
+    """
+    none: Any = literal_column("0")
+    no_act = none.label("plan_id"), none.label("position")
+    seen = last_confirmation(by_others=False).label("confirmed")
+    facts = select(_FACT.proposition_id, _FACT.since, *no_act, seen).where(
         _FACT.kb_id == KB,
-        in_list(_FACT.proposition_id, "ids", bounded=_FACT.since),
-        _FACT.since.between(integer("low"), integer("high")),
+        in_list(_FACT.proposition_id, "ids"),
+        # What else these facts ever were may be much.
+        InRange(_FACT.since, integer("low"), integer("high")),
     )
-)
-# The executions whose effects a revision has: those that it records, and the one that it names.
-_ACTS = Query(
-    union(
-        select(_OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position).where(
-            _OUTCOME.kb_id == KB,
-            in_list(_OUTCOME.since, "numbers"),
-            had_effect(),
-        ),
-        select(_LINK.number, _LINK.plan_id, _LINK.position).where(
-            _LINK.kb_id == KB, in_list(_LINK.number, "numbers")
-        ),
+    acts = select(none, _OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position, null()).where(
+        _OUTCOME.kb_id == KB, in_list(_OUTCOME.since, "numbers"), had_effect()
     )
-)
+    named = select(none, _LINK.number, _LINK.plan_id, _LINK.position, null()).where(
+        _LINK.kb_id == KB, in_list(_LINK.number, "numbers")
+    )
+    found = union(facts, acts, named).subquery("found")
+    return select(found, *revision_of(found.c.confirmed))
+
+
+_EVIDENCE = Query(_evidence)
 
 
 class Evidence(NamedTuple):
     """What is known of when facts were seen, and of which acts they are effects."""
 
-    confirmed: dict[tuple[int, int], int]  # id and `since` -> the last revision that confirmed it
+    confirmed: dict[tuple[int, int], Revision]  # id and `since` -> the last that confirmed it
     acts: dict[int, tuple[str, ...]]  # the revision -> the ids of its acts
+
+    def of(self, row: Row) -> tuple[Revision | None, tuple[str, ...]]:
+        """Return it for a version, as `read_newest` gives it."""
+        if row[0] != FACT:
+            return None, ()
+        return self.confirmed.get((row[4], row[2])), self.acts.get(row[2], ())
 
 
 def read_evidence(session: Session, kb_id: int, rows: Sequence[Row], at: int) -> Evidence:
-    """Read the evidence for the facts among versions, in two statements."""
-    facts = {(row[4], row[2]) for row in rows if row[0] == FACT}
+    """Read the evidence for the facts among versions, in one statement."""
+    found = Evidence({}, {})
+    facts = [(row[4], row[2]) for row in rows if row[0] == FACT]
     if not facts:
-        return Evidence({}, {})
-    ids, numbers = ([*{fact[n] for fact in facts}] for n in (0, 1))
-    # What else these facts ever were may be much.
-    bounds = {"low": min(numbers), "high": max(numbers)}
-    given = {"kb": kb_id, "ids": session.list_value(ids), "at": at, **bounds}
-    seen = {(id_, since): last for id_, since, last in session.rows(_CONFIRMED, **given) if last}
-    acts: dict[int, tuple[str, ...]] = {}
-    for number, *key in session.rows(_ACTS, kb=kb_id, numbers=session.list_value(numbers)):
-        acts[number] = (*acts.get(number, ()), id_text((key[0], key[1])))
-    return Evidence(seen, acts)
+        return found
+    ids, numbers = (sorted({*column}) for column in zip(*facts, strict=True))
+    lists = {"ids": session.list_value(ids), "numbers": session.list_value(numbers)}
+    given = {"kb": kb_id, "at": at, "low": numbers[0], "high": numbers[-1], **lists}
+    for row in session.rows(_EVIDENCE, **given):
+        fact, number, plan_id, position, confirmed = row[:5]
+        if confirmed is not None:
+            found.confirmed[fact, number] = make_revision(session, row[5:])
+        elif not fact:
+            found.acts[number] = *found.acts.get(number, ()), id_text((plan_id, position))
+    return found
 
 
 def make_versions(session: Session, kb_id: int, rows: Sequence[Row], at: int) -> list[Version]:
     """Build versions from rows, oldest first; one that ends after `at` holds there."""
     known = []
-    seen, acts = read_evidence(session, kb_id, rows, at)
-    for kind, text, since, until, owner in rows:
+    for row in rows:
+        kind, text, since, until, _ = row
         for number in (since, until or 0):
             check_integer(f"of the versions of each {kind}", repr(text), "since or until", number)
-        ended = until if until is not None and until <= at else None
-        is_fact = kind == FACT
-        confirmed = seen.get((owner, since)) if is_fact else None
-        known.append((since, ended, kind, text, confirmed, acts.get(since, ()) if is_fact else ()))
-    known.sort(key=lambda row: (row[0], row[1] is None, row[1] or 0, row[2:4]))
-    numbers = {number for row in known for number in (*row[:2], row[4]) if number is not None}
+        known.append((since, until if until is not None and until <= at else None, row))
+    known.sort(key=lambda each: (each[0], each[1] is None, each[1] or 0, each[2][:2]))
+    numbers = {number for each in known for number in each[:2] if number is not None}
+    found = read_evidence(session, kb_id, rows, at)
     revisions = read_numbered(session, kb_id, numbers)
     for number in numbers - revisions.keys():
         raise unreadable("revision", f"revision {number!r}", LookupError("there is none"))
     return [
         Version(
-            *(kind, text, revisions[since], None if until is None else revisions[until]),
-            *(None if confirmed is None else revisions[confirmed], of),
+            *(row[0], row[1], revisions[since], None if until is None else revisions[until]),
+            *found.of(row),
         )
-        for since, until, kind, text, confirmed, of in known
+        for since, until, row in known
     ]

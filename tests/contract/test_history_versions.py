@@ -392,4 +392,4 @@ def test_statements_do_not_grow_with_versions(kb: KnowledgeBase, connect: Connec
     assert len(kb.history(robot_at())) == 41
     # The versions, by names, and their revisions; of a formula, first all texts. Of facts, also who
     # confirmed them, and of which acts they are effects.
-    assert taken == {(4, 4, 4, 2, 3)}
+    assert taken == {(3, 3, 3, 2, 3)}
