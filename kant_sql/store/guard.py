@@ -10,11 +10,12 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
 from ..dto import formulas as f
+from ..dto.elements import atom_text
 from ..errors import RuleViolatedError, UnsupportedConstructError
 from ..knowledge.definitions import (
     DERIVED_PREDICATE,
@@ -48,7 +49,7 @@ from ..knowledge.resolved import (
 )
 from ..knowledge.rules import rules_of
 from ..sql.answers import Question, run
-from ..sql.dialects.base import Session
+from ..sql.dialects.base import Row, Session
 from ..sql.relations import ConditionStatement
 
 # What each element of a kind was before a transaction, and what it is now; None where it is not.
@@ -76,7 +77,7 @@ class Forbidden:
     part: Part
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Trigger:
     """A part of what is forbidden that changes make true, with the objects of its terms.
 
@@ -87,16 +88,23 @@ class _Trigger:
     forbidden: Forbidden
     terms: tuple[Place, ...]
     places: Mapping[Slot, int]
-    statements: list[ConditionStatement] = field(default_factory=list)
+    statement: ConditionStatement | None = None
 
     def fits(self, definitions: Definitions, row: Sequence[int]) -> bool:
         """Return whether the terms can have these objects."""
         pairs = dict(zip(self.terms, row, strict=True))
         own = [one for one in self.forbidden.bound if one.slot in pairs]
         return all(
-            pairs[term] == id_ and (not isinstance(term, Known) or term.id == id_)
+            (term.id if isinstance(term, Known) else pairs[term]) == id_
             for term, id_ in zip(self.terms, row, strict=True)
         ) and all(_ranges(one.types, definitions.objects.get(pairs[one.slot])) for one in own)
+
+    def written(self, question: Question) -> ConditionStatement:
+        """Write the statement of the first of some rows with which the condition holds."""
+        one = self.forbidden
+        rest = tuple([each for each in one.bound if each.slot not in self.places])
+        part = Witness(rest, one.part) if rest else one.part
+        return question.touched(part, self.places, len(self.terms))
 
 
 def _ranges(types: Iterable[TypeSet], found: Any) -> bool:
@@ -217,14 +225,11 @@ def guard_of(definitions: PendingDefinitions, touched: Container[str]) -> RuleGu
     if any(kind in touched and definitions.elements(kind).changes for kind in _MEANING):
         return RuleGuard(definitions)
     origin = definitions.origin
-    found: RuleGuard | None = origin.derived.get(RuleGuard)
+    key = tuple([origin.elements(kind) for kind in _MEANING])
+    found: RuleGuard | None = origin.guards.get(key)
     if found is None:
-        key = tuple([origin.elements(kind) for kind in _MEANING])
-        found = origin.guards.get(key)
-        if found is None:
-            origin.guards.clear()
-            found = origin.guards[key] = RuleGuard(origin)
-        origin.derived[RuleGuard] = found
+        origin.guards.clear()
+        found = origin.guards[key] = RuleGuard(origin)
     return found
 
 
@@ -283,60 +288,44 @@ class TouchedRules:
 
     def refuse(self, session: Session, kb_id: int) -> None:
         """Raise when what is forbidden has come true."""
-        ask = _Ask(session, kb_id, self.definitions)
+        self._session, self._kb_id = session, kb_id
         for one in self.whole:
-            ask.refuse(one, {})
+            self._refuse(one, {})
         for trigger, rows in self.rows.items():
-            if trigger.forbidden not in self.whole:
-                found = ask.first(trigger, self.guard.definitions, rows)
-                if found is not None:
-                    ask.refuse(
-                        trigger.forbidden,
-                        {slot: Known(rows[found][n]) for slot, n in trigger.places.items()},
-                    )
-
-
-class _Ask:
-    """Looks for what is forbidden in the state that a transaction would leave."""
-
-    def __init__(self, session: Session, kb_id: int, definitions: Definitions) -> None:
-        self._session = session
-        self._kb_id = kb_id
-        self._definitions = definitions
+            if trigger.forbidden in self.whole:
+                continue
+            statement = trigger.statement
+            if statement is None:
+                question = self._question(self.guard.definitions)
+                statement = trigger.statement = trigger.written(question)
+            # The first row with whose objects the condition holds.
+            for place, *_ in self._run(statement, touched=json.dumps(rows)):
+                known = {slot: Known(rows[place][n]) for slot, n in trigger.places.items()}
+                self._refuse(trigger.forbidden, known)
 
     def _question(self, definitions: Definitions) -> Question:
         return Question(self._session.backend.words, definitions, False)
 
-    def first(
-        self, trigger: _Trigger, definitions: Definitions, rows: Sequence[Sequence[int]]
-    ) -> int | None:
-        """Return the place of the first row with whose objects the condition holds."""
-        if not trigger.statements:
-            one, places = trigger.forbidden, trigger.places
-            rest = tuple([each for each in one.bound if each.slot not in places])
-            part = Witness(rest, one.part) if rest else one.part
-            question = self._question(definitions)
-            trigger.statements.append(question.touched(part, places, len(trigger.terms)))
-        given = {"touched": json.dumps(rows)}
-        found = run(self._session, trigger.statements[0], kb=self._kb_id, at=None, given=given)
-        return found[0][0] if found else None
+    def _run(self, statement: ConditionStatement, **given: Any) -> list[Row]:
+        return run(self._session, statement, kb=self._kb_id, at=None, given=given)
 
-    def refuse(self, one: Forbidden, known: dict[Slot, Place]) -> None:
+    def _refuse(self, one: Forbidden, known: Mapping[Slot, Known]) -> None:
         """Raise for the first objects for which the condition holds, if there are any."""
-        names, definitions = self._definitions.objects.live, self._definitions
+        definitions = self.definitions
         part = replaced(one.part, {**known}, count(1_000_000))
         columns = [Column("", each) for each in one.bound if each.slot not in known]
         statement = self._question(definitions).answers(part, columns, {}, True)
-        found = run(self._session, statement, kb=self._kb_id, at=None, given={"most": 1})[1:]
+        found = self._run(statement, most=1)[1:]
         if not found:
             return
-        ids = [Known(id_) for id_ in found[0][1:]]
-        known |= {each.bound.slot: id_ for each, id_ in zip(columns, ids, strict=False)}
-        own = [known[each.slot].id for each in one.bound[: len(one.variables)]]  # type: ignore[union-attr]
-        instance = substitute(one.formula, bound(one.variables, [names(id_).name for id_ in own]))
-        part = replaced(one.part, {**known}, count(1_000_000))
+        slots = [each.bound.slot for each in columns]
+        ids = {**known, **dict(zip(slots, map(Known, found[0][1:]), strict=False))}
+        quantified = one.bound[: len(one.variables)]
+        own = [definitions.objects.live(ids[each.slot].id) for each in quantified]
+        instance = substitute(one.formula, bound(one.variables, [each.name for each in own]))
+        part = replaced(one.part, {**ids}, count(1_000_000))
         parts = part.parts if isinstance(part, AllOf) else (part,)
-        said = ", ".join(sorted(filter(None, (self._text(each) for each in parts))))
+        said = ", ".join(sorted({*filter(None, (_text(definitions, each) for each in parts))}))
         raise RuleViolatedError(
             f"rule {one.rule.name!r} refuses this: {instance} would be violated"
             f"{f' by {said}' if said else ''}; nothing was written: change in the same "
@@ -345,12 +334,16 @@ class _Ask:
             str(instance),
         )
 
-    def _text(self, part: Part) -> str | None:
-        """Write a fact, or that one lacks; None for what is no fact of objects."""
-        fact = part.part if isinstance(part, Lacks) else part
-        if not isinstance(fact, HoldsFact) or any(isinstance(one, Slot) for one in fact.terms):
-            return None
-        live = self._definitions.objects.live
-        names = [live(one.id).name for one in fact.terms if isinstance(one, Known)]
-        text = " ".join([self._definitions.predicates.live(fact.predicate).name, *names])
-        return f"(not ({text}))" if isinstance(part, Lacks) else f"({text})"
+
+def _text(definitions: Definitions, part: Part) -> str | None:
+    """Write a fact, or that one lacks; None for what is no fact of objects."""
+    if isinstance(part, Lacks):
+        text = _text(definitions, part.part)
+        return text and f"(not {text})"
+    if not isinstance(part, HoldsFact):
+        return None
+    names = [
+        definitions.objects.live(each.id).name for each in part.terms if isinstance(each, Known)
+    ]
+    name = definitions.predicates.live(part.predicate).name
+    return atom_text(name, names) if len(names) == len(part.terms) else None
