@@ -459,7 +459,7 @@ def find_broken(store: Store, running: Iterable[Execution]) -> list[BrokenInvari
             try:
                 of_step = ground(view.definitions, step)
             except InvalidKnowledgeError as error:  # What it names is gone.
-                found.append((step, FailedCondition(str(step), str(error))))
+                found.append((step, FailedCondition("the step", str(error))))
                 continue
             nodes = closed_nodes(of_step, OVER_ALL) if of_step.action.is_durative else []
             numbers = {} if step.duration is None else {f.DURATION: step.duration}

@@ -8,11 +8,12 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from .. import html
@@ -191,26 +192,25 @@ class Executive:
         self._running: dict[Key, Execution] = {}
         self._dispatched: dict[Key, Execution] = {}
         self._threads: list[threading.Thread] = []
-        # Whoever holds it begins or ends a step, or looks at those that run.
-        self._lock = threading.Lock()
-        self._wake, self._is_over = threading.Event(), threading.Event()
-        self._pause: float | None = None
+        # What other threads have this one do; it waits for that, for as long as the pause.
+        self._asked: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self._pause: float | None = 0
+        self._is_over = threading.Event()
         self._waits_since: float | None = None
         self._end: tuple[Outcome, Execution | None, tuple[BrokenInvariant, ...]] | None = None
-        self._is_cancelled = False
-        self._error: BaseException | None = None
+        self._error: Exception | None = None
 
     def run(self) -> ExecutedPlan:
         """Execute the plan, in this thread and one for each step that runs."""
         self._begun = time.monotonic()
         self._thread(self._watch, head_revision(self._store))
         try:
+            self._do_what_is_asked()
             while not self._look():
-                self._wake.wait(self._pause)
-                self._wake.clear()
+                self._do_what_is_asked()
         except BaseException:
             # The store may be gone; then what ran is recorded as running.
-            with suppress(KantSqlError), self._lock:
+            with suppress(KantSqlError):
                 self._stop(None)
             raise
         finally:
@@ -226,8 +226,13 @@ class Executive:
 
     def give_up(self) -> None:
         """End the plan: what runs is aborted."""
-        self._is_cancelled = True
-        self._wake.set()
+        self._asked.put(partial(self._stop, None))
+
+    def _do_what_is_asked(self) -> None:
+        with suppress(Empty):
+            self._asked.get(timeout=self._pause)()
+            while True:
+                self._asked.get_nowait()()
 
     def _thread(self, work: Callable[..., None], *given: object) -> threading.Thread:
         run = partial(contextvars.copy_context().run, work, *given)
@@ -241,25 +246,19 @@ class Executive:
             while not self._is_over.is_set():
                 found = watch_until(self.state, after, None, self._is_over.is_set)
                 after = after if found is None else found
-                self._wake.set()
+                self._asked.put(bool)  # It looks.
         except Exception as error:
-            if not self._is_over.is_set():
-                self._break(error)
-
-    def _break(self, error: BaseException) -> None:
-        self._error = error
-        self._wake.set()
+            failed: futures.Future[None] = futures.Future()
+            failed.set_exception(error)
+            self._asked.put(failed.result)
 
     def _look(self) -> bool:
         """Look at what runs, begin what can; return whether the plan is over."""
-        with self._lock:
-            if self._is_cancelled or self._error is not None:
-                self._stop(None)
-            if self._running and self._end is None:
-                self._look_at_running()
-            while self._end is None and self._begins():
-                pass
-            return self._end is not None or not (self._left or self._running)
+        if self._running and self._end is None:
+            self._look_at_running()
+        while self._end is None and self._begins():
+            pass
+        return self._end is not None or not (self._left or self._running)
 
     def _look_at_running(self) -> None:
         running = {key_of(step) for step in running_executions(self._store)}
@@ -303,21 +302,23 @@ class Executive:
         self._threads.append(self._thread(self._perform, begun))
         return True
 
-    def _broken(
-        self, step: Execution, error: NotApplicableError | RuleViolatedError
-    ) -> tuple[BrokenInvariant, ...]:
-        """Find out who broke what a step needs."""
-        if isinstance(error, RuleViolatedError):
-            said = f"rule {error.rule!r} refuses the effects"
-            all_failed: Sequence[FailedCondition] = [FailedCondition(error.instance, said)]
-        else:
-            all_failed = error.unsatisfied
-        return tuple(
-            [BrokenInvariant(step, each, broken_since(self._store, each)) for each in all_failed]
+    def _broken(self, step: Execution, error: KantSqlError) -> tuple[BrokenInvariant, ...]:
+        """Find out what refuses a step, and who broke what it needs."""
+        if not isinstance(error, NotApplicableError):
+            failed = FailedCondition("the step", str(error))
+            if isinstance(error, RuleViolatedError):
+                why = f"rule {error.rule!r} refuses the effects"
+                failed = FailedCondition(error.instance, why)
+            return (BrokenInvariant(step, failed, None),)
+        # That the step itself runs is no condition.
+        since = (
+            None if each.condition == str(step) else broken_since(self._store, each)
+            for each in error.unsatisfied
         )
+        return tuple(map(partial(BrokenInvariant, step), error.unsatisfied, since))
 
     def _perform(self, step: Execution) -> None:
-        """Do a step, and record what came of it."""
+        """Do a step, and have recorded what came of it."""
         try:
             said = _Said("failed", text="dispatch returned False")
             if self.dispatch(step) is not False:
@@ -327,12 +328,7 @@ class Executive:
         except BaseException as error:  # Nobody else waits for this thread.
             said = _failure(error)
         del self._dispatched[key_of(step)]
-        try:
-            with self._lock:
-                self._conclude(step, said)
-        except BaseException as error:
-            self._break(error)
-        self._wake.set()
+        self._asked.put(partial(self._conclude, step, said))
 
     def _conclude(self, step: Execution, said: _Said) -> None:
         key = key_of(step)
@@ -344,11 +340,10 @@ class Executive:
                 found = self._store.read_definitions(lambda known: ground(known, step))
                 finish = end if found.action.is_durative else apply
                 finish(self.state, step, reason=self.reason)
-            except (NotApplicableError, RuleViolatedError) as error:
+            except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
                 self._fail(step, self._broken(step, error))
                 return
-            except (InvalidKnowledgeError, PlanError) as error:
-                # What it names is gone, or somebody else has ended it just now.
+            except PlanError as error:  # Somebody else has ended it just now.
                 self._stop(step, said=_failure(error))
                 return
         elif now.outcome != SUCCEEDED:
