@@ -278,8 +278,8 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     ) -> int:
         self._check_writable()
         within = None if not_within is None else period(not_within, "not_within")
-        is_one = isinstance(facts, PddlPropositionDto | str | Node)
-        wanted: Any = [facts] if is_one else facts
+        several = isinstance(facts, Iterable) and not isinstance(facts, str | bytes)
+        wanted: Any = facts if several else [facts]
         confirmed = 0
         with self._open_store.transaction() as transaction:
             for batch in batches(wanted):

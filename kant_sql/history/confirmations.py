@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from datetime import datetime
 from functools import cache
 from typing import Any
 
@@ -19,14 +20,12 @@ from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_
 from ..store.state import State
 from ..store.store import Store
 from .moments import find_bounds, last_until
-from .revisions import LARGEST, Version, at_most
+from .revisions import LARGEST, Version, at_most, read_numbered
 from .versions import actor_of, had_effect, last_confirmation, make_versions
 
-_ONE: Any = literal_column("1")
 _FACT = VERSION_COLUMNS[PROPOSITION]
 _HELD = _FACT.version
 _OUTCOME, _LINK = table_of(t.ExecutionVersionRow).c, table_of(t.RevisionExecutionRow).c
-_REVISION = table_of(t.RevisionRow).c
 # With more acts, what holds is compared with them, and else they with what holds.
 FEW = 1_000
 
@@ -170,10 +169,9 @@ def _find(
 
 
 _UPTO = Query(select(last_until("moment")))
-_TIME = Query(select(_REVISION.committed_at).where(_REVISION.kb_id == KB, _REVISION.number == THEN))
 
 
-def _now(store: Store, session: Session, kb_id: int, at: int | None) -> Any:
+def _now(store: Store, session: Session, kb_id: int, at: int | None) -> datetime:
     """Return what time it is, or was when a past state was committed."""
-    row = None if at is None else session.first(_TIME, kb=kb_id, at=at)
-    return store.clock(session) if row is None else session.to_time(row[0])
+    then = read_numbered(session, kb_id, [at] if at else [])
+    return then[at].committed_at if at in then else store.clock(session)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -75,6 +78,9 @@ def test_what_does_not_hold_cannot_be_confirmed(kb: KnowledgeBase) -> None:
         for wrong in (-1, True, "soon", float("nan")):
             with pytest.raises(InvalidArgumentError, match="not_within"):
                 kb.propositions.confirm(AT_ROOM, not_within=wrong)  # type: ignore[arg-type]
+        for odd in (3, None, b"(at rb1 room)", [3]):
+            with pytest.raises(InvalidKnowledgeError, match="a fact"):
+                kb.propositions.confirm(odd)  # type: ignore[arg-type]
         with pytest.raises(ReadOnlyError):
             kb.at(kb.revision).propositions.confirm(AT_ROOM)
 
@@ -284,18 +290,55 @@ def test_the_statements_do_not_grow_with_the_rows(kb: KnowledgeBase) -> None:
     contradict("hall", "room")
     apply(kb, "(move rb2 hall room)")
     assert counts() == before
-    # Nothing of it is on the way of who does not use it.
-    assert not any("confirmation" in sql for sql in statements_of(kb))
 
 
-def statements_of(kb: KnowledgeBase) -> list[str]:
+SAVED = ["revision", "proposition", "proposition_argument", "proposition_version", "head"]
+CHANGED = ["revision", "proposition_version", "head"]
+WRITTEN: dict[str, tuple[Callable[[KnowledgeBase], Any], int, list[str]]] = {
+    "a new fact": (lambda kb: kb.propositions.save("(clean hall)"), 2, SAVED),
+    "one that holds": (lambda kb: kb.propositions.save(AT_ROOM), 1, []),
+    "several": (lambda kb: kb.propositions.save_all([AT_ROOM, "(clean room)"]), 2, SAVED),
+    "a deletion": (lambda kb: kb.propositions.delete(AT_ROOM), 1, CHANGED),
+    "an act": (
+        lambda kb: kb.apply("(move rb1 room hall)"),
+        2,
+        [
+            *CHANGED,
+            *["proposition_version", "execution", "execution_argument", "execution_version"],
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("what", WRITTEN)
+def test_nothing_of_it_is_on_the_way_of_who_does_not_use_it(kb: KnowledgeBase, what: str) -> None:
+    call, reads, written = WRITTEN[what]
     with recorded() as found:
-        kb.propositions.save("(clean hall)")
-        kb.propositions.save("(clean hall)")
-        kb.apply("(sweep room)")
-        kb.apply("(move rb1 room hall)")
-    assert found
-    return [*found]
+        call(kb)
+    tables = [re.match(r"(?:INSERT INTO|COPY|UPDATE) (\w+)", sql) for sql in found]
+    assert sorted(table[1] for table in tables if table) == sorted(written)
+    assert len(found) - len(written) == reads
+
+
+def test_confirmations_are_changes_that_can_be_followed(kb: KnowledgeBase) -> None:
+    before = kb.revision
+    confirm(kb, AT_ROOM, "(at rb2 hall)")
+    assert kb.watch(before, timeout=0) == before + 1
+    [entry] = kb.changes(before)
+    assert (entry.revision.number, entry.revision.actor) == (before + 1, "camera")
+    expected = {("+", "confirmation", AT_ROOM), ("+", "confirmation", "(at rb2 hall)")}
+    assert {(one.sign, one.kind, one.text) for one in entry.changes} == expected
+    confirm(kb, AT_ROOM, not_within=60)
+    assert kb.watch(before + 1, timeout=0) is None
+
+
+def test_writers_at_once_of_one_actor_confirm_once(kb: KnowledgeBase) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        made = [pool.submit(confirm, kb, AT_ROOM, not_within=60) for _ in range(8)]
+        assert sum(one.result() for one in made) == 1
+    assert confirm(kb, AT_ROOM, actor="Kämera 📷", not_within=60) == 1
+    assert confirm(kb, AT_ROOM, actor="Kämera 📷", not_within=60) == 0
+    assert kb.store.verify().is_intact
 
 
 ALTERED = (

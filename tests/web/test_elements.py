@@ -72,6 +72,25 @@ def test_a_fact_says_what_it_led_to_and_each_link_can_be_followed(filled: Filled
     assert "/fact?kb=courier&amp;text=%28shut%29" in page
 
 
+def test_a_fact_says_of_which_act_it_is_an_effect_and_who_confirmed_it(filled: Filled) -> None:
+    kb, client = filled
+    kb.load_domain("(define (domain day) (:predicates (lit)) (:action light :effect (lit)))")
+    kb.apply("(light)")
+    [done] = kb.executions.get_all()
+
+    def lead() -> str:
+        page = client.get("/fact", params={"kb": "courier", "text": "(lit)"}).text
+        return page[page.index('class="lead"') :].split("</p>")[0]
+
+    assert f"execution {done.id}</a>. Not confirmed." in lead()
+    with kb.transaction(actor="camera 4"):
+        kb.propositions.confirm("(lit)")
+    confirmed = lead().split("Confirmed last in")[1]
+    assert "camera 4" in confirmed
+    [version] = get(client, "/fact", text="(lit)")["versions"]
+    assert (version["acts"], version["confirmed"]["actor"]) == ([done.id], "camera 4")
+
+
 def test_the_first_line_of_a_fact_says_who_when_and_why(client: TestClient) -> None:
     page = client.get("/fact", params={"kb": "courier", "text": "(robot_at rb2 t4)"}).text
     lead = page[page.index('class="lead"') :].split("</p>")[0]
