@@ -30,14 +30,8 @@ from kant_sql.errors import (
     UnknownNameError,
     reading_rows,
 )
-from kant_sql.export.files import Exported, bound, check_target, encoded, folder_name, new_folder
-from kant_sql.export.snapshot import (
-    KnowledgeBaseState,
-    StoreSnapshot,
-    Window,
-    check_window,
-    open_snapshot,
-)
+from kant_sql.export.files import Exported, encoded, folder_name, new_export
+from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.moment_text import When
 from kant_sql.pddl.cursor import hint
@@ -118,30 +112,21 @@ def export_transitions(
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
     """
-    target = check_target(to, knowledge_base, replace, progress)
     chosen = _Chosen(names, elements)
-    first, last = check_window(since, until, knowledge_base)
     _import_mcap()
-    with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
-        states = snapshot.chosen(knowledge_base)
-        chosen.check([_names_ever(snapshot.session, snapshot.ids[state.name]) for state in states])
-        whole, done = sum(state.revision for state in states), 0
-        for state in states:
-            window = snapshot.window(state, first, last) or (1, state.revision)
+    with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
+        snapshot, done = export.snapshot, 0
+        kb_ids = [snapshot.ids[state.name] for state, _ in export.windows]
+        chosen.check([_names_ever(snapshot.session, kb_id) for kb_id in kb_ids])
+        for state, window in export.each():
             path = f"{folder_name(state.name)}/{CONTENT}.{FORMAT}"
-            with folder.new_file(path, state, CONTENT) as made:
+            with export.folder.new_file(path, state, CONTENT) as made:
                 recording = _Recording(made.file, state, chosen)
                 for revision in recording.run(snapshot, window):
-                    if progress is not None:
-                        progress(min(done + revision, whole), whole)
+                    export.tell(done + revision)
                 made.rows = recording.messages
             done += state.revision
-        files = tuple(folder.files)
-        exported = Exported(
-            str(target), FORMAT, snapshot.label, bound(first), bound(last), tuple(states), files
-        )
-        folder.finish(exported, old)
-    return exported
+    return export.exported
 
 
 def _import_mcap() -> Any:

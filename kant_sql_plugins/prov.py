@@ -17,8 +17,7 @@ import kant_sql
 from kant_sql.acts import Execution
 from kant_sql.dao.interfaces import Progress
 from kant_sql.errors import ExtraMissingError, InvalidArgumentError
-from kant_sql.export.files import Exported, bound, check_target, encoded, folder_name, new_folder
-from kant_sql.export.snapshot import check_window, open_snapshot
+from kant_sql.export.files import Exported, encoded, folder_name, new_export
 from kant_sql.history.revisions import LogEntry
 from kant_sql.knowledge_base import KnowledgeBase, state_of
 from kant_sql.moment_text import When
@@ -72,32 +71,21 @@ def export_provenance(
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
     """
-    target = check_target(to, knowledge_base, replace, progress)
     if names is not None or elements is not None:
         raise InvalidArgumentError("provenance is whole; leave names and elements out")
-    first, last = check_window(since, until, knowledge_base)
     document_class = _import_prov()
-    with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
-        states = snapshot.chosen(knowledge_base)
-        whole, done = sum(state.revision for state in states), 0
-        for state in states:
-            low, high = snapshot.window(state, first, last) or (1, state.revision)
+    with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
+        for state, (low, high) in export.each():
             path = f"{folder_name(state.name)}/provenance.json"
             with (
                 kant_sql.connect(url, knowledge_base=state.name, read_only=True) as kb,
-                folder.new_file(path, state, "provenance") as made,
+                export.folder.new_file(path, state, "provenance") as made,
             ):
                 document = document_class()
-                writer = _Provenance(document, kb.at(high), state.name)
-                made.rows = writer.add(low, high)
+                if low <= high:
+                    made.rows = _Provenance(document, kb.at(high), state.name).add(low, high)
                 made.file.write(document.serialize(format="json").encode())
-            done += state.revision
-            if progress is not None:
-                progress(done, whole)
-        said, files = (bound(first), bound(last)), tuple(folder.files)
-        exported = Exported(str(target), FORMAT, snapshot.label, *said, tuple(states), files)
-        folder.finish(exported, old)
-    return exported
+    return export.exported
 
 
 def _import_prov() -> Any:

@@ -18,14 +18,8 @@ import kant_sql
 from kant_sql.dao.interfaces import Progress
 from kant_sql.dto.lexical import NUMBER
 from kant_sql.errors import InvalidArgumentError
-from kant_sql.export.files import Exported, Folder, bound, check_target, folder_name, new_folder
-from kant_sql.export.snapshot import (
-    KnowledgeBaseState,
-    StoreSnapshot,
-    Window,
-    check_window,
-    open_snapshot,
-)
+from kant_sql.export.files import Exported, Folder, folder_name, new_export
+from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
 from kant_sql.moment_text import When
 from kant_sql.sql.audit_views import BOUNDS
 from kant_sql.sql.dialects.base import Row
@@ -103,36 +97,24 @@ def export_trajectories(
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
     """
-    target = check_target(to, knowledge_base, replace, progress)
     if names is not None or elements is not None:
         raise InvalidArgumentError("a trajectory has whole states; leave names and elements out")
-    first, last = check_window(since, until, knowledge_base)
-    with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
-        states = snapshot.chosen(knowledge_base)
-        whole, done = sum(state.revision for state in states), 0
-        for state in states:
-            window = snapshot.window(state, first, last) or (1, state.revision)
-            _write_documents(url, folder, state)
-            transitions = _read_transitions(snapshot, state, window)
+    with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
+        for state, window in export.each():
+            _write_documents(url, export.folder, state)
+            transitions = _read_transitions(export.snapshot, state, window)
             for number, chain in enumerate(_chains(transitions), 1):
                 path = f"{folder_name(state.name)}/{number}.{FORMAT}"
-                with folder.new_file(path, state, "executions") as made:
+                with export.folder.new_file(path, state, "executions") as made:
                     for made.rows, line in enumerate(chain):
                         made.file.write(line.encode())
                     made.file.write(b")\n")
-            done += state.revision
-            if progress is not None:
-                progress(done, whole)
-        said = bound(first), bound(last)
-        files = tuple(folder.files)
-        exported = Exported(str(target), FORMAT, snapshot.label, *said, tuple(states), files)
-        folder.finish(exported, old)
-    return exported
+    return export.exported
 
 
 def _write_documents(url: str, folder: Folder, state: KnowledgeBaseState) -> None:
     """Write the domain and the objects as they are at the end."""
-    with kant_sql.connect(url, knowledge_base=state.name) as kb:
+    with kant_sql.connect(url, knowledge_base=state.name, read_only=True) as kb:
         past = kb.at(state.revision)
         for name, written in (("domain", past.domain_pddl()), ("problem", past.problem_pddl())):
             path = f"{folder_name(state.name)}/{name}.pddl"

@@ -351,24 +351,75 @@ def export_store(
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
     """
-    target = check_target(to, knowledge_base, replace, progress)
     one_of(format, FORMATS, "the format", InvalidArgumentError)
     chosen = _chosen_views(views)
-    first, last = check_window(since, until, knowledge_base)
     import_arrow()
+    with new_export(url, format, to, knowledge_base, since, until, replace, progress) as export:
+        for done in _write_views(export, format, chosen):
+            export.tell(done, len(chosen))
+    return export.exported
+
+
+class Export:
+    """An export that is being written.
+
+    Attributes:
+        snapshot: the store, as it was.
+        folder: where the files go.
+        windows: the knowledge bases, each with the revisions that are wanted, from first to last.
+        exported: what was written, once all is.
+    """
+
+    exported: Exported
+
+    def __init__(
+        self,
+        snapshot: StoreSnapshot,
+        folder: Folder,
+        windows: list[tuple[KnowledgeBaseState, Window | None]],
+        progress: Progress | None,
+    ) -> None:
+        self.snapshot, self.folder, self.windows = snapshot, folder, windows
+        self._progress = progress
+
+    def each(self) -> Iterator[tuple[KnowledgeBaseState, Window]]:
+        """Yield the knowledge bases one by one, and tell when each is done."""
+        done = 0
+        for state, window in self.windows:
+            yield state, window or (1, state.revision)
+            done += state.revision
+            self.tell(done)
+
+    def tell(self, done: int, times: int = 1) -> None:
+        """Tell how many revisions are done, of all so many times."""
+        if self._progress is not None:
+            whole = times * sum(state.revision for state, _ in self.windows)
+            self._progress(min(done, whole), whole)
+
+
+@contextmanager
+def new_export(
+    url: str,
+    format: str,
+    to: object,
+    knowledge_base: str | None,
+    since: When | None,
+    until: When | None,
+    replace: bool,
+    progress: Progress | None,
+) -> Iterator[Export]:
+    """Prepare an export of one snapshot of a store, which is whole once the block is left."""
+    target = check_target(to, knowledge_base, replace, progress)
+    bounds = check_window(since, until, knowledge_base)
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
         states = snapshot.chosen(knowledge_base)
-        windows = [(state, snapshot.window(state, first, last)) for state in states]
-        whole = sum(state.revision for state in states) * len(chosen)
-        for done in _write_views(snapshot, folder, format, windows, chosen):
-            if progress is not None:
-                progress(done, whole)
-        files = tuple(folder.files)
-        exported = Exported(
-            str(target), format, snapshot.label, bound(first), bound(last), tuple(states), files
-        )
-        folder.finish(exported, old)
-    return exported
+        windows = [(state, snapshot.window(state, *bounds)) for state in states]
+        export = Export(snapshot, folder, windows, progress)
+        yield export
+        first, last = map(bound, bounds)
+        said = tuple(states), tuple(folder.files)
+        export.exported = Exported(str(target), format, snapshot.label, first, last, *said)
+        folder.finish(export.exported, old)
 
 
 def check_target(to: object, knowledge_base: object, replace: object, progress: object) -> Path:
@@ -390,22 +441,16 @@ def _chosen_views(names: Sequence[str] | None) -> list[AuditView]:
     return [*{view.name: view for view in found}.values()]
 
 
-def _write_views(
-    snapshot: StoreSnapshot,
-    folder: Folder,
-    format: str,
-    windows: Iterable[tuple[KnowledgeBaseState, Window | None]],
-    views: Iterable[AuditView],
-) -> Iterator[int]:
+def _write_views(export: Export, format: str, views: Iterable[AuditView]) -> Iterator[int]:
     """Write views to files; yield how much of all is done: revisions, once for each view."""
     done = 0
-    for (state, window), view in product(windows, views):
+    for (state, window), view in product(export.windows, views):
         path = f"{view.name}/{folder_name(state.name)}/{view.name}.{format}"
         with (
-            folder.new_file(path, state, view.name) as made,
+            export.folder.new_file(path, state, view.name) as made,
             WRITERS[format](made.file, arrow_schema(view)) as write,
         ):
-            for batch in snapshot.batches(view, state, window):
+            for batch in export.snapshot.batches(view, state, window):
                 write(batch)
                 made.rows += batch.num_rows
                 yield done + _revision_of(view, batch)

@@ -496,6 +496,9 @@ class _Tracer:
                 if head != target.literal[:2]:
                     continue
                 row = target.literal.row
+                # It may be of an arity that is no more, or never was.
+                if terms is not None and len(terms) != len(row):
+                    continue
                 pairs = [] if terms is None else [*zip(terms, row, strict=True)]
                 if any(isinstance(term, Known) and term.id != id_ for term, id_ in pairs):
                     continue
@@ -609,7 +612,9 @@ def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[Place, ...] | 
     return found
 
 
-def consequences(state: State, element: Element, *, depth: int = 1, limit: int = 50) -> CauseLinks:
+def consequences(
+    state: State, element: Element, *, depth: int = 1, limit: int | None = 50
+) -> CauseLinks:
     """Find what a fact or a value led to: the acts, plans and derived facts that used it.
 
     An act used a version of it if the version was so when its condition held, and the truth of
@@ -619,7 +624,7 @@ def consequences(state: State, element: Element, *, depth: int = 1, limit: int =
     Args:
         element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
         depth: how far to follow what the acts changed; 1 for what used the element itself.
-        limit: the most links, the newest of each level first.
+        limit: the most links, the newest of each level first; None for all.
 
     Returns:
         What used it, the nearest first.
@@ -641,14 +646,16 @@ def consequences(state: State, element: Element, *, depth: int = 1, limit: int =
     return _trace(state, element, depth, limit, trace)
 
 
-def origins(state: State, element: Element, *, depth: int = 10, limit: int = 100) -> CauseLinks:
+def origins(
+    state: State, element: Element, *, depth: int = 10, limit: int | None = 100
+) -> CauseLinks:
     """Find what a fact or a value goes back to: acts, observations and documents.
 
     Args:
         element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
             It is asked for as it is now, or else as it was last.
         depth: how far to go back from acts to what they used.
-        limit: the most links, the newest of each level first.
+        limit: the most links, the newest of each level first; None for all.
 
     Returns:
         What made it, and what that used, the nearest first. A literal that is in `used` and in no
@@ -674,12 +681,13 @@ def _trace(
     state: State,
     element: Element,
     depth: int,
-    limit: int,
+    limit: int | None,
     trace: Callable[[_Tracer, _Sought], None],
 ) -> CauseLinks:
     """Find links within one snapshot."""
     whole_number(depth, "depth", least=1, expected="a whole number from 1 on")
-    most = at_most(limit)
+    # One more is read, to know whether there are more.
+    most = min(at_most(limit), LARGEST - 1)
 
     def work(view: View) -> CauseLinks | None:
         if view.kb_id is None:

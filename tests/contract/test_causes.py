@@ -164,6 +164,21 @@ def test_of_many_acts_the_newest_are_searched(
     assert acts(kb.at(found.searched), "(lit lab)")
 
 
+def test_facts_of_an_arity_that_is_not_that_of_the_predicate_led_to_nothing(
+    kb: KnowledgeBase,
+) -> None:
+    for element in ("(at rb1)", "(way hall)", "(battery)", "(not (at rb1))"):
+        assert kb.consequences(element, depth=2).links == kb.origins(element).links == ()
+
+
+def test_links_without_a_limit(kb: KnowledgeBase) -> None:
+    for limit in (None, 10**30):
+        found = kb.consequences("(at rb1 lab)", limit=limit)
+        assert len(found) == 2
+        assert not found.has_more
+        assert len(kb.origins("(seen lab)", limit=limit)) == len(kb.origins("(seen lab)"))
+
+
 def test_what_is_no_fact_is_refused(kb: KnowledgeBase) -> None:
     for wrong in ("rb1", "(and (at rb1 hall) (at rb1 lab))", "(or (at rb1 hall))"):
         with pytest.raises(InvalidKnowledgeError, match="is not a fact or a fluent"):

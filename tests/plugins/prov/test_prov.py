@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -70,3 +71,16 @@ def test_a_range_names_what_began_before_it(url: str, tmp_path: Path) -> None:
     assert ("(look)", "(open)") in said(document, model.ProvInvalidation, 1, 0)
     with pytest.raises(InvalidArgumentError, match="is whole"):
         export_provenance(url, to=tmp_path / "other", names=["open"])
+
+
+def test_a_range_without_revisions_is_an_empty_document(url: str, tmp_path: Path) -> None:
+    windows: list[dict[str, Any]] = [
+        {"since": datetime(2100, 1, 1, tzinfo=UTC)},
+        {"until": datetime(1990, 1, 1, tzinfo=UTC)},
+        {"knowledge_base": "ward", "since": 4, "until": 2},
+    ]
+    for number, given in enumerate(windows):
+        folder = tmp_path / str(number)
+        exported = export_provenance(url, to=folder, **given)
+        assert [file.rows for file in exported.files] == [0]
+        assert not [*read(folder).get_records()]
