@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any, NamedTuple
 
@@ -207,6 +207,8 @@ class _Evaluation:
         self._view = view
         self._session, self._kb_id = view.session, view.kb_id
         self._reader = PastReader(view.session, view.kb_id)
+        # Since when the definitions of the view are as they are.
+        self._epoch: int | None = None
 
     def run(self, jobs: Sequence[_Job]) -> list[_Used]:
         """Return for each job what each of its parts used, with the texts of literals."""
@@ -238,10 +240,10 @@ class _Evaluation:
         """Yield definitions with the revisions at which they were so, the newest first."""
         session, kb_id, at = self._session, self._kb_id, self._view.at
         definitions, rest = self._view.definitions, [*revisions]
-        is_now = at is None
-        epoch = read_definition_revision(session, kb_id) if at is None else LARGEST
-        if not is_now and rest:
-            epoch = last_change(session, kb_id, at or 0)
+        if self._epoch is None:
+            now = read_definition_revision
+            self._epoch = now(session, kb_id) if at is None else last_change(session, kb_id, at)
+        epoch = self._epoch
         while rest:
             if rest[0] < epoch:
                 epoch = last_change(session, kb_id, rest[0])
@@ -403,18 +405,16 @@ def _find(view: View, element: Element, at: int) -> _Sought | None:
 
 # The texts of the literals that an execution, a step of a plan or a derived fact used.
 _Texts = dict[Any, dict[str, None]]
+# Links, each after the number of its revision, which is read in the end; 0: of none.
+_Links = list[tuple[int, CauseLink]]
 _EXECUTION, _DERIVED = "execution", "derived fact"
 
 
-class _Found(NamedTuple):
-    """A link that is to be added."""
-
-    revision: int
-    kind: str
-    id: str | None
-    text: str
-    used: dict[str, None]
-    made: dict[str, None]
+def _link(
+    depth: int, kind: str, id_: str | None, text: str, used: Iterable[str], made: Iterable[str]
+) -> CauseLink:
+    """Make a link whose revision is not read yet."""
+    return CauseLink(depth, kind, id_, text, None, tuple(used), tuple(made))
 
 
 class _Tracer:
@@ -427,15 +427,17 @@ class _Tracer:
         self.at = position.head if state.at is None else state.at
         self.archived = position.archived
         self.limit = limit
-        self.links: list[CauseLink] = []
+        self.links: _Links = []
         self.searched = 0
         self._reader = ExecutionReader(state.store, view, view.kb_id)
         self._evaluation = _Evaluation(view)
 
     def result(self, text: str) -> CauseLinks:
         """Return the links that were found, up to the limit."""
-        has_more = len(self.links) > self.limit
-        return CauseLinks(text, tuple(self.links[: self.limit]), self.searched or None, has_more)
+        shown = self.links[: self.limit]
+        revisions = read_numbered(self.session, self.kb_id, {one for one, _ in shown if one})
+        links = tuple(replace(link, revision=revisions.get(number)) for number, link in shown)
+        return CauseLinks(text, links, self.searched or None, self.is_full)
 
     @property
     def is_full(self) -> bool:
@@ -517,30 +519,25 @@ class _Tracer:
             text = one.text if one.holds else f"(not {one.text})"
             target = _Target(Literal(*one.atom, one.holds), one.revision, one.until, text)
             made[one.revision].append(target)
-        targets, found = list[_Target](), list[_Found]()
+        targets, found = list[_Target](), _Links()
         for key, texts in used.items():
             if key in done:
                 own = [one for number in done[key] for one in made[number]]
                 targets += own
                 changed = dict.fromkeys(one.text for one in own)
-                act = str(acts[key])
-                found.append(_Found(done[key][0], _EXECUTION, acts[key].id, act, texts, changed))
+                what = _EXECUTION, acts[key].id, str(acts[key])
+                found.append((done[key][0], _link(level, *what, texts, changed)))
             elif key in planned:
-                act = str(acts[key])
-                found.append(_Found(planned[key], "plan", str(key[0]), act, texts, {}))
+                what = "plan", str(key[0]), str(acts[key])
+                found.append((planned[key], _link(level, *what, texts, ())))
             else:
-                found.append(_Found(0, _DERIVED, None, str(key), texts, {str(key): None}))
-        self._add(level, found)
+                found.append((0, _link(level, _DERIVED, None, key, texts, [key])))
+        self._add(found)
         return targets
 
-    def _add(self, level: int, found: list[_Found]) -> None:
+    def _add(self, found: _Links) -> None:
         """Add links, the newest first."""
-        numbers = {one.revision for one in found if one.revision}
-        revisions = read_numbered(self.session, self.kb_id, numbers)
-        found.sort(key=lambda one: -one.revision)
-        for number, kind, id_, text, used, made in found:
-            own = revisions.get(number), tuple(used), tuple(made)
-            self.links.append(CauseLink(level, kind, id_, text, *own))
+        self.links += sorted(found, key=lambda one: -one[0])
 
     # What it goes back to.
 
@@ -575,20 +572,20 @@ class _Tracer:
             for _, literals in parts:
                 # The first literal of a fact is that fact.
                 used[owner] += literals[isinstance(job, _FactJob) :]
-        found = []
+        found = _Links()
         for number in made.keys() - {number for number, _ in acted} - {0}:
             kind = "document" if number in loaded else "observation"
             text = loaded.get(number) or " ".join(made[number])
-            found.append(_Found(number, kind, None, text, {}, made[number]))
+            found.append((number, _link(depth, kind, None, text, (), made[number])))
         for number, key in acted:
             texts = dict.fromkeys(one.text for one in used[number, key])
-            own = acts[key].id, str(acts[key])
-            found.append(_Found(number, _EXECUTION, *own, texts, made[number]))
+            what = _EXECUTION, acts[key].id, str(acts[key])
+            found.append((number, _link(depth, *what, texts, made[number])))
         for one in level:
             if used.get(one):
                 texts = dict.fromkeys(each.text for each in used[one])
-                found.append(_Found(0, _DERIVED, None, one.text, texts, {one.text: None}))
-        self._add(depth, found)
+                found.append((0, _link(depth, _DERIVED, None, one.text, texts, [one.text])))
+        self._add(found)
         return [one for own in used.values() for one in own]
 
     def _run(self, jobs: list[tuple[Any, _Job]]) -> list[_Used]:

@@ -187,21 +187,24 @@ class PastReader:
         self._session = session
         self._kb_id = kb_id
         self._ids: dict[Atom, int | None] = {}
+        # What was read; None: nothing.
+        self._held: dict[tuple[Atom, int], HeldVersion | None] = {}
 
     def versions(self, wanted: Collection[tuple[Atom, int]]) -> dict[tuple[Atom, int], HeldVersion]:
         """Read the last version of each atom up to a revision, which may have ended before."""
-        self._find({atom for atom, _ in wanted})
-        found: dict[tuple[Atom, int], HeldVersion] = {}
+        missing = [one for one in wanted if one not in self._held]
+        self._held |= dict.fromkeys(missing)
+        self._find({atom for atom, _ in missing})
         for is_fact in (True, False):
             places: defaultdict[tuple[int, int], list[Atom]] = defaultdict(list)
-            for atom, at in wanted:
+            for atom, at in missing:
                 id_ = self._ids[atom] if atom[0] == is_fact else None
                 if id_ is not None:
                     places[id_, at].append(atom)
             for id_, at, since, until, *value in self._rows(is_fact, False, places):
                 held = HeldVersion(since, until, _value(*value))
-                found |= {(atom, at): held for atom in places[id_, at]}
-        return found
+                self._held |= {(atom, at): held for atom in places[id_, at]}
+        return {one: last for one in wanted if (last := self._held[one]) is not None}
 
     def whole(self, wanted: Collection[tuple[bool, int, int]]) -> Iterator[tuple[Atom, int, Any]]:
         """Yield all that held of predicates and functions at revisions, with those and values."""
