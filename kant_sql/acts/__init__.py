@@ -24,7 +24,7 @@ __all__ = ["Execution", "Outcome", "Statistics"]
 Outcome = Literal["running", "succeeded", "failed", "aborted", "refused"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Execution:
     """An act, or a step of a recorded plan, and its outcome.
 
@@ -69,16 +69,16 @@ class Execution:
     action: str
     arguments: tuple[str, ...]
     duration: Decimal | None
-    outcome: Outcome | None
-    code: str | None
-    text: str | None
-    started_at: datetime | None
-    ended_at: datetime | None
-    actor: str | None
-    reason: str | None
-    source: object
-    outcomes: tuple[Version, ...]
-    revisions: tuple[int, ...]
+    outcome: Outcome | None = None
+    code: str | None = None
+    text: str | None = None
+    started_at: datetime | None = None
+    ended_at: datetime | None = None
+    actor: str | None = None
+    reason: str | None = None
+    source: object = None
+    outcomes: tuple[Version, ...] = ()
+    revisions: tuple[int, ...] = ()
     knowledge_base: str
     references: tuple[bool, ...]
 

@@ -22,7 +22,6 @@ from ..history.revisions import LARGEST, at_most
 from ..moment_text import When, read_when
 from ..sql import tables as t
 from ..sql.definition_rows import find_identities
-from ..sql.dialects.base import Session
 from ..sql.executions import FAILED, NO_PLAN, OUTCOMES, RUNNING, Key
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, table_of
@@ -35,6 +34,7 @@ from .checking import check_words, reported
 from .recording import (
     ExecutionReader,
     Said,
+    check_order,
     key_of,
     parse_id,
     read_execution,
@@ -140,7 +140,7 @@ def get_all(
         one_of(outcome, OUTCOMES, "the outcome")
     name = object.name if isinstance(object, PddlObjectDto) else object
     for value, role in ((action, "action"), (name, "object"), (actor, "actor")):
-        optional_text(value, role)
+        storable_text(value, role)
     asked = ExecutionFilter(action, name, outcome, actor)
 
     def again(most: int) -> Iterator[Execution]:
@@ -157,13 +157,6 @@ FEW = 5_000
 _ONE: Any = literal_column("1")
 _PLACE = (_NOW.since, _NOW.plan_id, _NOW.position)
 _BEFORE = ("since", "plan", "position")
-
-
-class _Names(NamedTuple):
-    """The ids of what a filter names; None where it names nothing, or the table has no row."""
-
-    action: int | None
-    object: int | None
 
 
 def _of_action() -> Select[Any]:
@@ -269,21 +262,15 @@ def read_page(
     """
 
     def work(view: View) -> tuple[list[Execution], Before | None]:
-        if view.kb_id is None:
+        own = _find_names(view, asked)
+        if view.kb_id is None or own is None:
             return [], None
-        names = _find_names(view.session, view.kb_id, asked)
-        given = {key: value for key, value in asked._asdict().items() if value is not None}
-        if names is None:
-            return [], None
-        wanted = {*given}
+        wanted = {key for key, value in asked._asdict().items() if value is not None}
         if asked.outcome == RUNNING:
             wanted = wanted - {"outcome"} | {RUNNING}
-        own: dict[str, Any] = {
-            **{key: given[key] for key in ("outcome", "actor") if key in wanted},
-            **({"name": asked.action, "action": names.action} if asked.action else {}),
-            **({"object": names.object} if asked.object else {}),
-        }
-        rare = _rarest(view, own, given)
+        of = (what for what in ("object", "action") if what in own)
+        rare = next((what for what in of if _counted(view, what, own) <= FEW), None)
+        own |= {key: getattr(asked, key) for key in ("outcome", "actor") if key in wanted}
         if state.at is not None:
             own["at"] = state.at
         query = _page(rare, frozenset(wanted), state.at is not None)
@@ -300,47 +287,39 @@ def read_page(
     return page, following
 
 
-def _find_names(session: Session, kb_id: int, asked: ExecutionFilter) -> _Names | None:
-    """Find what a filter names; None if there never was such an object."""
-    found: dict[str, int | None] = {}
+def _find_names(view: View, asked: ExecutionFilter) -> dict[str, Any] | None:
+    """Find the ids of what a filter names, as parameters; None if there never was the object."""
+    found: dict[str, Any] = {}
     for kind, name in (("action", asked.action), ("object", asked.object)):
-        found[kind] = None
-        if name is not None and is_word(name):
-            key = fold(name)
-            identity = find_identities(session, kb_id, kind, {key})[key]
-            found[kind] = None if identity is None else identity[0]
-    if asked.object is not None and found["object"] is None:
-        return None
-    return _Names(found["action"], found["object"])
+        if name is None or view.kb_id is None:
+            continue
+        key, identity = fold(name), None
+        if is_word(name):
+            identity = find_identities(view.session, view.kb_id, kind, {key})[key]
+        found[kind] = None if identity is None else identity[0]
+        if kind == "action":
+            found["name"] = name
+        elif identity is None:
+            return None
+    return found
 
 
-def _rarest(view: View, own: dict[str, Any], given: dict[str, str]) -> str | None:
-    """Return which of the action and the object has few executions, if one has."""
-    for what in ("object", "action"):
-        if what in given:
-            names = ("object",) if what == "object" else ("action", "name")
-            row = view.session.first(
-                _count(what), kb=view.kb_id, **{name: own[name] for name in names}
-            )
-            if row is not None and row[0] <= FEW:
-                return what
-    return None
+def _counted(view: View, what: str, own: dict[str, Any]) -> int:
+    """Count the executions of the action or the object that a filter names, up to a bound."""
+    names = ("action", "name") if what == "action" else ("object",)
+    row = view.session.first(_count(what), kb=view.kb_id, **{name: own[name] for name in names})
+    return 0 if row is None else int(row[0])
 
 
 def _refuse_unknown(store: Store, asked: ExecutionFilter) -> None:
     """Refuse names that never were: there is no execution of them."""
 
     def work(view: View) -> str | None:
-        if view.kb_id is None:
-            return None
-        names = _find_names(view.session, view.kb_id, asked)
-        if names is None:
+        own = _find_names(view, asked)
+        if own is None:
             return f"object {shown(asked.object)}"
-        if asked.action is None or names.action is not None:
-            return None
-        own = {"action": None, "name": asked.action}
-        row = view.session.first(_count("action"), kb=view.kb_id, **own)
-        return None if row is not None and row[0] else f"action {shown(asked.action)}"
+        is_known = own.get("action", 0) is not None or _counted(view, "action", own)
+        return None if is_known else f"action {shown(asked.action)}"
 
     missing = store.read_in_snapshot(work)
     if missing is not None:
@@ -463,13 +442,8 @@ def _said(
     )
     if ended is not None and outcome == RUNNING:
         raise PlanError("ended_at is given of an execution that is running; leave it out")
-    if begun is not None and ended is not None and ended < begun:
-        raise PlanError(
-            f"it ended at {ended.isoformat()}, before it began at {begun.isoformat()}; give both "
-            "times by one clock"
-        )
     texts = storable_text(code, "code", PlanError), storable_text(text, "text", PlanError)
-    return Said(*texts, begun, ended)
+    return check_order(Said(*texts, begun, ended))
 
 
 def _moment(given: datetime | str | None, role: str) -> datetime | None:

@@ -27,6 +27,7 @@ from ..sql.executions import (
     SUCCEEDED,
     VERSIONS,
     Key,
+    begun_at,
     id_text,
 )
 from ..sql.query import Query, in_list, integer
@@ -132,8 +133,22 @@ def set_outcome(
         raise PlanError(
             f"{execution.place}, {execution}, {_SHOWN[now]}, so it cannot be {outcome!r} next"
         )
-    transaction.executions.set(key, outcome, *said)
+    if before is not None and said.started_at is None:
+        # It may take the place of the outcome before, or stay when that one is archived.
+        said = said._replace(started_at=begun_at(before.text))
+    transaction.executions.set(key, outcome, *check_order(said))
     return True
+
+
+def check_order(said: Said) -> Said:
+    """Refuse an end before the beginning."""
+    begun, ended = said.started_at, said.ended_at
+    if begun is not None and ended is not None and ended < begun:
+        raise PlanError(
+            f"it ended at {ended.isoformat()}, before it began at {begun.isoformat()}; give both "
+            "times by one clock"
+        )
+    return said
 
 
 class _Reads(NamedTuple):
@@ -260,8 +275,8 @@ class ExecutionReader:
         # The first outcome of an execution may be in an archive; its revision stays.
         begun = recorded if key[0] == NO_PLAN else first and first.since
         began = known.get(begun or 0)
+        said = now or first
         ended = None if now is None or now.outcome == RUNNING else known.get(now.since)
-        times = [one.started_at for one in (now, first) if one and one.started_at is not None]
         outcomes = tuple(
             Version(one.kind, one.text, known[one.since], known.get(one.until or 0))
             for one in held
@@ -273,7 +288,7 @@ class ExecutionReader:
             outcome=now and now.outcome,
             code=now and now.code,
             text=now and now.message,
-            started_at=self._time(times[0] if times else None, began),
+            started_at=self._time(said and said.started_at, began),
             ended_at=self._time(now and now.ended_at, ended),
             actor=None if began is None else began.actor,
             reason=None if began is None else began.reason,
@@ -309,16 +324,6 @@ def unstarted(name: str, key: Key, start: str | None, duration: str | None, text
         action=action,
         arguments=tuple(arguments),
         duration=_decimal(duration),
-        outcome=None,
-        code=None,
-        text=None,
-        started_at=None,
-        ended_at=None,
-        actor=None,
-        reason=None,
-        source=None,
-        outcomes=(),
-        revisions=(),
         knowledge_base=name,
         references=tuple(one[0] != '"' for one in _WORD.findall(text)),
     )

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from math import sqrt
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from sqlalchemy import Select, case, func, literal_column, select
 
 from .. import html
-from ..arguments import one_of, optional_text, shown
+from ..arguments import one_of, shown, storable_text
 from ..dao.text import refuse_unknown_actor
 from ..errors import InvalidArgumentError
 from ..history.confirmations import unconfirmed
@@ -30,7 +30,7 @@ from .executions import began, had_outcome
 from .recording import ExecutionReader, parse_id, parse_words
 
 Grouping = Literal["action", "argument", "arguments", "actor"]
-GROUPINGS = ("action", "argument", "arguments", "actor")
+GROUPINGS = get_args(Grouping)
 # The quantile of the normal distribution that leaves 2.5 % on each side.
 Z = 1.959963984540054
 
@@ -70,17 +70,8 @@ class Statistics:
 
     _json_ = (
         *("action", "argument", "arguments", "actor", "count", "running", "succeeded", "failed"),
-        *(
-            "aborted",
-            "refused",
-            "success_rate",
-            "interval",
-            "mean",
-            "median",
-            "percentile_95",
-            "codes",
-        ),
-        "unconfirmed",
+        *("aborted", "refused", "success_rate", "interval", "mean", "median", "percentile_95"),
+        *("codes", "unconfirmed"),
     )
 
     action: str | None
@@ -168,7 +159,7 @@ def statistics(
         (3, 0.67, {'E4': 1})
     """
     wanted = _checked(by)
-    optional_text(actor, "actor")
+    storable_text(actor, "actor")
     most = at_most(limit)
     bounds = find_bounds(state.store, since, until, state.at)
     # What is pending in this transaction counts, too.
@@ -302,14 +293,11 @@ def _with_each_argument(rows: Select[Any]) -> Select[Any]:
 def _measured(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
     """Write the outcomes with how many seconds those took that succeeded or failed."""
     had = _outcomes(wanted, of_actor, is_past).c
-    first = _NOW.alias("first").c
-    own = first.plan_id == had.plan_id, first.position == had.position
 
     def committed(number: Any, column: str = "committed_at") -> Any:
         return looked_up(_REVISION.c[column], _REVISION.c.number, number)
 
-    begun = looked_up(first.started_at, first.since, had.began, *own)
-    begin = func.coalesce(had.started_at, begun, committed(had.began))
+    begin = func.coalesce(had.started_at, committed(had.began))
     end = func.coalesce(had.ended_at, committed(had.since))
     is_decided = had.outcome.in_([literal_column("'succeeded'"), literal_column("'failed'")])
     names = [committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]

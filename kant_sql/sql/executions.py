@@ -20,10 +20,8 @@ from .tables import ExecutionArgumentRow, ExecutionRow, ExecutionVersionRow
 Key = tuple[int, int]
 NO_PLAN = 0
 
-RUNNING, SUCCEEDED, FAILED, ABORTED, REFUSED = (
-    *("running", "succeeded", "failed", "aborted"),
-    "refused",
-)
+RUNNING, SUCCEEDED, FAILED = "running", "succeeded", "failed"
+ABORTED, REFUSED = "aborted", "refused"
 OUTCOMES = (RUNNING, SUCCEEDED, FAILED, ABORTED, REFUSED)
 # The kinds of change lines; the second was written before version 0008 of the tables.
 EXECUTION, PLAN_STEP = "execution", "plan step"
@@ -108,6 +106,15 @@ def status_text(key: Key, outcome: str) -> str:
 
 _TOLD = re.compile(r'\(:execution (\S+) (\((?:"(?:[^"\\]|\\.)*"|[^()"])*\)) (\w+)')
 _TOLD_STEP = re.compile(r"\(:plan (\d+) :step (\d+) (\w+)\)")
+
+
+_BEGUN = re.compile(r' :started-at "([-\dT:.Z]+)"(?: :ended-at "[-\dT:.Z]+")?\)$')
+
+
+def begun_at(text: str) -> datetime | None:
+    """Return when an execution began, if the text of its outcome says so."""
+    found = _BEGUN.search(text)
+    return None if found is None else datetime.fromisoformat(found[1])
 
 
 class Told(NamedTuple):

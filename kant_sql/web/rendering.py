@@ -24,7 +24,7 @@ from ..errors import KantSqlError, StoreError
 from ..history.window import TIMELINE_KINDS
 from ..html import visible
 from ..json_values import JsonValue
-from ..sql.executions import OUTCOMES
+from ..sql.executions import OUTCOMES, read_outcome
 
 STATIC = Path(__file__).parent / "static"
 # A longer text is cut in links and titles; its own page has all of it.
@@ -179,6 +179,7 @@ def environment() -> Environment:
         position=position,
         shifted=shifted,
         left=left,
+        outcome=lambda text: read_outcome(text).outcome,
     )
     return made
 

@@ -1350,7 +1350,7 @@ FROM (
         w.code,
         w.message,
         CASE e.plan_id WHEN 0 THEN e.since ELSE b.since END AS started,
-        COALESCE(w.started_at, b.started_at, s.committed_at) AS started_at,
+        COALESCE(w.started_at, s.committed_at) AS started_at,
         s.actor AS started_by,
         s.reason AS started_reason,
         s.source AS started_source,

@@ -96,7 +96,7 @@ FROM (
         w.code,
         w.message,
         CASE e.plan_id WHEN 0 THEN e.since ELSE b.since END AS started,
-        COALESCE(w.started_at, b.started_at, s.committed_at) AS started_at,
+        COALESCE(w.started_at, s.committed_at) AS started_at,
         s.actor AS started_by,
         s.reason AS started_reason,
         s.source AS started_source,
@@ -466,7 +466,7 @@ def _queries() -> dict[str, str]:
         assert f"FROM {table} AS v" in changed[name]
         changed[name] = f"{changed[name].rstrip()}\nWHERE v.plan_id > 0\n"
     dialect = "sqlite" if _is_sqlite() else "postgresql"
-    (confirmed,) = filter(_is_confirmation, changed["audit_change"].split("UNION ALL"))
+    [confirmed] = [one for one in changed["audit_change"].split("UNION ALL") if CONFIRMED in one]
     return {
         **changed,
         "audit_execution": AUDIT_EXECUTION.replace("JOINED(h.said)", JOINED[dialect]),
@@ -477,10 +477,6 @@ def _queries() -> dict[str, str]:
 
 
 CONFIRMED = "    WORD(+) AS sign,\n    WORD(confirmation) AS kind,\n"
-
-
-def _is_confirmation(part: str) -> bool:
-    return CONFIRMED in part
 
 
 def _changed(query: str) -> str:

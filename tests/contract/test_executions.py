@@ -214,6 +214,32 @@ def test_what_is_no_report_is_refused(kb: KnowledgeBase) -> None:
     assert [kb.executions.get(each) for each in (99, "7.1", 2**40)] == [None] * 3
 
 
+def test_the_start_that_was_reported_stays_and_the_end_is_not_before_it(kb: KnowledgeBase) -> None:
+    begun = datetime(2026, 1, 1, tzinfo=UTC)
+    with kb.transaction():
+        one = kb.executions.report("dock", outcome="running", started_at=begun)
+        one = kb.executions.report(one, outcome="succeeded")
+    found = kb.executions.get(one.id)
+    assert found is not None
+    assert (found.started_at, found.outcome) == (begun, "succeeded")
+    running = kb.executions.report("dock :started-at ", outcome="running", started_at=begun)
+    with pytest.raises(PlanError, match="before it began at 2026-01-01"):
+        kb.executions.report(running, outcome="failed", ended_at="2025-12-31T23:00:00Z")
+    ended = kb.executions.report(running, outcome="failed", text=' :started-at "', ended_at=begun)
+    assert (ended.started_at, ended.ended_at) == (begun, begun)
+    assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])
+def test_a_name_that_no_database_stores_is_refused(kb: KnowledgeBase, name: str) -> None:
+    for what in ("action", "object", "actor"):
+        asked: Any = {what: name}
+        with pytest.raises(InvalidArgumentError, match=what):
+            [*kb.executions.get_all(**asked)]
+    with pytest.raises(InvalidArgumentError, match="actor"):
+        kb.statistics(actor=name)
+
+
 def test_executions_are_found(kb: KnowledgeBase) -> None:
     with kb.transaction(actor="anna"):
         kb.apply("(unlock front)")

@@ -240,8 +240,9 @@ def damages(path: Path, seed: int) -> Iterator[Damage]:
             for name in names
             for key in [_key_of(bare, name)]
         }
+    filled = [name for name in names if cells[name][1]]
     while True:
-        table = chance.choice(names)
+        table = chance.choice(filled)
         columns, keys = cells[table]
         column, key = chance.choice(columns), chance.choice(keys)
         own, other = chance.choice(keys)

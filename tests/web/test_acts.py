@@ -45,6 +45,13 @@ def get(client: TestClient, path: str, **query: Any) -> Any:
     return client.get(f"/api{path}", params=query).json()
 
 
+def test_an_outcome_is_told_from_the_words_of_its_act(filled: Filled) -> None:
+    kb, client = filled
+    told = kb.executions.report('say ") failed', arguments=[") refused (x)"], outcome="succeeded")
+    page = client.get("/act", params={"kb": "courier", "id": told.id}).text
+    assert "<tr><td>succeeded</td>" in page
+
+
 def test_acts_are_the_librarys_and_lead_to_names(filled: Filled) -> None:
     kb, client = filled
     do_some(kb)

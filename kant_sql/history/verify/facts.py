@@ -38,11 +38,11 @@ from ...sql.executions import (
     status_text,
 )
 from ...sql.intervals import fork
-from ...sql.plans import PlanDefinition, plan_rows
+from ...sql.plans import PlanDefinition
 from ...sql.query import Query, in_rows, integer
 from ...sql.rows import KB, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
-from .sides import AFTER, Check, Touched, differing, interval_fault
+from .sides import AFTER, Check, Touched, interval_fault
 
 
 class _Atoms(NamedTuple):
@@ -421,58 +421,30 @@ class ExecutionCheck:
         return moment
 
 
-class PlanCheck:
-    """Compares plans with their steps."""
-
-    def __init__(self, check: Check) -> None:
-        self._check = check
-        self._add = check.report.add
-
-    def run(self) -> None:
-        """Run the checks."""
-        steps, arguments = (
-            self._check.side(table, _PLANS, narrow=_steps, whole=_of_plans)
-            for table in (_EXECUTIONS, _ARGUMENTS)
-        )
-        for plan in self._check.read(_PLANS, narrow=_touched):
-            self._check_plan(plan, [*steps.take(plan[0])], [*arguments.take(plan[0])])
-        steps.end()
-        arguments.end()
-
-    def _check_plan(self, plan: Row, steps: list[Row], arguments: list[Row]) -> None:
-        """Check one plan."""
-        definition = _definition(plan, steps, arguments)
-        for fault in self._faults(plan, definition):
-            self._add(plan[1], "plan", f"plan {plan[0]}: {fault}")
-        given = [
-            ("plan", *plan),
-            *(("execution", *row) for row in steps),
-            *(("execution_argument", *row) for row in arguments),
-        ]
-        written = plan_rows(self._check.kb_id, plan[1], definition)
-        expected = ((insert.table.name, *row[1:]) for insert, row in written)
-        for table in differing(given, expected):
-            self._add(plan[1], table, f"rows of {table} differ from those of plan {plan[0]}")
-
-    def _faults(self, plan: Row, definition: PlanDefinition) -> Iterator[str]:
-        domain, problem = definition.domain_pddl, definition.problem_pddl
-        if domain is not None and problem is not None:
-            digest = sha256(f"{domain}{problem}".encode()).hexdigest()
-            if digest != definition.problem_hash:
-                yield "problem_hash is not that of the stored texts"
-        if definition.value is not None and not is_decimal(definition.value):
-            yield f"its value {definition.value!r} is not a number"
-        if definition.text != plan[11]:
-            yield "its columns and its steps differ from its text"
+def check_plans(check: Check) -> None:
+    """Compare plans with their steps; `ExecutionCheck` compares these with their arguments."""
+    steps = check.side(_EXECUTIONS, _PLANS, narrow=_steps, whole=_of_plans)
+    for plan in check.read(_PLANS, narrow=_touched):
+        for table, fault in _plan_faults(plan, [*steps.take(plan[0])]):
+            check.report.add(plan[1], table, f"plan {plan[0]}: {fault}")
+    steps.end()
 
 
-def _definition(plan: Row, steps: list[Row], arguments: list[Row]) -> PlanDefinition:
-    """Build a plan from its rows."""
-    given: dict[int, list[int | str]] = {}
-    for _, position, _, object_id, value in arguments:
-        given.setdefault(position, []).append(value if object_id is None else object_id)
+def _plan_faults(plan: Row, steps: list[Row]) -> Iterator[tuple[str, str]]:
+    if [(row[1], row[2]) for row in steps] != [(n, plan[1]) for n in range(len(steps))]:
+        yield "execution", "its steps differ from 0, 1 and so on, or are of other revisions"
+    # Without their arguments, which their texts have, too.
     made = tuple(
-        ExecutionDefinition(start, duration, action, name, tuple(given.get(position, ())), text)
-        for _, position, _, start, duration, action, name, text in steps
+        ExecutionDefinition(start, duration, action, name, (), text)
+        for _, _, _, start, duration, action, name, text in steps
     )
-    return PlanDefinition._make((plan[0], *plan[2:11], made))
+    definition = PlanDefinition._make((plan[0], *plan[2:11], made))
+    domain, problem = definition.domain_pddl, definition.problem_pddl
+    if domain is not None and problem is not None:
+        digest = sha256(f"{domain}{problem}".encode()).hexdigest()
+        if digest != definition.problem_hash:
+            yield "plan", "problem_hash is not that of the stored texts"
+    if definition.value is not None and not is_decimal(definition.value):
+        yield "plan", f"its value {definition.value!r} is not a number"
+    if definition.text != plan[11]:
+        yield "plan", "its columns and its steps differ from its text"

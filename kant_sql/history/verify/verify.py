@@ -41,7 +41,7 @@ from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
 from .definition_check import DefinitionCheck, ObjectFunctions, check_names
-from .facts import ExecutionCheck, FactCheck, PlanCheck, check_confirmations
+from .facts import ExecutionCheck, FactCheck, check_confirmations, check_plans
 from .head import (
     Archive,
     archived_since,
@@ -411,12 +411,12 @@ class _Verifier:
         for part in (
             DefinitionCheck(check, names.held, functions),
             FactCheck(check, names, functions, lambda id_: self._tell(self._last + id_)),
-            PlanCheck(check),
             ExecutionCheck(check, names, self._archived),
         ):
             _guarded(check.session, check.report, part.run)
         confirmations = partial(check_confirmations, check, self._archived)
-        _guarded(check.session, check.report, confirmations)
+        for rest in (partial(check_plans, check), confirmations):
+            _guarded(check.session, check.report, rest)
 
     def _tell(self, done: int) -> None:
         whole = self._last + self._ids

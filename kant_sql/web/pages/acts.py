@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from fastapi import Query
 
-from ...acts import Execution
+from ...acts import Execution, Outcome
 from ...acts.executions import ExecutionFilter, read_page
 from ...errors import UnknownNameError
 from ...history.log import LogLine, read_log_lines
 from ...history.moments import find_bounds
 from ...history.revisions import LARGEST, Version
 from ...knowledge_base import KnowledgeBase, state_of
-from ...sql.executions import OUTCOMES
 from ...sql.places import Place, place_text, read_place
 from ..registry import After, Pages, SinceMoment, UntilMoment, moment
 
@@ -23,15 +22,11 @@ PAGES = Pages("acts")
 # How many executions a page has, and how many revisions of one.
 EXECUTIONS, REVISIONS = 50, 20
 
-if TYPE_CHECKING:
-    OutcomeName = str
-else:
-    OutcomeName = Literal[("", *OUTCOMES)]
 ActionName = Annotated[
     str, Query(description="Only executions of this action, or of what a component calls so.")
 ]
 ArgumentName = Annotated[str, Query(description="Only executions that have this object.")]
-OneOutcome = Annotated[OutcomeName, Query(description="Only this outcome; empty for all.")]
+OneOutcome = Annotated[Literal["", Outcome], Query(description="Only this outcome; empty for all.")]
 Beginner = Annotated[str, Query(description="Only what this actor began.")]
 ExecutionId = Annotated[
     str, Query(description="The execution's id: `17`, or `12.3` for step 3 of plan 12.")

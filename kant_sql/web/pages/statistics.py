@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 from fastapi import Query
 
-from ...acts.statistics import Statistics
+from ...acts.statistics import Grouping, Statistics
 from ...knowledge_base import KnowledgeBase
 from ..registry import Pages, SinceMoment, UntilMoment, moment
 
@@ -15,7 +15,7 @@ PAGES = Pages("statistics")
 # How many groups a page has.
 GROUPS = 500
 Grouped = Annotated[
-    Literal["action", "argument", "arguments", "actor"],
+    Grouping,
     Query(
         description="What is a group: the executions of an action, of an action with one of its "
         "arguments, with all of them, or by an actor."
