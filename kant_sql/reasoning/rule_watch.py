@@ -129,7 +129,9 @@ class RuleWatcher:
                 return []
             archived = read_position(session, kb_id).archived
             for one in asked:
-                judge = judges[one] = before.get(one) or _judge(kb_id, one)
+                known = one.constraints, one.definitions
+                judge = before.get(one) or Judge(kb_id, *known, name=one.name, watches=True)
+                judges[one] = judge
                 for high in (self.last, head):
                     judge.decided()
                     low = max(one.low, judge.last + 1, archived if one.name else 0)
@@ -157,10 +159,6 @@ class RuleWatcher:
         found = _TEXT.fullmatch(text)
         assert found is not None
         return _Asked(since, *read_constraints(self._store, found[2], head), found[1])
-
-
-def _judge(kb_id: int, one: _Asked) -> Judge:
-    return Judge(kb_id, one.constraints, one.definitions, name=one.name, watches=True)
 
 
 def watcher_of(
