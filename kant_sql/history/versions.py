@@ -14,7 +14,7 @@ from ..errors import InvalidKnowledgeError, check_integer, unreadable
 from ..sql.changes import EXECUTIONS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Row, Session
 from ..sql.executions import RUNNING, SUCCEEDED, id_text
-from ..sql.query import InRange, Query, first_rows, in_list, in_rows, integer
+from ..sql.query import InRange, Query, first_rows, found_rows, in_list, in_rows, integer
 from ..sql.rows import (
     FACT,
     GOAL,
@@ -388,12 +388,13 @@ def _evidence() -> Select[Any]:
     none: Any = literal_column("0")
     no_act = none.label("plan_id"), none.label("position")
     seen = last_confirmation(by_others=False).label("confirmed")
-    facts = select(_FACT.proposition_id, _FACT.since, *no_act, seen).where(
+    held = select(_FACT.proposition_id, _FACT.since, seen).where(
         _FACT.kb_id == KB,
-        in_list(_FACT.proposition_id, "ids"),
         # What else these facts ever were may be much.
         InRange(_FACT.since, integer("low"), integer("high")),
     )
+    its = found_rows(held, _FACT.proposition_id, "ids")
+    facts = select(its.c.proposition_id, its.c.since, *no_act, its.c.confirmed)
     acts = select(none, _OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position, null()).where(
         _OUTCOME.kb_id == KB, in_list(_OUTCOME.since, "numbers"), had_effect()
     )
