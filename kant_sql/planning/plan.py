@@ -11,7 +11,7 @@ from hashlib import sha256
 from typing import NamedTuple, NoReturn
 
 from .. import html
-from ..arguments import expect, expect_tuple, optional_text, whole_number
+from ..arguments import expect, expect_tuple, optional_text, refusal, whole_number
 from ..dto.lexical import MAX_DIGITS, check_number, is_word
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, PddlError, printable
 from ..pddl.lexer import STRING, read_file
@@ -169,10 +169,14 @@ _TEXT = re.compile(rf"\ufeff?\s*(?:[(;]|{_NUMBER}\s*:|\Z)|[^\r\n\0]*[\r\n\0]|{'|
 
 
 def _read_plan(source: str | os.PathLike[str]) -> Plan:
-    expect(source, (str, os.PathLike), "a plan", InvalidArgumentError, "a path, or a plan's text")
+    expected = "a path, or a plan's text"
+    expect(source, (str, os.PathLike), "a plan", InvalidArgumentError, expected)
     if isinstance(source, str) and _TEXT.match(source):
         return _Reader(STRING, source).read()
-    name = os.fsdecode(source)
+    try:
+        name = os.fsdecode(source)
+    except Exception as error:
+        raise refusal("a plan", expected, source, InvalidArgumentError) from error
     return _Reader(name, read_file(source).decode("utf-8", "surrogateescape")).read()
 
 

@@ -46,7 +46,7 @@ from .durative import (
 )
 from .failures import FailedCondition
 from .steps import ground
-from .validate import GivenPlan, read_given
+from .validate import GivenPlan, read_any_plan
 
 Dispatch = Callable[[Execution], object]
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
@@ -180,7 +180,7 @@ class Executive:
             raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
         self._patience, self._store = seconds(self.timeout), self.state.store
         refuse_unwatchable(self._store, self.state.at)
-        given = read_given(self.state, self.plan)
+        given = read_any_plan(self.state, self.plan)
         if not isinstance(given, RecordedPlan):
             given = SqlPlanDao(self._store).record(given)
         self._plan_id = given.id

@@ -25,7 +25,7 @@ from ..plans import RecordedPlan
 from ..store.state import State
 from .actions import Changes, Snap
 from .uses import Literal, Uses, parts_used
-from .validate import GivenPlan, PlanExecution, check_validated, read_given
+from .validate import GivenPlan, PlanExecution, check_validated, read_any_plan
 from .world import Row, Value
 
 
@@ -133,7 +133,7 @@ def causal_links(state: State, plan: GivenPlan, *, at: When | None = None) -> li
         UnsupportedConstructError, UnknownRevisionError, ArchivedError, InvalidKnowledgeError: as
             for `KnowledgeBase.validate`.
     """
-    plan = read_given(state, plan)
+    plan = read_any_plan(state, plan)
     made = plan.revision if at is None and isinstance(plan, RecordedPlan) else None
     revision = state_at(state.store, at, state.at) if at is not None else made or state.at
     task = read_task(State(state.store, revision))

@@ -217,10 +217,10 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
     store = state.store
     revision = state.at if at is None else state_at(store, at, state.at)
     task = read_task(State(store, revision))
-    return validate_plan(task.domain, task.problem, read_given(state, plan))
+    return validate_plan(task.domain, task.problem, read_any_plan(state, plan))
 
 
-def read_given(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
+def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
     """Read a plan that a caller gives: itself, its id, its text or path, or its steps."""
     if isinstance(plan, Plan | RecordedPlan):
         return plan

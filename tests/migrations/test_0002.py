@@ -41,7 +41,8 @@ VIEWS = {
     *("audit_action_literal", "audit_plan", "audit_plan_step", "audit_plan_step_status"),
     *("audit_plan_step_argument", "audit_archive"),
 }
-LATER = {"audit_promotion", "audit_execution"}
+LATER = {"audit_promotion", "audit_execution", "audit_effect", "audit_confirmation"}
+LATER |= {"audit_statistics"}
 FACTS = "proposition_version"
 FORKED = (FACTS, "function_value_version")
 

@@ -15,7 +15,6 @@ from kant_sql.dto.formulas import (
     Assign,
     Branch,
     Comparison,
-    Count,
     FormulaNode,
     Modal,
     Node,
@@ -30,8 +29,8 @@ from tests.support.generators.documents import domains_and_problems
 NODES = {
     kind.__name__
     for kind in (*Node.__subclasses__(), *FormulaNode.__subclasses__(), *Branch.__subclasses__())
-    if kind.__module__.startswith("kant_sql.dto.") and kind not in (Branch, Count, FormulaNode)
-}
+    if kind.__module__.startswith("kant_sql.dto.")
+} - {"Branch", "Count", "FormulaNode"}
 
 
 def roots(domain: Domain, problem: Problem) -> list[Node]:
