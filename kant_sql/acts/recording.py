@@ -88,7 +88,7 @@ def key_of(execution: Execution) -> Key:
 
 
 def parse_id(given: object) -> Key | None:
-    """Read the id of an execution; None of a text that is none."""
+    """Read the id of an execution; return None if the text is not one."""
     if isinstance(given, int) and not isinstance(given, bool):
         return (NO_PLAN, given) if given > 0 else None
     found = _ID.fullmatch(given) if isinstance(given, str) else None

@@ -121,7 +121,7 @@ class RuleWatcher:
         asked = self._read_kept(head) if self._given is None else self._given
 
         def work(session: Session, kb_id: int | None) -> list[Verdict]:
-            # What fails on its way begins anew.
+            # After an error it starts from the beginning.
             before, self._judges = self._judges, {}
             judges: dict[_Asked, Judge] = {}
             found: list[Verdict] = []
