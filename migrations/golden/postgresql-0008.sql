@@ -3024,29 +3024,29 @@ CREATE VIEW audit_statistics (
     codes text COLLATE "C",
     kb_id bigint
 ) AS
- SELECT knowledge_base,
-    action,
-    arguments,
-    executions,
-    running,
-    succeeded,
-    failed,
-    aborted,
-    refused,
-    succeeded::double precision / decided::double precision AS success_rate,
-        CASE succeeded
-            WHEN 0 THEN failed::double precision / decided::double precision - 1::double precision
-            ELSE ((succeeded::numeric + 1.920729410347062)::double precision - 1.959963984540054::double precision * spread) / (decided::numeric + 3.841458820694124)::double precision
+ SELECT k.name AS knowledge_base,
+    s.action,
+    s.arguments,
+    s.executions,
+    s.running,
+    s.succeeded,
+    s.failed,
+    s.aborted,
+    s.refused,
+    s.succeeded::double precision / s.decided::double precision AS success_rate,
+        CASE s.succeeded
+            WHEN 0 THEN s.failed::double precision / s.decided::double precision - 1::double precision
+            ELSE ((s.succeeded::numeric + 1.920729410347062)::double precision - 1.959963984540054::double precision * s.spread) / (s.decided::numeric + 3.841458820694124)::double precision
         END AS success_low,
-        CASE failed
-            WHEN 0 THEN succeeded::double precision / decided::double precision
-            ELSE ((succeeded::numeric + 1.920729410347062)::double precision + 1.959963984540054::double precision * spread) / (decided::numeric + 3.841458820694124)::double precision
+        CASE s.failed
+            WHEN 0 THEN s.succeeded::double precision / s.decided::double precision
+            ELSE ((s.succeeded::numeric + 1.920729410347062)::double precision + 1.959963984540054::double precision * s.spread) / (s.decided::numeric + 3.841458820694124)::double precision
         END AS success_high,
-    mean,
-    median,
-    percentile_95,
-    codes,
-    kb_id
+    s.mean,
+    s.median,
+    s.percentile_95,
+    s.codes,
+    s.kb_id
    FROM ( SELECT g.knowledge_base,
             g.action,
             g.arguments,
@@ -3155,7 +3155,8 @@ CASE
  ELSE NULL::double precision
 END AS duration
                                    FROM audit_execution v) e) p
-                  GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments) g) s;
+                  GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments) g) s
+     LEFT JOIN knowledge_base k ON k.id = s.kb_id;
 CREATE VIEW audit_value (
     knowledge_base character varying(255) COLLATE "C",
     function_value_id bigint,

@@ -1683,7 +1683,7 @@ LEFT JOIN knowledge_base AS k ON likelihood(k.id = r.kb_id, 0.05)
 LEFT JOIN revision_execution AS x ON x.kb_id = r.kb_id AND x.number = r.number;
 CREATE VIEW audit_statistics AS
 SELECT
-    s.knowledge_base,
+    k.name AS knowledge_base,
     s.action,
     s.arguments,
     s.executions,
@@ -1761,7 +1761,8 @@ FROM (
         ) AS p
         GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments
     ) AS g
-) AS s;
+) AS s
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = s.kb_id, 0.05);
 CREATE VIEW audit_value AS
 SELECT
     k.name AS knowledge_base,

@@ -198,7 +198,7 @@ SQUARE_ROOT = """(
         )"""
 AUDIT_STATISTICS = f"""
 SELECT
-    s.knowledge_base,
+    k.name AS knowledge_base,
     s.action,
     s.arguments,
     s.executions,
@@ -260,6 +260,7 @@ FROM (
         GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments
     ) AS g
 ) AS s
+LEFT JOIN knowledge_base AS k ON OF(k.id = s.kb_id)
 """
 SEPARATED = {
     "sqlite": "group_concat(p.failures, ', ')",
