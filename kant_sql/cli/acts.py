@@ -126,6 +126,8 @@ def _write_figures(printer: Printer, group: Statistics) -> None:
         printer.line(f"  seconds: {group.median:g}, 95 % within {group.percentile_95:g}")
     for code, count in group.codes.items():
         printer.line(f"  {printable(code)}: {count:,}")
+    if group.unconfirmed:
+        printer.line(f"  unconfirmed effects: {group.unconfirmed:,}")
 
 
 def _write(printer: Printer, execution: Execution) -> None:

@@ -239,6 +239,8 @@ AUDIT_VIEWS = {
             {"succeeded": _INTEGER, "failed": _INTEGER, "aborted": _INTEGER, "refused": _INTEGER},
             {"success_rate": _DOUBLE, "success_low": _DOUBLE, "success_high": _DOUBLE},
             {"mean": _DOUBLE, "median": _DOUBLE, "percentile_95": _DOUBLE, "codes": _TEXT},
+            # It was added to the view later.
+            {**_KB_ID, "unconfirmed": _INTEGER},
         ),
         _view(
             "effect",

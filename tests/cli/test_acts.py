@@ -66,10 +66,10 @@ def test_filters(url: str, words: list[str], count: int) -> None:
 
 def test_statistics(url: str) -> None:
     lines = run("statistics", url).stdout.splitlines()
-    assert lines.pop(7).startswith("  seconds: ")
+    assert lines.pop(8).startswith("  seconds: ")
     assert lines == [
         *("unlock: 2", "  1 succeeded, 1 refused", "  success: 100.0% (20.7% to 100.0%)"),
-        "  seconds: 0, 95 % within 0",
+        *("  seconds: 0, 95 % within 0", "  unconfirmed effects: 1"),
         *("dock: 1", "  1 failed", "  success: 0.0% (0.0% to 79.3%)", "  E4: 1"),
     ]
     found = run("statistics", url, "--by", "action", "--by", "argument", "-n", "1", "--json").stdout
