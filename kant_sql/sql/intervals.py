@@ -10,6 +10,7 @@ never more than a state.
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import (
@@ -84,6 +85,22 @@ def forks_at(at: int) -> list[int]:
     """Return where what held at a revision may be kept."""
     # For bits beyond those of `at` these are powers of two, up to the largest that a column holds.
     return [HOLDS_NOW, *sorted({(at >> bit | 1) << bit for bit in range(_BITS)})]
+
+
+def _second(moment: datetime) -> int:
+    """Count the seconds since the year 1, from 1 on: no fork is below."""
+    return (moment - datetime.min.replace(tzinfo=UTC)) // timedelta(seconds=1) + 1
+
+
+def fork_of_period(valid_from: datetime, valid_until: datetime) -> int:
+    """Return the fork under which a saying of a period is kept: that of its seconds."""
+    last = valid_until - timedelta(microseconds=1)
+    return fork(_second(valid_from), _second(last) + 1)
+
+
+def forks_at_time(moment: datetime) -> list[int]:
+    """Return where sayings of a time may be kept."""
+    return forks_at(_second(moment))
 
 
 def then(session: Session, at: int) -> dict[str, Any]:
