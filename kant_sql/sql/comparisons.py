@@ -45,7 +45,7 @@ class NumberWriter(Protocol):
     words: Words
     known_numbers: frozenset[str]
 
-    def parameter(self, value: str | float) -> str:
+    def parameter(self, value: str | float, is_number: bool = False) -> str:
         """Bind a value; return the parameter as it stands in the text."""
 
     def alias(self, letter: str) -> str:
@@ -239,7 +239,7 @@ class ComparisonWriter:
 
     def _text(self, quantity: Quantity) -> str:
         if isinstance(quantity, Decimal):
-            return self._writer.parameter(decimal_text(quantity))
+            return self._writer.parameter(decimal_text(quantity), is_number=True)
         return self._texts[quantity]
 
 

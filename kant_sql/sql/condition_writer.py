@@ -191,7 +191,7 @@ class ConditionWriter(ABC):
         # Numbers that come with each evaluation, such as a duration: parameters of that name.
         self.known_numbers: frozenset[str] = frozenset()
         self._types: dict[Slot, tuple[TypeSet, ...]] = {}
-        self._parameters: dict[tuple[type[Any], Any], str] = {}
+        self._parameters: dict[tuple[type[Any], Any, bool], str] = {}
         self._aliases = 0
         self._inlined = 0
 
@@ -226,9 +226,12 @@ class ConditionWriter(ABC):
 
     # Parameters and names.
 
-    def parameter(self, value: Any) -> str:
-        """Bind a value; return the parameter as it stands in the text."""
-        key = (type(value), value)
+    def parameter(self, value: Any, is_number: bool = False) -> str:
+        """Bind a value; return the parameter as it stands in the text.
+
+        A server gives a parameter one type: the text of a number is not that of an id.
+        """
+        key = (type(value), value, is_number)
         name = self._parameters.get(key)
         if name is None:
             name = self._parameters[key] = f"v{len(self._parameters)}"

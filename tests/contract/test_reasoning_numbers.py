@@ -12,7 +12,14 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql import KnowledgeBase, Plan
+from kant_sql import (
+    KnowledgeBase,
+    PddlFunctionDto,
+    PddlFunctionValueDto,
+    PddlObjectDto,
+    PddlTypeDto,
+    Plan,
+)
 from kant_sql.dto.formulas import Arithmetic, Comparison, Fluent, Number
 from tests.support.evaluator import Evaluator, State, Theory
 from tests.support.profile import hunting
@@ -58,6 +65,14 @@ def test_comparisons_are_exact(fresh_kb: KnowledgeBase) -> None:
         judge_comparisons(fresh_kb, seed)
 
     same()
+
+
+def test_a_number_may_be_the_id_of_an_object(fresh_kb: KnowledgeBase) -> None:
+    function = PddlFunctionDto("level", [PddlTypeDto("robot")])
+    level = PddlFunctionValueDto(function, [PddlObjectDto(PddlTypeDto("robot"), "rb1")], 5)
+    fresh_kb.function_values.save(level)
+    found = [fresh_kb.holds(f"(>= (level rb1) {number})") for number in range(10)]
+    assert found == [number <= 5 for number in range(10)]
 
 
 def judge_comparisons(fresh_kb: KnowledgeBase, seed: int) -> None:
