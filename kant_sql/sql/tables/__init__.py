@@ -6,13 +6,17 @@ from . import named as named
 from .atoms import ConfirmationRow as ConfirmationRow
 from .atoms import FunctionValueArgumentRow as FunctionValueArgumentRow
 from .atoms import FunctionValueRow as FunctionValueRow
+from .atoms import FunctionValueSayingRow as FunctionValueSayingRow
 from .atoms import FunctionValueVersionRow as FunctionValueVersionRow
 from .atoms import PropositionArgumentRow as PropositionArgumentRow
 from .atoms import PropositionRow as PropositionRow
+from .atoms import PropositionSayingRow as PropositionSayingRow
 from .atoms import PropositionVersionRow as PropositionVersionRow
 from .base import Base as Base
 from .revisions import EMPTY_HEAD as EMPTY_HEAD
 from .revisions import ArchiveRow as ArchiveRow
+from .revisions import CommitmentRow as CommitmentRow
+from .revisions import ErasureRow as ErasureRow
 from .revisions import ExecutionArgumentRow as ExecutionArgumentRow
 from .revisions import ExecutionRow as ExecutionRow
 from .revisions import ExecutionVersionRow as ExecutionVersionRow

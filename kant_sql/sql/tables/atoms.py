@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import (
@@ -166,6 +167,45 @@ class ConfirmationRow(Base):
     since = key_column(-80, "recorded in this revision")
 
 
+class Saying:
+    """What was said of a period that is over: it overrides what the versions say of it.
+
+    Its `fork` is that of its seconds, see `sql/intervals.py`.
+    """
+
+    kb_id = kb_column()
+    since = key_column(-80, "said in this revision")
+    valid_from = column(datetime, order=-70, comment="UTC, where the period begins")
+    valid_until = column(datetime, order=-69, comment="UTC, where it is over")
+    fork = column(int, order=30, comment="of its seconds since the year 1, as of a version")
+    text = column(str, order=40, comment="canonical PDDL, with the period")
+
+
+def _saying_args(element: str, owner: str) -> tuple[Any, ...]:
+    table = f"{element}_saying"
+    return (
+        reference(f"{element}_id", element),
+        ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),
+        CheckConstraint("valid_from < valid_until", name="period"),
+        Index(f"ix_{table}_valid", "kb_id", f"{owner}_id", "fork", "valid_from"),
+        Index(f"ix_{table}_since", "kb_id", "since"),
+    )
+
+
+class PropositionSayingRow(Saying, Base):
+    """That a fact held, or did not, in a period."""
+
+    __tablename__ = "proposition_saying"
+    __has_rowid__ = False
+    __table_args__ = _saying_args("proposition", "predicate")
+
+    proposition_id = owner_column()
+    predicate_id = column(int)
+    holds = column(bool, order=10, comment="whether it held")
+    first_object_id = optional(int, order=20, comment="its first argument; NULL: it has none")
+    second_object_id = optional(int, order=20, comment="its second argument; NULL: it has fewer")
+
+
 class FunctionValueRow(_Atom, Base):
     """A function applied to objects: a fluent."""
 
@@ -214,3 +254,28 @@ class FunctionValueVersionRow(Interval, Base):
     number = optional(float, Double, comment="the number, as near as a double comes")
     object_id = optional(int, comment="the object that it is")
     text = column(str, comment="canonical PDDL, with the value")
+
+
+class FunctionValueSayingRow(Saying, Base):
+    """What a fluent was in a period; without number and object, it had no value."""
+
+    __tablename__ = "function_value_saying"
+    __has_rowid__ = False
+    __table_args__ = (
+        *_saying_args("function_value", "function"),
+        reference("object_id", "object"),
+        CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
+        CheckConstraint("value IS NULL OR object_id IS NULL", name="value_or_object"),
+        partial_index(
+            "ix_function_value_saying_object",
+            "kb_id",
+            "object_id",
+            where="object_id IS NOT NULL",
+        ),
+    )
+
+    function_value_id = owner_column()
+    function_id = column(int)
+    value = optional(str, comment="the number, as exact decimal text")
+    number = optional(float, Double, comment="the number, as near as a double comes")
+    object_id = optional(int, comment="the object that it was")

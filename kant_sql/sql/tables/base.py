@@ -23,6 +23,7 @@ from sqlalchemy import (
     ForeignKeyConstraint,
     Index,
     Integer,
+    LargeBinary,
     MetaData,
     String,
     Table,
@@ -75,6 +76,7 @@ _KINDS: dict[type[Any], Any] = {
     int: BigInteger(),
     str: LongText,
     bool: Boolean(),
+    bytes: LargeBinary(),
     datetime: UtcTime(),
 }
 

@@ -235,6 +235,10 @@ class RevisionRow(Base):
     form = column(int, Integer, comment="version of the form that was hashed")
     hash = column(str, comment="SHA-256, chained to the revision before")
     observed_at = optional(datetime, comment="UTC, when what it says was sensed; NULL: not said")
+    seed = optional(
+        bytes, order=10, comment="16 random bytes that the salts of its texts are made of; NULL: "
+        "form 1, or erased"
+    )
 
 
 class ArchiveRow(Record, Base):
@@ -257,6 +261,48 @@ class PromotionRow(Record, Base):
 
     revision = column(int, comment="the last one that was replicated")
     origin = column(str, comment="where it was replicated from: a URL without its password")
+
+
+class ErasureRow(Record, Base):
+    """An erasure: by whom and why is in its revision, and what it erased is nowhere."""
+
+    __tablename__ = "erasure"
+    __table_args__ = record_args("erasure", "upto")
+
+    revision = column(int, comment="in revisions up to this one")
+    kind = column(str, String(16), comment="object, or actor, reason or source of revisions")
+    element_id = optional(int, comment="the object; NULL: texts of revisions")
+    pseudonym = column(str, comment="what is there now")
+    parts = column(int, comment="how many texts were erased")
+    digest = column(str, comment="SHA-256 of their commitments, and of what took their places")
+
+
+class CommitmentRow(Base):
+    """A part of a revision whose seed was destroyed, because one of its parts was erased."""
+
+    __tablename__ = "commitment"
+    __table_args__ = (
+        ForeignKeyConstraint(["kb_id", "number"], REVISION),
+        reference("erasure_id", "erasure"),
+        CheckConstraint("(salt IS NULL) <> (erasure_id IS NULL)", name="kept_or_erased"),
+        CheckConstraint("(commitment IS NULL) = (erasure_id IS NULL)", name="commitment_of_erased"),
+        partial_index(
+            "ix_commitment_erasure", "kb_id", "erasure_id", where="erasure_id IS NOT NULL"
+        ),
+    )
+
+    kb_id = kb_column()
+    number = key_column(-90, "the revision")
+    position = position_column(
+        comment="among its changes, from 0; -1 source, -2 reason, -3 actor; -4: all, of form 1"
+    )
+    sign = column(str, String(1), comment="+ asserted, - retracted; empty: no change")
+    kind = column(str, String(20), comment="of the change, or actor, reason, source, revision")
+    owner_id = column(int, comment="the element; of an execution, its plan; 0: no change")
+    place = column(int, Integer, comment="of an execution, its position; else 0")
+    salt = optional(bytes, comment="of what is kept; NULL: erased")
+    commitment = optional(str, comment="of what is erased; NULL: that of the text")
+    erasure_id = optional(int, comment="what erased it; NULL: it is kept")
 
 
 class VerificationRow(Base):
