@@ -3135,7 +3135,8 @@ CREATE VIEW audit_statistics (
     median double precision,
     percentile_95 double precision,
     codes text COLLATE "C",
-    kb_id bigint
+    kb_id bigint,
+    unconfirmed bigint
 ) AS
  SELECT k.name AS knowledge_base,
     s.action,
@@ -3159,7 +3160,8 @@ CREATE VIEW audit_statistics (
     s.median,
     s.percentile_95,
     s.codes,
-    s.kb_id
+    s.kb_id,
+    s.unconfirmed
    FROM ( SELECT g.knowledge_base,
             g.action,
             g.arguments,
@@ -3173,6 +3175,7 @@ CREATE VIEW audit_statistics (
             g.median,
             g.percentile_95,
             g.codes,
+            g.unconfirmed,
             g.kb_id,
             NULLIF(g.succeeded + g.failed, 0) AS decided,
             ( WITH RECURSIVE near(step, square, root) AS (
@@ -3231,6 +3234,7 @@ CREATE VIEW audit_statistics (
                             ELSE NULL::double precision
                         END) AS percentile_95,
                     string_agg(p.failures, ', '::text) AS codes,
+                    COALESCE(sum(p.unconfirmed), 0::numeric)::bigint AS unconfirmed,
                     p.kb_id
                    FROM ( SELECT e.knowledge_base,
                             e.kb_id,
@@ -3238,6 +3242,7 @@ CREATE VIEW audit_statistics (
                             e.arguments,
                             e.outcome,
                             e.code,
+                            e.unconfirmed,
                             e.duration,
                             row_number() OVER (PARTITION BY e.kb_id, e.action, e.arguments, (e.duration IS NULL) ORDER BY e.duration) AS place,
                             count(e.duration) OVER (PARTITION BY e.kb_id, e.action, e.arguments) AS timed,
@@ -3251,11 +3256,19 @@ CREATE VIEW audit_statistics (
                                     NULL::text COLLATE "C" AS arguments,
                                     v.outcome,
                                     v.code,
+                                    u.unconfirmed,
 CASE
  WHEN v.outcome = ANY (ARRAY['succeeded'::text, 'failed'::text]) THEN v.duration
  ELSE NULL::double precision
 END AS duration
                                    FROM audit_execution v
+                                     LEFT JOIN ( SELECT e_1.kb_id,
+    e_1.plan_id,
+    e_1."position",
+    count(*) AS unconfirmed
+   FROM audit_effect e_1
+  WHERE e_1.until IS NULL AND e_1.confirmed IS NULL
+  GROUP BY e_1.kb_id, e_1.plan_id, e_1."position") u ON u.kb_id = v.kb_id AND u.plan_id = v.plan_id AND u."position" = v."position"
                                 UNION ALL
                                  SELECT v.knowledge_base,
                                     v.kb_id,
@@ -3263,11 +3276,19 @@ END AS duration
                                     COALESCE(v.arguments, ''::text) AS arguments,
                                     v.outcome,
                                     v.code,
+                                    u.unconfirmed,
 CASE
  WHEN v.outcome = ANY (ARRAY['succeeded'::text, 'failed'::text]) THEN v.duration
  ELSE NULL::double precision
 END AS duration
-                                   FROM audit_execution v) e) p
+                                   FROM audit_execution v
+                                     LEFT JOIN ( SELECT e_1.kb_id,
+    e_1.plan_id,
+    e_1."position",
+    count(*) AS unconfirmed
+   FROM audit_effect e_1
+  WHERE e_1.until IS NULL AND e_1.confirmed IS NULL
+  GROUP BY e_1.kb_id, e_1.plan_id, e_1."position") u ON u.kb_id = v.kb_id AND u.plan_id = v.plan_id AND u."position" = v."position") e) p
                   GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments) g) s
      LEFT JOIN knowledge_base k ON k.id = s.kb_id;
 CREATE VIEW audit_value (

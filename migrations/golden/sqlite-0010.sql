@@ -1703,7 +1703,8 @@ SELECT
     s.median,
     s.percentile_95,
     s.codes,
-    s.kb_id
+    s.kb_id,
+    s.unconfirmed
 FROM (
     SELECT
         g.*,
@@ -1737,6 +1738,7 @@ FROM (
             max(CASE WHEN p.place = (95 * p.timed + 99) / 100 THEN p.duration END)
                 AS percentile_95,
             group_concat(p.failures, ', ') AS codes,
+            CAST(COALESCE(sum(p.unconfirmed), 0) AS bigint) AS unconfirmed,
             p.kb_id
         FROM (
             SELECT
@@ -1749,14 +1751,26 @@ FROM (
                         PARTITION BY e.kb_id, e.action, e.arguments, e.code) END AS failures
             FROM (
         SELECT
-            v.knowledge_base, v.kb_id, v.action, NULL AS arguments, v.outcome, v.code,
+            v.knowledge_base, v.kb_id, v.action, NULL AS arguments, v.outcome, v.code, u.unconfirmed,
             CASE WHEN v.outcome IN ('succeeded', 'failed') THEN v.duration END AS duration
         FROM audit_execution AS v
+        LEFT JOIN (
+            SELECT e.kb_id, e.plan_id, e.position, count(*) AS unconfirmed
+            FROM audit_effect AS e
+            WHERE e.until IS NULL AND e.confirmed IS NULL
+            GROUP BY e.kb_id, e.plan_id, e.position
+        ) AS u ON u.kb_id = v.kb_id AND u.plan_id = v.plan_id AND u.position = v.position
         UNION ALL
         SELECT
-            v.knowledge_base, v.kb_id, v.action, COALESCE(v.arguments, '') AS arguments, v.outcome, v.code,
+            v.knowledge_base, v.kb_id, v.action, COALESCE(v.arguments, '') AS arguments, v.outcome, v.code, u.unconfirmed,
             CASE WHEN v.outcome IN ('succeeded', 'failed') THEN v.duration END AS duration
         FROM audit_execution AS v
+        LEFT JOIN (
+            SELECT e.kb_id, e.plan_id, e.position, count(*) AS unconfirmed
+            FROM audit_effect AS e
+            WHERE e.until IS NULL AND e.confirmed IS NULL
+            GROUP BY e.kb_id, e.plan_id, e.position
+        ) AS u ON u.kb_id = v.kb_id AND u.plan_id = v.plan_id AND u.position = v.position
             ) AS e
         ) AS p
         GROUP BY p.kb_id, p.knowledge_base, p.action, p.arguments

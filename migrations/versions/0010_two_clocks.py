@@ -25,9 +25,7 @@ SEED = "16 random bytes that the salts of its texts are made of; NULL: form 1, o
 
 def upgrade() -> None:
     """Bring the tables to this version."""
-    op.add_column(
-        "revision", sa.Column("seed", sa.LargeBinary(), nullable=True, comment=SEED)
-    )
+    op.add_column("revision", sa.Column("seed", sa.LargeBinary(), nullable=True, comment=SEED))
     for made in _tables():
         _first()._create(made)
 

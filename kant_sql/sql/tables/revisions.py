@@ -236,8 +236,9 @@ class RevisionRow(Base):
     hash = column(str, comment="SHA-256, chained to the revision before")
     observed_at = optional(datetime, comment="UTC, when what it says was sensed; NULL: not said")
     seed = optional(
-        bytes, order=10, comment="16 random bytes that the salts of its texts are made of; NULL: "
-        "form 1, or erased"
+        bytes,
+        order=10,
+        comment="16 random bytes that the salts of its texts are made of; NULL: form 1, or erased",
     )
 
 
