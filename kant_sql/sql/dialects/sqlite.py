@@ -26,6 +26,7 @@ from sqlalchemy import (
     Double,
     Engine,
     Integer,
+    LargeBinary,
     String,
     Table,
     create_engine,
@@ -106,6 +107,7 @@ _STORED_AS: tuple[tuple[Any, str], ...] = (
     ((Boolean, Integer), "'integer'"),
     (Double, "'real'"),
     ((String, UtcTime), "'text'"),
+    (LargeBinary, "'blob'"),
 )
 # Made once: `json.dumps` makes an encoder for each call, which takes as long as the call.
 _TO_JSON = json.JSONEncoder(ensure_ascii=False).encode
