@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, suppress
 from datetime import datetime, timedelta
 from functools import partial
 from types import TracebackType
@@ -311,7 +311,6 @@ class Store:
             if lock is not None:
                 lock.release()
 
-    @contextmanager
     def transaction(
         self,
         actor: str | None = None,
@@ -321,7 +320,7 @@ class Store:
         observed_at: datetime | None = None,
         plan_step: tuple[int, int] | None = None,
         promotes: bool = False,
-    ) -> Iterator[Transaction]:
+    ) -> AbstractContextManager[Transaction]:
         """Open a transaction; within another of this thread, task and context, join that one.
 
         Only one that promotes may write to a replica.
@@ -331,17 +330,9 @@ class Store:
         outer = self.current()
         if outer is not None:
             self._expect(expected_revision, outer.head.revision)
-            with outer.scope():
-                yield outer
-            return
-
-        def begin() -> Transaction:
-            return retrying(
-                self.backend, lambda: self._begin(metadata, expected_revision, promotes)
-            )
-
-        with OwnTransaction(self, begin) as transaction:
-            yield transaction
+            return outer.joined()
+        begin = partial(self._begin, metadata, expected_revision, promotes)
+        return OwnTransaction(self, partial(retrying, self.backend, begin))
 
     def close(self) -> None:
         """Close it, and its connections unless others share them.
@@ -538,7 +529,7 @@ class Store:
             ) from error
 
 
-class OwnTransaction:
+class OwnTransaction(AbstractContextManager[Transaction]):
     """The block of one transaction: it begins on entry, commits or rolls back on exit."""
 
     __slots__ = ("_begin", "_block", "_lock", "_store", "_transaction")
