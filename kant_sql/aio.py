@@ -54,6 +54,7 @@ from .errors import ClosedError, StoreBusyError, TransactionCancelledError, Tran
 from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
+from .knowledge.sayings import COMMITTED
 from .knowledge_base import (
     Executions,
     KeptRules,
@@ -1022,13 +1023,13 @@ class AsyncKnowledgeStore:
         self._is_closed = False
 
     def knowledge_base(
-        self, name: str = "default", *, actor: str | None = None
+        self, name: str = "default", *, actor: str | None = None, clock: str = COMMITTED
     ) -> AsyncKnowledgeBase:
         """Open a knowledge base of the store, as `KnowledgeStore.knowledge_base`.
 
         This takes no statement, so it is not awaited.
         """
-        kb = self._store.knowledge_base(name, actor=actor)
+        kb = self._store.knowledge_base(name, actor=actor, clock=clock)
         return AsyncKnowledgeBase(_Door(kb, self._store.has_one_connection, self._crew), kb=kb)
 
     async def knowledge_bases(self) -> list[Inventory]:
@@ -1109,6 +1110,7 @@ def connect(
     knowledge_base: str = "default",
     actor: str | None = None,
     read_only: bool = False,
+    clock: str = COMMITTED,
 ) -> Opening[AsyncKnowledgeBase]:
     """Open a knowledge base for asyncio, with `await` or `async with`.
 
@@ -1117,6 +1119,7 @@ def connect(
         knowledge_base: the knowledge base's name; the first write creates it.
         actor: who writes, by default.
         read_only: whether the database is to refuse all writes, as for `kant_sql.connect`.
+        clock: of when a transaction with `observed_at` speaks, as for `kant_sql.connect`.
 
     Returns:
         An awaitable; it raises what `kant_sql.connect` raises.
@@ -1131,9 +1134,8 @@ def connect(
         >>> asyncio.run(main())
         1
     """
-    make = partial(
-        sync.connect, url, knowledge_base=knowledge_base, actor=actor, read_only=read_only
-    )
+    own: Any = {"knowledge_base": knowledge_base, "actor": actor, "read_only": read_only}
+    make = partial(sync.connect, url, **own, clock=clock)
     return Opening(partial(_connected, make))
 
 

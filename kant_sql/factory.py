@@ -21,6 +21,7 @@ from .dao import interfaces as daos
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.moments import head_revision, state_at
+from .knowledge.sayings import COMMITTED
 from .moment_text import When, read_when
 from .plans import PlanDao
 from .plugins import Plugins
@@ -75,6 +76,8 @@ class DaoFactory(ABC):
         source: object | None = None,
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
+        valid_from: datetime | str | None = None,
+        valid_until: datetime | str | None = None,
         plan_step: Execution | None = None,
         confirm: bool = False,
     ) -> AbstractContextManager[None]:
@@ -96,6 +99,11 @@ class DaoFactory(ABC):
                 nested block compares it with the revision that the outer one began from.
             observed_at: when the knowledge was sensed, an aware time or a text of one, such as
                 `2 minutes ago`; stored beside the time of the commit.
+            valid_from: of when the block speaks, a time as `observed_at`: saving a fact or setting
+                a value says that it held from then on, deleting says that it did not. By default,
+                from now on.
+            valid_until: where that period is over, for one that ends in the past: the present stays
+                as it is. Definitions, goals and plans are not said of a period.
             plan_step: the running execution, a step of a recorded plan or not; the revision links
                 to it.
             confirm: saving a fact that holds already confirms it; without, it does nothing.
@@ -111,7 +119,8 @@ class DaoFactory(ABC):
             ConnectionLostError: the connection was lost; nothing of the block was written.
             InvalidMetadataError: actor, reason or source cannot be stored, or observed_at is not a
                 time with a zone.
-            InvalidArgumentError: a text is not a time.
+            InvalidArgumentError: a text is not a time; a period has no length, lies in the future,
+                or is another one than that of the block around this one.
             PlanError: the execution is not of this knowledge base.
 
         Examples:
@@ -233,11 +242,12 @@ class SqlDaoFactory(DaoFactory):
         knowledge_base: str = "default",
         actor: str | None = None,
         read_only: bool = False,
+        clock: str = COMMITTED,
     ) -> None:
         self._at: int | None = None
         backend = create_backend(url, read_only=read_only)
         try:
-            self._store = Store(backend, knowledge_base, actor)
+            self._store = Store(backend, knowledge_base, actor, clock)
             self.queue = self._store.queue
             self.has_one_connection = backend.has_one_connection
         except BaseException:
@@ -245,11 +255,13 @@ class SqlDaoFactory(DaoFactory):
             raise
 
     @classmethod
-    def one_of_many(cls, backend: Backend, knowledge_base: str, actor: str | None) -> Self:
+    def one_of_many(
+        cls, backend: Backend, knowledge_base: str, actor: str | None, clock: str = COMMITTED
+    ) -> Self:
         """Open a knowledge base on connections that others share, without a statement."""
         made = object.__new__(cls)
         made._at = None
-        made._store = Store(backend, knowledge_base, actor, is_one_of_many=True)
+        made._store = Store(backend, knowledge_base, actor, clock, is_one_of_many=True)
         made.queue = made._store.queue
         made.has_one_connection = backend.has_one_connection
         return made
@@ -315,6 +327,8 @@ class SqlDaoFactory(DaoFactory):
         source: object | None = None,
         expected_revision: int | None = None,
         observed_at: datetime | str | None = None,
+        valid_from: datetime | str | None = None,
+        valid_until: datetime | str | None = None,
         plan_step: Execution | None = None,
         confirm: bool = False,
     ) -> Iterator[None]:
@@ -328,9 +342,11 @@ class SqlDaoFactory(DaoFactory):
 
             step = key_of(plan_step)
         # The number of a revision is refused there.
-        seen: Any = read_when(observed_at)
-        own = (actor, reason, source, expected_revision, seen, step)
+        seen, *given = (read_when(one) for one in (observed_at, valid_from, valid_until))
+        own: Any = (actor, reason, source, expected_revision, seen, step, False, tuple(given))
         with self._open_store.transaction(*own) as transaction:
+            if confirm:
+                transaction.refuse_period("confirm=True", "confirm facts in another transaction")
             if plan_step is not None:
                 check_execution(transaction, plan_step)
             before = transaction.confirms
@@ -374,10 +390,12 @@ class SqlDaoFactory(DaoFactory):
     def _beside(self, store: Store, name: str, url: str | None, is_here: bool) -> DaoFactory:
         """Open the store of a branch."""
         if url is None and is_here and store.is_one_of_many:
-            return type(self).one_of_many(store.backend, name, store.actor)
+            return type(self).one_of_many(store.backend, name, store.actor, store.write_clock)
         if url is None:
             url = store.backend.address if is_here else "sqlite://"
-        return create_dao_factory(url, knowledge_base=name, actor=store.actor)
+        return create_dao_factory(
+            url, knowledge_base=name, actor=store.actor, clock=store.write_clock
+        )
 
     @property
     @override
@@ -421,6 +439,7 @@ def create_dao_factory(
     knowledge_base: str = "default",
     actor: str | None = None,
     read_only: bool = False,
+    clock: str = COMMITTED,
 ) -> DaoFactory:
     """Create the factory of the DAO family that supports a database URL.
 
@@ -436,9 +455,11 @@ def create_dao_factory(
     """
     flag(read_only, "read_only", InvalidArgumentError)
     family = family_of(url)
-    if not read_only:
-        return family(url, knowledge_base=knowledge_base, actor=actor)
-    return family(url, knowledge_base=knowledge_base, actor=actor, read_only=True)
+    # Other families know what they need.
+    rest: dict[str, Any] = {"read_only": True} if read_only else {}
+    if clock != COMMITTED:
+        rest["clock"] = clock
+    return family(url, knowledge_base=knowledge_base, actor=actor, **rest)
 
 
 def family_of(url: str) -> type[DaoFactory]:

@@ -12,6 +12,7 @@ from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .factory import DaoFactory, SqlDaoFactory, create_dao_factory, daos_only, family_of
+from .knowledge.sayings import COMMITTED
 from .moment_text import When
 from .sql.changes import Change
 from .sql.dialects import create_backend, dialect_name
@@ -439,6 +440,7 @@ def connect(
     knowledge_base: str = "default",
     actor: str | None = None,
     read_only: bool = False,
+    clock: str = COMMITTED,
 ) -> KnowledgeBase:
     """Open a knowledge base.
 
@@ -449,6 +451,8 @@ def connect(
         actor: who writes, by default.
         read_only: whether the database is to refuse all writes of these connections; each raises
             `ReadOnlyError`. Nothing is created then, so that the store has to exist.
+        clock: `observed` for a transaction with `observed_at` to speak of the time from then on, as
+            with `valid_from`; one that is not before the store's clock speaks from now on.
 
     Returns:
         The knowledge base. A new SQLite file, or a store in memory, is created.
@@ -475,9 +479,8 @@ def connect(
         >>> kb.revision
         1
     """
-    return KnowledgeBase(
-        create_dao_factory(url, knowledge_base=knowledge_base, actor=actor, read_only=read_only)
-    )
+    own: Any = {"knowledge_base": knowledge_base, "actor": actor, "read_only": read_only}
+    return KnowledgeBase(create_dao_factory(url, **own, clock=clock))
 
 
 class KnowledgeStore:
@@ -526,7 +529,9 @@ class KnowledgeStore:
         is_one = self._backend.queue("a") == self._backend.queue("b")
         return 1 if is_one else self.connections - 1
 
-    def knowledge_base(self, name: str = "default", *, actor: str | None = None) -> KnowledgeBase:
+    def knowledge_base(
+        self, name: str = "default", *, actor: str | None = None, clock: str = COMMITTED
+    ) -> KnowledgeBase:
         """Open a knowledge base on the connections of the store, without a statement.
 
         Keep it for as long as it is of use: what it has read of definitions, and of up to 2,000
@@ -535,6 +540,7 @@ class KnowledgeStore:
         Args:
             name: the knowledge base's name; the first write creates it.
             actor: who writes, by default.
+            clock: as for `kant_sql.connect`.
 
         Returns:
             The knowledge base.
@@ -553,7 +559,7 @@ class KnowledgeStore:
             [('tiago', 1), ('pepper', 1)]
         """
         self._backend.refuse_closed()
-        return KnowledgeBase(self._family.one_of_many(self._backend, name, actor))
+        return KnowledgeBase(self._family.one_of_many(self._backend, name, actor, clock))
 
     def knowledge_bases(self) -> list[Inventory]:
         """List the knowledge bases that have a revision, the oldest first.

@@ -391,6 +391,8 @@ def report(
         return transaction.executions.record(made, outcome, *said)
 
     with state.store.transaction(reason=reason) as transaction:
+        remedy = "give its times here: started_at=..., ended_at=..."
+        transaction.refuse_period("an execution", remedy)
         key = work(transaction)
     return read_execution(state.store, key)
 

@@ -180,6 +180,7 @@ class SqlGroundDao(SqlDao, Dao[Any, Given]):
         self._check(dto)
 
         def save(transaction: Transaction) -> bool:
+            transaction.refuse_period("insert or update", "they ask what holds now; save it")
             if self._holds(transaction, dto) != is_stored:
                 return False
             self._save_batch(transaction, [dto])
@@ -221,7 +222,13 @@ class SqlGroundDao(SqlDao, Dao[Any, Given]):
     def delete_all(self, dtos: Iterable[Given] | None = None) -> int:
         self._check_writable()
         if dtos is None:
-            return self._open_store.write(self._remove_all)
+
+            def remove_all(transaction: Transaction) -> int:
+                remedy = "name what did not hold then, as in kb.propositions.delete_all([...])"
+                transaction.refuse_period("delete_all()", remedy, unless_open=True)
+                return self._remove_all(transaction)
+
+            return self._open_store.write(remove_all)
         removed = 0
         with self._open_store.transaction() as transaction:
             for dto in iterate(dtos, "what delete_all takes", "an iterable of DTOs"):

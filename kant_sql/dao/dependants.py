@@ -189,8 +189,10 @@ def retract(transaction: Transaction, atoms: list[GroundAtom]) -> None:
 
 
 def _undefine_users(transaction: Transaction, scope: Scope) -> None:
-    retract(transaction, propositions_on(transaction, scope))
-    transaction.values.unset(function_values_on(transaction, scope))
+    # Definitions have one clock, and what goes with them, too.
+    with transaction.of_now():
+        retract(transaction, propositions_on(transaction, scope))
+        transaction.values.unset(function_values_on(transaction, scope))
     for action in list(actions_on(transaction.definitions, scope)):
         transaction.undefine("action", action.id)
     for formula in list(formulas_on(transaction.definitions, scope)):

@@ -34,7 +34,7 @@ from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, held_then
 from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
-from ..store.caches import FluentKey, FluentValue, GroundFluent
+from ..store.caches import FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
@@ -305,11 +305,10 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         function, objects = fluent_of(function, objects)
 
         def unset(transaction: Transaction) -> bool:
-            fluent = self._find(transaction, function, objects)
-            if fluent is None:
+            key = existing_key(transaction.definitions, function, objects)
+            if key is None or transaction.values.find([key]).get(key) is None:
                 self._refuse_unknown(function, objects)
-                return False
-            return transaction.values.set(fluent, None)
+            return self._unset(transaction, key)
 
         return self._open_store.write(unset)
 
@@ -338,11 +337,23 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
 
     def _remove(self, transaction: Transaction, dto: ValueLike) -> bool:
-        if isinstance(dto, str | Node):
-            fluent = self._find_text(transaction, dto)
+        if not isinstance(dto, str | Node):
+            key = existing_key(transaction.definitions, dto.function, dto.objects)
         else:
-            fluent = self._find(transaction, dto.function, dto.objects)
-        return fluent is not None and transaction.values.set(fluent, None)
+            key = self._key_of_text(transaction, dto)
+        return self._unset(transaction, key)
+
+    @staticmethod
+    def _unset(transaction: Transaction, key: FluentKey | None) -> bool:
+        if key is None:
+            return False
+        values, definitions = transaction.values, transaction.definitions
+        fluent = values.find([key]).get(key)
+        if fluent is None and transaction.says:
+            # It had a value at no time, and now somebody says so of one.
+            name = definitions.functions.live(key.function_id).name
+            fluent = values.intern(key, atom_text(name, definitions.names(key.arguments)))
+        return fluent is not None and values.set(fluent, None)
 
     def _check(self, dto: object) -> None:
         self._check_writable()
@@ -354,14 +365,16 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
     def _holds(self, transaction: Transaction, dto: ValueLike) -> bool:
         if not isinstance(dto, str | Node):
             return self._value(transaction, dto.function, dto.objects) is not None
-        fluent = self._find_text(transaction, dto)
+        key = self._key_of_text(transaction, dto)
+        fluent = None if key is None else transaction.values.find([key]).get(key)
         return fluent is not None and transaction.values.value(fluent) is not None
 
-    def _find_text(self, transaction: Transaction, given: str | Node) -> GroundFluent | None:
+    def _key_of_text(self, transaction: Transaction, given: str | Node) -> FluentKey | None:
         found = TextReader(transaction).read_stored(read_value, given)
         if found is None:
             return None
-        return self._find(transaction, found.fluent.function, names_of(found.fluent))
+        fluent = found.fluent
+        return existing_key(transaction.definitions, fluent.function, names_of(fluent))
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[ValueLike]) -> int:
         entry = FluentReferences(transaction).entry
@@ -384,6 +397,8 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         function, objects = fluent_of(function, objects)
 
         def change(transaction: Transaction) -> Decimal:
+            remedy = "set the value that it had then"
+            transaction.refuse_period(f"a value that is {changed}", remedy)
             references, values = FluentReferences(transaction), transaction.values
             declared, key, text = references.resolve(function, objects)
             number = references.number(declared, by, text)
@@ -404,21 +419,12 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
         return self._open_store.write(change)
 
-    @classmethod
+    @staticmethod
     def _value(
-        cls,
         transaction: Transaction,
         function: FunctionReference,
         objects: Sequence[ObjectReference],
     ) -> FluentValue | None:
-        fluent = cls._find(transaction, function, objects)
-        return None if fluent is None else transaction.values.value(fluent)
-
-    @staticmethod
-    def _find(
-        transaction: Transaction,
-        function: FunctionReference,
-        objects: Sequence[ObjectReference],
-    ) -> GroundFluent | None:
         key = existing_key(transaction.definitions, function, objects)
-        return None if key is None else transaction.values.find([key]).get(key)
+        fluent = None if key is None else transaction.values.find([key]).get(key)
+        return None if fluent is None else transaction.values.value(fluent)

@@ -289,8 +289,17 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
         return confirmed
 
     def _remove(self, transaction: Transaction, dto: FactLike) -> bool:
-        atom = self._find(transaction, dto)
-        return atom is not None and transaction.propositions.set(atom, False)
+        key = existing_key(transaction, dto, is_goal=False)
+        if key is None:
+            return False
+        propositions, definitions = transaction.propositions, transaction.definitions
+        atom = propositions.find([key]).get(key)
+        if atom is None and transaction.says:
+            # It held at no time, and now somebody says so of one.
+            name = definitions.predicates.live(key.predicate_id).name
+            text = atom_text(name, definitions.names(key.arguments))
+            atom = propositions.intern(key, text)
+        return atom is not None and propositions.set(atom, False)
 
     def _check(self, dto: object) -> None:
         self._check_writable()

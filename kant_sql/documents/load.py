@@ -134,7 +134,9 @@ def refuse_contradictions(
     values: Collection[tuple[FluentKey, str, FluentValue]],
 ) -> None:
     """Refuse a problem whose initial state contradicts the stored one."""
-    _refuse_values(transaction, values)
+    if not transaction.says:
+        # A later saying of a time overrides an earlier one.
+        _refuse_values(transaction, values)
     denied = [
         literal.formula
         for literal in problem.literals
@@ -171,8 +173,13 @@ _KINDS = ("type", "object", "predicate", "function")
 def retract_misfits(transaction: Transaction) -> None:
     """Retract what does not fit the definitions that a transaction has changed."""
     definitions = transaction.definitions
-    if not any(_is_redefined(transaction, kind) for kind in _KINDS):
-        return
+    if any(_is_redefined(transaction, kind) for kind in _KINDS):
+        # Definitions have one clock, and what goes with them, too.
+        with transaction.of_now():
+            _retract_misfits(transaction, definitions)
+
+
+def _retract_misfits(transaction: Transaction, definitions: d.PendingDefinitions) -> None:
     predicates = definitions.predicates
     retract(
         transaction,
@@ -462,7 +469,10 @@ def store_problem(
     transaction: Transaction, problem: Problem, replace: bool, progress: Progress | None = None
 ) -> None:
     """Store a problem, whose domain is stored."""
-    if not replace:
+    if replace:
+        remedy = "load it with mode='merge', and delete the facts and values that it lacks"
+        transaction.refuse_period("mode='replace'", remedy, unless_open=True)
+    else:
         check_title(transaction.definitions, d.PROBLEM, problem.name)
     is_first = transaction.is_stateless and not transaction.head.revision
     before = _Before(transaction) if replace and not is_first else None

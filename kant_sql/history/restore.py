@@ -110,6 +110,7 @@ def restore(
     why = f"restored revision {revision}" if reason is None else reason
     is_part = store.current() is not None
     with store.transaction(actor, why) as transaction:
+        transaction.refuse_period("a restored state", "restore in another transaction")
         if revision < transaction.head.archived_revision:
             # It was archived after the caller's check.
             refuse_archived_revision(store, revision)

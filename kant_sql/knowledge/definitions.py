@@ -78,10 +78,7 @@ class Elements(Generic[D]):
 
     def named(self, name: str) -> D | None:
         """Return a live definition, by name in any spelling."""
-        known = self.ids
-        # Most are folded already.
-        id_ = known.get(name) if type(name) is str else None
-        return self.get(known.get(fold(name)) if id_ is None else id_)
+        return self.get(self.ids.get(fold(name)))
 
     def __iter__(self) -> Iterator[D]:
         """Return the live definitions, in the order in which the elements were first known."""
@@ -388,6 +385,10 @@ class Definitions:
             ids.append(str(object_.id))
         return " ".join(ids)
 
+    def names(self, arguments: str) -> list[str]:
+        """Return the names of the objects of a key of arguments."""
+        return [self.objects.live(int(id_)).name for id_ in arguments.split()]
+
     def ancestry(self, type_id: int) -> Iterator[TypeDefinition]:
         """Yield a type and all its supertypes."""
         pending, seen = [type_id], {type_id}
@@ -472,8 +473,7 @@ class PendingDefinitions(Definitions):
 
     def current(self) -> Definitions:
         """Return the present definitions for immediate use: they may lack later changes."""
-        used = self._by_kind
-        return self if used and any(each.changes for each in used.values()) else self.origin
+        return self if any(each.changes for each in self._by_kind.values()) else self.origin
 
     def elements(self, kind: str) -> PendingElements[Any]:
         """Return the elements of one kind, with their changes."""

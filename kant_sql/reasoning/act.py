@@ -295,6 +295,7 @@ def in_revision(
     is_outer = store.current() is None
     opened: AbstractContextManager[Transaction] = store.transaction(reason=said, plan_step=place)
     with opened as transaction:
+        transaction.refuse_period("an act", "save the facts that it brought about then")
         if isinstance(recorded, Execution):
             check_execution(transaction, recorded)
         work(transaction, ground(transaction.definitions.current(), step))

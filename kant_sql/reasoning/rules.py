@@ -26,6 +26,7 @@ from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import find_bounds
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import CONSTRAINT, DOMAIN_CONSTRAINT, Definitions
+from ..knowledge.sayings import COMMITTED, OBSERVED
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
 from ..pddl.given import read_rules
@@ -180,7 +181,6 @@ class Verdicts(html.Listing[Verdict]):
 
 
 Rules = Source | f.Formula | Sequence[f.Formula | str]
-COMMITTED, OBSERVED = "committed", "observed"
 KEPT, VIOLATED, PENDING = "kept", "violated", "pending"
 _MICROSECOND = timedelta(microseconds=1)
 

@@ -33,9 +33,11 @@ from .tables import (
     ArchiveRow,
     ConfirmationRow,
     ExecutionVersionRow,
+    FunctionValueSayingRow,
     PlanRow,
     PromotionRow,
     PropositionRow,
+    PropositionSayingRow,
     RevisionExecutionRow,
     RevisionRow,
 )
@@ -66,7 +68,7 @@ REVISIONS = (
 _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
 ASSERTED, RETRACTED = "+", "-"
 PLAN, ARCHIVE, PROMOTION = "plan", "archive", "promotion"
-CONFIRMATION = "confirmation"
+CONFIRMATION, SAYING = "confirmation", "saying"
 # What is read at once, and sorted in memory.
 FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
@@ -78,8 +80,8 @@ class Change(NamedTuple):
 
     Attributes:
         sign: `+` asserted, `-` retracted.
-        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `plan`,
-            `execution`, `plan step`, `confirmation`, `archive` or `promotion`.
+        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `saying`
+            of a period; `plan`, `execution`, `plan step`, `confirmation`, `archive` or `promotion`.
         text: the element's canonical PDDL text; of a confirmation, that of the fact.
     """
 
@@ -149,10 +151,18 @@ _RECORDS = {
 }
 EXECUTIONS = _executions()
 CONFIRMATIONS = _confirmations()
+SAYINGS = [
+    VersionColumns(None, table.c, table.c[owner], literal_column(f"'{SAYING}'"), table.c.text)
+    for table, owner in (
+        (table_of(PropositionSayingRow), "proposition_id"),
+        (table_of(FunctionValueSayingRow), "function_value_id"),
+    )
+]
 _SOURCES = {
     **VERSION_COLUMNS,
     EXECUTION: EXECUTIONS,
     CONFIRMATION: CONFIRMATIONS,
+    **{f"{SAYING} {n}": source for n, source in enumerate(SAYINGS)},
     **_RECORDS,
 }
 

@@ -21,19 +21,22 @@ from sqlalchemy import (
     Table,
     and_,
     bindparam,
+    delete,
     literal_column,
     select,
 )
 
 from .dialects.base import Session
-from .query import Fork, Query, each_of, found_rows, in_list, in_rows
+from .query import Fork, IdsQuery, Insert, Query, each_of, first_rows, found_rows, in_list, in_rows
 from .rows import KB, PROPOSITION, THEN, VALUE, VersionTable, held_at, looked_up, table_of
 from .tables import (
     TABLES,
     Base,
     FunctionValueRow,
+    FunctionValueSayingRow,
     FunctionValueVersionRow,
     PropositionRow,
+    PropositionSayingRow,
     PropositionVersionRow,
 )
 
@@ -163,3 +166,44 @@ _FLUENTS = found_rows(
 ).c
 FIND_VALUE = Query(select(*_FLUENTS, *open_value(_FLUENTS.id)))
 OPEN_VALUE = Query(select(_ID, *open_value(_ID)))
+
+
+class SayingTable(VersionTable):
+    """What was said of periods: a table whose rows are never changed.
+
+    Attributes:
+        names: the columns; the last ones have what was said.
+        new: inserts rows.
+        last: reads what earlier revisions said last of the elements of a list, at most one row of
+            each: its text, and its number as text.
+    """
+
+    def __init__(self, mapped: type[Base], owner: str, *columns: str) -> None:
+        """Build the statements."""
+        table = table_of(mapped)
+        super().__init__(owner, table)
+        self.unmake = (
+            IdsQuery(delete(table), self.owner, lambda t: (t.c.kb_id == KB, t.c.since == THEN)),
+        )
+        own = ("kb_id", owner, "since", "valid_from", "valid_until", "fork", "text")
+        self.names = (*own, *columns)
+        self.new = Insert(table, *self.names)
+        said = select(table.c.since).where(table.c.kb_id == KB, self.owner == _ID)
+        before = said.where(table.c.since < THEN).order_by(table.c.since.desc())
+        since = first_rows(before, literal_column("1")).correlate_except(table).scalar_subquery()
+        last = select(_ID.label("id"), since.label("since")).subquery("last").c
+        read = ("text", "value") if "value" in table.c else ("text",)
+        found = (
+            looked_up(table.c[name], self.owner, last.id, table.c.since == last.since)
+            for name in read
+        )
+        self.last = Query(select(last.id, *found))
+
+
+FACT_SAYINGS = SayingTable(
+    PropositionSayingRow,
+    *("proposition_id", "predicate_id", "first_object_id", "second_object_id", "holds"),
+)
+VALUE_SAYINGS = SayingTable(
+    FunctionValueSayingRow, *("function_value_id", "function_id", "value", "number", "object_id")
+)

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from typing import Any, ClassVar, Generic, TypeVar
+from itertools import islice
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 from ..dto.elements import value_text
 from ..dto.lexical import fold, is_word
 from ..knowledge.definitions import Definition, PendingElements
-from ..sql.changes import ASSERTED, RETRACTED, Change
+from ..knowledge.sayings import Period
+from ..sql.changes import ASSERTED, RETRACTED, SAYING, Change
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.executions import (
@@ -35,13 +37,17 @@ from ..sql.executions import (
 from ..sql.executions import FIND as FIND_EXECUTION
 from ..sql.intervals import (
     CLOSED_HERE,
+    FACT_SAYINGS,
     FIND,
     FIND_VALUE,
     HOLDS_NOW,
     OPEN,
     OPEN_VALUE,
+    VALUE_SAYINGS,
     VALUE_VERSIONS,
     VERSIONS,
+    SayingTable,
+    fork_of_period,
 )
 from ..sql.query import IdsQuery, Insert, whole_rows
 from ..sql.rows import FACT, GOAL, KIND_TABLES, VALUE, RowsByTable, VersionTable, table_of
@@ -71,15 +77,20 @@ V = TypeVar("V")
 class WriteContext:
     """What the ledgers of a transaction need of it.
 
-    `head` is the row as it was locked, `number` the revision that is being made.
+    `head` is the row as it was locked, `number` the revision that is being made, `period` what the
+    transaction speaks of (None: from now on), and `says` whether what is written is said of it.
     """
 
-    __slots__ = ("head", "journal", "kb_id", "next_id", "number", "session")
+    __slots__ = ("head", "journal", "kb_id", "next_id", "number", "period", "says", "session")
 
-    def __init__(self, session: Session, kb_id: int, head: Head) -> None:
+    def __init__(
+        self, session: Session, kb_id: int, head: Head, period: Period | None = None
+    ) -> None:
         self.session = session
         self.kb_id = kb_id
         self.head = head
+        self.period = period
+        self.says = period is not None
         self.number = head.revision + 1
         self.next_id = head.next_id
         self.journal = Journal(session)
@@ -215,14 +226,90 @@ class Ledger(PendingChanges, Generic[K, V]):
 I = TypeVar("I", bound="GroundAtom | GroundFluent")  # noqa: E741
 
 
+# The text of what was said last, and its number.
+_UNSAID: Row = (None, None)
+
+
+class Said(NamedTuple):
+    """What a revision says of an element: the columns of its row after the keys, and its text."""
+
+    columns: Row
+    text: str
+
+
+class SayingLedger(Ledger[int, Said]):
+    """What a transaction says of its period, of facts or of fluents: at most once of each."""
+
+    versions: SayingTable
+
+    def __init__(self, context: WriteContext, tables: SayingTable, period: Period) -> None:
+        super().__init__(context, lambda _: None)
+        self.period = period
+        self.versions = tables
+        self._last: dict[int, Row] = {}
+        self._was_spilled = False
+        ends = (*map(context.session.from_time, period[:2]), fork_of_period(*period[:2]))
+        self._ends: Row = ends
+
+    def load(self, ids: Iterable[int]) -> None:
+        """Read what earlier revisions said last of some elements, in one statement."""
+        unknown = [id_ for id_ in ids if id_ not in self._last]
+        if unknown:
+            context, session = self.context, self.context.session
+            ids = session.list_value(unknown)
+            found = session.rows(self.versions.last, kb=context.kb_id, ids=ids, at=context.number)
+            self._last.update((row[0], row[1:]) for row in found)
+
+    def last(self, id_: int) -> Row:
+        """Return the text of what was said last of an element, and its number as text."""
+        if id_ not in self._last:
+            self.load((id_,))
+        return self._last[id_]
+
+    def note_new(self, ids: Iterable[int]) -> None:
+        """Keep that nothing was said of some elements."""
+        self._last.update(dict.fromkeys(ids, _UNSAID))
+
+    def say(self, id_: int, columns: Row, text: str) -> bool:
+        """Say something of an element; return whether that is a change."""
+        said = None if self.last(id_)[0] == text else Said(columns, text)
+        if said == self.now(id_):
+            return False
+        self.put(id_, said)
+        return True
+
+    def forget(self) -> None:
+        """Forget what was written, to bound memory; the tables say it from now on."""
+        self._was_spilled = True
+        for table in (self._last, self.changes, self._written):
+            table.clear()
+
+    def _unwritten(self) -> tuple[list[int], list[int], list[int], list[tuple[int, Said]]]:
+        every = [*self.pending] if self._was_spilled else []
+        closed, unmade, reopened, opened = super()._unwritten()
+        return closed, every or unmade, reopened, opened
+
+    def _line(self, key: int, value: Said) -> tuple[str, str]:
+        return SAYING, value.text
+
+    def _rows(self, opened: list[tuple[int, Said]]) -> Iterable[tuple[Insert, list[Row]]]:
+        place, ends = (self.context.number,), self._ends
+        kb = self.context.kb_id
+        rows = [(kb, id_, *place, *ends, text, *columns) for id_, (columns, text) in opened]
+        return ((self.versions.new, rows),)
+
+
 class InternedLedger(Ledger[int, V], Generic[I, V]):
     """The ledger of elements that are found by their arguments: ground atoms and fluents."""
 
     new_identity: ClassVar[Insert]
     new_argument: ClassVar[Insert]
     new_version: ClassVar[Insert]
+    said_in: ClassVar[SayingTable]
 
     def __init__(self, context: WriteContext, cache: InternCache[Any, I, V | None]) -> None:
+        period = context.period
+        self.sayings = None if period is None else SayingLedger(context, self.said_in, period)
         self._before: dict[int, V | None] = {}
         self._known: dict[Any, I] = {}
         self._new: dict[int, I] = {}
@@ -288,8 +375,49 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         """Keep what the tables say of elements that the transaction has not touched."""
         self._before.update(before)
 
+    def forget(self) -> None:
+        """Forget what was written, to bound memory; the tables say it from now on."""
+        self.was_spilled = True
+        for table in (self._known, self._new, self._before, self.changes, self._written):
+            table.clear()
+        if self.sayings is not None:
+            self.sayings.forget()
+
+    def intern(self, key: Any, text: str) -> I:
+        """Find the identity of an element, or make it."""
+        found = self.find((key,)).get(key)
+        if found is None:
+            [id_] = self.context.allocate(1)
+            found = self._made(id_, key, text)
+            self._add({id_: found}, {id_: None})
+        return found
+
+    @abstractmethod
+    def _made(self, id_: int, key: Any, text: str) -> I:
+        """Make an identity."""
+
+    def _add_new(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
+        """Assert elements that were never known before, in the period of the transaction if any."""
+        sayings = self.sayings
+        if sayings is None or not self.context.says:
+            self._add(identities, values)
+            return
+        self._add(identities, values if sayings.period.is_open else dict.fromkeys(identities))
+        sayings.note_new(identities)
+        for id_, identity in identities.items():
+            self._say(sayings, identity, values[id_])
+
+    def _speak(self, identity: I, value: V | None) -> tuple[bool, bool]:
+        """Say what held in the period; return whether that is a change, and whether it is all."""
+        assert self.sayings is not None
+        return self._say(self.sayings, identity, value), not self.sayings.period.is_open
+
+    @abstractmethod
+    def _say(self, sayings: SayingLedger, identity: I, value: V | None) -> bool:
+        """Say what held in the period; return whether that is a change."""
+
     def _add(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
-        """Assert elements that were never known before."""
+        """Assert elements that were never known before; with a value of None, only know them."""
         assign_all = self.context.journal.assign_all
         assign_all(self._known, {each.key: each for each in identities.values()})
         assign_all(self._new, identities)
@@ -426,6 +554,7 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     """The propositions that a transaction asserts and retracts."""
 
     versions = VERSIONS
+    said_in = FACT_SAYINGS
     new_identity = Insert(
         table_of(PropositionRow), "kb_id", "id", "predicate_id", "is_goal", "arguments", "text"
     )
@@ -445,6 +574,8 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         """
         found = self.find(texts if old is None else old)
         self.load(found.values())
+        if self.sayings is not None:
+            self.sayings.load([atom.id for atom in found.values()])
         changed = sum([self.set(atom, True) for atom in found.values()])
         if len(found) < len(texts):
             new = {key: text for key, text in texts.items() if key not in found}
@@ -456,7 +587,9 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         """Assert propositions that were never known before."""
         ids = self.context.allocate(len(texts))
         atoms = dict(zip(ids, map(GroundAtom, ids, texts, texts.values()), strict=True))
-        self._add(atoms, {**atoms})
+        # Goals have one clock.
+        are_goals = any(key.is_goal for key in islice(texts, 1))
+        (self._add if are_goals else self._add_new)(atoms, {**atoms})
 
     def adopt(self, atoms: dict[int, GroundAtom]) -> None:
         """Assert propositions of another knowledge base, under their ids."""
@@ -474,16 +607,25 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
 
     def set(self, atom: GroundAtom, holds: bool) -> bool:
         """Assert or retract a proposition; return whether that is a change."""
+        said = False
+        # Goals have one clock.
+        if self.context.says and not atom.key.is_goal:
+            said, is_all = self._speak(atom, atom if holds else None)
+            if is_all:
+                return said
         if (self.value_of(atom) is not None) == holds:
-            return False
+            return said
         self.put(atom.id, atom if holds else None)
         return True
 
-    def forget(self) -> None:
-        """Forget what was written, to bound memory; the tables say it from now on."""
-        self.was_spilled = True
-        for table in (self._known, self._new, self._before, self.changes, self._written):
-            table.clear()
+    def _made(self, id_: int, key: AtomKey, text: str) -> GroundAtom:
+        return GroundAtom(id_, key, text)
+
+    def _say(self, sayings: SayingLedger, identity: GroundAtom, value: GroundAtom | None) -> bool:
+        id_, key, text = identity
+        holds = value is not None
+        columns = (key.predicate_id, *_first_two(key.arguments), holds)
+        return sayings.say(id_, columns, sayings.period.text(text, holds))
 
     def _find(
         self, group: Any, arguments: list[str]
@@ -543,6 +685,7 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
     """The values of functions that a transaction sets and unsets."""
 
     versions = VALUE_VERSIONS
+    said_in = VALUE_SAYINGS
     new_identity = Insert(
         table_of(FunctionValueRow), "kb_id", "id", "function_id", "arguments", "text"
     )
@@ -562,13 +705,18 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
 
     def set(self, fluent: GroundFluent, value: FluentValue | None) -> bool:
         """Set a value, or unset it with None; return whether that is a change."""
+        said = False
+        if self.context.says:
+            said, is_all = self._speak(fluent, None if value is None else HeldValue(fluent, value))
+            if is_all:
+                return said
         now = self.value(fluent)
         if now is None if value is None else value.is_same(now):
-            return False
+            return said
         first = self._before[fluent.id]
         # Setting the original value restores its spelling, too.
         same = value is not None and first is not None and value.is_same(first.value)
-        return self.spell(fluent, first.value if same and first is not None else value)
+        return self.spell(fluent, first.value if same and first is not None else value) or said
 
     def spell(self, fluent: GroundFluent, value: FluentValue | None) -> bool:
         """Set a value in just this spelling: 10.0 instead of 10."""
@@ -588,6 +736,8 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
         """
         found = self.find({key for key, _, _ in values} if old is None else old)
         self.load(found.values())
+        if self.sayings is not None:
+            self.sayings.load([fluent.id for fluent in found.values()])
         changed = 0
         new: dict[FluentKey, tuple[str, FluentValue]] = {}
         for key, text, value in values:
@@ -608,7 +758,7 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
         for id_, (key, (text, value)) in zip(ids, values.items(), strict=True):
             fluent = fluents[id_] = GroundFluent(id_, key, text)
             held[id_] = HeldValue(fluent, value)
-        self._add(fluents, held)
+        self._add_new(fluents, held)
 
     def adopt(self, values: dict[int, HeldValue]) -> None:
         """Set values of another knowledge base, under their fluents' ids."""
@@ -623,6 +773,24 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
                 self.assign(self._before, fluent.id, each)
             self.know(fluent)
             self.set(fluent, None)
+
+    def _made(self, id_: int, key: FluentKey, text: str) -> GroundFluent:
+        return GroundFluent(id_, key, text)
+
+    def _say(self, sayings: SayingLedger, identity: GroundFluent, value: HeldValue | None) -> bool:
+        id_, key, text = identity
+        if value is None:
+            return sayings.say(
+                id_, (key.function_id, None, None, None), sayings.period.text(text, False)
+            )
+        own = value.value
+        before = sayings.last(id_)[1]
+        if before is not None and own.is_same(FluentValue(before)):
+            # What was said last is found to be the same, however it is spelled.
+            spelled = sayings.period.text(value_text(text, before), True)
+            own = own if spelled != sayings.last(id_)[0] else FluentValue(before)
+        columns = (key.function_id, *_value_columns(own))
+        return sayings.say(id_, columns, sayings.period.text(value_text(text, own.text), True))
 
     def _find(
         self, group: Any, arguments: list[str]
@@ -654,13 +822,17 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
     def _rows(self, opened: list[tuple[int, HeldValue]]) -> Iterable[tuple[Insert, list[Row]]]:
         kb, number = self.context.kb_id, self.context.number
         rows: list[Row] = []
-        for id_, (fluent, (text, object_id)) in opened:
-            # A number is stored as exact text and as a float, an object by its id.
-            numbers = (text, float(text)) if object_id is None else (None, None)
-            own = value_text(fluent.text, text)
+        for id_, (fluent, value) in opened:
+            own = value_text(fluent.text, value.text)
             place = (kb, id_, number, None, fluent.key.function_id)
-            rows.append((*place, *numbers, object_id, own, HOLDS_NOW))
+            rows.append((*place, *_value_columns(value), own, HOLDS_NOW))
         return ((self.new_version, rows),)
+
+
+def _value_columns(value: FluentValue) -> tuple[str | None, float | None, int | None]:
+    """Return the columns of a value: a number is exact text and a float, an object its id."""
+    text, object_id = value
+    return (text, float(text), None) if object_id is None else (None, None, object_id)
 
 
 def _held(fluent: GroundFluent, held: str | None, object_id: int | None) -> HeldValue | None:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
 from functools import partial
 from types import TracebackType
@@ -17,9 +17,10 @@ from typing import TypeVar
 
 from sqlalchemy import bindparam, select
 
-from ..arguments import shown
+from ..arguments import one_of, shown
 from ..errors import (
     ConnectionLostError,
+    InvalidArgumentError,
     InvalidMetadataError,
     KantSqlError,
     OutcomeUnknownError,
@@ -33,6 +34,7 @@ from ..errors import (
 )
 from ..knowledge.canonical import Metadata, make_metadata
 from ..knowledge.definitions import Definitions
+from ..knowledge.sayings import COMMITTED, FROM_NOW_ON, OBSERVED, Given, make_period
 from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
@@ -101,10 +103,18 @@ class Store:
         queue: what its writers wait in: equal values are one queue.
         is_one_of_many: whether others share the backend, which this one then does not close, and
             which was checked before.
+        write_clock: whether a transaction speaks of the time from its commit on, or of that from
+            `observed_at` on.
     """
 
     def __init__(
-        self, backend: Backend, name: str, actor: str | None, *, is_one_of_many: bool = False
+        self,
+        backend: Backend,
+        name: str,
+        actor: str | None,
+        clock: str = COMMITTED,
+        *,
+        is_one_of_many: bool = False,
     ) -> None:
         make_metadata(actor, None, None)
         if not isinstance(name, str) or not name or len(name) > 255 or not name.isprintable():
@@ -115,6 +125,7 @@ class Store:
         self.name = name
         self.actor = actor
         self.is_one_of_many = is_one_of_many
+        self.write_clock = one_of(clock, (COMMITTED, OBSERVED), "the clock")
         self._is_closed = False
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()
@@ -311,6 +322,7 @@ class Store:
             if lock is not None:
                 lock.release()
 
+    @contextmanager
     def transaction(
         self,
         actor: str | None = None,
@@ -320,19 +332,38 @@ class Store:
         observed_at: datetime | None = None,
         plan_step: tuple[int, int] | None = None,
         promotes: bool = False,
-    ) -> AbstractContextManager[Transaction]:
+        given: Given = FROM_NOW_ON,
+    ) -> Iterator[Transaction]:
         """Open a transaction; within another of this thread, task and context, join that one.
 
-        Only one that promotes may write to a replica.
+        Only one that promotes may write to a replica. `given` is the period that it speaks of.
         """
         who = actor if actor is not None else self.actor
         metadata = make_metadata(who, reason, source, observed_at, plan_step)
+        is_observed = self.write_clock == OBSERVED and given == FROM_NOW_ON
+        if is_observed:
+            given = (metadata.observed_at, None)
         outer = self.current()
         if outer is not None:
             self._expect(expected_revision, outer.head.revision)
-            return outer.joined()
-        begin = partial(self._begin, metadata, expected_revision, promotes)
-        return OwnTransaction(self, partial(retrying, self.backend, begin))
+            if given not in (FROM_NOW_ON, outer.given):
+                raise InvalidArgumentError(
+                    "this block is part of a transaction that speaks of another period, or from "
+                    "now on: a revision speaks of one; end that transaction first, or give it this "
+                    "period"
+                )
+            with outer.scope():
+                yield outer
+            return
+
+        def begin() -> Transaction:
+            return retrying(
+                self.backend,
+                lambda: self._begin(metadata, expected_revision, promotes, given, is_observed),
+            )
+
+        with OwnTransaction(self, begin) as transaction:
+            yield transaction
 
     def close(self) -> None:
         """Close it, and its connections unless others share them.
@@ -374,7 +405,12 @@ class Store:
         return lock
 
     def _begin(
-        self, metadata: Metadata, expected: int | None = None, promotes: bool = False
+        self,
+        metadata: Metadata,
+        expected: int | None = None,
+        promotes: bool = False,
+        given: Given = FROM_NOW_ON,
+        is_observed: bool = False,
     ) -> Transaction:
         session = self.backend.session()
         try:
@@ -391,6 +427,11 @@ class Store:
                 raise self._is_replica(head.origin)
             if expected is not None:
                 self._expect(expected, head.revision)
+            period = None
+            if given != FROM_NOW_ON:
+                # Never before the last revision.
+                now = max(head.clock, head.committed_at or head.clock)
+                period = make_period(given, now, is_observed)
             if head.archived_revision != self._archived_revision:
                 # Some may have been moved since they were cached.
                 self._forget_identities()
@@ -408,6 +449,8 @@ class Store:
                 self._agreements.at(definitions),
                 self._atoms,
                 self._fluents,
+                given,
+                period,
             )
         except BaseException:
             end_session(session)
@@ -529,7 +572,7 @@ class Store:
             ) from error
 
 
-class OwnTransaction(AbstractContextManager[Transaction]):
+class OwnTransaction:
     """The block of one transaction: it begins on entry, commits or rolls back on exit."""
 
     __slots__ = ("_begin", "_block", "_lock", "_store", "_transaction")

@@ -12,12 +12,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from itertools import chain
+from typing import Any
 
 from sqlalchemy import bindparam, func, select, update
 
-from ..errors import ConnectionLostError
+from ..errors import ConnectionLostError, InvalidArgumentError
 from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
+from ..knowledge.sayings import FROM_NOW_ON, Given, Period
 from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import Key
@@ -31,10 +33,12 @@ from .ledger import (
     DefinitionLedger,
     ExecutionLedger,
     FunctionValueLedger,
+    InternedLedger,
     Ledger,
     PendingChanges,
     PropositionLedger,
     Records,
+    SayingLedger,
     WriteContext,
 )
 
@@ -65,7 +69,8 @@ _LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
 
 _PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS = "propositions", "values", "records", "executions"
 # The order of writing: each refers to those before it only.
-_ORDER = (*KINDS, _PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS)
+_SAYINGS = {_PROPOSITIONS: "sayings of facts", _VALUES: "sayings of values"}
+_ORDER = (*KINDS, _PROPOSITIONS, _VALUES, *_SAYINGS.values(), _RECORDS, _EXECUTIONS)
 
 
 class Transaction:
@@ -85,6 +90,7 @@ class Transaction:
         agreed_types: within a batch, the types that agree with what is stored, by address.
         changed: how many changes the revision has.
         confirms: whether to save a fact that holds already is to confirm it.
+        given: where the period that it speaks of begins and ends, as it was given.
     """
 
     def __init__(
@@ -98,6 +104,8 @@ class Transaction:
         agreements: Agreements,
         atoms: AtomCache,
         fluents: FluentCache,
+        given: Given = FROM_NOW_ON,
+        period: Period | None = None,
     ) -> None:
         self.session = session
         self.kb_id = kb_id
@@ -112,10 +120,11 @@ class Transaction:
         self.agreed_types: dict[int, object] | None = None
         self.changed = 0
         self.confirms = False
+        self.given = given
         self._started = time.monotonic()
         self._atoms = atoms
         self._fluents = fluents
-        self._context = WriteContext(session, kb_id, head)
+        self._context = WriteContext(session, kb_id, head, period)
         # The ledgers of the kinds touched so far.
         self._ledgers: dict[str, PendingChanges] = {}
         self._propositions: PropositionLedger | None = None
@@ -129,7 +138,7 @@ class Transaction:
         found = self._propositions
         if found is None:
             found = self._propositions = PropositionLedger(self._context, self._atoms)
-            self._ledgers[_PROPOSITIONS] = found
+            self._track(_PROPOSITIONS, found)
         return found
 
     @property
@@ -138,8 +147,13 @@ class Transaction:
         found = self._values
         if found is None:
             found = self._values = FunctionValueLedger(self._context, self._fluents)
-            self._ledgers[_VALUES] = found
+            self._track(_VALUES, found)
         return found
+
+    def _track(self, name: str, ledger: InternedLedger[Any, Any]) -> None:
+        self._ledgers[name] = ledger
+        if ledger.sayings is not None:
+            self._ledgers[_SAYINGS[name]] = ledger.sayings
 
     @property
     def records(self) -> Records:
@@ -253,15 +267,33 @@ class Transaction:
         finally:
             self.agreed_types = None
 
+    @property
+    def says(self) -> bool:
+        """Whether it speaks of a period."""
+        return self._context.says
+
+    @contextmanager
+    def of_now(self) -> Iterator[None]:
+        """Change what holds from now on, whatever the transaction speaks of."""
+        before, self._context.says = self._context.says, False
+        try:
+            yield
+        finally:
+            self._context.says = before
+
+    def refuse_period(self, what: str, remedy: str, *, unless_open: bool = False) -> None:
+        """Refuse what cannot be said of a period; with `unless_open`, of one that is over."""
+        period = self._context.period
+        if self.says and period is not None and not (unless_open and period.is_open):
+            begin, end = map(time_text, period[:2])
+            raise InvalidArgumentError(
+                f"{what} cannot be said of a period, and this transaction speaks of that from "
+                f"{begin} until {end}: {remedy}"
+            )
+
     def scope(self) -> JournalScope:
         """Open a scope: what happens within it happens whole or not at all."""
         return self._context.journal.scope()
-
-    @contextmanager
-    def joined(self) -> Iterator[Transaction]:
-        """Open a scope of what joins it."""
-        with self.scope():
-            yield self
 
     def find_execution(self, key: Key) -> str | None:
         """Find an execution; give its text."""
@@ -271,6 +303,7 @@ class Transaction:
 
     def confirm(self, atoms: Iterable[GroundAtom]) -> int:
         """Confirm facts that held before it, each once; return how many were."""
+        self.refuse_period("a confirmation", "confirm facts in another transaction")
         kb, number, add = self.kb_id, self.number, self.records.add
         return sum(
             add(Change(ASSERTED, CONFIRMATION, text), [(_NEW_CONFIRMATION, (kb, id_, number))])
@@ -308,9 +341,8 @@ class Transaction:
         self._check_open()
         pending = [ledger for ledger in touched if ledger.pending]
         if self.session.backend.revision_comes_last:
-            with self.session.together():
-                self._write(pending)
-                made = self._write_revision(changes)
+            self._write(pending)
+            made = self._write_revision(changes)
         else:
             # After the revision: that spares the database from keeping book of references whose
             # target is yet to come.
@@ -336,7 +368,8 @@ class Transaction:
 
         propositions, changes = self._propositions, {}
         for kind, ledger in self._ledgers.items():
-            if isinstance(ledger, Ledger):
+            # What is said of the past breaks no rule about the present.
+            if isinstance(ledger, Ledger) and not isinstance(ledger, SayingLedger):
                 changes[kind] = [*ledger.differences()]
         was_spilled = propositions is not None and propositions.was_spilled
         touched = TouchedRules(self.definitions, None if was_spilled else changes)
@@ -397,8 +430,10 @@ class Transaction:
             yield change
 
     def _write_revision(self, changes: Iterable[Change]) -> Committed:
-        head, session = self.head, self.session
+        head, session, period = self.head, self.session, self._context.period
         committed_at = head.clock + timedelta(seconds=time.monotonic() - self._started)
+        if period is not None and period.is_open:
+            committed_at = period.valid_until
         # Never before the last revision.
         if head.committed_at is not None and committed_at < head.committed_at:
             committed_at = head.committed_at

@@ -31,7 +31,7 @@ from ..replication.copy import (
     ARCHIVED_TABLES,
     ATOMS,
     CONFIRMATION,
-    FACTS,
+    SAYINGS,
     ArchivedTable,
     AtomTables,
     children_of,
@@ -194,17 +194,13 @@ def _without_version(part: ArchivedTable, atoms: AtomTables) -> Query:
     """Select the atoms that mention some objects and have no version."""
     version, argument = part.version.c, atoms.arguments.c
     (name,) = part.owner
-    versions = (
-        select(version.since)
-        .where(version.kb_id == KB, version[name] == argument[name])
+    users = (version, *(each.c for each in (CONFIRMATION, *SAYINGS) if name in each.c))
+    used = [
+        select(each.since)
+        .where(each.kb_id == KB, each[name] == argument[name])
         .correlate(atoms.arguments)
-    )
-    used = [versions]
-    if atoms is FACTS:
-        own = select(CONFIRMATION.c.since).where(
-            CONFIRMATION.c.kb_id == KB, CONFIRMATION.c[name] == argument[name]
-        )
-        used.append(own.correlate(atoms.arguments))
+        for each in users
+    ]
     return Query(
         select(argument[name])
         .where(argument.kb_id == KB, in_list(argument.object_id, "objects"))
@@ -232,7 +228,7 @@ def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
 
     Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
     they may come back, and a state lists elements by id. Atoms of an object without a version go,
-    unless they were confirmed.
+    unless they were confirmed, or something was said of them.
     """
     session.replan()
     parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}

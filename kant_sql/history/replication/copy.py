@@ -110,8 +110,9 @@ IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN = table_of(t.PlanRow)
 # What is recorded once, beside plans.
 RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow)
-# Rows stay in the store when their versions are moved to an archive, as records do.
+# Rows stay in the store when versions are moved to an archive, as records do.
 CONFIRMATION = table_of(t.ConfirmationRow)
+SAYINGS = table_of(t.PropositionSayingRow), table_of(t.FunctionValueSayingRow)
 EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 VERSION = table_of(t.ExecutionVersionRow)
 
@@ -406,7 +407,7 @@ class Copy:
             self._insert(ARGUMENT, _recorded(ARGUMENT))
         self._copy_part(ARCHIVED_TABLES[-1])
         self._insert(_LINK, _LINKS)
-        for table in (*RECORDS, CONFIRMATION):
+        for table in (*RECORDS, CONFIRMATION, *SAYINGS):
             self._insert(table, _asserted(table))
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)

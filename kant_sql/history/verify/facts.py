@@ -23,8 +23,9 @@ from sqlalchemy import (
 
 from ...dto.elements import atom_text, value_text
 from ...knowledge.canonical import time_text
+from ...knowledge.sayings import Period
 from ...sql import tables as t
-from ...sql.dialects.base import Row
+from ...sql.dialects.base import Row, Session
 from ...sql.executions import (
     EXECUTION,
     NO_PLAN,
@@ -37,7 +38,7 @@ from ...sql.executions import (
     quoted,
     status_text,
 )
-from ...sql.intervals import fork
+from ...sql.intervals import FACT_SAYINGS, VALUE_SAYINGS, SayingTable, fork, fork_of_period
 from ...sql.plans import PlanDefinition
 from ...sql.query import Query, in_rows, integer
 from ...sql.rows import KB, looked_up, table_of
@@ -51,6 +52,7 @@ class _Atoms(NamedTuple):
     identity: Table
     arguments: Table
     version: Table
+    sayings: SayingTable
     said: tuple[str, ...]  # columns of the identity table
     held: tuple[str, ...]  # columns of the version table
     doubles: Query
@@ -61,6 +63,7 @@ def _atoms(
     identity: type[t.Base],
     arguments: type[t.Base],
     version: type[t.Base],
+    sayings: SayingTable,
     key: tuple[str, ...],
     held: tuple[str, ...],
 ) -> _Atoms:
@@ -70,14 +73,15 @@ def _atoms(
     ends = (f"{tables[0].name}_id", "since", "until", owner, "fork")
     # In the order of the unique index.
     double = doubles(tables[0], *others, owner, "arguments").order_by(func.min(tables[0].c.id))
-    touched = Touched(tables[2], ends[0])
-    return _Atoms(*tables, said, (*ends, *held), Query(double), touched)
+    touched = Touched(tables[2], ends[0], sayings.table)
+    return _Atoms(*tables, sayings, said, (*ends, *held), Query(double), touched)
 
 
 _FACTS = _atoms(
     t.PropositionRow,
     t.PropositionArgumentRow,
     t.PropositionVersionRow,
+    FACT_SAYINGS,
     ("predicate_id", "is_goal"),
     ("is_goal", "first_object_id", "second_object_id"),
 )
@@ -85,6 +89,7 @@ _FLUENTS = _atoms(
     t.FunctionValueRow,
     t.FunctionValueArgumentRow,
     t.FunctionValueVersionRow,
+    VALUE_SAYINGS,
     ("function_id",),
     ("value", "number", "object_id", "text"),
 )
@@ -109,8 +114,8 @@ class FactCheck:
 
     def run(self) -> None:
         """Run the checks."""
-        self._compare(_FACTS, "predicate", _is_fact_right)
-        self._compare(_FLUENTS, "function", self._is_value_right)
+        self._compare(_FACTS, "predicate", _is_fact_right, self._fact_said)
+        self._compare(_FLUENTS, "function", self._is_value_right, self._value_said)
         # All are read for it: of new ones, the unique index has none that was there before.
         for atoms in () if self._check.after else (_FACTS, _FLUENTS):
             table = atoms.identity.name
@@ -118,12 +123,18 @@ class FactCheck:
                 self._add(None, table, f"rows {first} and {second} of {table} are the same")
 
     def _compare(
-        self, atoms: _Atoms, kind: str, is_right: Callable[[Row, Row, Sequence[int]], bool]
+        self,
+        atoms: _Atoms,
+        kind: str,
+        is_right: Callable[[Row, Row, Sequence[int]], bool],
+        said: Callable[[Row, Row, Sequence[int]], tuple[bool, str] | None],
     ) -> None:
-        """Merge identities, arguments and versions by the id of the identity."""
+        """Merge identities, arguments, versions and sayings by the id of the identity."""
         table, owners, touched = atoms.identity, self._names[kind], atoms.touched
         arguments = self._check.side(atoms.arguments, table, narrow=touched.parts)
         versions = self._check.side(atoms.version, table, *atoms.held, narrow=touched.versions)
+        names = atoms.sayings.names[1:]
+        sayings = self._check.side(atoms.sayings.table, table, *names, narrow=touched.said)
         for row in self._check.read(table, *atoms.said, narrow=touched.identities):
             own = [*arguments.take(row[0])]
             ids = [argument[2] for argument in own]
@@ -144,9 +155,44 @@ class FactCheck:
                     text = version[-1] if "text" in atoms.held else row[3]
                     self._report_version(atoms, text, since, _DIFFERS[kind])
                 before = until
+            for saying in sayings.take(row[0]):
+                fault = self._saying_fault(row, saying, said(row, saying, ids))
+                if fault is not None:
+                    shown = f"'{saying[5]}', said in revision {saying[1]}, {fault}"
+                    self._add(saying[1], atoms.sayings.table.name, shown)
             self._tick(row[0])
         arguments.end()
         versions.end()
+        sayings.end()
+
+    def _saying_fault(self, row: Row, saying: Row, said: tuple[bool, str] | None) -> str | None:
+        """Find the fault of a saying; `said` is what its columns say, if they can."""
+        _, _, *ends, kept, text, owner = saying[:7]
+        try:
+            begin, end = (stored_time(self._check.session, each) for each in ends)
+        except (TypeError, ValueError):
+            return "has a time that cannot be read"
+        if not begin < end or kept != fork_of_period(begin, end):
+            return f"has the fork {kept}, which is not that of its period, or no such period"
+        if owner != row[1] or said is None:
+            return "has columns that differ from what it is said of, or hold nothing that can be"
+        if Period(begin, end, False).text(said[1], said[0]) != text:
+            return "has a text that its columns do not show"
+        return None
+
+    def _fact_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
+        *objects, holds = saying[7:]
+        # Of facts only: a goal is said of no period.
+        is_right = _is_fact_right(row, (*saying[:5], False, *objects), ids)
+        return (holds, row[3]) if is_right and holds in (False, True) else None
+
+    def _value_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
+        value, number, object_id = saying[7:]
+        if (value, number, object_id) == (None, None, None):
+            return False, row[3]
+        text = value_text(row[3], value if object_id is None else self._objects[object_id])
+        version = (*saying[:5], value, number, object_id, text)
+        return (True, text) if self._is_value_right(row, version, ids) else None
 
     def _check_text(self, atoms: _Atoms, row: Row, owner: str, arguments: list[Row]) -> None:
         table = atoms.identity.name
@@ -395,7 +441,8 @@ class ExecutionCheck:
         if fault is not None:
             return fault
         try:
-            times = [self._moment(at) for at in (started_at, ended_at)]
+            session = self._check.session
+            times = [at and stored_time(session, at) for at in (started_at, ended_at)]
         except (TypeError, ValueError):
             return "has a time that cannot be read"
         if kind not in (EXECUTION, PLAN_STEP) or outcome not in OUTCOMES:
@@ -411,14 +458,13 @@ class ExecutionCheck:
             return f"has the outcome {outcome!r}, or something else that its text does not show"
         return None
 
-    def _moment(self, raw: Any) -> datetime | None:
-        if raw is None:
-            return None
-        session = self._check.session
-        moment = session.to_time(raw)
-        if isinstance(raw, str) and time_text(moment) != raw:
-            raise ValueError(raw)
-        return moment
+
+def stored_time(session: Session, raw: Any) -> datetime:
+    """Read a time; raise unless it is stored as it is written."""
+    moment = session.to_time(raw)
+    if isinstance(raw, str) and time_text(moment) != raw:
+        raise ValueError(raw)
+    return moment
 
 
 def check_plans(check: Check) -> None:

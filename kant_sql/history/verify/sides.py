@@ -123,38 +123,46 @@ def in_order(table: Table, *names: str, narrow: Narrow | None = None) -> Query:
     return Query((rows if narrow is None else rows.where(narrow(table))).order_by(*key))
 
 
-def _ends(version: Table, owner: str) -> Select[Any]:
-    """Select what a version began or ended of, after a revision."""
-    began, ended = (
-        select(version.c[owner].label("id")).where(version.c.kb_id == KB, version.c[end] > AFTER)
-        for end in ("since", "until")
+def _ends(touched: Touched) -> Select[Any]:
+    """Select what a version began or ended of, or what was said of, after a revision."""
+    version, owner, sayings = touched
+    ends = [version.c.since, version.c.until, *(() if sayings is None else (sayings.c.since,))]
+    found = (
+        select(end.table.c[owner].label("id")).where(end.table.c.kb_id == KB, end > AFTER)
+        for end in ends
     )
-    either = union(began, ended).subquery("touched")
+    either = union(*found).subquery("touched")
     return select(either.c.id)
 
 
 class Touched(NamedTuple):
     """The rows of one kind that a verification reads which continues an earlier one.
 
-    Of each element with a version that began or ended after its revision, these are all rows but
-    the versions that had ended by then. The other versions of it are read because no two
-    may overlap.
+    Of each element with a version that began or ended after its revision, or of which something
+    was said, these are all rows but sayings from before and the versions that had ended by then.
+    The other versions of it are read because no two may overlap.
 
     Attributes:
         version: the table whose versions began or ended.
         owner: its column that names the element.
+        sayings: the table of what was said, if any.
     """
 
     version: Table
     owner: str
+    sayings: Table | None = None
 
     def identities(self, table: Table) -> ColumnElement[bool]:
         """Narrow the table of identities."""
-        return in_rows(table.c.id, _ends(self.version, self.owner))
+        return in_rows(table.c.id, _ends(self))
 
     def parts(self, table: Table) -> ColumnElement[bool]:
         """Narrow a table with a column that names the element."""
-        return in_rows(table.c[self.owner], _ends(self.version, self.owner))
+        return in_rows(table.c[self.owner], _ends(self))
+
+    def said(self, table: Table) -> ColumnElement[bool]:
+        """Narrow the table of what was said."""
+        return and_(self.parts(table), table.c.since > AFTER)
 
     def versions(self, table: Table) -> ColumnElement[bool]:
         """Narrow the table of versions."""

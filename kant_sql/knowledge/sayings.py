@@ -1,0 +1,87 @@
+"""What is said of a period: of when a writer speaks, if not of now on."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from ..arguments import shown
+from ..errors import InvalidArgumentError
+from .canonical import time_text
+
+# By which clock a writer says when something held: from the commit on, or from the observation on.
+COMMITTED, OBSERVED = "committed", "observed"
+# What a transaction was given: where its period begins, and where it ends.
+Given = tuple[datetime | None, datetime | None]
+FROM_NOW_ON: Given = (None, None)
+
+
+class Period(NamedTuple):
+    """The period that a revision speaks of.
+
+    Attributes:
+        valid_from: where it begins.
+        valid_until: where it is over; if it is open, this is the time of the revision.
+        is_open: whether the revision speaks of the time from now on, too.
+    """
+
+    valid_from: datetime
+    valid_until: datetime
+    is_open: bool
+
+    def text(self, said: str, holds: bool) -> str:
+        """Write a saying: that a fact or a value held, or that a fact or fluent did not."""
+        begin, end = map(time_text, self[:2])
+        return f'(:{"held" if holds else "not-held"} {said} :from "{begin}" :until "{end}")'
+
+
+def make_period(given: Given, now: datetime, is_observed: bool = False) -> Period | None:
+    """Make the period that a revision speaks of; None: from now on.
+
+    Args:
+        given: where it begins, and where it ends.
+        now: the time of the revision if it was committed now.
+        is_observed: whether it is the time of an observation, by a clock that may be ahead.
+    """
+    begin, end = (_in_utc(name, each) for name, each in zip(_NAMES, given, strict=True))
+    if begin is None:
+        if end is not None:
+            raise InvalidArgumentError(
+                f"valid_until {time_text(end)} has no valid_from: give both, or valid_from alone"
+            )
+        return None
+    if is_observed and begin >= now:
+        return None
+    for name, moment in zip(_NAMES, (begin, end), strict=True):
+        # A period that ends now is over.
+        if moment is not None and (moment > now or moment == begin == now):
+            raise InvalidArgumentError(
+                f"{name} {time_text(moment)} is not before the store's clock, {time_text(now)}: "
+                "what is said of a time is said of the past. Leave it out to speak from now on; "
+                "what will hold at a known time is a timed initial literal: "
+                "kb.timed_initial_literals.save('(at 10 (door_open hall))')"
+            )
+    if end is not None and end <= begin:
+        raise InvalidArgumentError(
+            f"valid_until {time_text(end)} is not after valid_from {time_text(begin)}: a period "
+            "has its beginning, and not its end; exchange them, or give a later end"
+        )
+    return Period(begin, now if end is None else end, end is None)
+
+
+_NAMES = "valid_from", "valid_until"
+
+
+def _in_utc(name: str, moment: datetime | None) -> datetime | None:
+    if moment is None:
+        return None
+    if not isinstance(moment, datetime) or moment.utcoffset() is None:
+        raise InvalidArgumentError(
+            f"{name} is a time with its zone, not {shown(moment)}; give it one, as UTC"
+        )
+    try:
+        return moment.astimezone(UTC)
+    except OverflowError as error:
+        raise InvalidArgumentError(
+            f"{name} {moment.isoformat()} lies outside the years 1 to 9999 in UTC"
+        ) from error

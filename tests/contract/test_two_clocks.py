@@ -1,0 +1,236 @@
+"""What is said of a period: writing, and what it leaves in the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase
+from kant_sql.errors import InvalidArgumentError
+from kant_sql.knowledge.canonical import text_time, time_text
+from tests.support.reading import Undone, facts, last_changes, nothing_changes, rows
+from tests.support.two_clocks import FACTS, Model, Writer
+
+HALL, LAB = "(at r1 hall)", "(at r1 lab)"
+
+
+@pytest.fixture
+def writer(fresh_kb: KnowledgeBase) -> Writer:
+    return Writer(fresh_kb)
+
+
+@pytest.fixture
+def kb(writer: Writer) -> KnowledgeBase:
+    writer.kb.propositions.save(LAB)
+    return writer.kb
+
+
+def ago(minutes: float) -> datetime:
+    return datetime.now(UTC) - timedelta(minutes=minutes)
+
+
+def within(kb: KnowledgeBase, call: Callable[[], object] = lambda: None, **given: Any) -> None:
+    with kb.transaction(**given):
+        call()
+
+
+def sayings(kb: KnowledgeBase) -> list[tuple[Any, ...]]:
+    """All rows of sayings, by revision and text."""
+    found: list[tuple[Any, ...]] = []
+    for table, columns in (
+        ("proposition_saying", "holds"),
+        ("function_value_saying", "value, object_id"),
+    ):
+        own = f"since, text, valid_from, valid_until, {columns}"
+        found += rows(kb, f"SELECT {own} FROM {table} WHERE kb_id = :kb")
+    return sorted(found, key=lambda row: (row[0], row[1]))
+
+
+def moment(raw: Any) -> datetime:
+    return text_time(raw) if isinstance(raw, str) else raw
+
+
+def test_a_period_that_is_over_leaves_the_present(kb: KnowledgeBase) -> None:
+    begin, end = ago(60), ago(30)
+    with kb.transaction(actor="camera", reason="late", valid_from=begin, valid_until=end):
+        assert kb.propositions.save(HALL)
+        assert kb.propositions.delete(LAB)
+        assert kb.function_values.set("(battery r1)", value=80)
+        assert kb.function_values.set("(home r1)", value="hall")
+    assert facts(kb) == [LAB]
+    assert kb.function_values.get_all() == []
+    period = f':from "{time_text(begin)}" :until "{time_text(end)}"'
+    assert last_changes(kb) == [
+        f"+ saying (:held (= (battery r1) 80) {period})",
+        f"+ saying (:held (= (home r1) hall) {period})",
+        f"+ saying (:held (at r1 hall) {period})",
+        f"+ saying (:not-held (at r1 lab) {period})",
+    ]
+    assert [(moment(row[2]), moment(row[3])) for row in sayings(kb)] == [(begin, end)] * 4
+    assert kb.store.verify().is_intact
+
+
+def test_an_open_period_changes_the_present_too(kb: KnowledgeBase) -> None:
+    begin = ago(5)
+    with kb.transaction(valid_from=begin):
+        kb.propositions.save(HALL)
+        kb.propositions.delete(LAB)
+        kb.function_values.set("(battery r1)", value=70)
+    assert facts(kb) == [HALL]
+    assert kb.function_values.get("(battery r1)") == 70
+    committed = next(iter(kb.log(limit=1))).revision.committed_at
+    assert [(moment(row[2]), moment(row[3])) for row in sayings(kb)] == [(begin, committed)] * 3
+    kinds = sorted(one.split()[1] for one in last_changes(kb))
+    assert kinds == ["fact", "fact", "saying", "saying", "saying", "value"]
+    assert kb.store.verify().is_intact
+
+
+def test_what_was_said_last_is_not_said_again(kb: KnowledgeBase) -> None:
+    period: dict[str, Any] = {"valid_from": ago(60), "valid_until": ago(30)}
+
+    def say(*, holds: bool, battery: object) -> int:
+        before = kb.revision
+        with kb.transaction(**period):
+            (kb.propositions.save if holds else kb.propositions.delete)(HALL)
+            kb.function_values.set("(battery r1)", value=battery)  # type: ignore[arg-type]
+        return kb.revision - before
+
+    assert say(holds=True, battery=80) == 1
+    assert say(holds=True, battery=Decimal("80.0")) == 0
+    assert say(holds=False, battery=80) == 1
+    assert say(holds=True, battery=80) == 1
+    assert len(sayings(kb)) == 4
+    with kb.transaction(**period):
+        kb.propositions.delete(HALL)
+        kb.propositions.save(HALL)
+    assert len(sayings(kb)) == 4
+
+
+def test_what_was_never_known_did_not_hold(kb: KnowledgeBase) -> None:
+    with kb.transaction(valid_from=ago(60), valid_until=ago(30)):
+        assert kb.propositions.delete("(open)")
+        assert kb.function_values.unset("(battery r2)")
+    assert [row[1].split(" :from")[0] for row in sayings(kb)] == [
+        "(:not-held (battery r2)",
+        "(:not-held (open)",
+    ]
+    assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"valid_from": ago(-5)}, r"valid_from .* store's clock.*timed initial literal"),
+        ({"valid_from": ago(5), "valid_until": ago(-5)}, r"valid_until .* store's clock"),
+        ({"valid_from": ago(5), "valid_until": ago(6)}, "is not after valid_from"),
+        ({"valid_until": ago(5)}, "no valid_from"),
+        ({"valid_from": datetime(2026, 1, 1)}, "time with its zone"),
+        ({"valid_from": 3}, "time with its zone"),
+        ({"valid_from": "long ago"}, "neither a revision's number nor a time"),
+        ({"valid_from": ago(5), "confirm": True}, "confirm=True cannot be said of a period"),
+    ],
+)
+def test_wrong_periods_are_refused(kb: KnowledgeBase, given: dict[str, Any], message: str) -> None:
+    with nothing_changes(kb), pytest.raises(InvalidArgumentError, match=message):
+        within(kb, **given)
+
+
+def test_an_empty_period_is_refused(kb: KnowledgeBase) -> None:
+    at = ago(5)
+    with pytest.raises(InvalidArgumentError, match="is not after valid_from"):
+        within(kb, valid_from=at, valid_until=at)
+
+
+def test_what_speaks_of_now_is_refused_in_a_period(kb: KnowledgeBase) -> None:
+    kb.load_domain(
+        "(define (domain clocks) (:requirements :typing :fluents :object-fluents)"
+        "(:types robot room) (:predicates (at ?r - robot ?p - room) (clean ?p - room) (open))"
+        "(:functions (battery ?r - robot) - number (home ?r - robot) - room)"
+        "(:action sweep :parameters (?p - room) :effect (clean ?p)))",
+        mode="merge",
+    )
+    calls: dict[str, Any] = {
+        "an act": lambda: kb.apply("(sweep hall)"),
+        "an execution": lambda: kb.executions.report("(sweep hall)", outcome="succeeded"),
+        r"delete_all\(\)": kb.propositions.delete_all,
+        "insert or update": lambda: kb.propositions.insert(HALL),
+        "a value that is increased": lambda: kb.function_values.increase("(battery r1)", by=1),
+        "a confirmation": lambda: kb.propositions.confirm(LAB),
+        "a restored state": lambda: kb.restore(1),
+        "mode='replace'": lambda: kb.load_problem(
+            "(define (problem p) (:domain clocks) (:init) (:goal (and)))"
+        ),
+    }
+    for what, call in calls.items():
+        with nothing_changes(kb), pytest.raises(InvalidArgumentError, match=f"{what} cannot be"):
+            within(kb, call, valid_from=ago(60), valid_until=ago(30))
+
+
+def test_a_block_within_speaks_of_the_same(kb: KnowledgeBase) -> None:
+    period: dict[str, Any] = {"valid_from": ago(60), "valid_until": ago(30)}
+    with kb.transaction(**period):
+        with kb.transaction():
+            kb.propositions.save(HALL)
+        with kb.transaction(**period):
+            kb.propositions.save("(open)")
+        with pytest.raises(InvalidArgumentError, match="another period"):
+            within(kb, valid_from=ago(10))
+    assert len(sayings(kb)) == 2
+    assert facts(kb) == [LAB]
+    with kb.transaction(), pytest.raises(InvalidArgumentError, match="another period"):
+        within(kb, **period)
+
+
+def test_a_block_that_fails_takes_back_what_it_said(kb: KnowledgeBase) -> None:
+    with kb.transaction(valid_from=ago(60), valid_until=ago(30)):
+        kb.propositions.save(HALL)
+        with suppress(Undone), kb.transaction():
+            kb.propositions.delete(HALL)
+            kb.propositions.save("(open)")
+            kb.propositions.get_all()
+            raise Undone
+    assert [row[1].split(" :from")[0] for row in sayings(kb)] == [f"(:held {HALL}"]
+
+
+def test_definitions_and_goals_have_one_clock(kb: KnowledgeBase) -> None:
+    with kb.transaction(valid_from=ago(60), valid_until=ago(30)):
+        kb.goals.save(HALL)
+        kb.objects.delete("lab")
+        kb.propositions.save(HALL)
+    assert facts(kb) == []
+    assert [str(goal) for goal in kb.goals.get_propositions()] == [HALL]
+    assert [one.split(" :from")[0] for one in last_changes(kb)] == [
+        f"+ goal {HALL}",
+        f"+ saying (:held {HALL}",
+        f"- fact {LAB}",
+        "- object lab - room",
+    ]
+
+
+def test_a_random_history_leaves_the_rows_of_its_model(writer: Writer) -> None:
+    writer.run(60)
+    kb, model = writer.kb, writer.model
+    held = [
+        (row[0], moment(row[2]), moment(row[3]), row[1].split(" :from")[0]) for row in sayings(kb)
+    ]
+    assert held == rows_of(model)
+    assert facts(kb) == sorted(one for one in FACTS if model.then(one, kb.revision))
+    assert kb.store.verify().is_intact
+
+
+def rows_of(model: Model) -> list[tuple[Any, ...]]:
+    """The sayings that are not those before them again, as rows."""
+    last: dict[str, tuple[Any, ...]] = {}
+    found = []
+    for element, content, begin, end, since in model.sayings:
+        if last.get(element) != (content, begin, end):
+            said = element if isinstance(content, bool | None) else f"(= {element} {content})"
+            holds = "held" if content not in (False, None) else "not-held"
+            found.append((since, begin, end, f"(:{holds} {said}"))
+        last[element] = (content, begin, end)
+    return sorted(found, key=lambda row: (row[0], row[3]))
