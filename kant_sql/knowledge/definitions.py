@@ -78,7 +78,10 @@ class Elements(Generic[D]):
 
     def named(self, name: str) -> D | None:
         """Return a live definition, by name in any spelling."""
-        return self.get(self.ids.get(fold(name)))
+        known = self.ids
+        # Most are folded already.
+        id_ = known.get(name) if type(name) is str else None
+        return self.get(known.get(fold(name)) if id_ is None else id_)
 
     def __iter__(self) -> Iterator[D]:
         """Return the live definitions, in the order in which the elements were first known."""
@@ -473,7 +476,8 @@ class PendingDefinitions(Definitions):
 
     def current(self) -> Definitions:
         """Return the present definitions for immediate use: they may lack later changes."""
-        return self if any(each.changes for each in self._by_kind.values()) else self.origin
+        used = self._by_kind
+        return self if used and any(each.changes for each in used.values()) else self.origin
 
     def elements(self, kind: str) -> PendingElements[Any]:
         """Return the elements of one kind, with their changes."""

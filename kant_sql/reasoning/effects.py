@@ -7,7 +7,7 @@ fluent add up; other assignments of one fluent must agree. Numbers are calculate
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
@@ -87,8 +87,7 @@ class EffectReader:
         for item in items:
             if item.needs_values:
                 self._check_values(item)
-            rows = [({}, known)] if item in certain else self._rows(item)
-            for objects, values in rows:
+            for objects, values in (({}, known),) if item.is_certain else self._rows(item):
                 self._apply(item, objects, values)
         return self.changes
 
@@ -123,12 +122,8 @@ class EffectReader:
         self, item: EffectItem
     ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
         """Yield for which objects an effect happens, with the numbers that it needs."""
-        numbers = item.numbers
-        if not numbers and item.is_certain:
-            yield {}, {}
-            return
+        numbers, slots = item.numbers, [each.slot for each in item.bound]
         rows = self._run(item, "now")
-        slots = [each.slot for each in item.bound]
         if item.earlier != AllOf(()):
             held = self._earlier[id(item)]
             rows = [row for row in rows if row[: len(slots)] in held]
@@ -166,7 +161,7 @@ class EffectReader:
     def _apply(
         self, item: EffectItem, objects: Mapping[Slot, int], values: Mapping[NumberOf, Decimal]
     ) -> None:
-        ids = [self._object(term, objects) for term in item.terms]
+        ids = self._objects(item.terms, objects)
         arguments = " ".join(map(str, ids))
         if item.operator in ("add", "delete"):
             predicate = self._definitions.predicates.live(item.head)
@@ -182,12 +177,16 @@ class EffectReader:
         fluent = FluentKey(function.id, arguments)
         self.changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
 
-    def _object(self, term: Place, objects: Mapping[Slot, int]) -> int:
-        found = objects.get(term) if objects and isinstance(term, Slot) else None
-        if found is None:
-            found = self._step.of(term)
-        assert found is not None
-        return found
+    def _objects(self, terms: Iterable[Place], objects: Mapping[Slot, int]) -> list[int]:
+        ids, places = self._step.ids, self._step.action.positions
+        return [
+            term.id
+            if isinstance(term, Known)
+            else objects[term]
+            if objects and term in objects
+            else ids[places[term.number]]
+            for term in terms
+        ]
 
     def _text(self, declared: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> str:
         """Write an atom or a fluent, whose objects must fit."""
@@ -218,7 +217,7 @@ class EffectReader:
         text: str,
     ) -> Exact | int:
         if isinstance(item.value, Slot | Known):
-            id_ = self._object(item.value, objects)
+            [id_] = self._objects([item.value], objects)
             if not self._fits(id_, function.type_ids):
                 raise self._mismatch(id_, function.type_ids, f"({item.operator} {text} ...)")
             return id_

@@ -93,13 +93,6 @@ class GroundStep:
         """The parameters in statements."""
         return {bound.slot: f":b{number}" for number, bound in enumerate(self.action.parameters)}
 
-    def of(self, term: Place) -> int | None:
-        """Return the object of a term that is a constant or a parameter."""
-        if not isinstance(term, Slot):
-            return term.id
-        position = self.action.positions.get(term.number)
-        return None if position is None else self.ids[position]
-
     @cached_property
     def misfits(self) -> list[FailedCondition]:
         """Which of its objects do not fit the parameters, by the definitions of its action."""
@@ -495,9 +488,10 @@ def _plain(definitions: Definitions, step: str) -> GroundStep | None:
     objects = [object_ for object_ in map(definitions.objects.named, words) if object_ is not None]
     if action is None or len(objects) != len(words) or len(words) != len(action.parameters):
         return None
-    node = prepared(definitions, find_action(definitions, name))
+    if action.kind not in (ACTION, DURATIVE_ACTION):
+        return None
     ids, names = [each.id for each in objects], [each.name for each in objects]
-    return GroundStep(node, tuple(ids), tuple(names))
+    return GroundStep(prepared(definitions, action), tuple(ids), tuple(names))
 
 
 def _ground(definitions: Definitions, step: object) -> GroundStep:
@@ -585,8 +579,10 @@ def misfits(definitions: Definitions, step: GroundStep) -> list[FailedCondition]
     ):
         object_ = definitions.objects.live(id_)
         own = object_.type_ids
-        if any(types is not None and types.isdisjoint(own) for types in bound.types):
-            given = either_text(live(each).name for each in object_.type_ids)
-            reason = f"{object_.name} is of type {given}, expected {variable.type_text}"
-            found.append(FailedCondition(f"?{variable.name} - {variable.type_text}", reason))
+        for types in bound.types:
+            if types is not None and types.isdisjoint(own):
+                given = either_text(live(each).name for each in own)
+                reason = f"{object_.name} is of type {given}, expected {variable.type_text}"
+                found.append(FailedCondition(f"?{variable.name} - {variable.type_text}", reason))
+                break
     return found

@@ -314,3 +314,11 @@ def insert_text(insert: Insert, placeholder: str, rows: int = 1) -> str:
     """Write the statement that inserts one row, or so many."""
     values = f"({', '.join(placeholder for _ in insert.columns)})"
     return f"INSERT INTO {insert.into} VALUES {', '.join(values for _ in range(rows))}"
+
+
+@cache
+def insert_texts(inserts: tuple[tuple[Insert, int], ...], placeholder: str) -> str:
+    """Write the statement of several inserts, each with its number of rows."""
+    *before, last = (insert_text(into, placeholder, rows) for into, rows in inserts)
+    among = ", ".join(f"i{n} AS ({each})" for n, each in enumerate(before))
+    return f"WITH {among} {last}" if before else last

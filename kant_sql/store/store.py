@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, suppress
 from datetime import datetime, timedelta
 from functools import partial
 from types import TracebackType
@@ -322,7 +322,6 @@ class Store:
             if lock is not None:
                 lock.release()
 
-    @contextmanager
     def transaction(
         self,
         actor: str | None = None,
@@ -333,7 +332,7 @@ class Store:
         plan_step: tuple[int, int] | None = None,
         promotes: bool = False,
         given: Given = FROM_NOW_ON,
-    ) -> Iterator[Transaction]:
+    ) -> AbstractContextManager[Transaction]:
         """Open a transaction; within another of this thread, task and context, join that one.
 
         Only one that promotes may write to a replica. `given` is the period that it speaks of.
@@ -352,18 +351,9 @@ class Store:
                     "now on: a revision speaks of one; end that transaction first, or give it this "
                     "period"
                 )
-            with outer.scope():
-                yield outer
-            return
-
-        def begin() -> Transaction:
-            return retrying(
-                self.backend,
-                lambda: self._begin(metadata, expected_revision, promotes, given, is_observed),
-            )
-
-        with OwnTransaction(self, begin) as transaction:
-            yield transaction
+            return outer.joined()
+        own = (metadata, expected_revision, promotes, given, is_observed)
+        return OwnTransaction(self, partial(retrying, self.backend, partial(self._begin, *own)))
 
     def close(self) -> None:
         """Close it, and its connections unless others share them.
@@ -572,7 +562,7 @@ class Store:
             ) from error
 
 
-class OwnTransaction:
+class OwnTransaction(AbstractContextManager[Transaction]):
     """The block of one transaction: it begins on entry, commits or rolls back on exit."""
 
     __slots__ = ("_begin", "_block", "_lock", "_store", "_transaction")

@@ -295,6 +295,12 @@ class Transaction:
         """Open a scope: what happens within it happens whole or not at all."""
         return self._context.journal.scope()
 
+    @contextmanager
+    def joined(self) -> Iterator[Transaction]:
+        """Open a scope of what joins it."""
+        with self.scope():
+            yield self
+
     def find_execution(self, key: Key) -> str | None:
         """Find an execution; give its text."""
         if self._records is not None and self._records.pending:
@@ -341,8 +347,9 @@ class Transaction:
         self._check_open()
         pending = [ledger for ledger in touched if ledger.pending]
         if self.session.backend.revision_comes_last:
-            self._write(pending)
-            made = self._write_revision(changes)
+            with self.session.together():
+                self._write(pending)
+                made = self._write_revision(changes)
         else:
             # After the revision: that spares the database from keeping book of references whose
             # target is yet to come.

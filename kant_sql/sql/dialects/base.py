@@ -271,6 +271,10 @@ class Session(ABC):
         elif rows:
             self._execute_many(insert_text(into, self.placeholder), rows)
 
+    def together(self) -> AbstractContextManager[None]:
+        """Let a server insert the few rows of the inserts of a block by one statement."""
+        return nullcontext()
+
     def begin(self, write: bool) -> None:
         """Begin a transaction."""
         self._execute(self.backend.begin_write if write else self.backend.begin_read)

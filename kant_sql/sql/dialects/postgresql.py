@@ -64,9 +64,11 @@ from ..query import (
     Seconds,
     StoreClock,
     StorePlace,
+    insert_texts,
 )
 from .base import (
     FETCH_SIZE,
+    FEW_ROWS,
     Backend,
     Listener,
     Roles,
@@ -327,6 +329,7 @@ class PostgresqlSession(Session):
     placeholder = "%s"
     keeps_limit = True
     _is_replanned = False
+    _gathered: list[tuple[Insert, Sequence[Row]]] | None = None
 
     def obey(self, limit: Limit | None) -> None:
         """Let the server end what takes too long: the connection keeps how long that is."""
@@ -355,8 +358,41 @@ class PostgresqlSession(Session):
         with suppress(*self.backend.driver_errors):
             connection.cancel_safe(timeout=CANCEL_TIMEOUT)
 
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Insert the few rows of the inserts of a block by one statement.
+
+        Foreign keys are checked at its end; each message to the server takes longer than a row.
+        """
+        if self._nodes is not None or self._is_limited():
+            # A cluster takes no such statement, and row policies see no row of it.
+            yield
+            return
+        self._gathered = []
+        try:
+            yield
+            self._insert_gathered()
+        finally:
+            self._gathered = None
+
+    def _insert_gathered(self) -> None:
+        gathered = self._gathered
+        if gathered:
+            self._gathered = []
+            sql = insert_texts(tuple([(into, len(rows)) for into, rows in gathered]), "%s")
+            self._execute(sql, [value for _, rows in gathered for row in rows for value in row])
+
+    def _execute(self, statement: str | Query, parameters: Any = ()) -> None:
+        if self._gathered:
+            self._insert_gathered()
+        super()._execute(statement, parameters)
+
     def insert(self, into: Insert, rows: Sequence[Row]) -> None:
         """Insert rows: many of them by COPY."""
+        if self._gathered is not None and len(rows) <= FEW_ROWS:
+            self._gathered += [(into, rows)] if rows else []
+            return
+        self._insert_gathered()
         if len(rows) < COPY_FROM_ROWS:
             super().insert(into, rows)
             return
@@ -378,6 +414,7 @@ class PostgresqlSession(Session):
             log_statement(sql, started)
 
     def _execute_many(self, sql: str, parameters: Sequence[Any]) -> None:
+        self._insert_gathered()
         with _one_report():
             super()._execute_many(sql, parameters)
 
@@ -443,7 +480,7 @@ class PostgresqlSession(Session):
         """Return whether row policies bind this user: the server then refuses COPY."""
         limited = self._pooled.info.get("is_limited")
         if limited is None:
-            self._execute("SELECT row_security_active('revision')")
+            self._execute(_IS_LIMITED)
             limited = self._pooled.info["is_limited"] = self._fetch()[0][0]
         return bool(limited)
 
@@ -638,6 +675,7 @@ _VIEW = Query(
 # Of its major versions, that of the tests which is the oldest.
 OLDEST_SERVER = 14
 LOCK_TIMEOUT = f"{PATIENCE:g}s"
+_IS_LIMITED = "SELECT row_security_active(to_regclass('revision'))"
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
 _DURABLE = (
@@ -731,6 +769,8 @@ class PostgresqlBackend(Backend):
             record.info[IS_POOLED] = settle(connection, pooler, settings)
             self.cluster = cluster_among(name for (name,) in connection.execute(EXTENSIONS))
             record.info[_NODES] = self.cluster and self.cluster.nodes(connection)
+            # Before the tables are there, it is not known.
+            [record.info["is_limited"]] = connection.execute(_IS_LIMITED).fetchone()
             read_all_times(connection)
 
         @event.listens_for(engine, "checkout")
