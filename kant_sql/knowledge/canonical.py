@@ -7,9 +7,10 @@ can recompute a hash from the tables.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
+from itertools import islice
 from json.encoder import encode_basestring
 from typing import Any, NamedTuple, TypeVar
 
@@ -149,8 +150,14 @@ _TEXTS: dict[type[Any], Callable[[Definitions, Any], str]] = {
 }
 
 
-# The version of this form; each revision stores and hashes it.
-FORM = 1
+# The form of new revisions; each revision stores and hashes its own.
+FORM = 2
+# Forms that are read: the first hashes texts, the second salted commitments to them.
+FORMS = 1, FORM
+# What metadata says in texts; the others are hashed as they are.
+SAID = "actor", "reason", "source"
+# Bytes of the random value of a revision, and of the salts derived from it.
+SEED = 16
 _BATCH = 1_000
 
 
@@ -237,6 +244,16 @@ def _observed(moment: datetime | None) -> datetime | None:
         ) from error
 
 
+def salt_of(seed: bytes, label: str, text: str) -> bytes:
+    """Derive the salt of a part of a revision; of a change, the label is its sign and its kind."""
+    return sha256(seed + f"{label}\0{text}".encode()).digest()[:SEED]
+
+
+def commit_to(salt: bytes, text: str) -> str:
+    """Return the commitment to a text, from which nobody can find it without the salt."""
+    return sha256(salt + text.encode()).hexdigest()
+
+
 def revision_hash(
     previous: str | None,
     knowledge_base: str,
@@ -244,20 +261,72 @@ def revision_hash(
     committed_at: str,
     metadata: Metadata,
     changes: Iterable[tuple[str, str, str]],
+    seed: bytes | None,
     form: int = FORM,
 ) -> str:
-    """Hash a revision, chained to the previous one, in constant memory."""
-    digest = sha256(f'{{"actor":{_json(metadata.actor)},"changes":['.encode())
-    separator = ""
-    batch: list[str] = []
+    """Hash a revision, chained to the previous one, in constant memory.
+
+    Without a seed, it is of form 1.
+    """
+    link = previous, knowledge_base, number, committed_at, metadata, form
+    if seed is None:
+        lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
+        said = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
+        return _hash(*link, said, lines)
+    actor, reason, source = (
+        None if text is None else commit_to(salt_of(seed, label, text), text)
+        for label, text in zip(SAID, metadata[:3], strict=True)
+    )
+    return _hash(*link, (_json(actor), _json(reason), _json(source)), _committed(seed, changes))
+
+
+def sealed_hash(
+    previous: str | None,
+    knowledge_base: str,
+    number: int,
+    committed_at: str,
+    metadata: Metadata,
+    said: Iterable[str | None],
+    changes: Iterable[tuple[str, str, str]],
+    form: int = FORM,
+) -> str:
+    """Hash a revision of form 2 of whose actor, reason, source and changes commitments are left."""
+    actor, reason, source = map(_json, said)
+    lines = (f'["{sign}","{kind}","{commitment}"]' for sign, kind, commitment in changes)
+    link = previous, knowledge_base, number, committed_at, metadata, form
+    return _hash(*link, (actor, reason, source), lines)
+
+
+def _committed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Write changes with a commitment to each text: `salt_of` and `commit_to`, for many."""
+    heads: dict[tuple[str, str], tuple[bytes, str]] = {}
     for sign, kind, text in changes:
-        batch.append(f'["{sign}","{kind}",{encode_basestring(text)}]')
-        if len(batch) == _BATCH:
-            digest.update((separator + ",".join(batch)).encode())
-            separator = ","
-            batch.clear()
-    if batch:
-        digest.update((separator + ",".join(batch)).encode())
+        head = heads.get((sign, kind))
+        if head is None:
+            head = seed + f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
+            heads[sign, kind] = head
+        raw = text.encode()
+        salt = sha256(head[0] + raw).digest()[:SEED]
+        yield f'{head[1]}{sha256(salt + raw).hexdigest()}"]'
+
+
+def _hash(
+    previous: str | None,
+    knowledge_base: str,
+    number: int,
+    committed_at: str,
+    metadata: Metadata,
+    form: int,
+    said: tuple[str, str, str],
+    lines: Iterator[str],
+) -> str:
+    """Hash the document of a revision whose texts are written as its form has them."""
+    actor, reason, source = said
+    digest = sha256(f'{{"actor":{actor},"changes":['.encode())
+    separator = ""
+    while batch := ",".join(islice(lines, _BATCH)):
+        digest.update(f"{separator}{batch}".encode())
+        separator = ","
     observed = metadata.observed_at
     seen = "null" if observed is None else f'"{time_text(observed)}"'
     step = "null" if metadata.plan_step is None else "[{},{}]".format(*metadata.plan_step)
@@ -265,8 +334,7 @@ def revision_hash(
         f'],"committed_at":"{committed_at}","form":{form},'
         f'"knowledge_base":{encode_basestring(knowledge_base)},"number":{number},'
         f'"observed_at":{seen},"plan_step":{step},'
-        f'"previous":{_json(previous)},"reason":{_json(metadata.reason)},'
-        f'"source":{metadata.source or "null"}}}'.encode()
+        f'"previous":{_json(previous)},"reason":{reason},"source":{source}}}'.encode()
     )
     return digest.hexdigest()
 

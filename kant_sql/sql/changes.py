@@ -118,6 +118,13 @@ class ChangeEnd(NamedTuple):
         line = self._line(revision, _NO_TEXT if is_atom else self.source.text, *conditions)
         return line.add_columns(self.source.owner.label("owner"))
 
+    def keyed_line(self, *conditions: Any) -> Select[Any]:
+        """Select them with the ids by which rows of `commitment` know them."""
+        # An outcome is of a plan's step, or of an execution of none.
+        place = self.source.version.position if self.source is EXECUTIONS else literal_column("0")
+        owner = self.source.owner.label("owner")
+        return self.line(*conditions).add_columns(owner, place.label("place"))
+
     def _line(self, revision: Any, text: Any, *conditions: Any) -> Select[Any]:
         return select(
             revision.label("revision"),
@@ -185,11 +192,24 @@ def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:
     return [end.line(within(end.revision)) for end in ends]
 
 
-def _left(end: ChangeEnd) -> Select[Any]:
-    """Return what was asserted in the range, and retracted in no revision of it."""
+def _of_range(end: ChangeEnd) -> tuple[ColumnElement[bool], ...]:
+    return (in_range(end.revision),)
+
+
+def _left(end: ChangeEnd) -> tuple[ColumnElement[bool], ...]:
+    """Return the condition of what the range asserted, and no revision of it retracted."""
     until = end.source.version.get("until")
     rest = () if until is None else (or_(until.is_(None), until > HIGH),)
-    return end.line(in_range(end.revision), *rest)
+    return in_range(end.revision), *rest
+
+
+@cache
+def _streamed(left: bool, keyed: bool) -> Query:
+    """Build the statement of all changes of a range, or of those that an archive leaves."""
+    ends = [end for end in _ENDS if not (left and end.retracted)]
+    held = _left if left else _of_range
+    lines = (end.keyed_line(*held(end)) if keyed else end.line(*held(end)) for end in ends)
+    return Query(union_all(*lines).order_by("revision", *_ORDER))
 
 
 def _among(column: Any) -> ColumnElement[bool]:
@@ -197,10 +217,6 @@ def _among(column: Any) -> ColumnElement[bool]:
 
 
 _ORDER = ("retracted", "kind", "text")
-_CHANGES = Query(union_all(*_lines(in_range)).order_by("revision", *_ORDER))
-_LEFT = Query(
-    union_all(*(_left(end) for end in _ENDS if not end.retracted)).order_by("revision", *_ORDER)
-)
 # Unsorted: SQLite would merge its parts pair by pair, which takes longer than all else.
 _FEW_AND_ONE: ColumnElement[int] = literal_column(str(FEW + 1))
 _FEW = {
@@ -223,14 +239,16 @@ def stream_changes(
     return _made(stream_change_rows(session, kb_id, low, high))
 
 
-def stream_change_rows(session: Session, kb_id: int, low: int, high: int) -> Iterator[Row]:
-    """Read what a range of revisions changed, as plain rows."""
-    return session.stream(_CHANGES, kb=kb_id, low=low, high=high)
+def stream_change_rows(
+    session: Session, kb_id: int, low: int, high: int, left: bool = False, keyed: bool = False
+) -> Iterator[Row]:
+    """Read what a range of revisions changed, as plain rows.
 
-
-def stream_rows_left(session: Session, kb_id: int, upto: int) -> Iterator[Row]:
-    """Read the changes of the first revisions that remain after an archive, as plain rows."""
-    return session.stream(_LEFT, kb=kb_id, low=1, high=upto)
+    Args:
+        left: only what remains after an archive of these revisions.
+        keyed: with the ids by which rows of `commitment` know them.
+    """
+    return session.stream(_streamed(left, keyed), kb=kb_id, low=low, high=high)
 
 
 def few_change_rows(

@@ -7,6 +7,7 @@ transaction leaves no trace. What a transaction does not touch costs nothing.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,7 +18,7 @@ from typing import Any
 from sqlalchemy import bindparam, func, select, update
 
 from ..errors import ConnectionLostError, InvalidArgumentError
-from ..knowledge.canonical import FORM, Metadata, revision_hash, time_text
+from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
 from ..knowledge.sayings import FROM_NOW_ON, Given, Period
 from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
@@ -45,7 +46,7 @@ from .ledger import (
 _NEW_REVISION = Insert(
     table_of(RevisionRow),
     *("kb_id", "number", "committed_at", "actor", "reason", "source", "form", "hash"),
-    "observed_at",
+    *("observed_at", "seed"),
 )
 _NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
@@ -445,12 +446,15 @@ class Transaction:
         if head.committed_at is not None and committed_at < head.committed_at:
             committed_at = head.committed_at
         when = time_text(committed_at)
-        digest = revision_hash(head.hash, self.name, self.number, when, self.metadata, changes)
+        # 16 bytes, from which the salts of all its texts are derived.
+        seed = os.urandom(SEED)
+        said = when, self.metadata, changes, seed
+        digest = revision_hash(head.hash, self.name, self.number, *said)
         moment = session.from_time(committed_at, when)
         actor, reason, source, seen, step = self.metadata
         observed_at = None if seen is None else session.from_time(seen)
-        said = (moment, actor, reason, source, FORM, digest, observed_at)
-        session.insert(_NEW_REVISION, [(self.kb_id, self.number, *said)])
+        row = (moment, actor, reason, source, FORM, digest, observed_at, seed)
+        session.insert(_NEW_REVISION, [(self.kb_id, self.number, *row)])
         if step is not None:
             session.insert(_NEW_LINK, [(self.kb_id, self.number, *step)])
         return Committed(self.number, digest, moment)

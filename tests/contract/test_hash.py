@@ -38,7 +38,7 @@ SQL = {block.partition("\n")[0].removeprefix("-- "): block for block in PAGE.of(
 PYTHON = PAGE.of("python")
 # The page breaks the one line of a document.
 DOCUMENTS = [block.replace("\n", "") for block in PAGE.of("json")]
-HASHES = [block.strip() for block in PAGE.of("text")]
+HASHES = [block.strip() for block in PAGE.of("text") if len(block) == 65]
 
 PROGRAM: dict[str, Any] = {}
 exec(PYTHON[-1], PROGRAM)
@@ -54,7 +54,8 @@ def last_hash(url: str, name: str = "tiago") -> str | None:
     """Check a chain as the page says."""
     with opened(url) as store:
         revisions = SQL[f"revisions, {store.dialect}"]
-        found: str | None = PROGRAM["check_chain"](store.execute, revisions, SQL["changes"], name)
+        statements = revisions, SQL["changes"], SQL["commitments"]
+        found: str | None = PROGRAM["check_chain"](store.execute, *statements, name)
         return found
 
 
@@ -126,16 +127,18 @@ def test_a_large_revision_is_hashed_as_a_small_one_is(
 
 
 def test_the_program_accepts_no_other_form(shared_url: str, connect: Connect) -> None:
-    """Not even with a hash that fits: the page describes one form."""
+    """Not even with a hash that fits: the page describes two forms."""
     kb = connect(shared_url, knowledge_base="tiago")
     kb.types.save(PddlTypeDto("robot"))
     (entry,) = kb.log()
-    said = time_text(entry.revision.committed_at), Metadata(None, None, None), entry.changes
-    assert entry.revision.hash == revision_hash(None, "tiago", 1, *said)
-    digest = revision_hash(None, "tiago", 1, *said, form=2)
     with opened(shared_url) as store:
-        store.execute("UPDATE revision SET form = 2, hash = :digest", {"digest": digest})
-    with pytest.raises(AssertionError, match="form 2"):
+        ((seed,),) = store.execute("SELECT seed FROM revision", {})
+    said = time_text(entry.revision.committed_at), Metadata(None, None, None), entry.changes, seed
+    assert entry.revision.hash == revision_hash(None, "tiago", 1, *said)
+    digest = revision_hash(None, "tiago", 1, *said, form=3)
+    with opened(shared_url) as store:
+        store.execute("UPDATE revision SET form = 3, hash = :digest", {"digest": digest})
+    with pytest.raises(AssertionError, match="form 3"):
         last_hash(shared_url)
 
 
@@ -169,6 +172,8 @@ def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
         "UPDATE formula_version SET section = 'constraint'",
         "UPDATE proposition_version SET until = NULL",
         "DELETE FROM proposition_version WHERE until = 2",
+        "UPDATE revision SET seed = (SELECT seed FROM revision WHERE number = 1) WHERE number = 2",
+        "UPDATE revision SET seed = NULL WHERE number = 2",
     ],
 )
 def test_whoever_changes_the_tables_breaks_the_chain(
@@ -186,7 +191,7 @@ def test_whoever_changes_the_tables_breaks_the_chain(
     with opened(shared_url) as store:
         store.execute(tampering, {})
     name = "other" if "knowledge_base" in tampering else "tiago"
-    with pytest.raises(AssertionError, match="is not what its hash says"):
+    with pytest.raises(AssertionError, match=r"is not what its hash says|no row in commitment"):
         last_hash(shared_url, name)
 
 
@@ -199,15 +204,17 @@ def test_the_example_is_what_a_store_writes(
     session = kant_sql.sql.dialects.base.Session
     monkeypatch.setattr(session, "now", lambda *_: next(moments))
     monkeypatch.setattr("kant_sql.store.transaction.time", SimpleNamespace(monotonic=lambda: 0.0))
+    seeds = iter([bytes(range(16)), bytes(range(16, 32))])
+    monkeypatch.setattr("os.urandom", lambda _: next(seeds))
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     program = PYTHON[0].replace('"sqlite:///robot.db"', repr(shared_url))
     exec(program, {})
-    assert [revision.hash for revision in kb.store.revisions()] == HASHES
+    assert [revision.hash for revision in kb.store.revisions()] == HASHES[1:]
     assert last_hash(shared_url) == HASHES[-1]
 
 
 def test_the_documents_of_the_example_are_canonical_and_have_the_hashes_given() -> None:
-    assert len(DOCUMENTS) == 2
+    assert len(DOCUMENTS) == 3
     for document, digest in zip(DOCUMENTS, HASHES, strict=True):
         assert rfc8785.dumps(json.loads(document)) == document.encode()
         assert sha256(document.encode()).hexdigest() == digest
@@ -240,6 +247,7 @@ def test_the_library_hashes_the_document_that_the_standard_writes(
 ) -> None:
     ordered = sorted(changes)
     at = "2026-01-31T09:30:00.000000Z"
+    metadata = make_metadata(actor, reason, source)
     document: dict[str, Any] = {
         "actor": actor,
         "changes": [list(line) for line in ordered],
@@ -253,6 +261,12 @@ def test_the_library_hashes_the_document_that_the_standard_writes(
         "reason": reason,
         "source": source,
     }
-    metadata = make_metadata(actor, reason, source)
+    link = "ab", name, 7, at, metadata
     expected = sha256(rfc8785.dumps(document)).hexdigest()
-    assert revision_hash("ab", name, 7, at, metadata, ordered) == expected
+    assert revision_hash(*link, ordered, None, form=1) == expected
+    seed = b"0123456789abcdef"
+    said = {"actor": actor, "reason": reason, "source": metadata.source}
+    told, listed = PROGRAM["sealed"](seed, said, ordered)
+    document |= {**dict.fromkeys(said), **told, "changes": listed, "form": 2}
+    expected = sha256(rfc8785.dumps(document)).hexdigest()
+    assert revision_hash(*link, ordered, seed) == expected

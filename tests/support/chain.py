@@ -29,7 +29,7 @@ _KNOWLEDGE_BASES = """
 """
 _REVISIONS = """
     SELECT revision.kb_id, revision.number, {time}, actor, reason, {source}, form, hash,
-           {observed_at}, plan_id, position
+           {observed_at}, seed, plan_id, position
     FROM revision
     LEFT JOIN revision_execution AS step
         ON step.kb_id = revision.kb_id AND step.number = revision.number
@@ -159,14 +159,21 @@ def _check_revisions(
     assert set(changes) == {revision[0] for revision in revisions}, f"{name}: half a revision"
     last: tuple[int, str, str] | None = None
     for count, revision in enumerate(revisions):
-        number, committed_at, actor, reason, source, form, digest, observed_at, *step = revision
+        number, committed_at, actor, reason, source, form, digest, *rest = revision
+        observed_at, seed, *step = rest
         at = f"{name}: revision {number}"
         assert number == count + 1, f"{at} comes after {count}"
-        assert form == 1, f"{at} has form {form}"
+        assert form == (1 if seed is None else 2), f"{at} has form {form}"
+        said: list[Any] = [actor, reason, source]
+        lines = sorted(changes[number])
+        if seed is not None:
+            labels = ("actor", "reason", "source")
+            said = [_sealed(seed, *each) for each in zip(labels, said, strict=True)]
+            lines = [(*line[:2], _sealed(seed, line[0] + line[1], line[2])) for line in lines]
         assert last is None or last[2] <= committed_at, f"{at} is older than the one before"
         members = {
-            "actor": _json(actor),
-            "changes": _json(sorted(changes[number])),
+            "actor": _json(said[0]),
+            "changes": _json(lines),
             "committed_at": _json(committed_at),
             "form": str(form),
             "knowledge_base": _json(name),
@@ -174,15 +181,22 @@ def _check_revisions(
             "observed_at": _json(observed_at),
             "plan_step": _json(None if step == [None, None] else step),
             "previous": _json(last and last[1]),
-            "reason": _json(reason),
+            "reason": _json(said[1]),
             # It is stored in canonical form, and numbers are best left as they are.
-            "source": "null" if source is None else source,
+            "source": said[2] or "null" if seed is None else _json(said[2]),
         }
         document = ",".join(f'"{key}":{value}' for key, value in members.items())
         expected = sha256(f"{{{document}}}".encode()).hexdigest()
         assert digest == expected, f"{at} does not have the hash of what it says"
         last = (number, digest, committed_at)
     return last
+
+
+def _sealed(seed: bytes, label: str, text: Any) -> Any:
+    if text is None:
+        return None
+    salt = sha256(seed + label.encode() + b"\0" + text.encode()).digest()[:16]
+    return sha256(salt + text.encode()).hexdigest()
 
 
 def _json(value: object) -> str:

@@ -17,8 +17,11 @@ from kant_sql.errors import InvalidMetadataError
 from kant_sql.knowledge.canonical import (
     FORM,
     Metadata,
+    commit_to,
     make_metadata,
     revision_hash,
+    salt_of,
+    sealed_hash,
     text_time,
     time_text,
 )
@@ -45,6 +48,7 @@ CHANGES = st.lists(
     ),
     max_size=8,
 )
+SEED = b"0123456789abcdef"
 TIME = "2026-01-31T09:30:00.000000Z"
 MOMENTS = st.datetimes(
     datetime(1, 1, 3), datetime(9999, 12, 30), timezones=st.just(timezone(timedelta(hours=5)))
@@ -79,6 +83,10 @@ def document(
     )
 
 
+def _commitment(label: str, text: str | None) -> str | None:
+    return None if text is None else commit_to(salt_of(SEED, label, text), text)
+
+
 @given(
     previous=st.none() | st.just("ab" * 32),
     name=TEXTS,
@@ -103,18 +111,31 @@ def test_a_revision_hashes_the_document_that_rfc_8785_writes(
 ) -> None:
     metadata = make_metadata(actor, reason, source, observed_at, plan_step)
     given_ = previous, name, number
-    for form in (2, FORM):
+    for form in (7, 1):
         expected = sha256(document(*given_, metadata, changes, source, form)).hexdigest()
-        assert revision_hash(*given_, TIME, metadata, iter(changes), form) == expected
-    assert revision_hash(*given_, TIME, metadata, iter(changes)) == expected
+        assert revision_hash(*given_, TIME, metadata, iter(changes), None, form) == expected
+    sealed = Metadata(
+        _commitment("actor", actor),
+        _commitment("reason", reason),
+        _commitment("source", metadata.source),
+        *metadata[3:],
+    )
+    told = [(sign, kind, _commitment(sign + kind, text) or "") for sign, kind, text in changes]
+    expected = sha256(document(*given_, sealed, told, sealed.source)).hexdigest()
+    assert revision_hash(*given_, TIME, metadata, iter(changes), SEED) == expected
+    said = sealed[:3]
+    assert sealed_hash(*given_, TIME, metadata, said, told) == expected
 
 
 @pytest.mark.parametrize("count", [0, 1, 999, 1_000, 1_001, 2_500])
 def test_the_hash_does_not_depend_on_how_changes_are_batched(count: int) -> None:
     changes = [("+", "fact", f'(p "{number}\\') for number in range(count)]
     metadata = Metadata(None, None, None)
-    expected = sha256(document(None, "kb", 1, metadata, changes)).hexdigest()
-    assert revision_hash(None, "kb", 1, TIME, metadata, changes) == expected
+    expected = sha256(document(None, "kb", 1, metadata, changes, form=1)).hexdigest()
+    assert revision_hash(None, "kb", 1, TIME, metadata, changes, None, 1) == expected
+    told = [(sign, kind, _commitment(sign + kind, text) or "") for sign, kind, text in changes]
+    expected = sha256(document(None, "kb", 1, metadata, told)).hexdigest()
+    assert revision_hash(None, "kb", 1, TIME, metadata, changes, SEED) == expected
 
 
 @given(JSON)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from sqlalchemy import bindparam, update
 
 from ...errors import StoreIntegrityError, reading_rows
-from ...knowledge.canonical import FORM, text_time, time_text
+from ...knowledge.canonical import text_time, time_text
 from ...sql.changes import FEW, few_change_rows
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, integer
@@ -155,8 +155,8 @@ def _check(stores: Stores, name: str, head: Head, bounds: CopyRange, copied: Cop
         link = step.link
         if link is None or link.number != expected or link.number > bounds.high:
             raise _wrong(stores, name, bounds, expected, "is missing")
-        if link.form != FORM:
-            raise _wrong(stores, name, bounds, expected, f"is of form {link.form!r}, not {FORM}")
+        if link.fault is not None:
+            raise _wrong(stores, name, bounds, expected, f"cannot be read: {link.fault}")
         if not link.is_readable or link.committed_at < earliest:
             raise _wrong(
                 stores, name, bounds, expected, "has an invalid time, or one that goes back"

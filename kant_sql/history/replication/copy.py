@@ -113,6 +113,7 @@ RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow)
 # Rows stay in the store when versions are moved to an archive, as records do.
 CONFIRMATION = table_of(t.ConfirmationRow)
 SAYINGS = table_of(t.PropositionSayingRow), table_of(t.FunctionValueSayingRow)
+COMMITMENT = table_of(t.CommitmentRow)
 EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 VERSION = table_of(t.ExecutionVersionRow)
 
@@ -225,6 +226,12 @@ class Identities:
     def id_of(self, table: Table, id_: int) -> int:
         """Return the id of an identity in the target."""
         return self._ids[table][id_]
+
+    def known_id(self, id_: int) -> int:
+        """Return the id in the target of an element that these revisions change."""
+        # No two elements have one id, whatever they are.
+        facts, fluents = (self._ids[table] for table in ATOMS)
+        return facts.get(id_) or fluents.get(id_) or id_
 
     def _bring(self, table: Table, ids: list[int]) -> None:
         source, source_kb, target, target_kb = self._stores
@@ -377,6 +384,7 @@ _NO_PLAN: Any = literal_column(str(NO_PLAN))
 
 _REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
 _LINKS = _all_of(_LINK, in_range(_LINK.c.number))
+_COMMITMENTS = _all_of(COMMITMENT, in_range(COMMITMENT.c.number))
 
 
 class Copy:
@@ -409,6 +417,8 @@ class Copy:
         self._insert(_LINK, _LINKS)
         for table in (*RECORDS, CONFIRMATION, *SAYINGS):
             self._insert(table, _asserted(table))
+        # Last: it names the atoms of these revisions by ids, which may be others in the target.
+        self._insert(COMMITMENT, _COMMITMENTS)
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 
@@ -449,6 +459,8 @@ class Copy:
         for index, identity in references(table):
             if identity in ATOMS:
                 convert[index] = partial(self._identities.id_of, identity)
+        if table is COMMITMENT:
+            convert[names.index("owner_id")] = self._identities.known_id
         if "until" not in names:
             return lambda row: converted(row, convert)
         since, until = names.index("since"), names.index("until")

@@ -13,36 +13,51 @@ from itertools import chain, groupby, islice
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from ...knowledge.canonical import FORM, Metadata, revision_hash, time_text
+from sqlalchemy import select
+
+from ...knowledge.canonical import (
+    FORM,
+    FORMS,
+    SAID,
+    SEED,
+    Metadata,
+    revision_hash,
+    sealed_hash,
+    time_text,
+)
 from ...sql.changes import (
     ASSERTED,
     RETRACTED,
     REVISIONS,
     in_range,
     stream_change_rows,
-    stream_rows_left,
 )
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query
-from ...sql.tables import RevisionRow
+from ...sql.rows import KB, table_of
+from ...sql.tables import CommitmentRow, RevisionRow
 from ...store.head import read_name
 from ..revisions import LARGEST
-from .sides import Check
+from .parts import READ_PARTS, WHOLE, WHOLE_AT, Part, committed
+from .sides import Check, Side
 
 SMALLEST = -(2**63)
 
 _SIGNS = ASSERTED, RETRACTED
 _DATE, _CLOCK = r"[0-9]{4}-[0-9]{2}-[0-9]{2}", r"(?:[01][0-9]|2[0-3]):[0-9]{2}:[0-9]{2}\.[0-9]{6}"
 _TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
+_PART = table_of(CommitmentRow).c
+# Whether any of them has parts: that of all is read with each, and found once.
+_ANY_PART = select(_PART.number).where(_PART.kb_id == KB, in_range(_PART.number)).exists()
 _REVISIONS = Query(
-    REVISIONS.add_columns(RevisionRow.form)
+    REVISIONS.add_columns(RevisionRow.form, RevisionRow.seed, select(_ANY_PART).scalar_subquery())
     .where(in_range(RevisionRow.number))
     .order_by(RevisionRow.number)
 )
 
 
-# Sign, kind and text of a change.
-_Line = tuple[str, str, str]
+# Sign, kind and text of a change; of a revision that has parts, the ids of its element, too.
+_Line = tuple[Any, ...]
 
 
 class Link(NamedTuple):
@@ -52,13 +67,45 @@ class Link(NamedTuple):
     committed_at: str  # as it is hashed
     metadata: Metadata
     form: int
+    seed: bytes | None
     hash: str
     is_readable: bool  # whether its times are times
+    parts: tuple[Part, ...] = ()  # of one whose seed was destroyed
 
-    def digest(self, name: str, previous: str | None, changes: Iterable[_Line]) -> str:
-        """Recompute its hash."""
-        said = self.committed_at, self.metadata, changes, self.form
-        return revision_hash(previous, name, self.number, *said)
+    def digest(
+        self, name: str, previous: str | None, changes: Iterable[_Line], is_archived: bool = False
+    ) -> str:
+        """Recompute its hash; what has none is empty.
+
+        Of a revision of form 1 of which something was erased, this is the hash that is kept.
+        """
+        link = previous, name, self.number, self.committed_at, self.metadata
+        if self.fault is None and not self.parts:
+            return revision_hash(*link, changes, self.seed, self.form)
+        lines = [*changes]
+        if self.fault is not None:
+            return ""
+        if self.form == 1:
+            return self.parts[0].commitment or ""
+        return sealed_hash(*link, *committed(self.parts, self.metadata, lines, is_archived))
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong with its form, its seed or its parts, in words."""
+        if self.form not in FORMS:
+            return f"form {self.form} is unknown: revisions have form 1 or {FORM}"
+        if self.form == 1:
+            if self.seed is not None:
+                return "it is of form 1, and has a seed"
+            is_whole = [part[:6] for part in self.parts] == [(WHOLE_AT, "", WHOLE, 0, 0, None)]
+            is_kept = not self.parts or is_whole
+            return None if is_kept else "it is of form 1, and has rows of form 2 in commitment"
+        if self.seed is None:
+            return None if self.parts else "its seed is missing, and nothing of it was erased"
+        if self.parts:
+            return "it has a seed, and rows in commitment"
+        is_seed = isinstance(self.seed, bytes) and len(self.seed) == SEED
+        return None if is_seed else f"its seed is not {SEED} bytes"
 
 
 class Step(NamedTuple):
@@ -75,34 +122,55 @@ def stream_chain(
     low: int = SMALLEST,
     high: int = LARGEST,
     changes: Iterable[Row] | None = None,
+    left: bool = False,
 ) -> Iterator[Step]:
-    """Read revisions with their changes, in two statements and constant memory."""
+    """Read revisions with their changes, in two statements and constant memory.
+
+    If something was erased, in three, with the parts of each revision of which something was.
+
+    Args:
+        changes: the changes, where they were read; used where nothing was erased.
+        left: only the changes that remain after an archive of these revisions.
+    """
     bounds = {"kb": kb_id, "low": low, "high": high}
-    rows = stream_change_rows(session, kb_id, low, high) if changes is None else changes
-    groups = groupby(rows, key=itemgetter(0))
+    revisions = session.stream(_REVISIONS, **bounds)
+    first = next(revisions, None)
+    parts, strays = None, list[int]()
+    if first is not None and first[-1]:
+        rows = session.stream(READ_PARTS, **bounds)
+        parts = Side(rows, 1, lambda stray: strays.append(stray[0]))
+    if changes is None or parts is not None:
+        changes = stream_change_rows(session, kb_id, low, high, left, parts is not None)
+    groups = groupby(changes, key=itemgetter(0))
     group = next(groups, None)
-    for row in session.stream(_REVISIONS, **bounds):
+    for row in () if first is None else chain((first,), revisions):
         while group is not None and group[0] < row[0]:
             yield Step(group[0], None, _lines(group[1]))
             group = next(groups, None)
-        link = _link(session, row)
+        link = _link(session, row, parts)
         if group is not None and group[0] == row[0]:
-            yield Step(row[0], link, _lines(group[1]))
+            yield Step(row[0], link, _lines(group[1], bool(link.parts)))
             group = next(groups, None)
         else:
             yield Step(row[0], link, iter(()))
     while group is not None:
         yield Step(group[0], None, _lines(group[1]))
         group = next(groups, None)
+    if parts is not None:
+        parts.end()
+    for number in strays:
+        yield Step(number, None, iter(()))
 
 
-def _lines(rows: Iterable[Row]) -> Iterator[_Line]:
+def _lines(rows: Iterable[Row], keyed: bool = False) -> Iterator[_Line]:
     # A change whose identity is missing has no text.
-    return ((_SIGNS[sign], kind, text or "") for _, sign, kind, text in rows)
+    if keyed:
+        return ((_SIGNS[sign], kind, text or "", *key) for _, sign, kind, text, *key in rows)
+    return ((_SIGNS[row[1]], row[2], row[3] or "") for row in rows)
 
 
-def _link(session: Session, row: Row) -> Link:
-    number, at, actor, reason, source, digest, seen, plan_id, position, form = row
+def _link(session: Session, row: Row, parts: Side | None = None) -> Link:
+    number, at, actor, reason, source, digest, seen, plan_id, position, form, seed, _ = row
     step = None if plan_id is None else (plan_id, position)
     committed_at, observed_at, is_readable = "", None, False
     with suppress(TypeError, ValueError):
@@ -112,7 +180,8 @@ def _link(session: Session, row: Row) -> Link:
             _moment(session, at)
         committed_at, observed_at, is_readable = text, seen_at, True
     metadata = Metadata(actor, reason, source, observed_at, step)
-    return Link(number, committed_at, metadata, form, digest, is_readable)
+    own = () if parts is None else tuple(Part(*part[1:]) for part in parts.take(number))
+    return Link(number, committed_at, metadata, form, seed, digest, is_readable, own)
 
 
 def moment_text(session: Session, raw: Any) -> str:
@@ -134,10 +203,9 @@ def rest_digest(session: Session, kb_id: int, upto: int) -> str:
     """Hash the first revisions as an archive leaves them: without the versions that ended."""
     name, rest = read_name(session, kb_id), sha256()
     previous: str | None = None
-    left = stream_rows_left(session, kb_id, upto)
-    for step in stream_chain(session, kb_id, 1, upto, left):
+    for step in stream_chain(session, kb_id, 1, upto, left=True):
         if step.link is not None:
-            _add_rest(rest, step.link, step.link.digest(name, previous, step.changes))
+            _add_rest(rest, step.link, step.link.digest(name, previous, step.changes, True))
             previous = step.link.hash
     return rest.hexdigest()
 
@@ -151,7 +219,7 @@ MANY_LINES = 2_000
 # Lines that may be hashed to explain one store.
 EFFORT = 8_000_000
 
-_SAID = ("actor", "reason", "source", "observed_at", "plan_step")
+_SAID = (*SAID, "observed_at", "plan_step")
 _UNEXPLAINED = (
     "its contents differ from what was hashed: actor, reason, source, a time, the name of the "
     "knowledge base, or one of its {count} changes was altered, removed or added"
@@ -273,7 +341,7 @@ class _Explainer:
 
 
 def _shown(line: _Line) -> str:
-    text = " ".join(" ".join(line).split())
+    text = " ".join(" ".join(line[:3]).split())
     return text if len(text) <= 200 else f"{text[:197]}..."
 
 
@@ -334,10 +402,11 @@ class Chain:
         self._check_order(link)
         previous = None if self.last is None else self.last.hash
         counted = self.changes
-        digest = link.digest(self._name, previous, self._counted(step.changes))
+        is_archived = link.number <= self.archived
+        digest = link.digest(self._name, previous, self._counted(step.changes), is_archived)
         if link.number <= self.check.after:
             self.changes = counted
-        if link.number <= self.archived:
+        if is_archived:
             _add_rest(self._rest, link, digest)
         elif digest != link.hash:
             self._note(Wrong(link, previous, digest))
@@ -374,8 +443,8 @@ class Chain:
             several = f"revisions {expected} to {number - 1} are"
             missing = several if number > expected + 1 else f"revision {expected} is"
             add(expected, "revision", f"{missing} missing: a hole in the chain")
-        if link.form != FORM:
-            add(number, "revision", f"form {link.form} is unknown: revisions have form {FORM}")
+        if link.fault is not None:
+            add(number, "revision", link.fault)
         if not link.is_readable:
             add(number, "revision", "a time is not in the library's format")
         # Both hash as NULL does.

@@ -1,0 +1,120 @@
+"""The parts of a revision whose seed was destroyed, because something of it was erased.
+
+Form 2 of the hash covers commitments. Of what was erased, the commitment is kept in the table
+`commitment`; of all else the salt, which was derived from the seed before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+from sqlalchemy import select
+
+from ...knowledge.canonical import SAID, Metadata, commit_to, salt_of
+from ...sql.changes import in_range
+from ...sql.dialects.base import Row
+from ...sql.query import Query
+from ...sql.rows import KB, table_of
+from ...sql.tables import CommitmentRow
+
+# The positions of what is no change: actor, reason and source, and a whole revision of form 1.
+SAID_AT = {label: -3 + index for index, label in enumerate(reversed(SAID))}
+WHOLE, WHOLE_AT = "revision", -4
+
+
+class Part(NamedTuple):
+    """A row of `commitment`, without its knowledge base and its revision."""
+
+    position: int
+    sign: str
+    kind: str
+    owner_id: int
+    place: int
+    salt: bytes | None
+    commitment: str | None
+    erasure_id: int | None
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What it has in common with the change that it is of."""
+        return self[1:5]
+
+    def commit_to(self, text: str | None) -> str:
+        """Return the commitment to the text that is there now; of what is erased, the kept one."""
+        salt, commitment, erasure_id = self[5:]
+        if (salt is None) == (erasure_id is None) or (commitment is None) != (erasure_id is None):
+            return ""
+        if commitment is not None:
+            return commitment if text is not None else ""
+        return "" if text is None or salt is None else commit_to(salt, text)
+
+
+_PART = table_of(CommitmentRow).c
+READ_PARTS = Query(
+    select(_PART.number, *(_PART[name] for name in Part._fields))
+    .where(_PART.kb_id == KB, in_range(_PART.number))
+    .order_by(_PART.number, _PART.position)
+)
+
+
+def kept_parts(seed: bytes, metadata: Metadata, changes: Iterable[Row]) -> list[Part]:
+    """Derive the parts of a revision from its seed, all of them kept.
+
+    Args:
+        changes: sign, kind, text, owner and place of each, in the order of the hash.
+    """
+    said = [
+        Part(SAID_AT[label], "", label, 0, 0, salt_of(seed, label, text), None, None)
+        for label, text in zip(SAID, metadata[:3], strict=True)
+        if text is not None
+    ]
+    return said + [
+        Part(position, sign, kind, owner, place, salt_of(seed, sign + kind, text), None, None)
+        for position, (sign, kind, text, owner, place) in enumerate(changes)
+    ]
+
+
+def whole_part(digest: str, erasure_id: int) -> Part:
+    """Make the part that keeps the hash of a revision of form 1, of which something is erased."""
+    return Part(WHOLE_AT, "", WHOLE, 0, 0, None, digest, erasure_id)
+
+
+class Commitments(NamedTuple):
+    """What the hash of a revision covers."""
+
+    said: list[str | None]  # of actor, reason and source
+    changes: list[tuple[str, str, str]]  # sign, kind and commitment
+
+
+def committed(
+    parts: Sequence[Part], metadata: Metadata, changes: Iterable[Row], is_archived: bool
+) -> Commitments:
+    """Match parts with what they are of; what has no part, or no longer its part, is empty.
+
+    Args:
+        changes: sign, kind, text, owner and place of each.
+        is_archived: whether changes may be in an archive.
+    """
+    said = {part.position: part for part in parts if part.position < 0}
+    texts = {(sign, kind, *key): text for sign, kind, text, *key in changes}
+    lines = []
+    for place, part in enumerate(each for each in parts if each.position >= 0):
+        text = texts.pop(part.key, None)
+        if text is None and is_archived:
+            if part.commitment is None:
+                continue
+            text = ""
+        commitment = part.commit_to(text) if part.position == place else ""
+        lines.append((part.sign, part.kind, commitment))
+    own = []
+    for label, text in zip(SAID, metadata[:3], strict=True):
+        of_label = said.pop(SAID_AT[label], None)
+        if of_label is None:
+            own.append(None if text is None else "")
+        else:
+            is_own = of_label.key == ("", label, 0, 0)
+            own.append(of_label.commit_to(text) if is_own else "")
+    # What no part is of, and parts of nothing, leave no hash that is right.
+    rest = [("", "", "") for _ in (*texts, *said)]
+    return Commitments(own, lines + rest)
