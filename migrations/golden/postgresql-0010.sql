@@ -201,7 +201,6 @@ CREATE TABLE commitment (
     erasure_id bigint,
     CONSTRAINT ck_commitment_commitment_of_erased CHECK (((commitment IS NULL) = (erasure_id IS NULL))),
     CONSTRAINT ck_commitment_kept_or_erased CHECK (((salt IS NULL) <> (erasure_id IS NULL))),
-    CONSTRAINT fk_commitment_kb_id_erasure_id FOREIGN KEY (kb_id, erasure_id) REFERENCES erasure(kb_id, id),
     CONSTRAINT fk_commitment_kb_id_number FOREIGN KEY (kb_id, number) REFERENCES revision(kb_id, number),
     CONSTRAINT pk_commitment PRIMARY KEY (kb_id, number, "position")
 );

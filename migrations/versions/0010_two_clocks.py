@@ -140,7 +140,6 @@ def _erasures(first: Any) -> None:
         optional("commitment", LONG_TEXT, "of what is erased; NULL: that of the text"),
         optional("erasure_id", comment="what erased it; NULL: it is kept"),
         first._to_revision("number"),
-        first._reference("erasure_id", "erasure"),
         sa.CheckConstraint("(salt IS NULL) <> (erasure_id IS NULL)", name="kept_or_erased"),
         sa.CheckConstraint(
             "(commitment IS NULL) = (erasure_id IS NULL)", name="commitment_of_erased"

@@ -125,9 +125,14 @@ def seal_from(bare: Bare, low: int) -> None:
             "its contents differ from what was hashed: actor, reason",
         ),
         (
-            "UPDATE revision SET form = 2 WHERE number = 21",
+            "UPDATE revision SET form = 1 WHERE number = 21",
             21,
-            "form 2 is unknown: revisions have form 1",
+            "it is of form 1, and has a seed",
+        ),
+        (
+            "UPDATE revision SET seed = NULL WHERE number = 21",
+            21,
+            "its seed is missing, and nothing of it was erased",
         ),
         (
             "UPDATE revision SET form = 9 WHERE number = 20",

@@ -283,8 +283,8 @@ class CommitmentRow(Base):
 
     __tablename__ = "commitment"
     __table_args__ = (
+        # To its revision only: a replica has rows of an erasure before that itself.
         ForeignKeyConstraint(["kb_id", "number"], REVISION),
-        reference("erasure_id", "erasure"),
         CheckConstraint("(salt IS NULL) <> (erasure_id IS NULL)", name="kept_or_erased"),
         CheckConstraint("(commitment IS NULL) = (erasure_id IS NULL)", name="commitment_of_erased"),
         partial_index(
