@@ -837,9 +837,12 @@ class AsyncKnowledgeBase(_Part):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {factory_of(self._kb).label}>"
 
-    async def at(self, when: When) -> AsyncKnowledgeBase:
+    async def at(
+        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
+    ) -> AsyncKnowledgeBase:
         """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
-        return AsyncKnowledgeBase(self._door, kb=await self._door.read(partial(self._kb.at, when)))
+        call = partial(self._kb.at, when, known=known, valid=valid)
+        return AsyncKnowledgeBase(self._door, kb=await self._door.read(call))
 
     def branch(
         self,

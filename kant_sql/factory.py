@@ -20,7 +20,7 @@ from .arguments import flag, whole_number
 from .dao import interfaces as daos
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
-from .history.moments import head_revision, state_at
+from .history.moments import head_revision, past_state, state_at
 from .knowledge.sayings import COMMITTED
 from .moment_text import When, read_when
 from .plans import PlanDao
@@ -132,7 +132,9 @@ class DaoFactory(ABC):
         """
         raise daos_only(self, "transactions")
 
-    def at(self, when: When) -> Self:
+    def at(
+        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
+    ) -> Self:
         """Return the factory of a past state, as `KnowledgeBase.at`."""
         raise daos_only(self, "past states")
 
@@ -279,7 +281,7 @@ class SqlDaoFactory(DaoFactory):
     @property
     @override
     def label(self) -> str:  # type: ignore[override]
-        past = "" if self._at is None else f" at revision {self._at}"
+        past = "" if self._at is None else f" at {self._store.described(self._at)}"
         closed = ", closed" if self._store.is_closed else ""
         return f"{self.name!r} of {self.address}{past}{closed}"
 
@@ -357,10 +359,11 @@ class SqlDaoFactory(DaoFactory):
                 transaction.confirms = before
 
     @override
-    def at(self, when: When) -> Self:
+    def at(
+        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
+    ) -> Self:
         past = object.__new__(type(self))
-        past._store = self._open_store
-        past._at = state_at(self._open_store, when, self._at)
+        past._store, past._at = past_state(self.state, when, known, valid)
         return past
 
     @override

@@ -12,6 +12,7 @@ from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .factory import DaoFactory, SqlDaoFactory, create_dao_factory, daos_only, family_of
+from .history.moments import refuse_valid
 from .knowledge.sayings import COMMITTED
 from .moment_text import When
 from .sql.changes import Change
@@ -92,12 +93,16 @@ class _Question:
 def _bound(
     find: Callable[[], Callable[Concatenate[State, P], R]],
     state: Callable[[Front], State],
+    *,
+    is_of_range: bool = False,
 ) -> Callable[Concatenate[Front, P], R]:
     def make() -> Callable[..., R]:
         function = find()
 
         @wraps(function)
         def ask(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            if is_of_range:
+                refuse_valid(self._state, function.__name__)
             return function(state(self), *args, **kwargs)
 
         return _method(ask)
@@ -113,6 +118,13 @@ def reads(
     `find` names it. Its module is imported when the method is first asked for.
     """
     return _bound(find, state_of)
+
+
+def reviews(
+    find: Callable[[], Callable[Concatenate[State, P], R]],
+) -> Callable[Concatenate[Front, P], R]:
+    """Bind a function about a range of revisions, as `reads`; a state of valid time refuses it."""
+    return _bound(find, state_of, is_of_range=True)
 
 
 def writes(
@@ -166,8 +178,8 @@ class PddlParts(Front):
     metric = creates(DaoFactory.create_metric_dao)
 
     metric_value = reads(lambda: reasoning.explain.metric_value)
-    check_rules = reads(lambda: reasoning.rules.check_rules)
-    causal_links = reads(lambda: reasoning.links.causal_links)
+    check_rules = reviews(lambda: reasoning.rules.check_rules)
+    causal_links = reviews(lambda: reasoning.links.causal_links)
     broken_invariants = reads(lambda: reasoning.durative.broken_invariants)
 
     domain = reads(lambda: documents.exchange.domain)
@@ -185,14 +197,14 @@ class KeptRules(Front):
     get_all = reads(lambda: reasoning.kept_rules.get_all)
     save = writes(lambda: reasoning.kept_rules.save)
     delete = writes(lambda: reasoning.kept_rules.delete)
-    standing = reads(lambda: reasoning.rule_watch.standing)
+    standing = reviews(lambda: reasoning.rule_watch.standing)
 
 
 class Executions(Front):
     """`kb.executions`: what was done, and reports of components that act without PDDL."""
 
     get = reads(lambda: acts.executions.get)
-    get_all = reads(lambda: acts.executions.get_all)
+    get_all = reviews(lambda: acts.executions.get_all)
     report = writes(lambda: acts.executions.report)
 
 
@@ -202,13 +214,13 @@ class Operations(Front):
     The functions of `kant_sql.operations` take the URL of a whole store.
     """
 
-    revisions = reads(lambda: history.log.revisions)
-    verify = reads(lambda: history.verify.verify.verify)
-    anchor = reads(lambda: history.anchors.anchor)
+    revisions = reviews(lambda: history.log.revisions)
+    verify = reviews(lambda: history.verify.verify.verify)
+    anchor = reviews(lambda: history.anchors.anchor)
     archive = writes(lambda: history.archive.archive.archive)
     push = writes(lambda: history.replication.calls.push)
     promote = writes(lambda: history.replication.calls.promote)
-    to_arrow = reads(lambda: history.anchors.to_arrow)
+    to_arrow = reviews(lambda: history.anchors.to_arrow)
 
     @property
     def factory(self) -> DaoFactory:
@@ -241,9 +253,9 @@ class KnowledgeBase(Front):
 
     holds = reads(lambda: reasoning.ask.holds)
     query = reads(lambda: reasoning.ask.query)
-    when = reads(lambda: reasoning.when.when)
-    consequences = reads(lambda: reasoning.because.consequences)
-    origins = reads(lambda: reasoning.because.origins)
+    when = reviews(lambda: reasoning.when.when)
+    consequences = reviews(lambda: reasoning.because.consequences)
+    origins = reviews(lambda: reasoning.because.origins)
     unsatisfied = reads(lambda: reasoning.explain.unsatisfied)
     why_not = reads(lambda: reasoning.act.why_not)
     applicable_actions = reads(lambda: reasoning.act.applicable_actions)
@@ -252,23 +264,23 @@ class KnowledgeBase(Front):
     end = writes(lambda: reasoning.durative.end)
     abort = writes(lambda: reasoning.durative.abort)
     fail = writes(lambda: acts.executions.fail)
-    statistics = reads(lambda: acts.statistics.statistics)
+    statistics = reviews(lambda: acts.statistics.statistics)
     execute = writes(lambda: reasoning.execute.execute)
     plan = reads(lambda: plans.search.plan)
     validate = reads(lambda: reasoning.validate.validate)
     state = reads(lambda: reasoning.memory.state)
     commit = writes(lambda: reasoning.memory.commit)
 
-    log = reads(lambda: history.log.log)
-    changes = reads(lambda: history.follow.changes)
-    watch = reads(lambda: history.follow.watch)
-    watch_rules = reads(lambda: reasoning.rule_watch.watch_rules)
-    history = reads(lambda: history.versions.history)
-    blame = reads(lambda: history.versions.blame)
-    unconfirmed = reads(lambda: history.confirmations.unconfirmed)
-    contradicted = reads(lambda: history.confirmations.contradicted)
-    stale = reads(lambda: reasoning.stale.stale)
-    timeline = reads(lambda: history.timeline.timeline)
+    log = reviews(lambda: history.log.log)
+    changes = reviews(lambda: history.follow.changes)
+    watch = reviews(lambda: history.follow.watch)
+    watch_rules = reviews(lambda: reasoning.rule_watch.watch_rules)
+    history = reviews(lambda: history.versions.history)
+    blame = reviews(lambda: history.versions.blame)
+    unconfirmed = reviews(lambda: history.confirmations.unconfirmed)
+    contradicted = reviews(lambda: history.confirmations.contradicted)
+    stale = reviews(lambda: reasoning.stale.stale)
+    timeline = reviews(lambda: history.timeline.timeline)
     restore = writes(lambda: history.restore.restore)
 
     @cached_property
@@ -321,26 +333,35 @@ class KnowledgeBase(Front):
             Change(sign='-', kind='fact', text='(robot_at rb1 wp2)')
         """
         if not (isinstance(a, KnowledgeBase) or isinstance(b, KnowledgeBase)):
+            refuse_valid(self._state, "diff")
             return history.diff.diff(state_of(self), a, b)
         here, there = (one if isinstance(one, KnowledgeBase) else self.at(one) for one in (a, b))
         lines = history.diff.state_lines
         return history.diff.diff_lines(lines(state_of(here)), lines(state_of(there)))
 
-    def at(self, when: When) -> Self:
+    def at(
+        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
+    ) -> Self:
         """Open a past state for reading; writes raise `ReadOnlyError`.
 
         Args:
             when: a revision's number (0 is before the first), an aware time up to now, or a text of
                 either: `2026-01-31T09:30:00Z` (UTC unless it has a zone), `2 hours ago`,
-                `yesterday 14:03`, `now`.
+                `yesterday 14:03`, `now`. What was known then.
+            known: the same by its name.
+            valid: a time: what was true then, as it is known now, or was known at `known`. Facts
+                and values are those of that time, definitions the last ones known of all that was
+                known since, goals those of what is known. It answers about this one state;
+                questions about a range of revisions are refused.
 
         Returns:
             The same DAOs on that state.
 
         Raises:
-            UnknownRevisionError: there is no such revision yet, or the time lies in the future or
-                has no zone.
-            InvalidArgumentError: a text is neither a revision's number nor a time.
+            UnknownRevisionError: there is no such revision yet, the time lies in the future or has
+                no zone, or none of the three is given.
+            InvalidArgumentError: a text is neither a revision's number nor a time, `valid` is no
+                time, or the revision is given twice.
             ArchivedError: a part of that state was moved to an archive.
 
         Examples:
@@ -349,7 +370,7 @@ class KnowledgeBase(Front):
             >>> kb.at("yesterday").revision
             0
         """
-        return type(self)(self._factory.at(when))
+        return type(self)(self._factory.at(when, known=known, valid=valid))
 
     def branch(
         self,

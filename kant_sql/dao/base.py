@@ -127,7 +127,7 @@ def refuse_past(store: Store, at: int | None) -> None:
     """Refuse to write where only the past is looked at."""
     if at is not None:
         raise ReadOnlyError(
-            f"this is knowledge base {store.name!r} as it was at revision {at}: "
+            f"this is knowledge base {store.name!r} as it was at {store.described(at)}: "
             "the past cannot be changed; write to the knowledge base itself"
         )
 

@@ -8,15 +8,18 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, literal_column, select
 
-from ..arguments import whole_number
+from ..arguments import shown, whole_number
 from ..errors import InvalidArgumentError, UnknownRevisionError, reading_rows
 from ..moment_text import Moment, When, is_now, read_when
 from ..sql.dialects.base import Session
 from ..sql.query import Query, StoreClock, first_rows
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
+from ..sql.valid_time import ValidTime
 from ..store.head import check_numbers
+from ..store.state import State
 from ..store.store import Store
+from ..store.valid_store import ValidStore
 from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, refuse_archived_revision, refuse_unknown
 
 _COLUMNS: tuple[Any, ...] = (
@@ -147,6 +150,7 @@ def states_at(
 
 
 def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[int], HeadTimes]:
+    refuse_valid(State(store, upto), "this")
     # The store's clock says when now is, which may be behind this process's.
     given = [(read_when(when), is_now(when)) for when in whens]
     moments = [when for when, is_head in given if isinstance(when, datetime) and not is_head]
@@ -179,6 +183,40 @@ def check_number(store: Store, when: int, last: int) -> int:
     return when
 
 
+def refuse_valid(state: State | None, question: str) -> None:
+    """Refuse a question about revisions of what was true at one time."""
+    if state is not None and isinstance(state.store, ValidStore):
+        raise InvalidArgumentError(
+            f"{question} asks about revisions, and this is knowledge base {state.store.name!r} as "
+            f"it was at {state.store.valid}, one state: ask kb.at(known={state.at}), or give "
+            "clock='valid' there, where it takes a clock"
+        )
+
+
+def past_state(state: State, when: When | None, known: When | None, valid: When | None) -> State:
+    """Return a past state: what was known at a revision or time, or was true at a time.
+
+    What is not given is that of the state, which may be one of the past itself.
+    """
+    if when is not None and known is not None:
+        raise InvalidArgumentError("give the revision as the first argument or as known=, not both")
+    known = when if known is None else known
+    store, at = state
+    if isinstance(store, ValidStore):
+        valid = store.valid.moment if valid is None else valid
+        store = store.origin
+    if valid is None:
+        if known is None:
+            raise UnknownRevisionError("give a revision or a time, as known= or as valid=")
+        return State(store, state_at(store, known, at))
+    moment = store.query(lambda session, _: store.clock(session)) if is_now(valid) else valid
+    moment = read_when(moment)
+    if not isinstance(moment, datetime):
+        raise InvalidArgumentError(f"valid is a time, and {shown(valid)} is none; give it as known")
+    (last, committed), _ = states_at(store, ("now" if known is None else known, moment), at)
+    return State(ValidStore(store, ValidTime(moment, last, min(last, committed))), last)
+
+
 _MICROSECOND = timedelta(microseconds=1)
 
 
@@ -192,6 +230,7 @@ class Bounds(NamedTuple):
 
 def find_bounds(store: Store, since: When | None, until: When | None, upto: int | None) -> Bounds:
     """Find the first and last revision of a range, with one statement at most."""
+    refuse_valid(State(store, upto), "this")
     since, until = read_when(since), None if is_now(until) else read_when(until)
     after = _moment_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]

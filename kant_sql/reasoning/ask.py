@@ -104,7 +104,7 @@ def question(
 ) -> Question:
     """Begin a question about a state."""
     size = estimates_of(view.definitions).of(view.session, view.kb_id)
-    words = view.session.backend.words
+    words = view.session.words
     return Question(words, view.definitions, view.at is not None, numbers, size, rules)
 
 

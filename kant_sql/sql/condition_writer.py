@@ -376,7 +376,7 @@ class ConditionWriter(ABC):
         """Write that an interned atom holds."""
         version = self.alias("v")
         key = f"{version}.kb_id = :kb AND {version}.proposition_id = {atom}.id"
-        if not self.is_past:
+        if not self.is_past or self.words.is_one_state:
             where = [key, f"{version}.until IS NULL"]
             return self.exists(f"proposition_version AS {version}", where)
         # The last version that began by then: a fact may have come and gone a million times.
@@ -490,7 +490,7 @@ class ConditionWriter(ABC):
             f"{version}.function_value_id = ({id_})",
             self.held(version),
         ]
-        if self.is_past:
+        if self.is_past and not self.words.is_one_state:
             # The last that began by then; a fluent may have had a million values.
             last = self.alias("w")
             where.append(

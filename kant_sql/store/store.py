@@ -156,6 +156,10 @@ class Store:
         if self.is_closed:
             raise self.backend.closed_error()
 
+    def described(self, at: int) -> str:
+        """Name a past state of it."""
+        return f"revision {at}"
+
     def _forget_identities(self) -> None:
         self._atoms: AtomCache = AtomCache(self.is_one_of_many)
         self._fluents: FluentCache = FluentCache(self.is_one_of_many)

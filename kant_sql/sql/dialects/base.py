@@ -59,6 +59,42 @@ class DriverCursor(Protocol):
         """Fetch the next rows."""
 
 
+class Overlay(Protocol):
+    """What a session reads in the place of some tables.
+
+    Attributes:
+        state: the revision whose versions it shows.
+    """
+
+    state: int
+
+    def text(self, sql: str, dialect: Dialect) -> str:
+        """Put it in the place of the tables that a statement names."""
+
+    def parameters(self, session: Session) -> dict[str, Any]:
+        """Return the parameters that this adds to those of a statement."""
+
+
+class OverlayCursor:
+    """A driver's cursor whose statements read an overlay."""
+
+    def __init__(self, cursor: Any, session: Session, overlay: Overlay) -> None:
+        self._cursor = cursor
+        self._overlay = overlay
+        self._dialect = session.backend.dialect
+        self._parameters = overlay.parameters(session)
+
+    def execute(self, sql: str, parameters: Any = (), /) -> Any:
+        """Run a statement."""
+        text = self._overlay.text(sql, self._dialect)
+        if text != sql:
+            parameters = {**dict(parameters), **self._parameters}
+        return self._cursor.execute(text, parameters)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cursor, name)
+
+
 class AbandonedCursor:
     """The cursor of a session whose connection belongs to the parent process."""
 
@@ -184,10 +220,12 @@ class Session(ABC):
         backend: the database.
         keeps_limit: whether the connection keeps a question's limit until it is told another.
         is_abandoned: whether the connection belongs to the parent process, after a fork.
+        overlay: what its statements read in the place of some tables; None for the tables.
     """
 
     placeholder = "?"
     keeps_limit = False
+    overlay: Overlay | None = None
 
     def __init__(self, backend: Backend, connection: PoolProxiedConnection) -> None:
         self.backend = backend
@@ -221,7 +259,27 @@ class Session(ABC):
 
     def _guarded(self, cursor: Any) -> Any:
         """Let another cursor of this connection obey the limit, if there is one."""
-        return cursor if self._guard is None else GuardedCursor(cursor, self._guard)
+        if self._guard is not None:
+            cursor = GuardedCursor(cursor, self._guard)
+        return cursor if self.overlay is None else OverlayCursor(cursor, self, self.overlay)
+
+    @property
+    def words(self) -> Words:
+        """How generated conditions are written for what it reads."""
+        words = self.backend.words
+        return words if self.overlay is None else words._replace(is_one_state=True)
+
+    @contextmanager
+    def overlaid(self, overlay: Overlay) -> Iterator[None]:
+        """Let the statements of a `with` block read an overlay."""
+        plain: Any = self._cursor
+        self.overlay, self._cursor = overlay, OverlayCursor(plain, self, overlay)
+        try:
+            yield
+        finally:
+            self.overlay = None
+            if not self.is_abandoned:
+                self._cursor = plain
 
     @abstractmethod
     def _stop(self) -> None:

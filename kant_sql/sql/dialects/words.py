@@ -132,6 +132,7 @@ class Words(NamedTuple):
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
         levels: how deep the parentheses of a statement may be nested; None for any depth.
+        is_one_state: whether the versions that are read are those of one state only.
     """
 
     is_fact: str
@@ -144,6 +145,7 @@ class Words(NamedTuple):
     fence: str
     many: str = ""
     levels: int | None = None
+    is_one_state: bool = False
 
 
 def quoted(text: str) -> str:

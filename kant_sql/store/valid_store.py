@@ -1,0 +1,72 @@
+"""One knowledge base as it was at a time, for reading only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from typing_extensions import override
+
+from ..errors import ReadOnlyError
+from ..sql.dialects.base import Session, WriterLock
+from ..sql.valid_time import ValidTime
+from .caches import DefinitionCache
+from .store import Store
+
+T = TypeVar("T")
+
+
+class ValidStore(Store):
+    """Reads what held at a time, as it is known at a revision, on the connections of a store.
+
+    Attributes:
+        origin: the store.
+        valid: the time and the revision.
+    """
+
+    def __init__(self, origin: Store, valid: ValidTime) -> None:
+        vars(self).update(vars(origin))
+        self.origin = origin
+        self.valid = valid
+        # Definitions are others, also under the number of the same revision.
+        self._definitions = DefinitionCache()
+
+    @property
+    @override
+    def is_closed(self) -> bool:
+        return self.origin.is_closed
+
+    @override
+    def described(self, at: int) -> str:
+        return str(self.valid)
+
+    @override
+    def _take_session(self) -> Session:
+        self.refuse_closed()
+        return super()._take_session()
+
+    @override
+    def _outside(
+        self, work: Callable[[Session], T], take: Callable[[], Session] | None = None
+    ) -> T:
+        def overlaid(session: Session) -> T:
+            self.valid.kb_id = self._find(session)
+            with session.overlaid(self.valid):
+                return work(session)
+
+        return super()._outside(overlaid, take)
+
+    @override
+    def query_once(self, work: Callable[[Session, int | None], T]) -> T:
+        return self.query(work)
+
+    @override
+    def queue_up(self) -> WriterLock | None:
+        raise self.refuse_write()
+
+    def refuse_write(self) -> ReadOnlyError:
+        """Make the error for who would change it."""
+        return ReadOnlyError(
+            f"this is knowledge base {self.name!r} as it was at {self.valid}: the past cannot be "
+            "changed; say of which time you speak in kb.transaction(valid_from=, valid_until=)"
+        )

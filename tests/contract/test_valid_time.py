@@ -1,0 +1,99 @@
+"""What was true at a time, as known at a revision: one state, for every question of one state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from kant_sql import (
+    InvalidArgumentError,
+    KnowledgeBase,
+    PddlObjectDto,
+    PddlPredicateDto,
+    PddlPropositionDto,
+    PddlTypeDto,
+    ReadOnlyError,
+    UnknownRevisionError,
+)
+
+AT = PddlPredicateDto("at", [PddlTypeDto("robot"), PddlTypeDto("room")])
+
+
+def fact(room: str) -> PddlPropositionDto:
+    robot, place = (
+        PddlObjectDto(PddlTypeDto("robot"), "rb1"),
+        PddlObjectDto(PddlTypeDto("room"), room),
+    )
+    return PddlPropositionDto(AT, [robot, place])
+
+
+def rooms(kb: KnowledgeBase) -> list[str]:
+    asked = [room for _, room in kb.query("(at ?r ?room)")]
+    assert asked == sorted(dto.objects[1].name for dto in kb.propositions.get_by_predicate("at"))
+    assert all(kb.holds(f"(at rb1 {room})") for room in asked)
+    return asked
+
+
+def test_what_nothing_was_said_of_is_what_was_known_at_that_time(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(fact("hall"))
+    between = datetime.now(UTC)
+    fresh_kb.propositions.delete(fact("hall"))
+    fresh_kb.propositions.save(fact("lab"))
+    assert rooms(fresh_kb.at(valid=between)) == ["hall"]
+    assert rooms(fresh_kb.at(valid="now")) == rooms(fresh_kb) == ["lab"]
+    assert rooms(fresh_kb.at(known=2, valid="now")) == []
+    assert rooms(fresh_kb.at(valid="now").at(1)) == ["hall"]
+    assert rooms(fresh_kb.at(known=3)) == ["lab"]
+    assert fresh_kb.at(valid=between - timedelta(days=1)).propositions.get_all() == []
+    # Objects are those that were known since.
+    assert len(fresh_kb.at(valid=between).objects.get_all()) == 3
+    assert fresh_kb.at(valid=between).revision == 3
+    assert fresh_kb.diff(fresh_kb.at(valid="now"), fresh_kb) == []
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda kb: list(kb.log()),
+        lambda kb: kb.when("(at rb1 hall)"),
+        lambda kb: kb.diff(1, 2),
+        lambda kb: kb.timeline(),
+        lambda kb: kb.pddl.check_rules(["(always (at rb1 hall))"]),
+        lambda kb: kb.store.verify(),
+        lambda kb: next(kb.changes()),
+        lambda kb: kb.executions.get_all(),
+        lambda kb: kb.validate("", at=1),
+    ],
+)
+def test_a_range_of_revisions_is_refused(
+    fresh_kb: KnowledgeBase, ask: Callable[[KnowledgeBase], object]
+) -> None:
+    fresh_kb.propositions.save(fact("hall"))
+    with pytest.raises(
+        InvalidArgumentError, match=r"as known at revision 1, one state: ask kb\.at"
+    ):
+        ask(fresh_kb.at(valid="now"))
+
+
+def test_it_is_for_reading(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(fact("hall"))
+    then = fresh_kb.at(valid="now")
+    with pytest.raises(ReadOnlyError, match="the past cannot be changed"):
+        then.propositions.save(fact("lab"))
+    with pytest.raises(ReadOnlyError), then.transaction():
+        pass
+
+
+def test_a_wrong_time_is_refused(fresh_kb: KnowledgeBase) -> None:
+    with pytest.raises(InvalidArgumentError, match="3 is none"):
+        fresh_kb.at(valid=3)
+    with pytest.raises(UnknownRevisionError, match="give a revision or a time"):
+        fresh_kb.at()
+    with pytest.raises(InvalidArgumentError, match="not both"):
+        fresh_kb.at(0, known=0)
+    with pytest.raises(UnknownRevisionError, match="in the future"):
+        fresh_kb.at(valid=datetime.now(UTC) + timedelta(days=1))
+    with pytest.raises(UnknownRevisionError, match="no zone"):
+        fresh_kb.at(valid=datetime(2026, 1, 1))
