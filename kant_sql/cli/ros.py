@@ -49,6 +49,14 @@ def import_(
     ] = None,
     kb: Target = DEFAULT_NAME,
     actor: Actor = None,
+    clock: Annotated[
+        str,
+        typer.Option(
+            metavar="CLOCK",
+            help="What a message says holds from its import on, 'committed' (default), or from its "
+            "time in the recording on, 'observed'.",
+        ),
+    ] = "committed",
     as_json: AsJson = False,
 ) -> None:
     """Make revisions of a recording by rosbag2.
@@ -61,7 +69,10 @@ def import_(
     from ..ros.bags import import_bag
 
     url, (bag,) = split_url(words, _IMPORT_USAGE, "sqlite:///flight.db rosbag2_2026_03_02-14_03_00")
-    with leaving_nothing(url), connect(url, knowledge_base=kb, actor=actor) as knowledge_base:
+    with (
+        leaving_nothing(url),
+        connect(url, knowledge_base=kb, actor=actor, clock=clock) as knowledge_base,
+    ):
         made = import_bag(knowledge_base, bag, namespace=namespace)
     if as_json:
         write_json(made._asdict())

@@ -89,7 +89,8 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
     services, of PlanSys2's problem expert and of `~/apply` that were answered with success.
 
     Each becomes one revision, with its time in the bag as `observed_at`; a revision from before
-    the recording, which the node repeats for late listeners, keeps the time of its commit. The
+    the recording, which the node repeats for late listeners, keeps the time of its commit. What a
+    message says holds from now on, or with `connect(..., clock="observed")` from its time on. The
     `source` has the bag, the message, and what its writer said. What comes up to the last message
     that is known is not taken over again: an import that was interrupted goes on.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
@@ -13,6 +14,7 @@ import pytest
 from kant_sql import KnowledgeBase
 from kant_sql.errors import InvalidArgumentError
 from kant_sql.knowledge.canonical import text_time, time_text
+from tests.support.pages import Page
 from tests.support.reading import Undone, facts, last_changes, nothing_changes, rows
 from tests.support.two_clocks import FACTS, Model, Writer
 
@@ -210,6 +212,42 @@ def test_definitions_and_goals_have_one_clock(kb: KnowledgeBase) -> None:
         f"- fact {LAB}",
         "- object lab - room",
     ]
+
+
+WAYS = re.findall(r"^\| (.*) \| (\d) \| (\d) \| `(.*)` \|$", Page("two-clocks.md").text, re.M)
+
+
+def test_thirteen_ways_are_documented() -> None:
+    """Each pair of periods is in another of Allen's relations."""
+    ends = {
+        tuple((one > other) - (one < other) for one in (int(begin), int(end)) for other in (2, 6))
+        for _, begin, end, _ in WAYS
+    }
+    assert len(WAYS) == len(ends) == 13
+
+
+@pytest.mark.parametrize(("way", "begin", "end", "expected"), WAYS)
+def test_two_periods_can_lie_in_thirteen_ways(
+    kb: KnowledgeBase, way: str, begin: str, end: str, expected: str
+) -> None:
+    ten = datetime(2026, 1, 31, 10, tzinfo=UTC)
+    minutes = [ten + timedelta(minutes=minute) for minute in range(9)]
+    for room, first, last in (("kitchen", 2, 6), ("hall", int(begin), int(end))):
+        with kb.transaction(valid_from=minutes[first], valid_until=minutes[last]):
+            kb.objects.save(f"{room} - room")
+            kb.function_values.set("(home r1)", value=room)
+            kb.propositions.save(f"(at r1 {room})")
+            if room == "hall":
+                kb.propositions.delete("(at r1 kitchen)")
+    found = there = ""
+    for minute in minutes[:8]:
+        then = kb.at(valid=minute)
+        value: Any = then.function_values.get("(home r1)")
+        found += "-" if value is None else value.name[0]
+        [*held] = map(str, then.propositions.get_all())
+        there += "-" if not held else held[0].split()[-1][0]
+        assert len(held) < 2
+    assert (found, there) == (expected, expected), way
 
 
 def test_a_random_history_leaves_the_rows_of_its_model(writer: Writer) -> None:
