@@ -13,11 +13,14 @@ from ..dao.text import TextReader, expect_text
 from ..dto import formulas as f
 from ..dto.lexical import check_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
+from ..history.revisions import LARGEST, Revision, read_numbered
 from ..knowledge.canonical import with_text
 from ..knowledge.definitions import REFUSE, REPORT, Definitions, RuleDefinition
 from ..knowledge.formulas import TreeReader
 from ..pddl.given import read_rules
+from ..sql.periods import read_kept_rules
 from ..store.guard import forbidden_by
+from ..store.snapshot import View
 from ..store.state import State
 from ..store.transaction import Transaction
 from .trajectory import rules_of
@@ -93,6 +96,22 @@ def get_all(state: State) -> list[KeptRule]:
         return html.Listing([kept(definitions, one) for one in definitions.rules], "rule")
 
     return state.store.read_definitions(read, state.at)
+
+
+def read_saved(state: State) -> list[tuple[KeptRule, Revision]]:
+    """Read all rules that are kept, each with the revision that saved it as it is."""
+
+    def read(view: View) -> list[tuple[KeptRule, Revision]]:
+        if view.kb_id is None:
+            return []
+        at = LARGEST if view.at is None else view.at
+        rows = read_kept_rules(view.session, view.kb_id, at)
+        revisions = read_numbered(view.session, view.kb_id, {since for _, since, _ in rows})
+        saved = {id_: revisions[since] for id_, since, _ in rows}
+        definitions = view.definitions
+        return [(kept(definitions, one), saved[one.id]) for one in definitions.rules]
+
+    return state.store.read_in_snapshot(read, state.at)
 
 
 def save(

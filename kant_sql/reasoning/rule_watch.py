@@ -12,7 +12,7 @@ from ..arguments import seconds
 from ..dto import formulas as f
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import find_bounds, head_revision, last_before
-from ..history.revisions import read_position
+from ..history.revisions import read_numbered, read_position
 from ..knowledge.definitions import Definitions
 from ..moment_text import When
 from ..sql.dialects.base import Row, Session
@@ -111,8 +111,12 @@ class RuleWatcher:
                 self.last, self._judges = 0, {}
             self.follow(head)
 
-            def work(session: Session, _: int | None) -> list[Verdict]:
-                return [each for one in self._judges.values() for each in one.standing(session)]
+            def work(session: Session, kb_id: int | None) -> list[Verdict]:
+                judges = self._judges.values()
+                cited = {number for one in judges for number in one.cited}
+                # Of all at once, so that statements do not grow with rules.
+                revisions = {} if kb_id is None else read_numbered(session, kb_id, cited)
+                return [each for one in judges for each in one.standing(session, revisions)]
 
             return self._store.query_in_snapshot(work)
 

@@ -138,8 +138,7 @@ class Verdicts(html.Listing[Verdict]):
     @property
     def worst_first(self) -> list[Verdict]:
         """All of them: first those that are violated, pending, or not judged."""
-        words = VIOLATED, PENDING, "not judged", KEPT
-        return sorted(self, key=lambda one: words.index(one.verdict))
+        return sorted(self, key=lambda one: WORDS.index(one.verdict))
 
     @property
     def violated_preferences(self) -> Mapping[str, int]:
@@ -182,6 +181,8 @@ class Verdicts(html.Listing[Verdict]):
 
 Rules = Source | f.Formula | Sequence[f.Formula | str]
 KEPT, VIOLATED, PENDING = "kept", "violated", "pending"
+# The worst first.
+WORDS = (VIOLATED, PENDING, "not judged", KEPT)
 _MICROSECOND = timedelta(microseconds=1)
 
 
@@ -354,11 +355,20 @@ class Judge:
                 monitor.conclude(self._last[id(rule)])
         return self.standing(session)
 
-    def standing(self, session: Session) -> list[Verdict]:
-        """Return the verdicts so far, in the order of the rules."""
+    @property
+    def cited(self) -> set[int]:
+        """The revisions that are read for the verdicts so far."""
+        found = (rule.violation for _, rule in self._known.values())
+        return {self._first, *(self._judged[one.index] for one in found if one is not None)}
+
+    def standing(
+        self, session: Session, revisions: Mapping[int, Revision] | None = None
+    ) -> list[Verdict]:
+        """Return the verdicts so far, in the order of the rules; `revisions` has those cited."""
         self._session = session
         rules = sorted(self._known.values())
-        verdicts = self._verdicts([_Decided(rule, rule.violation) for _, rule in rules])
+        decided = [_Decided(rule, rule.violation) for _, rule in rules]
+        verdicts = self._verdicts(decided, revisions)
         found = [(order[0], verdict) for (order, _), verdict in zip(rules, verdicts, strict=True)]
         for number, constraint in enumerate(self._constraints):
             if number not in self._meant:
@@ -453,11 +463,14 @@ class Judge:
 
     # Verdicts.
 
-    def _verdicts(self, found: Sequence[_Decided]) -> list[Verdict]:
+    def _verdicts(
+        self, found: Sequence[_Decided], revisions: Mapping[int, Revision] | None = None
+    ) -> list[Verdict]:
         if not found:
             return []
-        numbers = {self._judged[one.moment.index] for one in found if one.moment is not None}
-        revisions = read_numbered(self._session, self._kb_id, {self._first, *numbers})
+        if revisions is None:
+            numbers = {self._judged[one.moment.index] for one in found if one.moment is not None}
+            revisions = read_numbered(self._session, self._kb_id, {self._first, *numbers})
         begin = revisions[self._first]
         verdicts = []
         for rule, moment, said in found:

@@ -33,6 +33,7 @@ from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
 from ..reasoning.rules import Rules
+from .cause_graph import draw_causes
 from .rendering import STATIC, render_text
 from .report_sections import ReportLog, ReportPlans, ReportRange, ReportReader, ReportStays
 
@@ -161,6 +162,10 @@ def _render(page: Mapping[str, Any], name: str) -> str:
         place = query.get("number", query.get("id"))
         return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
 
+    graphs = {
+        text: "" if found is None else draw_causes(found.origins, found.consequences, link)
+        for text, found in page["facts"].items()
+    }
     style = _static("style.css") + _static("report.css")
     policy = {
         "default-src": "'none'",
@@ -171,7 +176,7 @@ def _render(page: Mapping[str, Any], name: str) -> str:
     return render_text(
         "report.html",
         {
-            "page": json_value(page),
+            "page": json_value({**page, "graphs": graphs}),
             "kb": name,
             "link": link,
             "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),

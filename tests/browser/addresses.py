@@ -56,6 +56,7 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
     "/plans": (address("/plans"),),
     "/predicate": (address("/predicate", name="robot_at"),),
     "/revision": (address("/revision", number=36), address("/revision", number=9)),
+    "/rules": (address("/rules"),),
     "/search": (address("/search", q="rb1"), address("/search", q="12")),
     "/state": (
         address("/state"),

@@ -144,10 +144,11 @@ class Markup(HTMLParser):
 
 @cache
 def _written() -> tuple[set[str], set[str]]:
-    """Return the elements and attributes of all templates, and of the drawing."""
+    """Return the elements and attributes of all templates, and of the drawings."""
     texts = [path.read_text(encoding="utf-8") for path in (WEB / "templates").iterdir()]
     texts += [path.read_text(encoding="utf-8") for path in (WEB / "pages").glob("*.py")]
-    texts.append((WEB.parent / "history" / "drawing.py").read_text(encoding="utf-8"))
+    drawings = WEB.parent / "history" / "drawing.py", WEB / "cause_graph.py"
+    texts += [path.read_text(encoding="utf-8") for path in drawings]
     text = "\n".join(texts)
     elements = set(re.findall(r"<([a-z][a-z0-9]*)\b", text))
     named = {

@@ -182,6 +182,9 @@ def test_a_wrong_fact_led_to_these_acts(kb: KnowledgeBase) -> None:
     kb.apply("(look)")
     page = Page(report_html(kb, facts=["(open)", "(seen)"], verify=False))
     assert "facts" in page.ids
+    assert [one for one in page.attributes if one[2] == "causes"] == [
+        ("svg", "class", "causes")
+    ] * 2
     for said in ("What it led to 1", "(look)", "What it goes back to 2", "frame 812"):
         assert said in page.text
     with pytest.raises(UnknownNameError):

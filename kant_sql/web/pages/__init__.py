@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from . import acts, ask, elements, home, overview, plans, revisions, statistics, timeline, verify
+from . import (
+    acts,
+    ask,
+    elements,
+    home,
+    overview,
+    plans,
+    revisions,
+    rules,
+    statistics,
+    timeline,
+    verify,
+)
 
 TOPICS = (
     home.PAGES,
     overview.PAGES,
+    rules.PAGES,
     revisions.PAGES,
     ask.PAGES,
     revisions.STATES,

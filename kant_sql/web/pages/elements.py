@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from difflib import SequenceMatcher
-from typing import Annotated, NamedTuple
+from functools import partial
+from typing import Annotated, Any, NamedTuple
 
 from fastapi import Query
 
@@ -24,7 +25,9 @@ from ...knowledge_base import KnowledgeBase, state_of
 from ...moment_text import parse_moment
 from ...reasoning import CauseLinks
 from ...sql.rows import FACT, VALUE
+from ..cause_graph import draw_causes
 from ..registry import Before, Pages
+from ..rendering import link
 
 PAGES = Pages("elements")
 
@@ -80,7 +83,14 @@ class FactPage:
     origins: CauseLinks | None
 
 
-@PAGES.page("/fact", "fact.html", rows=["versions"])
+def _drawn(page: FactPage, query: Mapping[str, Any]) -> str:
+    """Draw what an element goes back to and what it led to."""
+    if page.origins is None or page.consequences is None:
+        return ""
+    return draw_causes(page.origins, page.consequences, partial(link, kb=query["kb"]))
+
+
+@PAGES.page("/fact", "fact.html", rows=["versions"], draw=_drawn)
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
     found = read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
