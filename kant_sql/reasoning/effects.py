@@ -190,13 +190,13 @@ class EffectReader:
 
     def _text(self, declared: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> str:
         """Write an atom or a fluent, whose objects must fit."""
-        live = self._definitions.objects.live
-        names = [live(id_).name for id_ in ids]
-        text = atom_text(declared.name, names)
-        for id_, parameter in zip(ids, declared.parameters, strict=True):
-            if not self._fits(id_, parameter.type_ids):
+        objects = [*map(self._definitions.objects.live, ids)]
+        text = atom_text(declared.name, [each.name for each in objects])
+        for each, parameter in zip(objects, declared.parameters, strict=True):
+            id_, wanted = each.id, parameter.type_ids
+            if each.type_ids != wanted and not self._fits(id_, wanted):
                 role = f"{text}, which {self._step} changes,"
-                raise self._mismatch(id_, parameter.type_ids, role)
+                raise self._mismatch(id_, wanted, role)
         return text
 
     def _fits(self, id_: int, type_ids: Sequence[int]) -> bool:
@@ -243,12 +243,13 @@ def not_applicable(step: object, failed: Sequence[FailedCondition]) -> NotApplic
 
 def write(transaction: Transaction, step: object, changes: StepChanges) -> None:
     """Write what a step changes."""
-    propositions = transaction.propositions
-    deleted = [key for key in changes.deletes if key not in changes.adds]
-    for atom in propositions.find(deleted).values() if deleted else ():
-        propositions.set(atom, False)
-    if changes.adds:
-        propositions.hold_all(changes.adds)
+    propositions, adds = transaction.propositions, changes.adds
+    atoms = propositions.find({**changes.deletes, **adds})
+    propositions.load(atoms.values())
+    for key, atom in atoms.items():
+        propositions.set(atom, key in adds)
+    if not adds.keys() <= atoms.keys():
+        propositions.add_all({key: text for key, text in adds.items() if key not in atoms})
     if not changes.assignments:
         return
     found = transaction.values.find(changes.assignments)

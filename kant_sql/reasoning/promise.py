@@ -362,7 +362,7 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
         part = promise_of(action).part if time is None else action.condition(time)
         statement = question(view, numbers).truths([part], step.places)
         action.kept[key] = statement
-    given = {**step.values, **given_numbers(numbers)}
+    given = {**step.values, **given_numbers(numbers)} if numbers else step.values
     [row] = asked(view, statement, given, OF_TRUTHS)
     return bool(row[GUARDS])
 

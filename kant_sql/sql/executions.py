@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from datetime import datetime
 from json.encoder import encode_basestring
 from typing import Any, NamedTuple
@@ -190,8 +189,9 @@ def execution_row(kb: int, since: int, key: Key, execution: ExecutionDefinition)
     return kb, *key, since, start, duration, action_id, name, text
 
 
-def argument_rows(kb: int, key: Key, execution: ExecutionDefinition) -> Iterator[Row]:
-    """Yield the rows of the arguments of an execution."""
-    for argument, given in enumerate(execution.arguments):
-        said = (None, given) if isinstance(given, str) else (given, None)
-        yield kb, *key, argument, *said
+def argument_rows(kb: int, key: Key, execution: ExecutionDefinition) -> list[Row]:
+    """Return the rows of the arguments of an execution."""
+    return [
+        (kb, *key, argument, *((None, given) if isinstance(given, str) else (given, None)))
+        for argument, given in enumerate(execution.arguments)
+    ]

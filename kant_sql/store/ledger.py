@@ -908,7 +908,7 @@ class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
                 NEW_ARGUMENT, [row for each in new.items() for row in argument_rows(kb, *each)]
             )
             # They are written: what is known of them stays.
-            self._known.update((key, (number, each)) for key, each in new.items())
+            self._known |= {key: (number, each) for key, each in new.items()}
             new.clear()
 
     def _run(self, statement: IdsQuery, keys: list[Key]) -> None:

@@ -326,12 +326,12 @@ class Transaction:
 
     def flush(self) -> None:
         """Write what is pending, so that a query sees it."""
-        pending = [ledger for ledger in self._touched() if ledger.pending]
+        pending = [ledger for ledger in self._touched() if ledger.pending] if self._ledgers else ()
         if pending:
             self._check_open()
             self._write(pending)
 
-    def _write(self, pending: list[PendingChanges]) -> None:
+    def _write(self, pending: Iterable[PendingChanges]) -> None:
         self._context.journal.before_write()
         for ledger in pending:
             ledger.write()

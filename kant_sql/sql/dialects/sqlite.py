@@ -879,7 +879,7 @@ class SqliteBackend(Backend):
             # Another thread took it.
             return None
         self.sessions[session] = threading.get_ident()
-        if isinstance(session, MemorySession):
+        if self.in_memory and isinstance(session, MemorySession):
             session.resume()
         return session
 
