@@ -19,7 +19,7 @@ depends_on = None
 
 LONG_TEXT = sa.Text().with_variant(sa.Text(collation="C"), "postgresql")
 UTC_TIME = sa.String(27).with_variant(sa.TIMESTAMP(timezone=True), "postgresql")
-WITHOUT_ROWID = {"proposition_saying", "function_value_saying"}
+WITHOUT_ROWID = {"proposition_saying", "function_value_saying", "replacement"}
 SEED = "16 random bytes that the salts of its texts are made of; NULL: form 1, or erased"
 
 
@@ -145,4 +145,19 @@ def _erasures(first: Any) -> None:
             "(commitment IS NULL) = (erasure_id IS NULL)", name="commitment_of_erased"
         ),
         first._partial("commitment", "erasure", "erasure_id", where="erasure_id IS NOT NULL"),
+    )
+    erased = ("kb_id", "number", "position")
+    first._table(
+        "replacement",
+        first._key("number", comment="the revision"),
+        first._place("position", "as in commitment"),
+        first._key("erasure_id", comment="what erased it"),
+        optional(
+            "salt", sa.LargeBinary(), "of the text that is there now; NULL: it was replaced again"
+        ),
+        optional("commitment", LONG_TEXT, "to what was there; NULL: to the text that is there now"),
+        sa.ForeignKeyConstraint(erased, [f"commitment.{name}" for name in erased]),
+        first._reference("erasure_id", "erasure"),
+        sa.CheckConstraint("(salt IS NULL) <> (commitment IS NULL)", name="salt_or_commitment"),
+        first._index("replacement", "erasure", "erasure_id"),
     )

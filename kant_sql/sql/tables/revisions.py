@@ -306,6 +306,29 @@ class CommitmentRow(Base):
     erasure_id = optional(int, comment="what erased it; NULL: it is kept")
 
 
+class ReplacementRow(Base):
+    """What took the place of something erased; a later erasure may have replaced it again."""
+
+    __tablename__ = "replacement"
+    __has_rowid__ = False
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["kb_id", "number", "position"],
+            ["commitment.kb_id", "commitment.number", "commitment.position"],
+        ),
+        reference("erasure_id", "erasure"),
+        CheckConstraint("(salt IS NULL) <> (commitment IS NULL)", name="salt_or_commitment"),
+        Index("ix_replacement_erasure", "kb_id", "erasure_id"),
+    )
+
+    kb_id = kb_column()
+    number = key_column(-90, "the revision")
+    position = position_column(comment="as in commitment")
+    erasure_id = key_column(-50, "what erased it")
+    salt = optional(bytes, comment="of the text that is there now; NULL: it was replaced again")
+    commitment = optional(str, comment="to what was there; NULL: to the text that is there now")
+
+
 class VerificationRow(Base):
     """Up to which revision a knowledge base was verified."""
 
