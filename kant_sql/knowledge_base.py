@@ -282,6 +282,8 @@ class KnowledgeBase(Front):
     stale = reviews(lambda: reasoning.stale.stale)
     timeline = reviews(lambda: history.timeline.timeline)
     restore = writes(lambda: history.restore.restore)
+    erasure_preview = writes(lambda: history.erasure.preview.erasure_preview)
+    erase = writes(lambda: history.erasure.erase.erase)
 
     @cached_property
     def pddl(self) -> PddlParts:

@@ -148,7 +148,7 @@ def load_problem(
 
     def work(transaction: Transaction) -> None:
         nonlocal read
-        now = build_domain(transaction.definitions, _default_name(store))
+        now = build_domain(transaction.definitions, _default_name(store.name))
         if now != of_domain:
             # Another writer changed the domain after the problem was checked against it.
             read = _read_problem(store, source, now, strict)
@@ -184,7 +184,7 @@ def domain(state: State) -> Domain:
         >>> kb.pddl.domain().name
         'tiago'
     """
-    name = _default_name(state.store)
+    name = _default_name(state.store.name)
     return state.store.read_definitions(lambda known: build_domain(known, name), state.at)
 
 
@@ -329,7 +329,7 @@ def _loaded(
 
 def _read(state: State, build: Callable[[View, str, str], T]) -> T:
     """Build something of one consistent state, which names the problem and the domain."""
-    name = _default_name(state.store)
+    name = _default_name(state.store.name)
     return state.store.read_in_snapshot(
         lambda view: build(view, name, domain_title(view.definitions, name)), state.at
     )
@@ -361,9 +361,16 @@ def _read_problem(store: Store, source: Source, of_domain: Domain, strict: bool)
         raise PddlError(*place, f"{error.expected}; {remedy}", error.nesting) from error
 
 
-def _default_name(store: Store) -> str:
+def _default_name(name: str) -> str:
     """Name a document that was never loaded: as the knowledge base, if PDDL allows it."""
-    return store.name if is_name(store.name, "domain") else "default"
+    return name if is_name(name, "domain") else "default"
+
+
+def given_texts(view: View, knowledge_base: str) -> tuple[str, str]:
+    """Write the domain and the problem that a planner is given of a state."""
+    name = _default_name(knowledge_base)
+    domain = write_domain(build_domain(view.definitions, name))
+    return domain, problem_text(view, name, domain_title(view.definitions, name))
 
 
 def _is_replacing(mode: str) -> bool:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from . import archive as archive
     from . import confirmations as confirmations
     from . import diff as diff
+    from . import erasure as erasure
     from . import follow as follow
     from . import log as log
     from . import overview as overview

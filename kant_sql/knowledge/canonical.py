@@ -353,3 +353,18 @@ def promotion_text(id_: int, revision: int, origin: str) -> str:
     """Write a promotion record in canonical form."""
     store = json.dumps(origin, ensure_ascii=False)
     return f"(promotion {id_} :upto {revision} :from {store})"
+
+
+def erasure_text(
+    id_: int,
+    revision: int,
+    kind: str,
+    element_id: int | None,
+    pseudonym: str,
+    parts: int,
+    digest: str,
+) -> str:
+    """Write an erasure record in canonical form."""
+    what = f":{kind}" if element_id is None else f":{kind} {element_id}"
+    said = f"{what} :as {json.dumps(pseudonym)} :parts {parts}"
+    return f'(erasure {id_} :upto {revision} {said} :digest "{digest}")'

@@ -32,6 +32,7 @@ from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns,
 from .tables import (
     ArchiveRow,
     ConfirmationRow,
+    ErasureRow,
     ExecutionVersionRow,
     FunctionValueSayingRow,
     PlanRow,
@@ -67,7 +68,7 @@ REVISIONS = (
 
 _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
 ASSERTED, RETRACTED = "+", "-"
-PLAN, ARCHIVE, PROMOTION = "plan", "archive", "promotion"
+PLAN, ARCHIVE, PROMOTION, ERASURE = "plan", "archive", "promotion", "erasure"
 CONFIRMATION, SAYING = "confirmation", "saying"
 # What is read at once, and sorted in memory.
 FEW = 5_000
@@ -80,8 +81,9 @@ class Change(NamedTuple):
 
     Attributes:
         sign: `+` asserted, `-` retracted.
-        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `saying`
-            of a period; `plan`, `execution`, `plan step`, `confirmation`, `archive` or `promotion`.
+        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `saying` of a
+            period; `plan`, `execution`, `plan step`, `confirmation`, `archive`, `promotion` or
+            `erasure`.
         text: the element's canonical PDDL text; of a confirmation, that of the fact.
     """
 
@@ -154,7 +156,12 @@ def _confirmations() -> VersionColumns:
 # What changes, by kind: elements, executions, and records, which are never retracted.
 _RECORDS = {
     kind: _record(mapped, kind)
-    for mapped, kind in ((PlanRow, PLAN), (ArchiveRow, ARCHIVE), (PromotionRow, PROMOTION))
+    for mapped, kind in (
+        (PlanRow, PLAN),
+        (ArchiveRow, ARCHIVE),
+        (PromotionRow, PROMOTION),
+        (ErasureRow, ERASURE),
+    )
 }
 EXECUTIONS = _executions()
 CONFIRMATIONS = _confirmations()
@@ -249,6 +256,17 @@ def stream_change_rows(
         keyed: with the ids by which rows of `commitment` know them.
     """
     return session.stream(_streamed(left, keyed), kb=kb_id, low=low, high=high)
+
+
+@cache
+def _keyed_of() -> Query:
+    lines = (end.keyed_line(_among(end.revision)) for end in _ENDS)
+    return Query(union_all(*lines).order_by("revision"))
+
+
+def keyed_changes_of(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Row]:
+    """Read what some revisions changed, with the ids by which rows of `commitment` know it."""
+    return session.rows(_keyed_of(), kb=kb_id, numbers=session.list_value([*numbers]))
 
 
 def few_change_rows(

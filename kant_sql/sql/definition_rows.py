@@ -42,10 +42,11 @@ from .rows import (
     is_of_version,
     table_of,
 )
-from .tables import HeadRow
+from .tables import ErasureRow, HeadRow
 
 # How the part is named that says which elements of a kind are live no more.
 GONE = "gone "
+ERASED = "erased"
 
 
 # The rows of each table; those of a version table have the element's name after its id.
@@ -204,6 +205,11 @@ def _head_part() -> Select[Any]:
     return _part("head", [head.definition_revision]).where(head.kb_id == KB)
 
 
+def _erased_part() -> Select[Any]:
+    erasure = table_of(ErasureRow).c
+    return _part(ERASED, [erasure.since]).where(erasure.kb_id == KB, erasure.since > _AFTER)
+
+
 _NOW = Query(lambda: union_all(_head_part(), *_parts(lambda version: version.until.is_(None))))
 _AT = Query(lambda: union_all(*_parts(held_at)))
 _LAST_CHANGE = Query(
@@ -219,6 +225,7 @@ _SINCE = Query(
     lambda: union_all(
         *(_gone_part(kind, tables.version) for kind, tables in KIND_TABLES.items()),
         *_parts(_newer),
+        _erased_part(),
     )
 )
 
@@ -260,9 +267,12 @@ def last_change(session: Session, kb_id: int, at: int) -> int:
     return max(row[0] or 0 for row in session.rows(_LAST_CHANGE, kb=kb_id, at=at))
 
 
-def refresh(session: Session, kb_id: int, definitions: Definitions, after: int) -> Definitions:
-    """Bring definitions up to date by reading only what has changed."""
-    return evolve(definitions, session.rows(_SINCE, kb=kb_id, after=after))
+def refresh(
+    session: Session, kb_id: int, definitions: Definitions, after: int
+) -> Definitions | None:
+    """Bring definitions up to date by reading only what has changed; None after an erasure."""
+    rows = session.rows(_SINCE, kb=kb_id, after=after)
+    return None if any(row[0] == ERASED for row in rows) else evolve(definitions, rows)
 
 
 _IDENTITIES = {

@@ -243,6 +243,10 @@ class DefinitionCache:
     """The definitions of the head as a process last saw it, and of some past revisions.
 
     What is kept never changes, so threads share it: a newer snapshot takes the place of an older.
+    An erasure alone changes it.
+
+    Attributes:
+        forgotten: how often all of it was forgotten.
     """
 
     def __init__(self) -> None:
@@ -250,6 +254,19 @@ class DefinitionCache:
         self._past: dict[int, Definitions] = {}
         # By the revision that last changed them.
         self._epochs: dict[int, Definitions] = {}
+        self._erased: int | None = None
+        self.forgotten = 0
+
+    def forget(self) -> None:
+        """Forget all, as texts of earlier revisions were erased."""
+        self._snapshot, self._past, self._epochs = None, {}, {}
+        self.forgotten += 1
+
+    def heed(self, erased: int | None) -> None:
+        """Forget all if there was an erasure since the last look; `erased` is the last one."""
+        if erased != self._erased:
+            self._erased = erased
+            self.forget()
 
     @property
     def snapshot(self) -> Snapshot | None:
@@ -274,6 +291,9 @@ class DefinitionCache:
             # head is a reader that began before another thread's commit.
             return self.load(session, kb_id)
         definitions = refresh(session, kb_id, snapshot.definitions, snapshot.definition_revision)
+        if definitions is None:
+            self.forget()
+            return self.load(session, kb_id)
         self.keep(definition_revision, definitions)
         return definitions
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sqlalchemy import BigInteger, bindparam, select
+from sqlalchemy import BigInteger, bindparam, func, select
 
 from ..errors import ArchivedError, StoreIntegrityError, check_integer
 from ..knowledge.definitions import Definitions
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import KB
-from ..sql.tables import ArchiveRow, HeadRow
+from ..sql.tables import ArchiveRow, ErasureRow, HeadRow
 from .caches import DefinitionCache
 
+_LAST_ERASURE = select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery()
 _HEAD = Query(
-    select(HeadRow.definition_revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB)
+    select(HeadRow.definition_revision, HeadRow.archived_revision, _LAST_ERASURE).where(
+        HeadRow.kb_id == KB
+    )
 )
 _REVISION = Query(select(HeadRow.revision).where(HeadRow.kb_id == KB))
 _ARCHIVE = Query(
@@ -51,13 +54,13 @@ def open_view(session: Session, kb_id: int | None, cache: DefinitionCache, at: i
     if kb_id is None:
         return View(session, None, Definitions(), at)
     if at is not None:
-        definition_revision, archived = _read_head(session, kb_id)
+        definition_revision, archived = _read_head(session, kb_id, cache)
         refuse_archived(session, kb_id, at, archived)
         definitions = cache.at_revision(session, kb_id, at, definition_revision, archived)
         return View(session, kb_id, definitions, at)
     if cache.snapshot is None:
         return View(session, kb_id, cache.load(session, kb_id))
-    return View(session, kb_id, cache.at_head(session, kb_id, *_read_head(session, kb_id)))
+    return View(session, kb_id, cache.at_head(session, kb_id, *_read_head(session, kb_id, cache)))
 
 
 def read_definition_revision(session: Session, kb_id: int) -> int:
@@ -65,12 +68,16 @@ def read_definition_revision(session: Session, kb_id: int) -> int:
     return _read_head(session, kb_id)[0]
 
 
-def _read_head(session: Session, kb_id: int) -> tuple[int, int]:
+def _read_head(
+    session: Session, kb_id: int, cache: DefinitionCache | None = None
+) -> tuple[int, int]:
     row = session.first(_HEAD, kb=kb_id)
     if row is None:
         raise vanished(session)
-    for column, value in zip(("definition_revision", "archived_revision"), row, strict=True):
+    for column, value in zip(("definition_revision", "archived_revision"), row, strict=False):
         check_integer("head", f"knowledge base {kb_id!r}", column, value)
+    if cache is not None:
+        cache.heed(row[2])
     return row[0], row[1]
 
 

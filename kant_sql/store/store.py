@@ -131,7 +131,8 @@ class Store:
         self._definitions = DefinitionCache()
         self._agreements = AgreementCache()
         self._forget_identities()
-        self._archived_revision = 0
+        # The archived revision, and how often texts were forgotten, when identities were cached.
+        self._known_of = 0, 0
         self._last: Committed | None = None
         self._clock_warned_at: float | None = None
         self.queue = backend.queue(name)
@@ -426,13 +427,14 @@ class Store:
                 # Never before the last revision.
                 now = max(head.clock, head.committed_at or head.clock)
                 period = make_period(given, now, is_observed)
-            if head.archived_revision != self._archived_revision:
-                # Some may have been moved since they were cached.
-                self._forget_identities()
-                self._archived_revision = head.archived_revision
             definitions = self._definitions.at_head(
                 session, kb_id, head.definition_revision, head.archived_revision
             )
+            state = head.archived_revision, self._definitions.forgotten
+            if state != self._known_of:
+                # Some may have been moved, or their texts erased, since they were cached.
+                self._forget_identities()
+                self._known_of = state
             return Transaction(
                 session,
                 kb_id,
@@ -516,6 +518,10 @@ class Store:
     def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
         if committed is not None:
             self._kb_id, self._last = transaction.kb_id, committed
+            if transaction.erases:
+                # What others have read meanwhile may have the old texts, too.
+                self._definitions.forget()
+                return
             definitions = transaction.definitions.origin
             if transaction.redefined:
                 definitions = transaction.definitions.publish()

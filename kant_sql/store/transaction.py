@@ -92,6 +92,7 @@ class Transaction:
         changed: how many changes the revision has.
         confirms: whether to save a fact that holds already is to confirm it.
         given: where the period that it speaks of begins and ends, as it was given.
+        erases: whether it changes texts of earlier revisions, so that nothing cached is right.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class Transaction:
         self.changed = 0
         self.confirms = False
         self.given = given
+        self.erases = False
         self._started = time.monotonic()
         self._atoms = atoms
         self._fluents = fluents
@@ -356,7 +358,8 @@ class Transaction:
             # target is yet to come.
             made = self._write_revision(changes)
             self._write(pending)
-        definitions = made.number if self.redefined else self.head.definition_revision
+        is_moved = self.redefined or self.erases
+        definitions = made.number if is_moved else self.head.definition_revision
         self.session.run(
             _MOVE_HEAD,
             kb=self.kb_id,

@@ -2431,7 +2431,6 @@ CREATE TABLE replacement (
     salt BLOB,
     commitment TEXT,
     CONSTRAINT ck_replacement_salt_or_commitment CHECK ((salt IS NULL) <> (commitment IS NULL)),
-    CONSTRAINT fk_replacement_kb_id_erasure_id FOREIGN KEY(kb_id, erasure_id) REFERENCES erasure (kb_id, id),
     CONSTRAINT fk_replacement_kb_id_number_position FOREIGN KEY(kb_id, number, position) REFERENCES commitment (kb_id, number, position),
     CONSTRAINT pk_replacement PRIMARY KEY (kb_id, number, position, erasure_id)
 )

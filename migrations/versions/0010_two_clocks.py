@@ -157,7 +157,6 @@ def _erasures(first: Any) -> None:
         ),
         optional("commitment", LONG_TEXT, "to what was there; NULL: to the text that is there now"),
         sa.ForeignKeyConstraint(erased, [f"commitment.{name}" for name in erased]),
-        first._reference("erasure_id", "erasure"),
         sa.CheckConstraint("(salt IS NULL) <> (commitment IS NULL)", name="salt_or_commitment"),
         first._index("replacement", "erasure", "erasure_id"),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -13,7 +13,7 @@ from itertools import chain, groupby, islice
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import select
+from sqlalchemy import literal_column, select
 
 from ...knowledge.canonical import (
     FORM,
@@ -33,17 +33,18 @@ from ...sql.changes import (
     stream_change_rows,
 )
 from ...sql.dialects.base import Row, Session
-from ...sql.query import Query
+from ...sql.query import Query, in_list
 from ...sql.rows import KB, table_of
 from ...sql.tables import CommitmentRow, RevisionRow
 from ...store.head import read_name
 from ..revisions import LARGEST
-from .parts import READ_PARTS, WHOLE, WHOLE_AT, Part, committed
+from .erasures import ErasureCheck
+from .parts import PARTS_OF, READ_PARTS, WHOLE, WHOLE_AT, Part, committed
 from .sides import Check, Side
 
 SMALLEST = -(2**63)
 
-_SIGNS = ASSERTED, RETRACTED
+SIGNS = ASSERTED, RETRACTED
 _DATE, _CLOCK = r"[0-9]{4}-[0-9]{2}-[0-9]{2}", r"(?:[01][0-9]|2[0-3]):[0-9]{2}:[0-9]{2}\.[0-9]{6}"
 _TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
 _PART = table_of(CommitmentRow).c
@@ -162,11 +163,25 @@ def stream_chain(
         yield Step(number, None, iter(()))
 
 
+_OF_NUMBERS = Query(
+    REVISIONS.add_columns(RevisionRow.form, RevisionRow.seed, literal_column("1"))
+    .where(in_list(RevisionRow.number, "numbers"))
+    .order_by(RevisionRow.number)
+)
+
+
+def read_links(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Link]:
+    """Read some revisions, with their parts."""
+    listed = {"kb": kb_id, "numbers": session.list_value([*numbers])}
+    parts = Side(iter(session.rows(PARTS_OF, **listed)), 1, lambda _: None)
+    return [_link(session, row, parts) for row in session.rows(_OF_NUMBERS, **listed)]
+
+
 def _lines(rows: Iterable[Row], keyed: bool = False) -> Iterator[_Line]:
     # A change whose identity is missing has no text.
     if keyed:
-        return ((_SIGNS[sign], kind, text or "", *key) for _, sign, kind, text, *key in rows)
-    return ((_SIGNS[row[1]], row[2], row[3] or "") for row in rows)
+        return ((SIGNS[sign], kind, text or "", *key) for _, sign, kind, text, *key in rows)
+    return ((SIGNS[row[1]], row[2], row[3] or "") for row in rows)
 
 
 def _link(session: Session, row: Row, parts: Side | None = None) -> Link:
@@ -363,6 +378,7 @@ class Chain:
     changes: int = 0
     rest: str = ""  # the hash of what is left of the revisions up to the archived one
     hashes: dict[int, str] = field(default_factory=dict)
+    erasures: ErasureCheck | None = None  # None where an earlier verification is continued
     _name: str = ""
     _rest: Any = field(default_factory=sha256)
     _wrong: list[Wrong] = field(default_factory=list)
@@ -378,6 +394,8 @@ class Chain:
         # The last one that was verified before, as well: it has to have the hash that it had.
         for step in stream_chain(session, kb_id, after or SMALLEST):
             self._take(step)
+        if self.erasures is not None:
+            self.erasures.end()
         _Explainer(self.check, self._name).run(self._wrong)
         if self._more:
             report.add(self._more[0], "revision", _more(self._more_count, self._more[-1]))
@@ -403,7 +421,11 @@ class Chain:
         previous = None if self.last is None else self.last.hash
         counted = self.changes
         is_archived = link.number <= self.archived
-        digest = link.digest(self._name, previous, self._counted(step.changes), is_archived)
+        changes = self._counted(step.changes)
+        if link.parts:
+            changes = [*changes]
+            self._check_erased(link, previous, changes)
+        digest = link.digest(self._name, previous, changes, is_archived)
         if link.number <= self.check.after:
             self.changes = counted
         if is_archived:
@@ -415,6 +437,18 @@ class Chain:
         self.last = link
         self.revisions += link.number > self.check.after
         self.tick(link.number)
+
+    def _check_erased(self, link: Link, previous: str | None, changes: list[_Line]) -> None:
+        """Check what took the places of erased parts of a revision."""
+        if self.erasures is None or link.fault is not None:
+            return
+        texts = {(sign, kind, *key): text for sign, kind, text, *key in changes}
+        texts |= {("", label, 0, 0): getattr(link.metadata, label) for label in SAID}
+        if link.form == 1:
+            lines = sorted(line[:3] for line in changes)
+            of = previous, self._name, link.number, link.committed_at, link.metadata
+            texts["", WHOLE, 0, 0] = revision_hash(*of, lines, None, 1)
+        self.erasures.take(link.number, link.parts, texts, self.archived)
 
     def _counted(self, changes: Iterator[_Line]) -> Iterable[_Line]:
         """Count changes while they are read; most revisions have few."""

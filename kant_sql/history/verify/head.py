@@ -53,7 +53,7 @@ def _largest(columns: list[Any], *others: Select[Any]) -> Query:
 
 _OTHERS: tuple[type[t.Base], ...] = (
     *(t.PropositionRow, t.FunctionValueRow, t.PlanRow),
-    *(t.ArchiveRow, t.PromotionRow),
+    *(t.ArchiveRow, t.PromotionRow, t.ErasureRow),
 )
 _IDENTITIES = [kind.identity for kind in KIND_TABLES.values()] + [*map(table_of, _OTHERS)]
 _EXECUTION = table_of(t.ExecutionRow).c
@@ -63,7 +63,11 @@ _IDS = _largest(
     [table.c.id for table in _IDENTITIES], select(func.max(_EXECUTION.position)).where(*_OF_NO_PLAN)
 )
 _VERSIONS = [kind.version.table.c for kind in KIND_TABLES.values()]
-_DEFINED = _largest([end for version in _VERSIONS for end in (version.since, version.until)])
+_ERASURE = table_of(t.ErasureRow).c
+# Caches of definitions are read again after an erasure, as after a change of a definition.
+_DEFINED = _largest(
+    [*(end for version in _VERSIONS for end in (version.since, version.until)), _ERASURE.since]
+)
 
 
 class Archive(NamedTuple):

@@ -14,7 +14,7 @@ from sqlalchemy import select
 from ...knowledge.canonical import SAID, Metadata, commit_to, salt_of
 from ...sql.changes import in_range
 from ...sql.dialects.base import Row
-from ...sql.query import Query
+from ...sql.query import Query, in_list
 from ...sql.rows import KB, table_of
 from ...sql.tables import CommitmentRow
 
@@ -51,11 +51,10 @@ class Part(NamedTuple):
 
 
 _PART = table_of(CommitmentRow).c
-READ_PARTS = Query(
-    select(_PART.number, *(_PART[name] for name in Part._fields))
-    .where(_PART.kb_id == KB, in_range(_PART.number))
-    .order_by(_PART.number, _PART.position)
-)
+_PARTS = select(_PART.number, *(_PART[name] for name in Part._fields)).where(_PART.kb_id == KB)
+_IN_ORDER = _PART.number, _PART.position
+READ_PARTS = Query(_PARTS.where(in_range(_PART.number)).order_by(*_IN_ORDER))
+PARTS_OF = Query(_PARTS.where(in_list(_PART.number, "numbers")).order_by(*_IN_ORDER))
 
 
 def kept_parts(seed: bytes, metadata: Metadata, changes: Iterable[Row]) -> list[Part]:

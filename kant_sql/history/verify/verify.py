@@ -41,6 +41,7 @@ from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
 from .definition_check import DefinitionCheck, ObjectFunctions, check_names
+from .erasures import Erasure, ErasureCheck, erased_since, read_erasures
 from .facts import ExecutionCheck, FactCheck, check_confirmations, check_plans
 from .head import (
     Archive,
@@ -162,6 +163,7 @@ class Verification:
         changes: how many changes were hashed.
         findings: the faults, by revision.
         archives: the archives and their contents, in words.
+        erasures: what was erased and by which revisions, in words.
         anchored: the revision that was compared with an anchor; None when none was.
         continued_from: the revision up to which an earlier verification had found it intact, and
             which this one continued; None when it began at revision 1.
@@ -173,7 +175,7 @@ class Verification:
     """
 
     _json_ = (
-        *("knowledge_base", "revisions", "changes", "findings", "archives", "anchored"),
+        *("knowledge_base", "revisions", "changes", "findings", "archives", "erasures", "anchored"),
         *("is_intact", "continued_from", "continued_at", "complete_at", "is_kept"),
     )
 
@@ -182,6 +184,7 @@ class Verification:
     changes: int
     findings: tuple[Finding, ...]
     archives: tuple[str, ...] = ()
+    erasures: tuple[str, ...] = ()
     anchored: int | None = None
     continued_from: int | None = None
     continued_at: datetime | None = None
@@ -203,6 +206,7 @@ class Verification:
             "continued from revision": self.continued_from,
             "compared with an anchor at revision": self.anchored,
             "archives": self.archives,
+            "erasures": self.erasures,
         }
         found = html.listing(self.findings, "finding") if self.findings else ""
         return html.fields(checked) + found
@@ -305,8 +309,9 @@ class End(NamedTuple):
 def _first_to_check(session: Session, kb_id: int, kept: Kept) -> int:
     """Return the revision to continue from; 0 to begin at revision 1."""
     is_there = hash_of(session, kb_id, kept.revision) == kept.hash
-    # An archive changes what is left of earlier revisions.
-    return kept.revision if is_there and archived_since(session, kb_id) <= kept.revision else 0
+    # An archive and an erasure change what is left of earlier revisions.
+    changed = max(archived_since(session, kb_id), erased_since(session, kb_id))
+    return kept.revision if is_there and changed <= kept.revision else 0
 
 
 def _keep(store: Store, done: Verification, end: End) -> Verification:
@@ -359,6 +364,7 @@ class _Verifier:
         self._told = 0
         self._archives: list[Archive] = []
         self._archived = 0
+        self._erasures: list[Erasure] = []
         self._chain = Chain(check, self._tell)
 
     @property
@@ -390,6 +396,7 @@ class _Verifier:
             chain.changes,
             report.findings(),
             tuple(_archive_words(archive) for archive in self._archives),
+            tuple(erasure.words for erasure in self._erasures),
             _number(anchored),
         )
 
@@ -399,7 +406,10 @@ class _Verifier:
         self._archived = archived
         # An archive has the records of its own versions, which are complete there.
         self._archives = archives if archived else []
-        chain = Chain(self._check, self._tell, archived, wanted)
+        # Later erasures change earlier revisions: what is continued has none that is new.
+        erasures = None if self._check.after else ErasureCheck(self._check)
+        self._erasures = read_erasures(self._check.session, self._check.kb_id)
+        chain = Chain(self._check, self._tell, archived, wanted, erasures=erasures)
         chain.run()
         self._chain = chain
         check_head(self._check, chain, archives)

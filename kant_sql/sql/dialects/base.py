@@ -398,6 +398,9 @@ class Session(ABC):
         """Make later commits of this session survive a power cut."""
         self.define(self.backend.durable)
 
+    def overwrite_deleted(self) -> None:  # noqa: B027 (a server's pages are written again later)
+        """Overwrite what is deleted from now on, where the database would leave its bytes."""
+
     def replan(self) -> None:  # noqa: B027 (only servers cache plans)
         """Discard cached plans before a large write."""
 
@@ -676,6 +679,10 @@ class Backend(ABC):
     def remove(self, mark: Query) -> bool:
         """Remove the database unless it is in use, or `mark` finds a row in it."""
         return False
+
+    def wipe(self) -> tuple[str, ...]:
+        """Remove bytes of what was erased; say where some may remain, and what removes them."""
+        return ()
 
     def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
         """Create the roles of the database, or update them."""

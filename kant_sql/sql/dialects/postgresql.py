@@ -24,6 +24,7 @@ from sqlalchemy import (
     CursorResult,
     Dialect,
     Engine,
+    LargeBinary,
     PoolProxiedConnection,
     Select,
     String,
@@ -66,6 +67,7 @@ from ..query import (
     StorePlace,
     insert_texts,
 )
+from ..tables import Base
 from .base import (
     FETCH_SIZE,
     FEW_ROWS,
@@ -695,6 +697,13 @@ _LONGEST_TIMEOUT = 2**31 - 1
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
 # SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
+# Which tables belong to a role that this user is not.
+_OF_OTHERS = text(
+    "SELECT c.relname FROM pg_class AS c WHERE c.oid = ANY (SELECT to_regclass(n) FROM "
+    "unnest(CAST(:names AS text[])) AS n) AND NOT pg_has_role(c.relowner, 'USAGE')"
+)
+_ROWS_GONE = "rows that were replaced in the tables of"
+_OWNER_VACUUMS = "run VACUUM (FULL, ANALYZE) as the owner of the tables"
 _IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
 # What the server and PgBouncer answer when all of their connections are in use.
 _CROWDED = re.compile(
@@ -825,6 +834,26 @@ class PostgresqlBackend(Backend):
     def heard(self, error: Exception) -> StoreError:
         """Translate the error of a listening thread, for one of those who wait."""
         return type(error)(*error.args) if isinstance(error, StoreError) else self.translate(error)
+
+    def wipe(self) -> tuple[str, ...]:
+        """Write the tables with texts again, as their owner, without rows that are gone."""
+        texts = [
+            table.name
+            for table in Base.metadata.sorted_tables
+            if any(isinstance(column.type, String | LargeBinary) for column in table.c)
+        ]
+        engine = self._engine(poolclass=NullPool, isolation_level="AUTOCOMMIT")
+        try:
+            with engine.connect() as connection:
+                connection.exec_driver_sql(f"SET lock_timeout = '{self.patience:g}s'")
+                of_others = connection.execute(_OF_OTHERS, {"names": texts}).scalars().all()
+                for table in texts if not of_others else ():
+                    connection.exec_driver_sql(f"VACUUM (FULL, ANALYZE) {table}")
+        except DBAPIError as error:
+            return (f"{_ROWS_GONE} {self.label}: {error.orig}; {_OWNER_VACUUMS}",)
+        finally:
+            engine.dispose()
+        return (f"{_ROWS_GONE} {self.label}; {_OWNER_VACUUMS}",) if of_others else ()
 
     def renew(self) -> None:
         """Replace existing connections at their next checkout."""

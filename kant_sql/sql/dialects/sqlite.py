@@ -339,6 +339,19 @@ class SqliteSession(Session):
             with suppress(*self.backend.driver_errors):
                 cursor.close()
 
+    def overwrite_deleted(self, on: bool = True) -> None:
+        """Overwrite with zeros what is deleted from now on."""
+        self._driver.execute(f"PRAGMA secure_delete={'ON' if on else 'OFF'}")
+
+    def rewrite(self) -> None:
+        """Write the whole database again: nothing of what was deleted is left in it."""
+        self._driver.execute("VACUUM")
+        self.overwrite_deleted(False)
+
+    def empty_log(self) -> bool:
+        """Move the log into the file, and empty it; return whether a reader holds it."""
+        return bool(self._driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0])
+
     def discard(self) -> None:
         """Return the connection to the pool."""
         super().close()
@@ -761,6 +774,26 @@ class SqliteBackend(Backend):
                 f"{self.label}: this is not a regular file, so it cannot be a store; give the path "
                 "of an SQLite file"
             )
+
+    def wipe(self) -> tuple[str, ...]:
+        """Write the file again, without free pages, and empty its log."""
+        with self.open_session() as session:
+            pooled: Any = session
+            try:
+                pooled.rewrite()
+                held = pooled.empty_log()
+            except self.driver_errors as error:
+                return (
+                    f"the free pages of {self.label}, which could not be written again: "
+                    f"{self.translate(error)}; run VACUUM in it, and PRAGMA "
+                    "wal_checkpoint(TRUNCATE)",
+                )
+        if held:
+            return (
+                f"the write-ahead log of {self.label}: somebody reads it; run PRAGMA "
+                "wal_checkpoint(TRUNCATE) in it when they have ended",
+            )
+        return ()
 
     def copy_to(self, file: Path, progress: Callable[[int, int], None] | None) -> None:
         """Copy the file by SQLite's online backup; the copy is as secret as the file."""

@@ -316,7 +316,6 @@ class ReplacementRow(Base):
             ["kb_id", "number", "position"],
             ["commitment.kb_id", "commitment.number", "commitment.position"],
         ),
-        reference("erasure_id", "erasure"),
         CheckConstraint("(salt IS NULL) <> (commitment IS NULL)", name="salt_or_commitment"),
         Index("ix_replacement_erasure", "kb_id", "erasure_id"),
     )

@@ -1,0 +1,331 @@
+"""Erases what names somebody: an object's name with all that mentions it, or what revisions say."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from sqlalchemy import Text, bindparam, cast, select, union_all
+
+from ...arguments import expect, flag, one_of, shown, whole_number
+from ...dto.elements import PddlObjectDto
+from ...dto.lexical import fold, is_word
+from ...errors import (
+    ConflictError,
+    InvalidArgumentError,
+    ReadOnlyError,
+    UnknownNameError,
+    UnknownRevisionError,
+)
+from ...knowledge.canonical import SAID, erasure_text
+from ...sql import tables as t
+from ...sql.changes import ASSERTED, ERASURE, Change
+from ...sql.definition_rows import find_identities
+from ...sql.dialects.base import Session
+from ...sql.dialects.containing import contains, is_in, pattern_of
+from ...sql.query import Insert, Query
+from ...sql.rows import KB, table_of
+from ...store.snapshot import archive_of
+from ...store.state import State
+from ...store.store import Store
+from ...store.transaction import Transaction
+from ..verify.chain import read_links
+from .parts import Destroyer, said_in_place
+from .texts import ChangeKey, Renaming, TextWriter
+
+logger = logging.getLogger("kant_sql.history")
+
+OBJECT, TEXTS, PREFIX = "object", "texts", "erased-"
+_ERASURE, _REVISION = table_of(t.ErasureRow), table_of(t.RevisionRow)
+_OBJECTS = t.TABLES["object"].c
+_NEW_ERASURE = Insert(
+    _ERASURE,
+    *("kb_id", "id", "since", "revision", "kind", "element_id", "pseudonym", "parts", "digest"),
+    "text",
+)
+_GIVEN_OUT = Query(
+    union_all(
+        select(_OBJECTS.key).where(_OBJECTS.kb_id == KB, _OBJECTS.key.like(bindparam("like"))),
+        select(_ERASURE.c.pseudonym).where(_ERASURE.c.kb_id == KB),
+    )
+)
+_SAYING_IT = {
+    label: Query(
+        select(_REVISION.c.number, cast(_REVISION.c[label], Text))
+        .where(_REVISION.c.kb_id == KB, contains(cast(_REVISION.c[label], Text)))
+        .order_by(_REVISION.c.number)
+    )
+    for label in SAID
+}
+# An erased text that is shorter may be a part of any word.
+_TELLING = 4
+
+
+class Erased(NamedTuple):
+    """The result of an erasure.
+
+    Attributes:
+        revision: the revision that it is; None when there was nothing to erase.
+        element_id: the object, whose id stays; None when texts of revisions were erased.
+        pseudonym: what is in the place of all that was erased.
+        parts: how many texts were erased.
+        revisions: of how many revisions.
+        form_1: how many of these are of form 1 of the hash, from which a name can be guessed.
+        remaining: where bytes of it may remain in the database, and what removes them.
+    """
+
+    revision: int | None
+    element_id: int | None
+    pseudonym: str
+    parts: int
+    revisions: int
+    form_1: int
+    remaining: tuple[str, ...] = ()
+
+
+class Wanted(NamedTuple):
+    """What is to be erased, as it was asked for."""
+
+    name: str | None
+    also: tuple[str, ...]
+    revisions: tuple[int, ...]
+    parts: tuple[str, ...]
+
+
+def erase(
+    state: State,
+    element: PddlObjectDto | str | None = None,
+    *,
+    reason: str,
+    also: Collection[str] = (),
+    revisions: Collection[int] = (),
+    parts: Collection[str] = (),
+    form_1: bool = False,
+    actor: str | None = None,
+) -> Erased:
+    """Erase the name of an object with all that mentions it, or what some revisions say.
+
+    The object keeps its id and is called `erased-1` from now on, at every revision: facts, values,
+    actions, formulas, rules, documents, plans and executions that mention it say so, and joins and
+    counts still work. What was hashed is destroyed, and a commitment to each text stays, so that
+    the chain, anchors and replicas are verified as before. The erasure is a revision. Look at
+    `erasure_preview` first: an erasure cannot be undone.
+
+    Args:
+        element: the object, or its name.
+        reason: why; it must not contain what it erases.
+        also: of `actor`, `reason` and `source`, those to erase as well in each revision where they
+            contain the name of the object.
+        revisions: instead of an object, revisions of which to erase `parts`.
+        parts: of `actor`, `reason` and `source`, what to erase there.
+        form_1: whether to erase in revisions of form 1 of the hash, too: who has a backup, or
+            guesses, can find the name from their hashes.
+        actor: who erases; by default the knowledge base's actor.
+
+    Returns:
+        What was erased, and where bytes of it may remain.
+
+    Raises:
+        UnknownNameError: there never was such an object.
+        UnknownRevisionError: there is no such revision.
+        InvalidArgumentError: the reason or the actor contains what is erased.
+        ConflictError: revisions of form 1 mention it; or a part of the history is in an archive.
+        StoreIntegrityError: a revision differs from what was hashed.
+        ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+        ReplicaError: this is a replica: erase where it is replicated from.
+
+    Examples:
+        >>> kb.erase("rb1", reason="the robot was sold").pseudonym
+        'erased-1'
+        >>> print(*kb.propositions.get_all())
+        (robot_at erased-1 wp1)
+        >>> kb.store.verify().is_intact
+        True
+    """
+    wanted = make_wanted(element, also, revisions, parts)
+    flag(form_1, "form_1", InvalidArgumentError)
+    refuse_open(state.store)
+    done = None
+    with suppress(NothingErasedError), state.store.transaction(actor, reason) as transaction:
+        done = Eraser(transaction, wanted, form_1).run()
+        if not done.parts:
+            raise NothingErasedError
+    assert done is not None
+    if not done.parts:
+        return done._replace(revision=None)
+    logger.info(
+        "knowledge base %r: revision %s erased %d texts of %d revisions",
+        *(state.store.name, done.revision, done.parts, done.revisions),
+    )
+    return done._replace(remaining=state.store.backend.wipe())
+
+
+def make_wanted(
+    element: PddlObjectDto | str | None,
+    also: Collection[str],
+    revisions: Collection[int],
+    parts: Collection[str],
+) -> Wanted:
+    """Check what is to be erased."""
+    name = None
+    if element is not None:
+        given: Any = expect(element, (PddlObjectDto, str), "what to erase", InvalidArgumentError)
+        name = given if isinstance(given, str) else given.get_name()
+    if (name is None) == (not revisions) or bool(parts) != bool(revisions):
+        raise InvalidArgumentError(
+            "give an object to erase, or revisions=[17] with parts=['reason']"
+        )
+    labels = [
+        tuple(one_of(each, SAID, "what to erase") for each in given) for given in (also, parts)
+    ]
+    numbers = {
+        whole_number(number, "a revision", least=1, expected="a revision from 1 on")
+        for number in revisions
+    }
+    return Wanted(name, labels[0], tuple(sorted(numbers)), labels[1])
+
+
+def refuse_open(store: Store) -> None:
+    """Refuse within an open transaction: an erasure is a revision of its own."""
+    if store.current() is not None:
+        raise ReadOnlyError(
+            f"knowledge base {store.name!r} has a transaction open in this task or thread; end it "
+            "first"
+        )
+
+
+class NothingErasedError(Exception):
+    """Rolls the transaction of an erasure back."""
+
+
+class Eraser:
+    """One erasure, in its transaction."""
+
+    def __init__(self, transaction: Transaction, wanted: Wanted, form_1: bool) -> None:
+        self._transaction = transaction
+        self._session = transaction.session
+        self._kb = transaction.kb_id
+        self._wanted = wanted
+        self._form_1 = form_1
+
+    def run(self) -> Erased:
+        """Erase, and record it."""
+        transaction, wanted = self._transaction, self._wanted
+        self._refuse_archived()
+        self._session.replan()
+        self._session.overwrite_deleted()
+        transaction.erases = True
+        pseudonym = next_pseudonym(self._session, self._kb)
+        destroyer = Destroyer(self._session, self._kb, transaction.name)
+        found = None if wanted.name is None else self._find(wanted.name)
+        old: dict[ChangeKey, str] = {}
+        if found is not None:
+            renaming = Renaming(*found, pseudonym)
+            self._refuse_telling(renaming.name)
+            writer = TextWriter(self._session, self._kb, transaction.name, renaming)
+            writer.run()
+            old = writer.old
+        said = self._said(pseudonym, None if found is None else found[1])
+        destroyer.destroy(old, said)
+        if destroyer.form_1 and not self._form_1:
+            raise ConflictError(
+                f"{destroyer.form_1} revisions of form 1 mention it: their hashes cover the texts "
+                "themselves, so whoever guesses the name can check the guess; nothing was erased: "
+                "erase all the same with form_1=True (--form-1)"
+            )
+        id_ = transaction.allocate()
+        element_id = None if found is None else found[0]
+        record_erasure(transaction, destroyer, id_, element_id, pseudonym)
+        destroyer.write(id_, said)
+        counts = destroyer.parts, destroyer.revisions, destroyer.form_1
+        return Erased(transaction.number, element_id, pseudonym, *counts)
+
+    def _refuse_archived(self) -> None:
+        head = self._transaction.head
+        if head.archived_revision:
+            place = archive_of(self._session, self._kb, 0)
+            raise ConflictError(
+                f"what ended up to revision {head.archived_revision} was moved to the archive "
+                f"{place}, where the name would stay; nothing was erased"
+            )
+
+    def _find(self, name: str) -> tuple[int, str]:
+        """Find the object, with its first spelling."""
+        key = fold(name)
+        known = find_identities(self._session, self._kb, OBJECT, {key}) if is_word(name) else {}
+        found = known.get(key)
+        if found is None:
+            raise UnknownNameError(
+                f"knowledge base {self._transaction.name!r} has never had an object {shown(name)}"
+            )
+        return found
+
+    def _refuse_telling(self, text: str) -> None:
+        """Refuse an erasure that itself says what it erases."""
+        said = self._transaction.metadata
+        for label, given in (("actor", said.actor), ("reason", said.reason)):
+            if given is None:
+                continue
+            if is_in(text, given) if len(text) >= _TELLING else text == given:
+                raise InvalidArgumentError(
+                    f"the {label} of the erasure contains what is erased, and would stay; give "
+                    "another one"
+                )
+
+    def _said(self, pseudonym: str, name: str | None) -> dict[int, dict[str, str]]:
+        """Find which parts of which revisions are to be erased."""
+        session, kb, wanted = self._session, self._kb, self._wanted
+        asked: dict[int, tuple[str, ...]] = dict.fromkeys(wanted.revisions, wanted.parts)
+        if name is not None:
+            for label in wanted.also:
+                for number, _ in find_said(session, kb, label, name):
+                    asked[number] = (*asked.get(number, ()), label)
+        links = {link.number: link for link in read_links(session, kb, sorted(asked))}
+        said: dict[int, dict[str, str]] = {}
+        for number, labels in asked.items():
+            if number not in links:
+                raise UnknownRevisionError(
+                    f"knowledge base {self._transaction.name!r} has no revision {number}: it is at "
+                    f"{self._transaction.head.revision}"
+                )
+            metadata = links[number].metadata
+            given = {label: getattr(metadata, label) for label in labels}
+            own = [label for label, text in given.items() if text is not None]
+            for label in own if name is None else ():
+                self._refuse_telling(given[label])
+            if own:
+                said[number] = said_in_place(pseudonym, own)
+        return said
+
+
+def find_said(session: Session, kb_id: int, label: str, name: str) -> list[tuple[int, str]]:
+    """Find the revisions whose actor, reason or source contains a name."""
+    pattern = pattern_of(session, name)
+    rows = session.rows(_SAYING_IT[label], kb=kb_id, pattern=pattern)
+    return [(number, text) for number, text in rows]
+
+
+def next_pseudonym(session: Session, kb_id: int) -> str:
+    """Return a name that nothing has had."""
+    rows = session.rows(_GIVEN_OUT, kb=kb_id, like=f"{PREFIX}%")
+    taken = {row[0].removeprefix(PREFIX) for row in rows}
+    return f"{PREFIX}{1 + max((int(one) for one in taken if one.isdecimal()), default=0)}"
+
+
+def record_erasure(
+    transaction: Transaction,
+    destroyer: Destroyer,
+    id_: int,
+    element_id: int | None,
+    pseudonym: str,
+) -> None:
+    """Record an erasure in its revision; it has its row when this returns."""
+    kind = TEXTS if element_id is None else OBJECT
+    upto = transaction.head.revision
+    said = upto, kind, element_id, pseudonym, destroyer.parts, destroyer.digest()
+    text = erasure_text(id_, *said)
+    row = (transaction.kb_id, id_, transaction.number, *said, text)
+    transaction.records.add(Change(ASSERTED, ERASURE, text), [(_NEW_ERASURE, row)])
+    transaction.flush()

@@ -1,0 +1,252 @@
+"""Destroys texts and salts of revisions, and keeps the commitments that their hashes cover.
+
+Whatever takes the place of an erased text is bound by a commitment with a random salt of its own:
+the digest of the erasure covers it, and gives nothing away that a later erasure destroys.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from hashlib import sha256
+from json.encoder import encode_basestring
+from typing import Any, NamedTuple
+
+from sqlalchemy import bindparam, null, select, update
+
+from ...dao.base import batches
+from ...errors import StoreIntegrityError
+from ...knowledge.canonical import SEED, commit_to, revision_hash
+from ...sql import tables as t
+from ...sql.changes import keyed_changes_of
+from ...sql.dialects.base import Row, Session
+from ...sql.query import Query, in_list, integer, whole_rows
+from ...sql.rows import KB, table_of
+from ...store.head import hash_of
+from ..verify.chain import SIGNS, Link, read_links
+from ..verify.erasures import add_part
+from ..verify.parts import Part, kept_parts, whole_part
+from .texts import ChangeKey
+
+_PARTS, _NEW = table_of(t.CommitmentRow), table_of(t.ReplacementRow)
+_REVISION = table_of(t.RevisionRow)
+_HERE = _NEW.c.kb_id == KB, in_list(_NEW.c.number, "numbers"), _NEW.c.salt.is_not(None)
+_STANDING = Query(select(_NEW.c.number, _NEW.c.position, _NEW.c.salt).where(*_HERE))
+_AT = tuple(
+    (table.c.kb_id == bindparam("kb"), table.c.number == integer("own_number"))
+    for table in (_PARTS, _NEW, _REVISION)
+)
+_ERASE = Query(
+    update(_PARTS)
+    .where(*_AT[0], _PARTS.c.position == integer("own_position"))
+    .values(salt=null(), commitment=bindparam("digest"), erasure_id=integer("erasure"))
+)
+_SUPERSEDE = Query(
+    update(_NEW)
+    .where(*_AT[1], _NEW.c.position == integer("own_position"), _NEW.c.salt.is_not(None))
+    .values(salt=null(), commitment=bindparam("digest"))
+)
+_UNSEED = Query(update(_REVISION).where(*_AT[2]).values(seed=null()))
+_SAY = {
+    label: Query(update(_REVISION).where(*_AT[2]).values({label: bindparam("text")}))
+    for label in ("actor", "reason", "source")
+}
+
+
+class Taken(NamedTuple):
+    """A part that is erased, and what takes its place."""
+
+    number: int
+    part: Part  # as it is kept from now on, but for the erasure
+    salt: bytes  # of what takes its place
+    replacement: str  # the commitment to that
+    is_new: bool  # whether the revision had no parts before
+    superseded: str | None  # the commitment to what was there, if that was a replacement
+
+
+class Destroyer:
+    """Destroys parts of revisions in one knowledge base, in an open transaction.
+
+    Attributes:
+        form_1: how many revisions of form 1 it has met.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        kb_id: int,
+        name: str,
+        salt_of: Callable[[int, int], bytes] = lambda number, position: os.urandom(SEED),
+    ) -> None:
+        self._session = session
+        self._kb = kb_id
+        self._name = name
+        self._salt_of = salt_of
+        self._taken: list[Taken] = []
+        self.form_1 = 0
+
+    def destroy(self, old: Mapping[ChangeKey, str], said: Mapping[int, Mapping[str, str]]) -> None:
+        """Keep the commitments to old texts, in place of their salts.
+
+        Args:
+            old: the old texts of changes, whose new ones are in the tables already.
+            said: of revisions, what takes the place of their actor, reason or source.
+        """
+        by_number: defaultdict[int, dict[Any, str]] = defaultdict(dict)
+        for (number, *key), text in old.items():
+            by_number[number][tuple(key)] = text
+        for numbers in batches(sorted({*by_number, *said})):
+            lines: defaultdict[int, list[Row]] = defaultdict(list)
+            for number, sign, kind, text, *key in self._changes(numbers):
+                lines[number].append((SIGNS[sign], kind, text, *key))
+            listed = self._session.list_value(numbers)
+            standing = {
+                (number, position): salt
+                for number, position, salt in self._session.rows(
+                    _STANDING, kb=self._kb, numbers=listed
+                )
+            }
+            for link in read_links(self._session, self._kb, numbers):
+                new = said.get(link.number, {})
+                self._destroy(link, lines[link.number], by_number[link.number], new, standing)
+
+    def _changes(self, numbers: list[int]) -> list[Row]:
+        return keyed_changes_of(self._session, self._kb, numbers)
+
+    def _destroy(
+        self,
+        link: Link,
+        lines: list[Row],
+        old: dict[Any, str],
+        new: Mapping[str, str],
+        standing: Mapping[tuple[int, int], bytes],
+    ) -> None:
+        now = {(sign, kind, *key): text for sign, kind, text, *key in lines}
+        before = [
+            (sign, kind, old.get((sign, kind, *key), text), *key)
+            for sign, kind, text, *key in lines
+        ]
+        if link.fault is not None or not {*old} <= {*now}:
+            raise self._damaged(link)
+        if link.form == 1:
+            self.form_1 += 1
+            self._destroy_whole(link, before, lines, new, standing)
+            return
+        is_new = not link.parts
+        parts = link.parts
+        if is_new and link.seed is not None:
+            parts = tuple(kept_parts(link.seed, link.metadata, sorted(before)))
+        wanted = {("", label, 0, 0): getattr(link.metadata, label) for label in new} | old
+        texts = {("", label, 0, 0): text for label, text in new.items()} | now
+        kept = []
+        for part in parts:
+            if part.key in wanted:
+                key = part.key
+                self._take(link.number, part, wanted.pop(key), texts[key], is_new, standing)
+            elif is_new:
+                kept.append((self._kb, link.number, *part))
+        if wanted:
+            raise self._damaged(link)
+        self._session.insert(whole_rows(_PARTS), kept)
+        if is_new:
+            self._session.run(_UNSEED, kb=self._kb, own_number=link.number)
+
+    def _destroy_whole(
+        self,
+        link: Link,
+        before: list[Row],
+        after: list[Row],
+        new: Mapping[str, str],
+        standing: Mapping[tuple[int, int], bytes],
+    ) -> None:
+        """Keep the hash of a revision of form 1, of which no part can be kept."""
+        previous = hash_of(self._session, self._kb, link.number - 1)
+        of = previous, self._name, link.number, link.committed_at
+        own: dict[str, Any] = {**new}
+        old, now = (
+            revision_hash(*of, metadata, sorted((a, b, c) for a, b, c, *_ in lines), None, 1)
+            for metadata, lines in (
+                (link.metadata, before),
+                (link.metadata._replace(**own), after),
+            )
+        )
+        if not link.parts and old != link.hash:
+            raise self._damaged(link)
+        part = link.parts[0] if link.parts else whole_part(link.hash, 0)
+        self._take(link.number, part, old, now, not link.parts, standing)
+
+    def _take(
+        self,
+        number: int,
+        part: Part,
+        old: str,
+        new: str,
+        is_new: bool,
+        standing: Mapping[tuple[int, int], bytes],
+    ) -> None:
+        place = number, part.position
+        before = standing.get(place)
+        if part.salt is not None:
+            part = part._replace(salt=None, commitment=commit_to(part.salt, old))
+        salt = self._salt_of(*place)
+        superseded = None if before is None else commit_to(before, old)
+        self._taken.append(Taken(number, part, salt, commit_to(salt, new), is_new, superseded))
+
+    def _damaged(self, link: Link) -> StoreIntegrityError:
+        return StoreIntegrityError(
+            f"{self._session.backend.label}: revision {link.number} of knowledge base "
+            f"{self._name!r} differs from what was hashed; nothing was erased: 'kant-sql verify' "
+            "shows what was changed by hand"
+        )
+
+    @property
+    def parts(self) -> int:
+        """How many texts are erased."""
+        return len(self._taken)
+
+    @property
+    def revisions(self) -> int:
+        """In how many revisions they are."""
+        return len({each.number for each in self._taken})
+
+    def digest(self) -> str:
+        """Hash the commitments to what is erased and to what takes their places."""
+        digest = sha256()
+        for each in sorted(self._taken, key=lambda one: (one.number, one.part.position)):
+            add_part(digest, each.number, each.part, each.replacement)
+        return digest.hexdigest()
+
+    def write(self, erasure_id: int, said: Mapping[int, Mapping[str, str]]) -> None:
+        """Write the commitments, once the erasure has its row."""
+        session, kb = self._session, self._kb
+        new, updated, superseded, replaced = [], [], [], []
+        for number, part, salt, _, is_new, before in self._taken:
+            place = {"kb": kb, "own_number": number, "own_position": part.position}
+            if is_new:
+                new.append((kb, number, *part._replace(erasure_id=erasure_id)))
+            elif part.erasure_id is None:
+                updated.append({**place, "digest": part.commitment, "erasure": erasure_id})
+            if before is not None:
+                superseded.append({**place, "digest": before})
+            replaced.append((kb, number, part.position, erasure_id, salt, None))
+        session.insert(whole_rows(_PARTS), new)
+        for query, rows in ((_ERASE, updated), (_SUPERSEDE, superseded)):
+            if rows:
+                session.run_many(query, rows)
+        session.insert(whole_rows(_NEW), replaced)
+        for label, query in _SAY.items():
+            rows = [
+                {"kb": kb, "own_number": number, "text": texts[label]}
+                for number, texts in said.items()
+                if label in texts
+            ]
+            if rows:
+                session.run_many(query, rows)
+
+
+def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
+    """Return what takes the place of an actor, a reason or a source: the last is JSON."""
+    return {
+        label: encode_basestring(pseudonym) if label == "source" else pseudonym for label in labels
+    }

@@ -1,0 +1,156 @@
+"""What an erasure would destroy, and what else may name the same person."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from difflib import SequenceMatcher
+from functools import cache
+from typing import Any, NamedTuple
+
+from sqlalchemy import Text, cast, literal_column, null, select
+
+from ... import html
+from ...dto.elements import PddlObjectDto
+from ...dto.lexical import fold
+from ...sql import tables as t
+from ...sql.dialects.base import Row, Session
+from ...sql.dialects.containing import contains, is_in, pattern_of
+from ...sql.query import Query, first_rows
+from ...sql.rows import KB, KIND_TABLES, table_of
+from ...store.state import State
+from .erase import Eraser, NothingErasedError, make_wanted, refuse_open
+
+# Texts of one place that are listed.
+LISTED = 100
+# How much two names have in common that are similar, from 0 to 1.
+_SIMILAR = 0.8
+_DOCUMENT = t.TABLES["document_version"]
+# Texts that people and planners wrote, and that are not written again from rows.
+_PLACES: tuple[tuple[str, Any, str, str | None], ...] = (
+    ("actor", table_of(t.RevisionRow), "actor", "number"),
+    ("reason", table_of(t.RevisionRow), "reason", "number"),
+    ("source", table_of(t.RevisionRow), "source", "number"),
+    ("message", table_of(t.ExecutionVersionRow), "message", "since"),
+    ("code", table_of(t.ExecutionVersionRow), "code", "since"),
+    ("act", table_of(t.ExecutionRow), "name", "since"),
+    ("argument", table_of(t.ExecutionArgumentRow), "value", None),
+    ("planner", table_of(t.PlanRow), "planner", "since"),
+    ("plan's status", table_of(t.PlanRow), "status", "since"),
+    ("plan's domain", table_of(t.PlanRow), "domain_pddl", "since"),
+    ("plan's problem", table_of(t.PlanRow), "problem_pddl", "since"),
+    ("document's title", _DOCUMENT, "title", "since"),
+)
+
+
+class Mention(NamedTuple):
+    """A text that contains the name, and that stays as it is.
+
+    Attributes:
+        place: what the text is: `reason`, `message` ...
+        revision: the revision that has it; None where the table does not say.
+        text: the text.
+    """
+
+    place: str
+    revision: int | None
+    text: str
+
+    def _html_row_(self) -> html.Row:
+        return self._asdict()
+
+
+class ErasurePreview(NamedTuple):
+    """What an erasure would destroy, and what it would leave.
+
+    Attributes:
+        element_id: the object.
+        pseudonym: what it would be called.
+        parts: how many texts would be erased.
+        revisions: of how many revisions.
+        form_1: how many of these are of form 1 of the hash, from which a name can be guessed.
+        mentions: other texts that contain the name; the first hundred of each place.
+        similar: other names that contain it, are contained in it or are spelled much alike.
+    """
+
+    element_id: int | None
+    pseudonym: str
+    parts: int
+    revisions: int
+    form_1: int
+    mentions: tuple[Mention, ...]
+    similar: tuple[str, ...]
+
+    def _repr_html_(self) -> str:
+        counts = self._asdict() | {"mentions": len(self.mentions)}
+        return html.fields(counts) + html.listing(self.mentions, "mention")
+
+
+@cache
+def _mentions(number: int) -> Query:
+    _, table, column, revision = _PLACES[number]
+    said = cast(table.c[column], Text)
+    at = null() if revision is None else table.c[revision]
+    rows = select(at, said).where(table.c.kb_id == KB, contains(said))
+    return Query(first_rows(rows, literal_column(str(LISTED))))
+
+
+_NAMES = {
+    kind: Query(select(tables.identity.c.name).where(tables.identity.c.kb_id == KB))
+    for kind, tables in KIND_TABLES.items()
+    if kind not in ("formula", "document")
+}
+
+
+def erasure_preview(state: State, element: PddlObjectDto | str) -> ErasurePreview:
+    """Count what an erasure of an object would destroy, and list what else may name the person.
+
+    It erases in a transaction, counts, and rolls that back: nothing is changed.
+
+    Args:
+        element: the object, or its name.
+
+    Returns:
+        The counts; the texts that contain the name and would stay; names that are similar.
+
+    Raises:
+        UnknownNameError: there never was such an object.
+        ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+        ConflictError: a part of the history is in an archive.
+
+    Examples:
+        >>> found = kb.erasure_preview("rb1")
+        >>> found.parts, found.revisions, found.mentions
+        (2, 1, ())
+    """
+    store, wanted = state.store, make_wanted(element, (), (), ())
+    refuse_open(store)
+    found = None
+    with suppress(NothingErasedError), store.transaction(None, None) as transaction:
+        done = Eraser(transaction, wanted, form_1=True).run()
+        session, name = transaction.session, wanted.name or ""
+        mentions = tuple(_mentioned(session, transaction.kb_id, name))
+        similar = tuple(sorted(_similar(session, transaction.kb_id, name)))
+        found = ErasurePreview(*done[1:6], mentions, similar)
+        raise NothingErasedError
+    assert found is not None
+    return found
+
+
+def _mentioned(session: Session, kb_id: int, name: str) -> Iterator[Mention]:
+    pattern = pattern_of(session, name)
+    for number, (place, *_) in enumerate(_PLACES):
+        rows: list[Row] = session.rows(_mentions(number), kb=kb_id, pattern=pattern)
+        yield from (Mention(place, *row) for row in rows)
+
+
+def _similar(session: Session, kb_id: int, name: str) -> Iterator[str]:
+    key = fold(name)
+    matcher = SequenceMatcher(b=key)
+    for kind, query in _NAMES.items():
+        for (other,) in session.stream(query, kb=kb_id):
+            given = fold(other)
+            matcher.set_seq1(given)
+            is_alike = matcher.real_quick_ratio() > _SIMILAR and matcher.ratio() > _SIMILAR
+            if is_in(name, other) or (len(given) > 2 and is_in(other, name)) or is_alike:
+                yield other if kind == "object" else f"{kind} {other}"

@@ -1,0 +1,153 @@
+"""Checks what erasures left: each erased part is of one on record, and so is what replaced it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from hashlib import sha256
+from typing import Any, NamedTuple
+
+from sqlalchemy import func, select
+
+from ...knowledge.canonical import commit_to, erasure_text
+from ...sql.dialects.base import Row, Session
+from ...sql.query import Query
+from ...sql.rows import KB, table_of
+from ...sql.tables import ErasureRow, ReplacementRow
+from .parts import WHOLE, Part
+from .sides import Check, Side
+
+
+class Erasure(NamedTuple):
+    """The record of an erasure."""
+
+    id: int
+    since: int  # the revision that recorded it
+    revision: int  # it erased in revisions up to this one
+    kind: str
+    element_id: int | None
+    pseudonym: str
+    parts: int
+    digest: str
+    text: str  # the canonical text of all
+
+    @property
+    def words(self) -> str:
+        """Say what was erased, and by which revision."""
+        what = "texts of revisions" if self.element_id is None else f"object {self.element_id}"
+        several = "text was" if self.parts == 1 else "texts were"
+        return (
+            f"{what}: {self.parts} {several} erased by revision {self.since}, "
+            f"{self.pseudonym} took their place"
+        )
+
+
+_ERASURE, _NEW = table_of(ErasureRow).c, table_of(ReplacementRow).c
+_READ = Query(
+    select(*(_ERASURE[name] for name in Erasure._fields))
+    .where(_ERASURE.kb_id == KB)
+    .order_by(_ERASURE.id)
+)
+_LAST = Query(select(func.max(_ERASURE.since)).where(_ERASURE.kb_id == KB))
+_REPLACEMENTS = Query(
+    select(_NEW.number, _NEW.position, _NEW.erasure_id, _NEW.salt, _NEW.commitment)
+    .where(_NEW.kb_id == KB)
+    .order_by(_NEW.number, _NEW.position, _NEW.erasure_id)
+)
+
+
+def read_erasures(session: Session, kb_id: int) -> list[Erasure]:
+    """Read the records of erasures."""
+    return [Erasure(*row) for row in session.rows(_READ, kb=kb_id)]
+
+
+def erased_since(session: Session, kb_id: int) -> int:
+    """Return the revision of the last erasure; 0: there is none."""
+    row = session.first(_LAST, kb=kb_id)
+    return row[0] if row is not None and isinstance(row[0], int) else 0
+
+
+def add_part(digest: Any, number: int, part: Part, replacement: str) -> None:
+    """Add an erased part, and the commitment to what took its place, to an erasure's digest."""
+    sign, kind, *_ = part[1:]
+    line = f"{number} {part.position} {sign} {kind} {part.commitment} {replacement}\n"
+    digest.update(line.encode())
+
+
+class ErasureCheck:
+    """Recomputes the digests of all erasures, revision by revision."""
+
+    def __init__(self, check: Check) -> None:
+        self._check = check
+        self.erasures = read_erasures(check.session, check.kb_id)
+        self._digests: defaultdict[int, Any] = defaultdict(sha256)
+        self._counts: defaultdict[int, int] = defaultdict(int)
+        rows = check.session.stream(_REPLACEMENTS, kb=check.kb_id) if self.erasures else iter(())
+        self._rows = Side(rows, 2, self._stray)
+
+    def take(
+        self, number: int, parts: Iterable[Part], texts: dict[Any, str | None], upto: int
+    ) -> None:
+        """Check the parts of a revision.
+
+        Args:
+            texts: what is there now, by the keys of parts.
+            upto: changes up to this revision may be in an archive.
+        """
+        for part in parts:
+            if part.erasure_id is None:
+                continue
+            rows = self._rows.take((number, part.position))
+            replacements = [Replacement(*row[2:]) for row in rows]
+            for fault in self._faults(number, part, replacements, texts.get(part.key), upto):
+                message = f"part {part.position} of revision {number}, which is erased, {fault}"
+                self._check.report.add(number, "commitment", message)
+
+    def _faults(
+        self, number: int, part: Part, replacements: list[Replacement], text: str | None, upto: int
+    ) -> Iterator[str]:
+        ids = [each.erasure_id for each in replacements]
+        if not ids or ids[0] != part.erasure_id or ids != sorted({*ids}):
+            yield "has no row of replacement by the erasure that it is of"
+        # Of what was moved to an archive since, the commitment is left.
+        is_left = number <= upto and (text is None or part.kind == WHOLE)
+        for each in replacements:
+            is_last, commitment = each is replacements[-1], each.commitment
+            has_salt = isinstance(each.salt, bytes)
+            if has_salt == (commitment is not None) or (is_last != has_salt and not is_left):
+                yield "has a replacement whose salt and commitment do not fit"
+                continue
+            if each.salt is not None:
+                commitment = commit_to(each.salt, text or "")
+            self._counts[each.erasure_id] += 1
+            add_part(self._digests[each.erasure_id], number, part, commitment or "")
+
+    def _stray(self, row: Row) -> None:
+        message = f"a row of replacement is of part {row[1]} of revision {row[0]}, not erased"
+        self._check.report.add(row[0], "replacement", message)
+
+    def end(self) -> None:
+        """Compare the digests with those on record."""
+        self._rows.end()
+        add = self._check.report.add
+        known = {each.id for each in self.erasures}
+        for id_ in sorted({*self._counts} - known):
+            add(None, "erasure", f"parts are of erasure {id_}, which is not on record")
+        for each in self.erasures:
+            id_, since, upto, *_ = each
+            if erasure_text(id_, *each[2:8]) != each.text or upto != since - 1:
+                add(since, "erasure", f"the columns of erasure {id_} differ from its text")
+            if self._counts[id_] != each.parts or self._digests[id_].hexdigest() != each.digest:
+                message = (
+                    f"erasure {id_} erased {each.parts} texts, and what is there now differs from "
+                    "what it left: a text was altered, or a part added, removed or exchanged"
+                )
+                add(since, "erasure", message)
+
+
+class Replacement(NamedTuple):
+    """What took the place of an erased part."""
+
+    erasure_id: int
+    salt: bytes | None
+    commitment: str | None
