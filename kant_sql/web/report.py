@@ -153,13 +153,13 @@ def _render(page: Mapping[str, Any], name: str) -> str:
     log: ReportLog | None = page.get("log")
     plans: ReportPlans | None = page.get("plans")
     listed = {
-        "/revision": {each.entry.revision.number for each in log.entries} if log else set(),
-        "/plan": {each.plan.id for each in plans.plans} if plans else set(),
+        "/revision": {str(each.entry.revision.number) for each in log.entries} if log else set(),
+        "/plan": {str(each.plan.id) for each in plans.plans} if plans else set(),
     }
 
     def link(path: str, /, **query: object) -> str:
         """Return where something is in this page; nothing for what is not in it."""
-        place = query.get("number", query.get("id"))
+        place = str(query.get("number", query.get("id")))
         return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
 
     graphs = {

@@ -10,6 +10,7 @@ import sqlite3
 import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
+from decimal import Decimal
 from hashlib import sha256
 from html import unescape
 from pathlib import Path
@@ -20,6 +21,7 @@ import kant_sql
 from kant_sql import InvalidArgumentError, KantSqlError, KnowledgeBase
 from kant_sql.errors import PddlError, SourceError, UnknownNameError, UnknownRevisionError
 from kant_sql.operations import parse_anchor
+from kant_sql.planning import Plan, PlanStep
 from kant_sql.web import report_sections
 from kant_sql.web.report import report_html, write_report
 from tests.audit.story import at, record_store
@@ -189,6 +191,17 @@ def test_a_wrong_fact_led_to_these_acts(kb: KnowledgeBase) -> None:
         assert said in page.text
     with pytest.raises(UnknownNameError):
         report_html(kb, facts=["(shut)"], verify=False)
+
+
+def test_a_plan_that_used_a_fact_is_led_to(kb: KnowledgeBase) -> None:
+    kb.load_domain(
+        "(define (domain doors) (:predicates (open) (seen))"
+        " (:action look :precondition (open) :effect (seen)))"
+    )
+    kb.propositions.save("(open)")
+    kb.plans.record(Plan((PlanStep(Decimal(0), "look", (), None),), "by hand", "unknown"))
+    page = Page(report_html(kb, facts=["(open)"], verify=False))
+    assert page.links.count("#plan-1") >= 2
 
 
 def test_a_range_is_all_that_it_is_about(story: KnowledgeBase) -> None:
