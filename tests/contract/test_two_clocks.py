@@ -7,15 +7,28 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import InvalidArgumentError
 from kant_sql.knowledge.canonical import text_time, time_text
+from kant_sql.store import transaction
 from tests.support.pages import Page
-from tests.support.reading import Undone, facts, last_changes, nothing_changes, rows
+from tests.support.reading import (
+    Undone,
+    beside,
+    facts,
+    last_changes,
+    nothing_changes,
+    rows,
+    store_of,
+)
+from tests.support.statements import count, recorded
+from tests.support.stores import new_file_store
 from tests.support.two_clocks import FACTS, Model, Writer
 
 HALL, LAB = "(at r1 hall)", "(at r1 lab)"
@@ -272,3 +285,111 @@ def rows_of(model: Model) -> list[tuple[Any, ...]]:
             found.append((since, begin, end, f"(:{holds} {said}"))
         last[element] = (content, begin, end)
     return sorted(found, key=lambda row: (row[0], row[3]))
+
+
+def test_a_plain_write_has_no_part_in_it(kb: KnowledgeBase) -> None:
+    with recorded() as statements:
+        kb.propositions.save(HALL)
+        kb.propositions.delete(LAB)
+        kb.function_values.set("(battery r1)", value=1)
+    assert not [sql for sql in statements if "saying" in sql]
+    assert sayings(kb) == []
+
+
+def test_a_period_takes_two_statements_more_however_much_is_said(kb: KnowledgeBase) -> None:
+    rooms = [f"room{number}" for number in range(60)]
+    kb.objects.save_all([f"{room} - room" for room in rooms])
+    facts = [f"(at r1 {room})" for room in rooms]
+    kb.propositions.save_all(facts)
+
+    def say(number: int, minutes: float) -> int:
+        def call() -> None:
+            with kb.transaction(valid_from=ago(minutes), valid_until=ago(minutes - 1)):
+                kb.propositions.save_all(facts[:number])
+
+        return count(call)
+
+    def save() -> None:
+        with kb.transaction():
+            kb.propositions.save_all(facts[:30])
+
+    say(60, 9)
+    kb.propositions.delete_all(facts)
+    plain = count(save)
+    assert say(3, 5) == say(60, 3) <= plain + 2
+
+
+def test_many_facts_are_said_in_parts(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transaction, "SPILL_AT", 5)
+    rooms = [f"room{number}" for number in range(20)]
+    init = " ".join(f"(at r1 {room})" for room in rooms)
+    problem = (
+        f"(define (problem p) (:domain clocks) (:objects {' '.join(rooms)} hall lab - room "
+        f"r1 - robot) (:init {init} (= (battery r1) 5)) (:goal (at r1 room0)))"
+    )
+    for period in ((ago(60), ago(30)), (ago(20), None)):
+        begin, end = period
+        with kb.transaction(valid_from=begin, valid_until=end):
+            kb.load_problem(problem, mode="merge")
+            kb.propositions.delete("(at r1 room3)")
+            kb.propositions.save("(at r1 room3)")
+            kb.propositions.delete("(at r1 room4)")
+            kb.propositions.delete(LAB)
+        assert kb.store.verify().is_intact
+        assert (len(facts(kb)) > 1) == (end is None)
+    held = [row[1].split(" :from")[0] for row in sayings(kb)]
+    expected = [f"(:held (at r1 {room})" for room in rooms if room != "room4"]
+    more = ["(:held (= (battery r1) 5)", "(:not-held (at r1 room4)", f"(:not-held {LAB}"]
+    assert sorted(held) == sorted(2 * [*expected, *more])
+
+
+def test_a_connection_takes_the_time_of_messages(kb: KnowledgeBase) -> None:
+    seen = ago(2)
+    camera = beside(kb, store_of(kb).name, "camera")
+    store_of(camera).write_clock = "observed"
+    with camera.transaction(observed_at=seen):
+        camera.propositions.save(HALL)
+    [row] = sayings(kb)
+    assert moment(row[2]) == seen
+    assert next(iter(kb.store.revisions(kb.revision - 1))).observed_at == seen
+    with camera.transaction(observed_at=ago(-2)):
+        camera.propositions.delete(HALL)
+    camera.propositions.save("(open)")
+    with camera.transaction(observed_at=seen, valid_from=ago(9), valid_until=ago(8)):
+        camera.propositions.save("(open)")
+    assert len(sayings(kb)) == 2
+    with pytest.raises(InvalidArgumentError, match="the clock is 'now', expected"):
+        kant_sql.connect("sqlite://", clock="now")
+
+
+def test_a_branch_begins_with_the_state_alone(kb: KnowledgeBase) -> None:
+    with kb.transaction(valid_from=ago(60), valid_until=ago(30)):
+        kb.propositions.save(HALL)
+    with kb.branch(url="sqlite://") as branch:
+        assert facts(branch) == [LAB]
+        assert sayings(branch) == []
+        assert branch.at(valid=ago(45)).propositions.get_all() == []
+
+
+def test_replicas_and_archives_have_what_was_said(writer: Writer, tmp_path: Path) -> None:
+    kb = writer.kb
+    writer.run(20)
+    half = kb.revision
+    target = new_file_store(tmp_path / "replica.db")
+    kb.store.push(target)
+    writer.run(20)
+    kb.store.push(target)
+    kb.objects.delete("attic")
+    archive = new_file_store(tmp_path / "archive.db")
+    done = kb.store.archive(before=half, to=archive)
+    kb.store.push(target)
+    said = [row[:2] for row in sayings(kb)]
+    with kant_sql.connect(target, knowledge_base=store_of(kb).name) as replica:
+        assert [row[:2] for row in sayings(replica)] == said
+        assert replica.store.verify().is_intact
+    with kant_sql.connect(
+        f"sqlite:///{tmp_path / 'archive.db'}", knowledge_base=store_of(kb).name
+    ) as old:
+        assert [row[:2] for row in sayings(old)] == [row for row in said if row[0] <= done.upto]
+        assert old.store.verify().is_intact
+    assert kb.store.verify().is_intact

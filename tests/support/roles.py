@@ -95,6 +95,9 @@ def fill(kb: KnowledgeBase) -> None:
     kb.rules.save("moved", RULE)
     kb.rules.save("moved", RULE.replace("t1", "t2"))
     kb.load_problem(MOVED)
+    with kb.transaction(valid_from="2026-01-31T09:00:00Z", valid_until="2026-01-31T10:00:00Z"):
+        kb.propositions.save("(at t1 p1)")
+        kb.function_values.set("(fuel t1)", value=2)
     kb.load_domain(DOMAIN.replace("(open ?c)", "(not (open ?c))"))
 
 

@@ -48,6 +48,11 @@ def act(kb: kant_sql.KnowledgeBase) -> None:
     report("wait", outcome="running", started_at=begun)
     kb.propositions.save("(idle)")
     kb.propositions.confirm("(idle)")
+    with kb.transaction(valid_from=begun, valid_until=ended):
+        kb.propositions.save_all(["(linked hub p2)", "(ready c1)"])
+        kb.propositions.delete("(idle)")
+        kb.function_values.save_all(["(= (fuel t1) 8.25)", "(= (home t1) p2)"])
+        kb.function_values.unset("(fuel t2)")
     rule = "(forall (?w - (either place crane)) (sometime (not (open ?w))))"
     kb.rules.save("closes", rule)
     kb.rules.save("closes", "(always (idle))")
