@@ -273,11 +273,16 @@ def revision_hash(
         lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
         said = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
         return _hash(*link, said, lines)
-    actor, reason, source = (
-        None if text is None else commit_to(salt_of(seed, label, text), text)
-        for label, text in zip(SAID, metadata[:3], strict=True)
+    actor, reason, source, *_ = metadata
+    return _hash(
+        *link,
+        (
+            _seal(seed, b"actor", actor),
+            _seal(seed, b"reason", reason),
+            _seal(seed, b"source", source),
+        ),
+        _sealed(seed, changes),
     )
-    return _hash(*link, (_json(actor), _json(reason), _json(source)), _committed(seed, changes))
 
 
 def sealed_hash(
@@ -297,8 +302,17 @@ def sealed_hash(
     return _hash(*link, (actor, reason, source), lines)
 
 
-def _committed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
-    """Write changes with a commitment to each text: `salt_of` and `commit_to`, for many."""
+def _seal(seed: bytes, label: bytes, text: str | None) -> str:
+    """Write the commitment to what was said of a revision: `salt_of` and `commit_to` in one."""
+    if text is None:
+        return "null"
+    raw = text.encode()
+    salt = sha256(b"%b%b\0%b" % (seed, label, raw)).digest()[:SEED]
+    return f'"{sha256(salt + raw).hexdigest()}"'
+
+
+def _sealed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Write changes with a commitment to each text: the same for many."""
     heads: dict[tuple[str, str], tuple[bytes, str]] = {}
     for sign, kind, text in changes:
         head = heads.get((sign, kind))
