@@ -313,15 +313,16 @@ def _seal(seed: bytes, label: bytes, text: str | None) -> str:
 
 def _sealed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
     """Write changes with a commitment to each text: the same for many."""
-    heads: dict[tuple[str, str], tuple[bytes, str]] = {}
+    last_sign = last_kind = begin = ""
+    head = b""
     for sign, kind, text in changes:
-        head = heads.get((sign, kind))
-        if head is None:
-            head = seed + f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
-            heads[sign, kind] = head
+        # They are sorted: a text compares faster than it is looked up.
+        if kind != last_kind or sign != last_sign:
+            last_sign, last_kind = sign, kind
+            head, begin = seed + f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
         raw = text.encode()
-        salt = sha256(head[0] + raw).digest()[:SEED]
-        yield f'{head[1]}{sha256(salt + raw).hexdigest()}"]'
+        salt = sha256(head + raw).digest()[:SEED]
+        yield f'{begin}{sha256(salt + raw).hexdigest()}"]'
 
 
 def _hash(

@@ -216,7 +216,11 @@ def _streamed(left: bool, keyed: bool) -> Query:
     ends = [end for end in _ENDS if not (left and end.retracted)]
     held = _left if left else _of_range
     lines = (end.keyed_line(*held(end)) if keyed else end.line(*held(end)) for end in ends)
-    return Query(union_all(*lines).order_by("revision", *_ORDER))
+    # Sorted at once: SQLite would merge the parts of a union pair by pair, in the order of its
+    # plain columns; a sum is none.
+    changed = union_all(*lines).subquery("changed").c
+    order = (changed.revision + literal_column("0"), *(changed[name] for name in _ORDER))
+    return Query(select(*changed).order_by(*order))
 
 
 def _among(column: Any) -> ColumnElement[bool]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
+from functools import partial
 from hashlib import sha256
 from math import copysign
 from typing import Any, NamedTuple
@@ -114,8 +115,8 @@ class FactCheck:
 
     def run(self) -> None:
         """Run the checks."""
-        self._compare(_FACTS, "predicate", _is_fact_right, self._fact_said)
-        self._compare(_FLUENTS, "function", self._is_value_right, self._value_said)
+        self._compare(_FACTS, "predicate", _fact_rule, self._fact_said)
+        self._compare(_FLUENTS, "function", self._value_rule, self._value_said)
         # All are read for it: of new ones, the unique index has none that was there before.
         for atoms in () if self._check.after else (_FACTS, _FLUENTS):
             table = atoms.identity.name
@@ -126,7 +127,7 @@ class FactCheck:
         self,
         atoms: _Atoms,
         kind: str,
-        is_right: Callable[[Row, Row, Sequence[int]], bool],
+        rule: Callable[[Row, Sequence[int]], Callable[[Row], bool]],
         said: Callable[[Row, Row, Sequence[int]], tuple[bool, str] | None],
     ) -> None:
         """Merge identities, arguments, versions and sayings by the id of the identity."""
@@ -140,8 +141,9 @@ class FactCheck:
             ids = [argument[2] for argument in own]
             self._check_text(atoms, row, owners[row[1]], own)
             before: int | None = 0
+            is_right = rule(row, ids)
             for version in versions.take(row[0]):
-                _, since, until, owner, kept, *_ = version
+                since, until, owner, kept = version[1:5]
                 if (
                     before is None
                     or since < before
@@ -151,7 +153,7 @@ class FactCheck:
                     fault = interval_fault(before, since, until)
                     fault = fault or f"has the fork {kept}, which is not that of its revisions"
                     self._report_version(atoms, row[3], since, fault)
-                if owner != row[1] or not is_right(row, version, ids):
+                if owner != row[1] or not is_right(version):
                     text = version[-1] if "text" in atoms.held else row[3]
                     self._report_version(atoms, text, since, _DIFFERS[kind])
                 before = until
@@ -183,7 +185,7 @@ class FactCheck:
     def _fact_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
         *objects, holds = saying[7:]
         # Of facts only: a goal is said of no period.
-        is_right = _is_fact_right(row, (*saying[:5], False, *objects), ids)
+        is_right = _fact_rule(row, ids)((*saying[:5], False, *objects))
         return (holds, row[3]) if is_right and holds in (False, True) else None
 
     def _value_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
@@ -192,7 +194,7 @@ class FactCheck:
             return False, row[3]
         text = value_text(row[3], value if object_id is None else self._objects[object_id])
         version = (*saying[:5], value, number, object_id, text)
-        return (True, text) if self._is_value_right(row, version, ids) else None
+        return (True, text) if self._is_value_right(row, version) else None
 
     def _check_text(self, atoms: _Atoms, row: Row, owner: str, arguments: list[Row]) -> None:
         table = atoms.identity.name
@@ -216,7 +218,10 @@ class FactCheck:
     def _report_version(self, atoms: _Atoms, text: str, since: int, fault: str) -> None:
         self._add(since, atoms.version.name, f"'{text}' since revision {since} {fault}")
 
-    def _is_value_right(self, row: Row, version: Row, _: Sequence[int]) -> bool:
+    def _value_rule(self, row: Row, _: Sequence[int]) -> Callable[[Row], bool]:
+        return partial(self._is_value_right, row)
+
+    def _is_value_right(self, row: Row, version: Row) -> bool:
         value, number, object_id, text = version[5:]
         # Otherwise a number could pass for an object of that name.
         if (object_id is not None) != (row[1] in self._object_functions.at(version[1])):
@@ -238,11 +243,12 @@ _DIFFERS = {
 }
 
 
-def _is_fact_right(row: Row, version: Row, arguments: Sequence[int]) -> bool:
-    is_goal, *objects = version[5:]
-    first_two = [*arguments[:2], None, None][:2]
+def _fact_rule(row: Row, arguments: Sequence[int]) -> Callable[[Row], bool]:
+    """Return whether a version has the columns of its fact, which are made once for all."""
+    expected = (row[4], *[*arguments[:2], None, None][:2])
     # SQLite takes any number for true, the queries only 1.
-    return is_goal == row[4] and row[4] in (False, True) and objects == first_two
+    is_flag = row[4] in (False, True)
+    return lambda version: is_flag and version[5:] == expected
 
 
 def _is_nearest(number: float, value: str) -> bool:
