@@ -108,6 +108,26 @@ def test_every_hash_recomputes_from_the_tables(shared_url: str, connect: Connect
     assert last_hash(shared_url) == kb.store.revisions()[-1].hash
 
 
+def test_what_an_erasure_left_recomputes_from_the_tables(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url, knowledge_base="tiago", actor="test")
+    write_history(kb)
+    known = [revision.hash for revision in kb.store.revisions()]
+    assert kb.erase("rb1", reason="sold").parts > 5
+    labels = ["actor", "reason"]
+    erased = kb.erase(revisions=[5, 6], parts=labels, reason="asked for", actor="office")
+    assert erased.parts > 1
+    assert [revision.hash for revision in kb.store.revisions()][: len(known)] == known
+    assert last_hash(shared_url) == kb.store.revisions()[-1].hash
+    with opened(shared_url) as store:
+        ((number, kept),) = store.execute(
+            "SELECT number, count(salt) FROM commitment GROUP BY number ORDER BY 2 DESC LIMIT 1", {}
+        )
+        assert kept
+        store.execute(f"UPDATE commitment SET place = 7 WHERE number = {number}", {})
+    with pytest.raises(AssertionError):
+        last_hash(shared_url)
+
+
 def test_a_source_is_hashed_as_it_is_stored(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     for number, source in enumerate(SOURCES):

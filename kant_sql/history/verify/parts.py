@@ -115,5 +115,6 @@ def committed(
             is_own = of_label.key == ("", label, 0, 0)
             own.append(of_label.commit_to(text) if is_own else "")
     # What no part is of, and parts of nothing, leave no hash that is right.
-    rest = [("", "", "") for _ in (*texts, *said)]
+    doubled = len(parts) - len({part.position for part in parts})
+    rest = [("", "", "") for _ in (*texts, *said, *range(doubled))]
     return Commitments(own, lines + rest)
