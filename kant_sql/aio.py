@@ -868,11 +868,16 @@ class AsyncKnowledgeBase(_Part):
         self,
         a: When | AsyncKnowledgeBase | KnowledgeBase,
         b: When | AsyncKnowledgeBase | KnowledgeBase,
+        *,
+        clock: str = COMMITTED,
     ) -> list[Change]:
         """Compare two states, as `KnowledgeBase.diff`."""
         kinds = AsyncKnowledgeBase | KnowledgeBase
-        if not (isinstance(a, kinds) or isinstance(b, kinds)):
-            return await self._door.read(partial(self._kb.diff, a, b))
+        if clock != COMMITTED or not (isinstance(a, kinds) or isinstance(b, kinds)):
+            first, second = (
+                one._kb if isinstance(one, AsyncKnowledgeBase) else one for one in (a, b)
+            )
+            return await self._door.read(partial(self._kb.diff, first, second, clock=clock))
         here, there = await self._lines(a), await self._lines(b)
         return diff_lines(here, there)
 

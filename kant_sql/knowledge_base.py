@@ -12,7 +12,7 @@ from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .factory import DaoFactory, SqlDaoFactory, create_dao_factory, daos_only, family_of
-from .history.moments import refuse_valid
+from .history.moments import is_valid_clock, refuse_valid
 from .knowledge.sayings import COMMITTED
 from .moment_text import When
 from .sql.changes import Change
@@ -305,13 +305,17 @@ class KnowledgeBase(Front):
         """Operations on the store: verification, anchors, archives, replication."""
         return Operations(self._factory, state=self._state)
 
-    def diff(self, a: When | KnowledgeBase, b: When | KnowledgeBase) -> list[Change]:
+    def diff(
+        self, a: When | KnowledgeBase, b: When | KnowledgeBase, *, clock: str = COMMITTED
+    ) -> list[Change]:
         """Compare two states. Recorded plans and archives belong to no state.
 
         Args:
             a: a revision, given as for `at`; or the state of another knowledge base, in any store,
                 as a branch has it.
             b: another, before or after `a`.
+            clock: `committed`, or `valid` to compare what was true at two times, as it is known in
+                this state; a revision stands for its time then.
 
         Returns:
             What would turn `a` into `b`: `+` for what holds at `b` only, `-` for what holds at `a`
@@ -322,6 +326,7 @@ class KnowledgeBase(Front):
             UnknownRevisionError: there is no such revision yet, or a time lies in the future or
                 has no zone.
             ArchivedError: one of the states was moved to an archive.
+            InvalidArgumentError: there is no such clock, or a knowledge base is given with it.
 
         Examples:
             >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
@@ -334,9 +339,16 @@ class KnowledgeBase(Front):
             ...     print(*kb.diff(kb, trial))
             Change(sign='-', kind='fact', text='(robot_at rb1 wp2)')
         """
+        is_valid = is_valid_clock(clock)
         if not (isinstance(a, KnowledgeBase) or isinstance(b, KnowledgeBase)):
             refuse_valid(self._state, "diff")
-            return history.diff.diff(state_of(self), a, b)
+            compare = history.diff.valid_diff if is_valid else history.diff.diff
+            return compare(state_of(self), a, b)
+        if is_valid:
+            raise InvalidArgumentError(
+                "clock='valid' compares two times of this knowledge base; of another one, give "
+                "kb.at(valid=...)"
+            )
         here, there = (one if isinstance(one, KnowledgeBase) else self.at(one) for one in (a, b))
         lines = history.diff.state_lines
         return history.diff.diff_lines(lines(state_of(here)), lines(state_of(there)))

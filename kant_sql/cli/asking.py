@@ -17,6 +17,7 @@ from .common import (
     Actor,
     AsJson,
     At,
+    Clock,
     Fixed,
     Name,
     Since,
@@ -38,6 +39,8 @@ from .history import metadata
 from .output import FAILED, NOT_JUDGED, Printer, write_json
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from ..history.revisions import Revision
     from ..knowledge_base import KnowledgeBase
     from ..reasoning.ask import Answers
@@ -221,9 +224,14 @@ def write_failed(printer: Printer, parts: Iterable[FailedCondition], indent: str
             _write_end(printer, "retracted in", part.retracted, f"{indent}  ")
 
 
-def _write_end(printer: Printer, what: str, revision: Revision, indent: str) -> None:
-    """Write a revision that began or ended something."""
+def _write_end(
+    printer: Printer, what: str, revision: Revision, indent: str, time: datetime | None = None
+) -> None:
+    """Write a revision that began or ended something, or that said so of another time."""
     moment = time_text(revision.committed_at)
+    if time is not None and time != revision.committed_at:
+        printer.line(f"{indent}{'at' if what == 'in' else what} {time_text(time)}")
+        what = "  said in"
     printer.line(f"{indent}{what} revision {revision.number}  {moment}")
     for line in metadata(revision):
         printer.line(f"{indent}  {line}")
@@ -237,6 +245,7 @@ def when(
     until: Until = None,
     parameters: _Parameters = None,
     fix: Fixed = None,
+    clock: Clock = "committed",
     as_json: Annotated[bool, json_lines("period")] = False,
 ) -> None:
     """Show when a condition held, and the revisions at both ends.
@@ -247,7 +256,8 @@ def when(
     fixed = parse_fixed(fix)
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_state(url, kb, at) as (_, state):
-        periods = state.when(condition, since=first, until=last, parameters=parameters, **fixed)
+        given = {"clock": clock, **fixed}
+        periods = state.when(condition, since=first, until=last, parameters=parameters, **given)
         printer = Printer()
         for position, held in enumerate(periods):
             if as_json:
@@ -267,11 +277,11 @@ def _write_held(printer: Printer, condition: str, held: Held) -> None:
     if held.since is None:
         printer.line("  held before")
     else:
-        _write_end(printer, "from", held.since, "  ")
+        _write_end(printer, "from", held.since, "  ", held.since_time)
     if held.until is None:
         printer.line("  holds at the end")
     else:
-        _write_end(printer, "until", held.until, "  ")
+        _write_end(printer, "until", held.until, "  ", held.until_time)
 
 
 _RULES_USAGE = "[URL] [FILE|PDDL]"
@@ -302,7 +312,8 @@ def rules(
     clock: Annotated[
         str,
         option(
-            "Judge by the time 'committed' (default), or by 'observed' where it is known.",
+            "Judge by the time 'committed' (default), by 'observed' where it is known, or by "
+            "'valid': what was true, as it is known.",
             metavar="CLOCK",
         ),
     ] = "committed",
@@ -366,4 +377,6 @@ def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:
         name = "" if verdict.name is None else f"{printable(verdict.name)}: "
         printer.line(f"{verdict.verdict} {kind}: {name}{verdict.rule}", style)
         if verdict.revision is not None:
-            _write_end(printer, "in", verdict.revision, "  ")
+            _write_end(printer, "in", verdict.revision, "  ", verdict.valid_at)
+        elif verdict.valid_at is not None:
+            printer.line(f"  at {time_text(verdict.valid_at)}")

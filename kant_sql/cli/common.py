@@ -105,6 +105,13 @@ Target = Annotated[
 At = Annotated[str | None, option(f"The state at {_MOMENT}", metavar="REV|TIME")]
 Since = Annotated[str | None, option(f"Only from {_MOMENT}", metavar="REV|TIME")]
 Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME")]
+Clock = Annotated[
+    str,
+    option(
+        "By the time 'committed' (default), or by 'valid': when it was true, as it is known.",
+        metavar="CLOCK",
+    ),
+]
 Actor = Annotated[str | None, option("The actor of the revision.", metavar="NAME")]
 Reason = Annotated[str | None, option("The reason for the revision.", metavar="TEXT")]
 AsJson = Annotated[bool, option("One JSON document.", JSON_OPTION)]

@@ -18,6 +18,7 @@ from .common import (
     Actor,
     AsJson,
     At,
+    Clock,
     Name,
     Reason,
     Since,
@@ -293,6 +294,7 @@ def diff(
         ),
     ],
     kb: Name = None,
+    clock: Clock = "committed",
     as_json: AsJson = False,
 ) -> None:
     """Show what holds at B and not at A (+), and the reverse (-)."""
@@ -305,7 +307,7 @@ def diff(
     with open_to_read(url, kb) as (name, knowledge_base):
         head = knowledge_base.revision
         first, second = (head if moment is None else moment for moment in moments)
-        changes = knowledge_base.diff(first, second)
+        changes = knowledge_base.diff(first, second, clock=clock)
         if as_json:
             ends = [knowledge_base.at(when).revision for when in (first, second)]
             write_json(knowledge_base=name, a=ends[0], b=ends[1], changes=changes)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, and_, case, func, literal_column, or_, select, union_all
 
 from .. import html
+from ..dto.elements import value_text
+from ..knowledge.sayings import COMMITTED
 from ..moment_text import When
 from ..sql.changes import (
     ASSERTED,
@@ -22,16 +24,33 @@ from ..sql.changes import (
     paged,
     unsortable,
 )
+from ..sql.definition_rows import read_lost
 from ..sql.dialects.base import Session
 from ..sql.intervals import forks_at, held_by, then
-from ..sql.places import place_text, read_places
+from ..sql.periods import Subjects, read_names
+from ..sql.places import Place, place_text, read_places
 from ..sql.query import Query, first_rows, integer
-from ..sql.rows import KB, KIND_TABLES, PROPOSITION, THEN, VERSION_COLUMNS, held_at
+from ..sql.rows import FACT, KB, KIND_TABLES, PROPOSITION, THEN, VALUE, VERSION_COLUMNS, held_at
 from ..sql.tables import HeadRow
+from ..sql.valid_periods import (
+    Changed,
+    ValidRange,
+    content_of,
+    find_changed,
+    key_of,
+    read_valid,
+)
 from ..store.snapshot import View, refuse_archived
 from ..store.state import State
-from .moments import states_at
-from .revisions import read_position
+from .moments import (
+    MICROSECOND,
+    find_valid_range,
+    is_valid_clock,
+    state_at,
+    states_at,
+    valid_times,
+)
+from .revisions import LARGEST, read_position
 
 # States so many revisions apart are compared by what began and ended between them.
 NARROW = 20_000
@@ -155,6 +174,65 @@ def diff(state: State, a: When, b: When) -> list[Change]:
     return html.Listing(store.query(work), "change")
 
 
+def valid_diff(state: State, a: When, b: When) -> list[Change]:
+    """Compare what was true at two times, as it is known, as `KnowledgeBase.diff`."""
+    changes, _ = _valid_differences(state, a, b, LARGEST)
+    return html.Listing(changes, "change")
+
+
+def _valid_differences(
+    state: State, a: When, b: When, most: int
+) -> tuple[list[Change], tuple[ValidRange, bool]]:
+    """Read the changes from one time to another; the flag says whether there are more."""
+    store, upto = state
+    times = valid_times(store, (a, b), upto)
+    begin, end = sorted(times)
+    # What changes at the earlier time is true then.
+    span = find_valid_range(store, min(begin + MICROSECOND, end), end, upto)
+    if begin == end:
+        return [], (span, False)
+
+    def work(session: Session, kb_id: int | None) -> tuple[list[tuple[int, str, str]], bool]:
+        if kb_id is None:
+            return [], False
+        refuse_archived(session, kb_id, span.before, read_position(session, kb_id).archived)
+        lost = read_lost(session, kb_id, span.before, span.known)
+        lines = [(1, one.kind, one.text) for one in lost if one.revision <= span.high]
+        found = find_changed(session, kb_id, span, most)
+        lines += _valid_lines(session, kb_id, found, span)
+        return lines, len(found) >= most
+
+    lines, is_cut = store.query_in_snapshot(work)
+    signs = (ASSERTED, RETRACTED) if begin == times[0] else (RETRACTED, ASSERTED)
+    return sorted(Change(signs[side], *line) for side, *line in lines), (span, is_cut)
+
+
+def _valid_lines(
+    session: Session, kb_id: int, found: list[Changed], span: ValidRange
+) -> Iterator[tuple[int, str, str]]:
+    """Yield what is true at the end of a range only (0), or at its beginning only (1)."""
+    ids = [tuple(sorted(one.id for one in found if one.key[0] is of)) for of in (True, False)]
+    which = Subjects(facts=ids[0], values=ids[1])
+    state, changes = read_valid(session, kb_id, which, span)
+    before = {key_of(touch): content_of(touch) for touch in state}
+    later = dict(before)
+    for _, touch in changes:
+        later[key_of(touch)] = content_of(touch)
+    values = {one for own in (before, later) for key, one in own.items() if not key[0]}
+    objects = sorted(one for one in values if isinstance(one, int))
+    names = read_names(session, kb_id, objects) if objects else {}
+    for _, key, text in found:
+        contents = later.get(key), before.get(key)
+        for side, content in enumerate(contents):
+            if content is None or contents[0] == contents[1]:
+                continue
+            if key[0]:
+                yield side, FACT, text
+            else:
+                value = names[content] if isinstance(content, int) else content
+                yield side, VALUE, value_text(text, value)
+
+
 class ChangesOfKind(NamedTuple):
     """Texts of one kind."""
 
@@ -189,15 +267,22 @@ class Difference(NamedTuple):
 
 
 def read_difference(
-    state: State, a: When, b: When, after: str | None = None, limit: int = 200
+    state: State,
+    a: When,
+    b: When,
+    after: str | None = None,
+    limit: int = 200,
+    clock: str = COMMITTED,
 ) -> Difference:
-    """Read a page of the difference of two states.
+    """Read a page of the difference of two states, or of what was true at two times.
 
     Raises:
         UnknownRevisionError: there is no such revision yet.
         ArchivedError: one of the states was moved to an archive.
         InvalidArgumentError: `after` is not the `next` of a page.
     """
+    if is_valid_clock(clock):
+        return _valid_page(state, a, b, after, limit)
     (one, other), stand = states_at(state.store, (a, b), state.at)
     before, later = sorted((one, other))
     places = read_places(after, 2, BY_OWNER)
@@ -236,6 +321,25 @@ def read_difference(
             page.next is None and count + len(page.changes) >= COMPARED
             for count, page in zip(counts, (came, went), strict=True)
         ),
+    )
+
+
+def _valid_page(state: State, a: When, b: When, after: str | None, limit: int) -> Difference:
+    changes, (span, is_cut) = _valid_differences(state, a, b, COMPARED)
+    (place,) = read_places(after, 1, ())
+    passed = 0 if place is None else place.passed
+    page = changes[passed : passed + limit]
+    following = Place(passed + limit) if passed + limit < len(changes) else None
+    return Difference(
+        state_at(state.store, a, state.at),
+        state_at(state.store, b, state.at),
+        span.known,
+        page,
+        _by_kind(page, RETRACTED),
+        _by_kind(page, ASSERTED),
+        passed,
+        place_text(following),
+        is_cut,
     )
 
 

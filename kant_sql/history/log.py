@@ -321,7 +321,7 @@ def _entries(
     store: Store, wanted: list[Sought] | None, actor: str | None, bounds: Bounds, limit: int
 ) -> Iterator[LogEntry]:
     """Yield entries page by page, and refuse the first that is incomplete because of an archive."""
-    low, high, redefined = bounds
+    low, high, redefined, _ = bounds
     size = most = min(LOG_PAGE, limit) if wanted is None or actor is None else LOG_PAGE
     archived = None
     while high >= low and size:

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, literal_column, select
 
-from ..arguments import shown, whole_number
+from ..arguments import one_of, shown, whole_number
 from ..errors import InvalidArgumentError, UnknownRevisionError, reading_rows
+from ..knowledge.sayings import COMMITTED
 from ..moment_text import Moment, When, is_now, read_when
 from ..sql.dialects.base import Session
 from ..sql.query import Query, StoreClock, first_rows
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
+from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime
 from ..store.head import check_numbers
 from ..store.state import State
 from ..store.store import Store
 from ..store.valid_store import ValidStore
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT, refuse_archived_revision, refuse_unknown
+from .revisions import (
+    FIRST_MOMENT,
+    LARGEST,
+    LAST_MOMENT,
+    read_numbered,
+    refuse_archived_revision,
+    refuse_unknown,
+)
 
 _COLUMNS: tuple[Any, ...] = (
     HeadRow.revision,
@@ -90,7 +99,7 @@ def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
 def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
     times = dict.fromkeys(_MOMENTS)
     for name, moment in zip(_MOMENTS, moments, strict=False):
-        times[name] = session.from_time(min(max(moment, FIRST_MOMENT), LAST_MOMENT))
+        times[name] = session.from_time(clamped(moment))
     return times
 
 
@@ -217,7 +226,7 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
     return State(ValidStore(store, ValidTime(moment, last, min(last, committed))), last)
 
 
-_MICROSECOND = timedelta(microseconds=1)
+MICROSECOND = timedelta(microseconds=1)
 
 
 class Bounds(NamedTuple):
@@ -226,6 +235,7 @@ class Bounds(NamedTuple):
     low: int
     high: int  # below `low` in an empty range
     redefined: int  # no revision after this one, up to `high`, changed a definition
+    known: int  # the last revision that is known
 
 
 def find_bounds(store: Store, since: When | None, until: When | None, upto: int | None) -> Bounds:
@@ -248,8 +258,66 @@ def find_bounds(store: Store, since: When | None, until: When | None, upto: int 
         high = min(head.found[-1], last)
     elif until is not None:
         high = check_number(store, until, last)
-    _refuse_reversed(since, until, Bounds(low, high, head.redefined))
-    return Bounds(low, high, head.redefined)
+    bounds = Bounds(low, high, head.redefined, last)
+    _refuse_reversed(since, until, bounds)
+    return bounds
+
+
+# What a question about a range goes by: the times of commits, or those that knowledge is about.
+VALID = "valid"
+CLOCKS = COMMITTED, VALID
+
+
+def is_valid_clock(clock: str) -> bool:
+    """Check the clock of a question; return whether it is the one of valid times."""
+    return one_of(clock, CLOCKS, "the clock", InvalidArgumentError) == VALID
+
+
+def find_valid_range(
+    store: Store, since: When | None, until: When | None, upto: int | None
+) -> ValidRange:
+    """Find a range of valid times; a revision stands for the time of its commit."""
+    given = [since, None if is_now(until) else until]
+    times = iter(valid_times(store, [when for when in given if when is not None], upto))
+    begin, end = (None if when is None else next(times) for when in given)
+    bounds = find_bounds(store, begin, end, upto)
+    return ValidRange(
+        clamped(begin or FIRST_MOMENT),
+        clamped(end or LAST_MOMENT),
+        bounds.low - 1,
+        bounds.high,
+        bounds.known,
+    )
+
+
+def valid_times(store: Store, whens: Sequence[When], upto: int | None) -> list[datetime]:
+    """Return times; a revision stands for that of its commit, and so does now for the last one."""
+    given = [LARGEST if is_now(when) else read_when(when) for when in whens]
+    numbers = {when for when in given if not isinstance(when, datetime)}
+    if numbers:
+        last = _last_known(store, read_head(store), upto)
+        numbers = {last if n == LARGEST else check_number(store, n, last) for n in numbers}
+        known = {0: FIRST_MOMENT, **_times_of(store, numbers - {0})}
+        given = [known[min(when, last)] if isinstance(when, int) else when for when in given]
+    for moment in given:
+        if isinstance(moment, datetime):
+            check_zone(moment)
+    return [when for when in given if isinstance(when, datetime)]
+
+
+def _times_of(store: Store, numbers: set[int]) -> dict[int, datetime]:
+    """Read when some revisions were committed."""
+
+    def work(session: Session, kb_id: int | None) -> dict[int, datetime]:
+        found = {} if kb_id is None else read_numbered(session, kb_id, numbers)
+        return {number: revision.committed_at for number, revision in found.items()}
+
+    return store.query(work)
+
+
+def clamped(moment: datetime) -> datetime:
+    """Return a time in UTC, or the nearest one that a store can have."""
+    return min(max(moment, FIRST_MOMENT), LAST_MOMENT).astimezone(UTC)
 
 
 def _refuse_reversed(since: Moment | None, until: Moment | None, bounds: Bounds) -> None:
@@ -276,4 +344,4 @@ def _moment_before(since: Moment | None) -> datetime | None:
         return None
     check_zone(since)
     # Times have microseconds: nothing was committed between this one and the one before.
-    return since - _MICROSECOND if since > FIRST_MOMENT else None
+    return since - MICROSECOND if since > FIRST_MOMENT else None

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import NamedTuple, cast
 
 from ..dao.text import refuse_unknown
+from ..knowledge.sayings import COMMITTED
 from ..moment_text import When
 from ..sql.dialects.base import Session
 from ..sql.lanes import (
@@ -27,12 +29,17 @@ from ..sql.lanes import (
     count_cells,
     count_unchanged,
     find_lanes,
+    first_said,
     read_spans,
     revisions_at,
 )
+from ..sql.periods import Subjects, read_names
+from ..sql.rows import FACT, VALUE
+from ..sql.valid_periods import Instant, Key, ValidRange, key_of, read_valid
 from ..store.state import State
 from .drawing import Drawn
 from .gantt import PlanBars
+from .moments import is_valid_clock
 from .revisions import Revision, missing_revision, read_numbered
 from .window import (
     TIMELINE_KINDS,
@@ -106,6 +113,7 @@ def timeline(
     after: str | None = None,
     unchanged: bool = False,
     slices: int = 600,
+    clock: str = COMMITTED,
 ) -> Timeline:
     """Read what held when in a window of time: a picture of it, however much happened.
 
@@ -130,6 +138,9 @@ def timeline(
         unchanged: whether to show lanes that never changed, too.
         slices: the number of slices of the window. There are fewer where many lanes have so
             many versions that these are counted.
+        clock: `committed`, or `valid` for when facts and values were true, as it is known in this
+            state. What something was said of begins with the window at the earliest then, and its
+            revisions are those that said so.
 
     Returns:
         The timeline. A part that was moved to an archive is missing, as `archived_until` says.
@@ -137,7 +148,8 @@ def timeline(
     Raises:
         UnknownRevisionError: there is no such revision yet, or a time has no zone.
         UnknownNameError: instead of no lane, if there never was such a predicate or object.
-        InvalidArgumentError: the window ends before it begins, or an argument is out of range.
+        InvalidArgumentError: the window ends before it begins, an argument is out of range, or
+            there is no such clock.
 
     Examples:
         >>> _ = kb.propositions.delete(PddlPropositionDto(robot_at, [rb1, wp1]))
@@ -148,6 +160,7 @@ def timeline(
     """
     store, upto = state
     question = check_question(kinds, predicate, object, text, lanes, slices, after, unchanged)
+    is_valid = is_valid_clock(clock)
     transaction = store.current()
     if upto is None and transaction is not None:
         upto = transaction.head.revision
@@ -156,7 +169,14 @@ def timeline(
         window = read_window(session, kb_id, store, (since, until), upto)
         if kb_id is None or not window.head:
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
-        return _Reader(session, kb_id, window, question).read(store.name)
+        valid = None
+        if is_valid:
+            said = first_said(session, kb_id, window.head) if since is None else None
+            window = window._replace(since=min(window.since, said or window.since))
+            # What changes at its beginning is true then.
+            begin = min(window.since + _MICROSECOND, window.until)
+            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
+        return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
     if not (found.lanes or found.plans or question.after):
@@ -188,28 +208,43 @@ class _Reader:
     """Reads a timeline in a number of statements that does not grow."""
 
     def __init__(
-        self, session: Session, kb_id: int, window: Window, question: TimelineQuestion
+        self,
+        session: Session,
+        kb_id: int,
+        window: Window,
+        question: TimelineQuestion,
+        valid: ValidRange | None,
     ) -> None:
         self._session = session
         self._kb_id = kb_id
         self._window = window
         self._question = question
+        self._valid = valid
         length = (window.until - window.since) // _MICROSECOND
         self._slices = max(1, min(question.slices, length))
 
     def read(self, name: str) -> Timeline:
         """Read it."""
         rows, following, folded = self._unfolded()
-        sparse, dense = self._divide(rows)
+        said = [row for row in rows if row.found.said]
+        sparse, dense = self._divide([row for row in rows if not row.found.said])
         if dense:
             self._slices = min(self._slices, max(1, CELLS // _weight(dense)))
         moments = self._moments()
         cells = self._cells(dense, moments) if dense else {}
         versions = self._versions(sparse, cells)
+        periods = self._periods(said) if said else {}
         plans = PlanBars(self._session, self._kb_id, self._window, self._question)
-        told = self._told(versions, plans.numbers())
+        wanted = {one for own in periods.values() for each in own.bars for one in each.revisions}
+        told = self._told(versions, wanted.union(plans.numbers()))
         lanes = []
         for row in rows:
+            if row in periods:
+                own = periods[row]
+                if own.bars or own.densities:
+                    true = tuple([_true_bar(one, told) for one in own.bars])
+                    lanes.append(Lane(_shown_kind(row.kind), row.found.text, true, own.densities))
+                continue
             bars, densities = versions[row], tuple[Density, ...]()
             if row in cells:
                 bars, densities = _thin_out(cells[row], bars, moments, self._window)
@@ -247,7 +282,8 @@ class _Reader:
         kinds = [kind for kind in LANE_SOURCES if _shown_kind(kind) in question.kinds]
         bounds = (window.low, window.high)
         folded = count_unchanged(
-            self._session, self._kb_id, kinds, question.filter, bounds, settled, MOST_FOLDED
+            *(self._session, self._kb_id, kinds, question.filter, bounds, settled, MOST_FOLDED),
+            self._valid,
         )
         return rows, following, folded
 
@@ -269,6 +305,7 @@ class _Reader:
                     question.lanes + 1 - len(rows),
                     question.slices + 1,
                     settled,
+                    self._valid,
                 )
                 rows += [_Row(kind, one) for one in found]
         following = None
@@ -334,6 +371,39 @@ class _Reader:
                 versions[asked[version.span][0]].append(version)
         return versions
 
+    def _periods(self, rows: Sequence[_Row]) -> dict[_Row, _Periods]:
+        """Read when that was true of which something was said, in five statements."""
+        span, window = self._valid, self._window
+        assert span is not None
+        of = {_key_of(row): row for row in rows}
+        ids = [tuple(row.found.id for row in rows if row.kind == kind) for kind in (FACT, VALUE)]
+        which = Subjects(facts=ids[0], values=ids[1])
+        state, changes = read_valid(self._session, self._kb_id, which, span)
+        # Those that are true; a fluent ends where its next value begins.
+        begun = {key_of(one): (Instant(window.since, one.revision), one.value) for one in state}
+        found: dict[_Row, list[_Period]] = {row: [] for row in rows}
+        last: Instant | None = None
+        for count, (instant, touch) in enumerate(changes):
+            key = key_of(touch)
+            if touch.is_end:
+                found[of[key]].append(_Period(*begun.pop(key), instant))
+            else:
+                begun[key] = instant, touch.value
+            if count >= COUNTED:
+                last = instant
+                break
+        for key, (instant, value) in begun.items():
+            found[of[key]].append(_Period(instant, value, last))
+        held = {row: [one for one in own if one.lasts] for row, own in found.items()}
+        objects = {one.value for own in held.values() for one in own if isinstance(one.value, int)}
+        names = read_names(self._session, self._kb_id, sorted(objects)) if objects else {}
+        room = max(1, min(self._question.slices, BARS // len(rows)))
+        moments = self._moments()
+        return {
+            row: _gathered([one.named(names) for one in own], room, moments, last)
+            for row, own in held.items()
+        }
+
     def _told(
         self, versions: Mapping[_Row, Iterable[FoundVersion]], numbers: Collection[int]
     ) -> dict[int, Revision]:
@@ -347,6 +417,97 @@ class _Reader:
         for number in wanted - found.keys():
             raise missing_revision(self._session, number)
         return found
+
+
+def _key_of(row: _Row) -> Key:
+    group, arguments = row.found.place
+    return row.kind == FACT, group, tuple([int(one) for one in arguments.split()])
+
+
+class _Period(NamedTuple):
+    """When a fact was true, or a fluent had a value: since an instant, until another one."""
+
+    since: Instant
+    value: str | int | None
+    until: Instant | None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it takes time."""
+        return self.until is None or self.since.time < self.until.time
+
+    @property
+    def revisions(self) -> list[int]:
+        """The revisions that said so."""
+        return [one.revision for one in (self.since, self.until) if one is not None]
+
+    @property
+    def number(self) -> float | None:
+        """Its value, if that is a number."""
+        with suppress(TypeError, ValueError):
+            return None if self.value is None else float(self.value)
+        return None
+
+    def named(self, names: Mapping[int, str]) -> _Period:
+        """Return it with the name of the object that the value is."""
+        return self._replace(value=names[self.value]) if isinstance(self.value, int) else self
+
+
+class _Periods(NamedTuple):
+    """Periods that are bars, and those that are too short."""
+
+    bars: list[_Period]
+    densities: tuple[Density, ...] = ()
+
+
+def _gathered(
+    periods: list[_Period], room: int, moments: Sequence[datetime], last: Instant | None
+) -> _Periods:
+    """Make bars of periods; of more than there is room for, of those that last for a slice.
+
+    Nothing was read after the `last` instant.
+    """
+    if len(periods) <= room and last is None:
+        return _Periods(periods)
+    bars = []
+    short: dict[int, list[_Period]] = {}
+    for one in periods:
+        first = bisect_left(moments, one.since.time)
+        is_whole = first + 1 < len(moments) and (
+            one.until is None or one.until.time >= moments[first + 1]
+        )
+        if is_whole:
+            bars.append(one)
+        else:
+            short.setdefault(max(0, first - 1), []).append(one)
+    densities = []
+    for place, own in sorted(short.items()):
+        begin, end = moments[place : place + 2]
+        numbers = [number for one in own if (number := one.number) is not None]
+        span = (min(numbers), max(numbers), numbers[-1]) if numbers else (None, None, None)
+        densities.append(Density(begin, end, len(own), False, *span))
+    if last is not None:
+        densities.append(Density(last.time, moments[-1], 1, True))
+    return _Periods(bars, tuple(densities))
+
+
+def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:
+    since, until = period.since, period.until
+    began, ended = told[since.revision], None if until is None else told[until.revision]
+    return Bar(
+        since.revision,
+        None if until is None else until.revision,
+        since.time,
+        None if until is None else until.time,
+        began.actor,
+        began.reason,
+        None if ended is None else ended.actor,
+        None if ended is None else ended.reason,
+        began.source,
+        None if ended is None else ended.source,
+        None if period.value is None else str(period.value),
+        period.number,
+    )
 
 
 class _Cells(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from itertools import islice
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -30,8 +30,8 @@ from ..sql.query import Query, StoreClock, integer
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
-from .moments import check_number, check_zone, last_until
-from .revisions import FIRST_MOMENT, LARGEST, LAST_MOMENT
+from .moments import check_number, check_zone, clamped, last_until
+from .revisions import LARGEST
 
 LaneKind = Literal["fact", "goal", "value"]
 
@@ -290,7 +290,7 @@ def read_window(
     for when, number, moment in zip(ends, ("since", "until"), ("one", "other"), strict=True):
         if isinstance(when, datetime):
             check_zone(when)
-            given[moment] = session.from_time(_clamped(when))
+            given[moment] = session.from_time(clamped(when))
         elif isinstance(when, int) and abs(when) < LARGEST:
             given[number] = when
     row = None
@@ -325,7 +325,7 @@ def read_window(
 
 def _moment(when: Moment | None, now: datetime, otherwise: datetime) -> datetime:
     """Return the time of an end; one in the future counts as now."""
-    return min(_clamped(when), now) if isinstance(when, datetime) else otherwise
+    return min(clamped(when), now) if isinstance(when, datetime) else otherwise
 
 
 def _checked(window: Window, ends: Sequence[Moment | None]) -> Window:
@@ -334,7 +334,3 @@ def _checked(window: Window, ends: Sequence[Moment | None]) -> Window:
             f"the window ends before it begins: it is from {shown(ends[0])} until {shown(ends[1])}"
         )
     return window
-
-
-def _clamped(moment: datetime) -> datetime:
-    return min(max(moment, FIRST_MOMENT), LAST_MOMENT).astimezone(UTC)

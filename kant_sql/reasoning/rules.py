@@ -22,9 +22,9 @@ from ..arguments import one_of
 from ..dao.formula import read_formula, read_formulas
 from ..dto import formulas as f
 from ..dto.lexical import fold
-from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from ..history.moments import find_bounds
-from ..history.revisions import Revision, read_numbered
+from ..errors import InvalidKnowledgeError
+from ..history.moments import VALID, find_bounds, find_valid_range
+from ..history.revisions import FIRST_MOMENT, LAST_MOMENT, Revision, read_numbered
 from ..knowledge.definitions import CONSTRAINT, DOMAIN_CONSTRAINT, Definitions
 from ..knowledge.sayings import COMMITTED, OBSERVED
 from ..knowledge.symbols import symbols_of
@@ -34,11 +34,13 @@ from ..pddl.lexer import STRING, Source, Text
 from ..pddl.lexer import load as load_text
 from ..sql.dialects.base import Session
 from ..sql.periods import stream_times
+from ..sql.valid_periods import ValidRange
 from ..store.state import State
 from ..store.store import Store
 from .evaluate import Conditions
 from .sweep import Range, Sweep, Visit, read_at_last, read_range, revision_text
 from .trajectory import Moment, Rule, rules_of
+from .valid_sweep import ValidPast, ValidSweep, check_range, instant_at, read_past
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class Verdict:
         revision: the first revision that violates it, with who made it, when and why; None if none
             does. Of `kb.watch_rules`, the revision that decided.
         time: its time in seconds from the first revision of the range; None without one.
+        valid_at: on the clock of valid times, this time; `revision` is the one that said what was
+            true then, None if that was so before the range.
         is_judged: whether its names had a meaning in some state of the range.
         is_pending: whether it is violated unless a later revision makes it good.
         name: the name of a rule that is kept in the store.
@@ -60,7 +64,7 @@ class Verdict:
 
     _json_ = (
         *("rule", "verdict", "is_satisfied", "is_preference", "preference", "revision", "time"),
-        "name",
+        *("valid_at", "name"),
     )
 
     rule: str
@@ -72,6 +76,7 @@ class Verdict:
     is_judged: bool = True
     is_pending: bool = False
     name: str | None = None
+    valid_at: datetime | None = None
 
     @property
     def verdict(self) -> str:
@@ -103,6 +108,8 @@ class Verdict:
         if not self.is_judged:
             return f"{self.rule} is not judged: no state of the range has all its names"
         said = f"{self.rule} is {self.verdict}"
+        if self.valid_at is not None:
+            said += f" at {self.valid_at.isoformat(timespec='seconds')}"
         since = "" if self.revision is None else f" in revision {revision_text(self.revision)}"
         return f"{said}{since}"
 
@@ -152,7 +159,7 @@ class Verdicts(html.Listing[Verdict]):
         Returns:
             For each one `rule`, `verdict`, `is_satisfied`, `is_preference`, `preference`, and of
             the first violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`,
-            `source` and `time`; None without one.
+            `source`, `time` and `valid_at`; None without one.
         """
         ends = "committed_at", "observed_at", "actor", "reason", "source"
         return [
@@ -165,6 +172,7 @@ class Verdicts(html.Listing[Verdict]):
                 "revision": None if one.revision is None else one.revision.number,
                 **{name: getattr(one.revision, name, None) for name in ends},
                 "time": one.time,
+                "valid_at": one.valid_at,
             }
             for one in self
         ]
@@ -210,7 +218,10 @@ def check_rules(
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
         clock: `committed`, or `observed` for the times at which knowledge was sensed, where
-            they are given. A time before that of an earlier revision counts as that one.
+            they are given. A time before that of an earlier revision counts as that one. Or
+            `valid` for what was true, as it is known in this state: then `since` and `until` are
+            such times, and the states are those between them, from the first of which anything
+            is known.
 
     Returns:
         The verdicts, in the order of the rules.
@@ -230,7 +241,8 @@ def check_rules(
         False 2 perception
     """
     store, upto = state
-    one_of(clock, (COMMITTED, OBSERVED), "the clock", InvalidArgumentError)
+    if one_of(clock, (COMMITTED, OBSERVED, VALID), "the clock") == VALID:
+        return _check_valid(state, rules, find_valid_range(store, since, until, upto))
     bounds = find_bounds(store, since, until, upto)
     constraints, definitions = read_constraints(store, rules, upto)
 
@@ -245,10 +257,26 @@ def check_rules(
     return store.query_in_snapshot(work)
 
 
+def _check_valid(state: State, rules: Rules | None, span: ValidRange) -> Verdicts:
+    past = read_past(state.store, span)
+    constraints, _ = read_constraints(state.store, rules, state.at, past.definitions)
+
+    def work(session: Session, kb_id: int | None) -> Verdicts:
+        if kb_id is None or not span.known:
+            return Verdicts([*_not_judged(constraints)], first=0, last=0)
+        check_range(session, kb_id, span)
+        judge = Judge(kb_id, constraints, past.definitions, VALID)
+        judge.follow_valid(session, past)
+        first = min(span.before + 1, span.known)
+        return Verdicts(judge.conclude(session), first=first, last=span.known)
+
+    return state.store.query_in_snapshot(work)
+
+
 def read_constraints(
-    store: Store, rules: Rules | None, upto: int | None
+    store: Store, rules: Rules | None, upto: int | None, known: Definitions | None = None
 ) -> tuple[tuple[f.Formula, ...], Definitions]:
-    """Read the rules: those that are given, or those of the store."""
+    """Read the rules: those that are given, with known or the latest names, or the store's."""
     if rules is None:
         definitions = store.read_definitions(lambda known: known, upto)
         own = [
@@ -263,6 +291,8 @@ def read_constraints(
         text = Text(STRING, whole="\n".join(map(str, rules)))
     else:
         text = load_text(rules)
+    if known is not None:
+        return read_rules(text, symbols=symbols_of(known)), known
     return read_at_last(store, text.code, lambda symbols: read_rules(text, symbols=symbols), upto)
 
 
@@ -339,7 +369,15 @@ class Judge:
         """Judge the states of a range; another one begins where the last one ended."""
         self._session, self._range = session, span
         self._first = self._first or span.low
-        for time, revision, following in self._moments():
+        self._judge(self._moments())
+
+    def follow_valid(self, session: Session, past: ValidPast) -> None:
+        """Judge the states of a range of valid times."""
+        self._session = session
+        self._judge(self._valid_moments(past))
+
+    def _judge(self, moments: Iterable[tuple[Decimal, int, Visit]]) -> None:
+        for time, revision, following in moments:
             visit = self._visit
             if following is not visit:
                 if visit is None or following.world is not visit.world:
@@ -452,6 +490,29 @@ class Judge:
                 yield time, number, present
             self._before = time
 
+    def _valid_moments(self, past: ValidPast) -> Iterator[tuple[Decimal, int, Visit]]:
+        """Yield the first time, those at which something changes, and the last one."""
+        session, span = self._session, past.span
+        ends = read_numbered(session, self._kb_id, {1, span.known})
+        sweep = ValidSweep(session, self._kb_id, self._constraints, past, False)
+        present = sweep.begin()
+        begin, end = span.since, span.until
+        if begin == FIRST_MOMENT:
+            begin = min(ends[1].committed_at, sweep.next_time or LAST_MOMENT)
+        if end == LAST_MOMENT:
+            end = max(begin, ends[span.known].committed_at)
+        self._begin = time = begin
+        if sweep.next_time != begin:
+            yield Decimal(0), 0, present
+        while sweep.following is not None:
+            time, revision = instant_at(sweep.following)
+            present = sweep.step()
+            # The last state of a time stays.
+            if sweep.next_time != time:
+                yield _seconds(begin, time), revision, present
+        if time < end:
+            yield _seconds(begin, end), span.known, present
+
     def _passes(self, before: Decimal, time: Decimal) -> bool:
         """Return whether a time of a rule lies between two times, or at one of them alone."""
         bounds = self._bounds
@@ -470,20 +531,26 @@ class Judge:
             return []
         if revisions is None:
             numbers = {self._judged[one.moment.index] for one in found if one.moment is not None}
-            revisions = read_numbered(self._session, self._kb_id, {self._first, *numbers})
-        begin = revisions[self._first]
+            numbers = {self._first, *numbers} - {0}
+            revisions = read_numbered(self._session, self._kb_id, numbers)
+        is_valid = self._clock == VALID
         verdicts = []
         for rule, moment, said in found:
-            revision, time = None, None
+            revision, time, valid_at = None, None, None
             if moment is not None:
-                revision = revisions[self._judged[moment.index]]
-                time = moment.time if self._bounds else self._since(begin, revision)
+                # On the clock of valid times, none has said what was so before the range.
+                revision = revisions.get(self._judged[moment.index])
+                time = moment.time
+                if not self._bounds and not is_valid:
+                    time = self._since(
+                        revisions[self._first], revisions[self._judged[moment.index]]
+                    )
+                if is_valid and self._begin is not None:
+                    valid_at = self._begin + int(time * 1_000_000) * _MICROSECOND
             word = said or _verdict(rule, self._last[id(rule)])
             own = (rule.is_soft, rule.preference, revision, time)
-            pending = word == PENDING
-            verdicts.append(
-                Verdict(str(rule), word == KEPT, *own, is_pending=pending, name=self._name)
-            )
+            rest: dict[str, Any] = {"is_pending": word == PENDING, "name": self._name}
+            verdicts.append(Verdict(str(rule), word == KEPT, *own, **rest, valid_at=valid_at))
         return verdicts
 
     def _since(self, begin: Revision, revision: Revision) -> Decimal:

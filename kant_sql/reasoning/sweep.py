@@ -87,8 +87,9 @@ def ask(
     parameters: str | None,
     bindings: Mapping[str, Any],
     upto: int | None,
+    definitions: Definitions | None = None,
 ) -> PastQuestion:
-    """Read a condition with the names of the latest state in which it has a meaning."""
+    """Read a condition with given definitions, or the names of the latest state that has all."""
     text = text_of(condition, EXAMPLE)
     objects = names_of(bindings)
 
@@ -98,8 +99,11 @@ def ask(
     def read(symbols: SymbolTable) -> ReadCondition:
         return with_objects(whole(symbols), objects, symbols) if objects else whole(symbols)
 
-    words = " ".join([text, *objects.values()])
-    found, definitions = read_at_last(store, words, read, upto)
+    if definitions is None:
+        words = " ".join([text, *objects.values()])
+        found, definitions = read_at_last(store, words, read, upto)
+    else:
+        found = read(symbols_of(definitions))
     unbound = whole(symbols_of(definitions))
     bound = tuple([f.Constant(name) for name in objects.values()])
     return PastQuestion(found.formula, found.free, unbound, bound, definitions, read)
@@ -337,7 +341,7 @@ class Sweep:
             self._definitions = advance(
                 self._session, self._kb_id, self._definitions, self._last, revision
             )
-            self._world, self._last = _moved(self._world, self._definitions), revision
+            self._world, self._last = moved(self._world, self._definitions), revision
             self._next_redefined = next(self._redefined, None)
         if self._next_touched is not None and self._next_touched[0] == revision:
             for touch in self._next_touched[1]:
@@ -370,7 +374,7 @@ def object_id(definitions: Definitions, term: f.Term) -> int | None:
     return None if known is None else known.id
 
 
-def _moved(world: World, definitions: Definitions) -> World:
+def moved(world: World, definitions: Definitions) -> World:
     """Make the same state with other definitions."""
     made = world_of(definitions)
     for predicate, row in world.facts():

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import chain
 from typing import Any, NamedTuple, overload
 
@@ -18,10 +19,16 @@ from ..dto import formulas as f
 from ..dto.formulas import Formula
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from ..history.moments import find_bounds
+from ..history.moments import (
+    Bounds,
+    find_bounds,
+    find_valid_range,
+    is_valid_clock,
+)
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.resolved import resolve
+from ..knowledge.sayings import COMMITTED
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
 from ..pddl.given import disjuncts, text_of
@@ -29,11 +36,13 @@ from ..sql.dialects.base import Session
 from ..sql.periods import (
     FoundFact,
     Pattern,
+    Subjects,
     find_facts,
     find_overlaps,
     read_meanings,
     read_names,
 )
+from ..sql.valid_periods import Instant
 from ..store.state import State
 from .evaluate import Compiler
 from .sweep import (
@@ -47,6 +56,18 @@ from .sweep import (
     object_id,
     read_range,
     revision_text,
+)
+from .valid_sweep import (
+    ENDLESS,
+    ValidPast,
+    ValidSweep,
+    check_range,
+    common,
+    instant_at,
+    is_same_time,
+    position_of,
+    read_past,
+    read_periods,
 )
 from .world import Row, World
 
@@ -81,23 +102,27 @@ class Held:
         binding: the objects of the free variables, by the names of the variables.
         since: the revision that made it hold; None if it held before the range, too.
         until: the revision that ended it; None if it still held at the end of the range.
+        since_time: when it began, on the clock that was asked for; None as `since`.
+        until_time: when it ended; None as `until`.
     """
 
     binding: Mapping[str, str]
     since: Revision | None
     until: Revision | None
+    since_time: datetime | None = None
+    until_time: datetime | None = None
 
     def _html_row_(self) -> html.Row:
         since, until = self.since, self.until
         return {
             **{f"?{name}": object_ for name, object_ in self.binding.items()},
             "since": "before the range" if since is None else since.number,
-            "begun at": None if since is None else since.committed_at,
+            "begun at": self.since_time,
             "begun by": None if since is None else since.actor,
             "reason": None if since is None else since.reason,
             "source": None if since is None else since.source_text,
             "until": "the end of the range" if until is None else until.number,
-            "ended at": None if until is None else until.committed_at,
+            "ended at": self.until_time,
             "ended by": None if until is None else until.actor,
             "reason of the end": None if until is None else until.reason,
             "source of the end": None if until is None else until.source_text,
@@ -108,9 +133,15 @@ class Held:
 
     def __str__(self) -> str:
         names = " ".join(self.binding.values())
-        begin = "before" if self.since is None else revision_text(self.since)
-        end = "the end" if self.until is None else revision_text(self.until)
+        begin = "before" if self.since is None else _end_text(self.since, self.since_time)
+        end = "the end" if self.until is None else _end_text(self.until, self.until_time)
         return f"{names}: {begin} until {end}" if names else f"{begin} until {end}"
+
+
+def _end_text(revision: Revision, time: datetime | None) -> str:
+    if time is None or time == revision.committed_at:
+        return revision_text(revision)
+    return f"{time.isoformat(timespec='seconds')} as of {revision_text(revision)}"
 
 
 class HeldPeriods(Sequence[Held]):
@@ -131,6 +162,7 @@ class HeldPeriods(Sequence[Held]):
         first: int,
         names: Mapping[int, str],
         read: Callable[[Collection[int]], Mapping[int, Revision]],
+        is_valid: bool = False,
     ) -> None:
         """Wrap what was found.
 
@@ -140,12 +172,14 @@ class HeldPeriods(Sequence[Held]):
             first: the first revision of the range.
             names: the names of the objects, by id.
             read: reads revisions by number.
+            is_valid: whether numbers are positions on the valid clock.
         """
         self.columns = expect_tuple(columns, str, "the columns of HeldPeriods")
         self._spans = spans
         self._first = first
         self._names = names
         self._read = read
+        self._is_valid = is_valid
         self._pages: dict[int, list[Held]] = {}
 
     @override
@@ -182,8 +216,8 @@ class HeldPeriods(Sequence[Held]):
         return [
             {
                 **{f"?{name}": object_ for name, object_ in held.binding.items()},
-                **_columns("since", held.since),
-                **_columns("until", held.until),
+                **_columns("since", held.since, held.since_time),
+                **_columns("until", held.until, held.until_time),
             }
             for held in self
         ]
@@ -207,25 +241,33 @@ class HeldPeriods(Sequence[Held]):
 
     def _load(self, spans: Sequence[Span]) -> list[Held]:
         numbers = {span.since for span in spans if span.since >= self._first}
-        revisions = self._read(numbers.union(span.until for span in spans if span.until))
-        names = self._names
-        return [
-            Held(
-                dict(zip(self.columns, (names[id_] for id_ in span.objects), strict=True)),
-                revisions.get(span.since),
-                None if span.until is None else revisions.get(span.until),
-            )
-            for span in spans
-        ]
+        numbers = numbers.union(span.until for span in spans if span.until)
+        said = {n: instant_at(n) for n in numbers} if self._is_valid else {}
+        revisions = self._read({said[n].revision for n in said} or numbers)
+
+        def end(number: int | None) -> tuple[Revision | None, datetime | None]:
+            instant = None if number is None else said.get(number)
+            if instant is not None:
+                return revisions[instant.revision], instant.time
+            found = None if number is None else revisions.get(number)
+            return found, None if found is None else found.committed_at
+
+        names, held = self._names, []
+        for span in spans:
+            objects = (names[id_] for id_ in span.objects)
+            binding = dict(zip(self.columns, objects, strict=True))
+            (since, begun), (until, ended) = end(span.since), end(span.until)
+            held.append(Held(binding, since, until, begun, ended))
+        return held
 
 
-def _columns(end: str, revision: Revision | None) -> dict[str, Any]:
+def _columns(end: str, revision: Revision | None, time: datetime | None) -> dict[str, Any]:
     if revision is None:
         columns = f"{end}_time", f"{end}_actor", f"{end}_reason", f"{end}_source"
         return dict.fromkeys((end, *columns))
     return {
         end: revision.number,
-        f"{end}_time": revision.committed_at,
+        f"{end}_time": time,
         f"{end}_actor": revision.actor,
         f"{end}_reason": revision.reason,
         f"{end}_source": revision.source,
@@ -240,6 +282,7 @@ def when(
     since: When | None = None,
     until: When | None = None,
     parameters: str | None = None,
+    clock: str = COMMITTED,
     **bindings: str | PddlObjectDto,
 ) -> HeldPeriods:
     """Find the periods during which a condition held, for each binding of its free variables.
@@ -255,6 +298,8 @@ def when(
         until: the last revision, or the latest time of commit; both inclusive.
         parameters: the free variables with their types, as `(?r - robot ?w - wp)`; by default
             those of the condition, which range over what its atoms allow.
+        clock: `committed`, or `valid` for when it was true, as it is known in this state: then
+            `since` and `until` are such times, and who began and ended a period is who said so.
         bindings: objects for some of the free variables, as names or DTOs.
 
     Returns:
@@ -262,7 +307,7 @@ def when(
 
     Raises:
         PddlError: the condition is not well-formed, or no state had all its names.
-        InvalidArgumentError: a binding names no free variable.
+        InvalidArgumentError: a binding names no free variable, or there is no such clock.
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
         ArchivedError: a part of the range was moved to an archive.
 
@@ -273,20 +318,21 @@ def when(
         rb1 1 2
     """
     store, upto = state
-    bounds = find_bounds(store, since, until, upto)
+    where: Bounds | ValidPast
+    if is_valid_clock(clock):
+        where = read_past(store, find_valid_range(store, since, until, upto))
+    else:
+        where = find_bounds(store, since, until, upto)
+    given = where.definitions if isinstance(where, ValidPast) else None
     text = text_of(condition, EXAMPLE)
-    questions = _questions(lambda part: ask(store, part, parameters, bindings, upto), text)
+    questions = _questions(lambda part: ask(store, part, parameters, bindings, upto, given), text)
 
     def work(session: Session, kb_id: int | None) -> tuple[list[Span], dict[int, str]]:
-        if kb_id is None:
-            return [], {}
-        span = read_range(session, kb_id, bounds)
-        if span.high < span.low:
-            return [], {}
-        found = [_Search(session, kb_id, question, span).run() for question in questions]
+        searches = [] if kb_id is None else _searches(session, kb_id, questions, where)
+        found = [search.run() for search in searches]
         spans = found[0] if len(found) == 1 else sorted(_united(found), key=span_order)
         objects = {id_ for span in spans for id_ in span.objects}
-        return spans, read_names(session, kb_id, sorted(objects)) if objects else {}
+        return spans, read_names(session, kb_id or 0, sorted(objects)) if objects else {}
 
     spans, names = store.query_in_snapshot(work)
 
@@ -295,8 +341,30 @@ def when(
             lambda session, kb_id: {} if kb_id is None else read_numbered(session, kb_id, numbers)
         )
 
-    columns = questions[0].columns
-    return HeldPeriods(columns, spans=spans, first=bounds.low, names=names, read=read)
+    return HeldPeriods(
+        questions[0].columns,
+        spans=spans,
+        first=where.low if isinstance(where, Bounds) else 1,
+        names=names,
+        read=read,
+        is_valid=isinstance(where, ValidPast),
+    )
+
+
+def _searches(
+    session: Session,
+    kb_id: int,
+    questions: Iterable[PastQuestion],
+    where: Bounds | ValidPast,
+) -> list[_Search]:
+    """Return the searches of a range; of an empty range, none."""
+    if isinstance(where, ValidPast):
+        check_range(session, kb_id, where.span)
+        return [_ValidSearch(session, kb_id, question, where) for question in questions]
+    span = read_range(session, kb_id, where)
+    if span.high < span.low:
+        return []
+    return [_Search(session, kb_id, question, span) for question in questions]
 
 
 def _questions(read: Callable[[str], PastQuestion], text: str) -> list[PastQuestion]:
@@ -387,14 +455,7 @@ class _Search:
     def _sweep(self) -> Iterator[Span]:
         """Evaluate the condition at each revision that touched what it mentions."""
         question = self._question
-        sweep = Sweep(
-            self._session,
-            self._kb_id,
-            [question.formula, *question.objects],
-            question.definitions,
-            self._range,
-            bool(question.free),
-        )
+        sweep = self._visits([question.formula, *question.objects], bool(question.free))
         held: dict[Row, int] = {}
         solutions: Solutions | None = None
         world: World | None = None
@@ -411,6 +472,59 @@ class _Search:
                 held.setdefault(row, visit.revision)
         for row, since in held.items():
             yield Span(since, row, None)
+
+    def _visits(self, nodes: Sequence[f.Node], ranges: bool) -> Sweep:
+        known = self._question.definitions
+        return Sweep(self._session, self._kb_id, nodes, known, self._range, ranges)
+
+
+class _ValidSearch(_Search):
+    """The same on the valid clock: revisions are positions on it."""
+
+    def __init__(
+        self, session: Session, kb_id: int, question: PastQuestion, past: ValidPast
+    ) -> None:
+        # Rules and meanings count that were known at any time of it.
+        span = Range(past.span.before + 1, past.span.known, 0)
+        super().__init__(session, kb_id, question, span)
+        self._past = past
+
+    @override
+    def run(self) -> list[Span]:
+        """Find the periods; those of one binding that no time parts are one, others take time."""
+        begin = position_of(Instant(self._past.span.since, 0))
+        found: dict[tuple[int, ...], list[Span]] = {}
+        for span in super().run():
+            own = found.setdefault(span.objects, [])
+            if span.until is not None and is_same_time(max(span.since, begin), span.until):
+                continue
+            if own and is_same_time(own[-1].until or 0, span.since):
+                own[-1] = own[-1]._replace(until=span.until)
+            else:
+                own.append(span)
+        return sorted(chain(*found.values()), key=span_order)
+
+    @override
+    def _join(self, atoms: Sequence[f.Atom]) -> Iterable[Span]:
+        session, kb_id, span = self._session, self._kb_id, self._past.span
+        patterns = [self._pattern(atom) for atom in atoms]
+        facts = find_facts(session, kb_id, patterns, 0, 0)
+        pairs = [*zip(patterns, facts, strict=True)]
+        whole = {one.owner for one in patterns if not one.is_restricted}
+        ids = {fact.id for one, own in pairs if one.is_restricted for fact in own}
+        which = Subjects(predicates=tuple(sorted(whole)), facts=tuple(sorted(ids)))
+        keys = {fact.id: (True, one.owner, fact.objects) for one, own in pairs for fact in own}
+        periods = read_periods(session, kb_id, which, span)
+        relations = [_Relation(*each) for each in zip(atoms, facts, strict=True)]
+        for objects, own in _combinations(
+            relations, [fold(one.name) for one in self._question.free]
+        ):
+            for since, until in common([periods.get(keys[id_], ()) for id_ in own]):
+                yield Span(since, objects, None if until == ENDLESS else until)
+
+    @override
+    def _visits(self, nodes: Sequence[f.Node], ranges: bool) -> Sweep:
+        return ValidSweep(self._session, self._kb_id, nodes, self._past, ranges)
 
 
 Solutions = Callable[[], set[Row]]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
 from itertools import count
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import (
     BigInteger,
@@ -40,9 +41,10 @@ from .rows import (
     VersionTable,
     held_at,
     is_of_version,
+    looked_up,
     table_of,
 )
-from .tables import ErasureRow, HeadRow
+from .tables import ErasureRow, HeadRow, RevisionRow
 
 # How the part is named that says which elements of a kind are live no more.
 GONE = "gone "
@@ -238,6 +240,78 @@ _ADVANCE = Query(
         *_parts(_newer_then),
     )
 )
+
+
+# What has but one clock is as it is known.
+_NAMED = "type", "object", "predicate", "function"
+
+
+def _was_lost(version: Any) -> ColumnElement[bool]:
+    """Return whether an element ended with a version after the revision `after`, up to `at`."""
+    table = version.since.table
+    later, owner = table.alias("later"), [*table.primary_key][1].name
+    again = select(later.c.since).where(
+        later.c.kb_id == KB,
+        later.c[owner] == table.c[owner],
+        later.c.since > version.since,
+        later.c.since <= THEN,
+    )
+    return and_(version.until > _AFTER, version.until <= THEN, ~again.correlate(table).exists())
+
+
+_LOST = Query(
+    lambda: union_all(
+        *(_version_part(KIND_TABLES[kind], _was_lost) for kind in _NAMED),
+        *(
+            _list_part(kind, list_, _was_lost)
+            for kind, list_ in _LISTS
+            if kind.identity.name in _NAMED
+        ),
+    )
+)
+
+
+class Lost(NamedTuple):
+    """An element that is defined no more: its last definition, when it ended, and in what."""
+
+    kind: str
+    id: int
+    text: str
+    time: datetime
+    revision: int
+
+
+def _end_of(kind: str) -> Select[Any]:
+    table = KIND_TABLES[kind].version.table
+    time = looked_up(RevisionRow.committed_at, RevisionRow.number, table.c.until)
+    owner = KIND_TABLES[kind].version.owner
+    columns: tuple[Any, ...] = literal_column(f"'{kind}'"), owner, table.c.text, time
+    named = select(*columns, table.c.until.label("ended"))
+    return named.where(table.c.kb_id == KB, _was_lost(table.c))
+
+
+_ENDS = Query(lambda: union_all(*map(_end_of, _NAMED)).order_by("ended"))
+
+
+def read_lost(session: Session, kb_id: int, after: int, at: int) -> list[Lost]:
+    """Read which types, objects, predicates and functions ended for good between two revisions."""
+    found = []
+    for kind, id_, definition, time, revision in session.rows(_ENDS, kb=kb_id, after=after, at=at):
+        with reading_rows("revision", f"revision {revision!r}"):
+            found.append(Lost(kind, id_, definition, session.to_time(time), revision))
+    return found
+
+
+def with_lost(
+    session: Session, kb_id: int, definitions: Definitions, after: int, at: int
+) -> Definitions:
+    """Add to the definitions of a revision those that ended for good after an earlier one."""
+    return evolve(definitions, session.rows(_LOST, kb=kb_id, after=after, at=at))
+
+
+def without(definitions: Definitions, lost: Iterable[Lost]) -> Definitions:
+    """Take elements from definitions."""
+    return evolve(definitions, [(f"{GONE}{one.kind}", one.id) for one in lost])
 
 
 def load(session: Session, kb_id: int) -> tuple[int, Definitions]:

@@ -23,6 +23,7 @@ from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from .query import Query, first_rows, integer
 from .rows import FACT, GOAL, KB, VALUE
 from .tables import FunctionValueVersionRow, PropositionVersionRow
+from .valid_periods import ValidRange
 
 # Lanes with an object, or of a window of few revisions, are listed up to here. Where there are
 # more, they are met soon enough among all.
@@ -119,18 +120,35 @@ class LanePlace(NamedTuple):
 
 
 class FoundLane(NamedTuple):
-    """A lane that has a version in a window; `began` is how many began there, up to a limit."""
+    """A lane that has a version in a window; `began` is how many began there, up to a limit.
+
+    On the clock of valid times, `said` is how much was said of times up to the end of the window.
+    """
 
     id: int
     place: LanePlace
     text: str
     began: int
+    said: int = 0
 
 
 def _began(loops: NestedLoops, source: LaneSource, owner: str, after: str, upto: str) -> str:
     """Write how many versions began after a revision, up to another one and up to a limit."""
     part = loops.part(source.walk("v", owner), after, upto, ":enough", "v.since")
     return f"(SELECT count(*) FROM ({part}) AS few)"
+
+
+def _is_said(source: LaneSource, alias: str) -> str:
+    """Write whether something was said of a time of the window."""
+    return (
+        f"EXISTS (SELECT 1 FROM {source.identity}_saying AS s WHERE s.kb_id = :kb"
+        f" AND s.{source.owner} = {alias}.id AND s.since <= :known"
+        " AND s.valid_from <= :until AND s.valid_until > :begin)"
+    )
+
+
+def _has_sayings(kind: str) -> bool:
+    return kind in (FACT, VALUE)
 
 
 def _until(loops: NestedLoops, source: LaneSource, identity: str, is_changed: bool) -> str:
@@ -157,7 +175,12 @@ def _places_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter) -> 
 
 
 def _lanes_text(
-    loops: NestedLoops, source: LaneSource, wanted: LaneFilter, is_listed: bool, is_changed: bool
+    loops: NestedLoops,
+    source: LaneSource,
+    wanted: LaneFilter,
+    is_listed: bool,
+    is_changed: bool,
+    is_valid: bool,
 ) -> str:
     place = f"p.{source.group}, p.arguments"
     last = _until(loops, source, "p.id", is_changed)
@@ -166,22 +189,60 @@ def _lanes_text(
     if is_listed:
         tables = f"{loops.rows('ids', 1)} AS listed"
         tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.id0")
+    is_there, said = f"{last} > :low", "0"
+    if is_valid:
+        is_there = f"({is_there} OR {_is_said(source, 'p')})"
+        said = (
+            f"(SELECT count(*) FROM (SELECT 1 FROM {source.identity}_saying AS s"
+            f" WHERE s.kb_id = :kb AND s.{source.owner} = found.id AND s.since <= :known"
+            " AND s.valid_from <= :until LIMIT :enough) AS few)"
+        )
     found = (
         f"SELECT p.id, {place}, p.text FROM {tables}"
-        f" WHERE {conditions} AND {last} > :low ORDER BY {place} LIMIT :most"
+        f" WHERE {conditions} AND {is_there} ORDER BY {place} LIMIT :most"
     )
     began = _began(loops, source, "found.id", ":low", ":high")
-    return f"SELECT found.*, {began} FROM ({found}) AS found"
+    return f"SELECT found.*, {began}, {said} FROM ({found}) AS found"
 
 
 @cache
-def _lanes(dialect: str, kind: str, has: LaneFilter, is_listed: bool, is_changed: bool) -> Query:
+def _lanes(
+    dialect: str, kind: str, has: LaneFilter, is_listed: bool, is_changed: bool, is_valid: bool
+) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    return Query(text(_lanes_text(loops, source, has, is_listed, is_changed)))
+    return Query(text(_lanes_text(loops, source, has, is_listed, is_changed, is_valid)))
 
 
 @cache
-def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter) -> Query:
+def _said_in(kind: str) -> Query:
+    source = LANE_SOURCES[kind]
+    return Query(
+        text(
+            f"SELECT DISTINCT {source.owner} FROM (SELECT s.{source.owner}"
+            f" FROM {source.identity}_saying AS s WHERE s.kb_id = :kb AND s.since <= :known"
+            " AND s.valid_from <= :until AND s.valid_until > :begin"
+            f" LIMIT {MOST_LISTED + 1}) AS few"
+        )
+    )
+
+
+_FIRST_SAID = Query(
+    text(
+        "SELECT min(first) FROM (SELECT min(valid_from) AS first FROM proposition_saying"
+        " WHERE kb_id = :kb AND since <= :known UNION ALL SELECT min(valid_from)"
+        " FROM function_value_saying WHERE kb_id = :kb AND since <= :known) AS each"
+    )
+)
+
+
+def first_said(session: Session, kb_id: int, known: int) -> datetime | None:
+    """Read the first time of which something was said; None if nothing was."""
+    row = session.first(_FIRST_SAID, kb=kb_id, known=known)
+    return None if row is None or row[0] is None else session.to_time(row[0])
+
+
+@cache
+def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter, is_valid: bool) -> Query:
     """Build the query of how many lanes never changed, among so many of each kind."""
     loops, counts = NESTED_LOOPS[dialect], []
     for kind in kinds:
@@ -189,9 +250,11 @@ def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter) -> Query:
         wanted = _places_text(loops, source, has)
         place = f"p.{source.group}, p.arguments"
         few = f"SELECT p.id FROM {source.relation} AS p WHERE {wanted} ORDER BY {place} LIMIT :most"
-        last = _until(loops, source, "few.id", True)
+        same = f"{_until(loops, source, 'few.id', True)} = 0"
+        if is_valid and _has_sayings(kind):
+            same += f" AND NOT {_is_said(source, 'few')}"
         counts.append(
-            f"SELECT count(*) AS looked, sum(CASE WHEN {last} = 0 THEN 1 ELSE 0 END) AS same"
+            f"SELECT count(*) AS looked, sum(CASE WHEN {same} THEN 1 ELSE 0 END) AS same"
             f" FROM ({few}) AS few"
         )
     return Query(text(f"SELECT sum(same), max(looked) FROM ({' UNION ALL '.join(counts)}) AS each"))
@@ -231,7 +294,12 @@ def _in_window(kind: str, is_changed: bool) -> Query:
 
 
 def _list_window(
-    session: Session, kb_id: int, kind: str, bounds: tuple[int, int], settled: int | None
+    session: Session,
+    kb_id: int,
+    kind: str,
+    bounds: tuple[int, int],
+    settled: int | None,
+    valid: dict[str, Any] | None,
 ) -> Ids:
     """List what has a version in a window of few revisions; None if it is too much."""
     low, high = bounds
@@ -243,7 +311,9 @@ def _list_window(
     begin = settled if is_changed and not low else low
     query = _in_window(kind, is_changed)
     rows = session.rows(query, kb=kb_id, high=high, begin=begin, **given)
-    is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1))
+    if valid is not None:
+        rows = [*rows, *((2, id_) for (id_,) in session.rows(_said_in(kind), kb=kb_id, **valid))]
+    is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1, 2))
     return None if is_much else sorted({id_ for _, id_ in rows})
 
 
@@ -262,6 +332,13 @@ def _given(session: Session, wanted: LaneFilter) -> dict[str, Any]:
     return given
 
 
+def _valid(session: Session, span: ValidRange | None) -> dict[str, Any] | None:
+    if span is None:
+        return None
+    ends = session.from_time(span.since), session.from_time(span.until)
+    return {"begin": ends[0], "until": ends[1], "known": span.known}
+
+
 def _has(wanted: LaneFilter) -> LaneFilter:
     return LaneFilter(*("" if value is not None else None for value in wanted))
 
@@ -274,13 +351,15 @@ def count_unchanged(
     bounds: tuple[int, int],
     settled: int,
     most: int,
+    valid: ValidRange | None = None,
 ) -> tuple[int, bool]:
     """Count the lanes that `settled` of `find_lanes` leaves out, in one statement.
 
     At most `most` lanes of each kind are looked at; the flag says whether there were more.
     """
-    query = _unchanged(session.backend.dialect.name, tuple(kinds), _has(wanted))
-    given = _given(session, wanted)
+    dialect = session.backend.dialect.name
+    query = _unchanged(dialect, tuple(kinds), _has(wanted), valid is not None)
+    given = {**_given(session, wanted), **(_valid(session, valid) or {})}
     row = session.first(
         query, kb=kb_id, low=bounds[0], high=bounds[1], settled=settled, most=most + 1, **given
     )
@@ -297,6 +376,7 @@ def find_lanes(
     most: int,
     enough: int,
     settled: int | None = None,
+    valid: ValidRange | None = None,
 ) -> list[FoundLane]:
     """Find the lanes of a kind that have a version in a window, in three statements at most.
 
@@ -305,11 +385,13 @@ def find_lanes(
         enough: how many versions of a lane are counted.
         settled: leave out what held through the window, or was there by this revision for the
             first time and held to the end; None for nothing.
+        valid: the window on the clock of valid times; None: on that of revisions.
     """
     given = _given(session, wanted)
     if settled is not None:
         given["settled"] = settled
-    ids = _list_window(session, kb_id, kind, bounds, settled)
+    times = _valid(session, valid) if _has_sayings(kind) else None
+    ids = _list_window(session, kb_id, kind, bounds, settled, times)
     if ids is None and wanted.object is not None:
         ids = _list_with_object(session, kb_id, kind, wanted.object)
         if ids is not None:
@@ -319,15 +401,15 @@ def find_lanes(
         if not ids:
             return []
         given["ids"] = id_rows(ids)
-    has, is_listed = _has(wanted), ids is not None
-    query = _lanes(session.backend.dialect.name, kind, has, is_listed, settled is not None)
+    shape = ids is not None, settled is not None, times is not None
+    query = _lanes(session.backend.dialect.name, kind, _has(wanted), *shape)
+    given |= times or {}
     low, high = bounds
     rows = session.rows(
         query, kb=kb_id, **after._asdict(), low=low, high=high, most=most, enough=enough, **given
     )
     return [
-        FoundLane(id_, LanePlace(group, arguments), text, began)
-        for id_, group, arguments, text, began in rows
+        FoundLane(id_, LanePlace(group, arguments), *rest) for id_, group, arguments, *rest in rows
     ]
 
 

@@ -268,7 +268,10 @@ NARROW = 10
 
 
 class Touch(NamedTuple):
-    """A fact or a value (a number as text, or an object's id) that began or ended to hold."""
+    """A fact or a value (a number as text, or an object's id) that began or ended to hold.
+
+    Its revision is the one that said so.
+    """
 
     revision: int
     is_end: bool
@@ -323,8 +326,8 @@ class _Part(NamedTuple):
         """The column by which they are found."""
         return self.owner if self.by_owner else self.id
 
-    def select(self, leading: str) -> str:
-        """Select the versions of the alias `v`, without its table."""
+    def select(self, leading: str, time: str = "") -> str:
+        """Select the versions of the alias `v`, without its table; `time` is another column."""
         arguments = (
             f"(SELECT i.arguments FROM {self.identity} AS i"
             f" WHERE i.kb_id = :kb AND i.id BETWEEN v.{self.id} AND v.{self.id}"
@@ -332,7 +335,7 @@ class _Part(NamedTuple):
         )
         return (
             f"SELECT {leading}, {self.columns.format(owner=f'v.{self.owner} AS owner')}"
-            f", {arguments} AS arguments"
+            f", {arguments} AS arguments{time}"
         )
 
 
@@ -354,7 +357,7 @@ _VALUES = (
     "",
 )
 # In the order of `Subjects`.
-_PARTS = (
+PARTS = (
     _Part(*_FACTS, True),
     _Part(*_FACTS, False),
     _Part(*_VALUES, True),
@@ -362,14 +365,21 @@ _PARTS = (
 )
 
 
+_TIME = (
+    ", (SELECT r.committed_at FROM revision AS r WHERE r.kb_id = :kb"
+    " AND r.number BETWEEN v.{0} AND v.{0} ORDER BY r.number LIMIT 1) AS committed_at"
+)
+
+
 @cache
-def _touches(dialect: str, places: tuple[int, ...], is_narrow: bool) -> Query:
+def _touches(dialect: str, places: tuple[int, ...], is_narrow: bool, is_timed: bool) -> Query:
     loops = NESTED_LOOPS[dialect]
     parts = []
     for place in places:
-        part, wanted = _PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
+        part, wanted = PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
         for is_end, end in (("0", "since"), ("1", "until")):
-            leading = part.select(f"v.{end} AS revision, {is_end} AS is_end")
+            time = _TIME.format(end) if is_timed else ""
+            leading = part.select(f"v.{end} AS revision, {is_end} AS is_end", time)
             # An expression has no index, so that the other one is used.
             own = f"v.{end} > :after AND v.{end} <= :high{part.condition}"
             if is_narrow and part.by_owner:
@@ -389,19 +399,20 @@ def _state(dialect: str, places: tuple[int, ...]) -> Query:
     loops = NESTED_LOOPS[dialect]
     parts = []
     for place in places:
-        part, tables = _PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
+        part, tables = PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
         which = f"v.kb_id = :kb AND v.{part.key} = wanted.id0{part.condition}"
         if part.by_owner:
             # See `intervals.py`: the index of an owner's versions goes on with the fork.
             tables += f" CROSS JOIN {loops.rows('forks', 1)} AS forked"
             which += " AND v.fork = forked.id0"
         which += " AND v.since <= :at AND (v.until IS NULL OR v.until > :at)"
-        leading = part.select("0 AS revision, 0 AS is_end")
+        leading = part.select("v.since AS revision, 0 AS is_end")
         parts.append(f"{leading} FROM {tables}{loops.loop('v', part.table, which)}")
     return Query(text(" UNION ALL ".join(parts)))
 
 
-def _parameters(kb_id: int, which: Subjects) -> tuple[tuple[int, ...], dict[str, Any]]:
+def parameters_of(kb_id: int, which: Subjects) -> tuple[tuple[int, ...], dict[str, Any]]:
+    """Return which parts are asked for, and what they are given."""
     places = tuple([place for place, ids in enumerate(which) if ids])
     values: dict[str, Any] = {"kb": kb_id}
     values |= {f"which{place}": id_rows(which[place]) for place in places}
@@ -412,28 +423,46 @@ def _parameters(kb_id: int, which: Subjects) -> tuple[tuple[int, ...], dict[str,
 
 def state_of(session: Session, kb_id: int, which: Subjects, at: int) -> Iterator[Touch]:
     """Read what held at a revision, of what matters, in one statement."""
-    places, values = _parameters(kb_id, which)
+    places, values = parameters_of(kb_id, which)
     if not places:
         return iter(())
     if not {0, 2}.isdisjoint(places):
         values["forks"] = id_rows(forks_at(at))
     query = _state(session.backend.dialect.name, places)
-    return map(_touch, session.rows(query, **values, at=at))
+    return map(touch_of, session.rows(query, **values, at=at))
 
 
 def stream_touches(
     session: Session, kb_id: int, which: Subjects, after: int, high: int
 ) -> Iterator[Touch]:
     """Read what began and ended after a revision, in order, in constant memory."""
-    places, values = _parameters(kb_id, which)
-    if not places:
+    return map(touch_of, _stream(session, kb_id, which, after, high, False))
+
+
+def stream_timed_touches(
+    session: Session, kb_id: int, which: Subjects, after: int, high: int
+) -> Iterator[tuple[datetime, Touch]]:
+    """Read them with the times at which their revisions were committed."""
+    for row in _stream(session, kb_id, which, after, high, True):
+        with reading_rows("revision", f"revision {row[0]!r}"):
+            time = session.to_time(row[7])
+        yield time, touch_of(row[:7])
+
+
+def _stream(
+    session: Session, kb_id: int, which: Subjects, after: int, high: int, is_timed: bool
+) -> Iterator[Row]:
+    places, values = parameters_of(kb_id, which)
+    if not places or after >= high:
         return iter(())
     # Changes of a short range are found by revision, those of most of the past by predicate.
-    query = _touches(session.backend.dialect.name, places, (high - after) * NARROW < high)
-    return map(_touch, session.stream(query, **values, after=after, high=high))
+    is_narrow = (high - after) * NARROW < high
+    query = _touches(session.backend.dialect.name, places, is_narrow, is_timed)
+    return session.stream(query, **values, after=after, high=high)
 
 
-def _touch(row: Any) -> Touch:
+def touch_of(row: Any) -> Touch:
+    """Read a row."""
     revision, is_end, is_fact, owner, value, object_id, arguments = row
     objects = tuple([int(one) for one in arguments.split()])
     held = value if object_id is None else object_id

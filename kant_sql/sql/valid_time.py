@@ -106,7 +106,7 @@ def _said(version: Table, sayings: Table, owner: str, holds: Any, **own: Any) ->
     said = sayings.alias("s").c
     own = {name: value(said) for name, value in own.items()}
     rows = select(*_columns(version, said, since=_hidden(said.since), **own))
-    among = in_list(said.fork, "valid_periods")
+    among = in_list(said.fork, "valid_periods", bounded=said.valid_from)
     return rows.where(among, _covers(said), holds(said), _unsaid(sayings, owner, said, said.since))
 
 

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from datetime import datetime
 from functools import partial
-from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
@@ -237,6 +237,10 @@ _MOMENT += "`2 hours ago` or `yesterday 14:03`"
 At = Annotated[str | None, Query(description=f"Which state: {_MOMENT}; by default the present.")]
 SinceMoment = Annotated[str | None, Query(description=f"Only from then on, inclusive: {_MOMENT}.")]
 UntilMoment = Annotated[str | None, Query(description=f"Only up to then, inclusive: {_MOMENT}.")]
+Clock = Annotated[
+    Literal["committed", "valid"],
+    Query(description="`committed`: by revisions; `valid`: by when it was true, as it is known."),
+]
 Before = Annotated[
     int | None, Query(ge=0, description="Only revisions before this one: the next page.")
 ]

@@ -13,7 +13,7 @@ from ...moment_text import Moment
 from ...reasoning.complete import Completion
 from ...reasoning.failures import FailedCondition
 from ...reasoning.when import Held
-from ..registry import Pages, moment
+from ..registry import Clock, Pages, moment
 
 PAGES = Pages("conditions")
 
@@ -84,6 +84,7 @@ def ask(
     since: Since = "",
     until: Until = "",
     parameters: Parameters = "",
+    clock: Clock = "committed",
     limit: Limit = 200,
 ) -> AskPage:
     """Ask a condition: for which objects it holds in a state, or in which periods it held."""
@@ -92,7 +93,8 @@ def ask(
     typed = parameters.strip() or None
     if mode == "state":
         return AskPage(condition, state=_answers(kb, condition, moment(at), typed, limit))
-    return AskPage(condition, when=_periods(kb, condition, (moment(since), moment(until)), typed))
+    bounds = moment(since), moment(until)
+    return AskPage(condition, when=_periods(kb, condition, bounds, typed, clock))
 
 
 @PAGES.json("/names")
@@ -126,11 +128,12 @@ def _periods(
     condition: str | Formula,
     bounds: tuple[Moment | None, Moment | None],
     parameters: str | None,
+    clock: str,
 ) -> FoundPeriods:
     since, until = bounds
-    found = kb.when(condition, since=since, until=until, parameters=parameters)
+    found = kb.when(condition, since=since, until=until, parameters=parameters, clock=clock)
     shown = [found[index] for index in range(min(len(found), MOST_PERIODS))]
-    begun = [held.since.committed_at for held in shown if held.since is not None]
+    begun = [held.since_time for held in shown if held.since_time is not None]
     begin = _time_of(kb, since) or min(begun, default=datetime.now(UTC))
     # Up to the last revision: of an old recording, bars up to now would be too thin to see.
     end = _time_of(kb, kb.revision if until is None else until) or begin

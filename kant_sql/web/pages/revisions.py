@@ -16,6 +16,7 @@ from ..registry import (
     After,
     At,
     Before,
+    Clock,
     ElementText,
     ObjectName,
     Pages,
@@ -89,7 +90,11 @@ OtherState = Annotated[
 
 @PAGES.page("/difference", "difference.html", rows=["changes"])
 def difference(
-    kb: KnowledgeBase, a: OneState = "", b: OtherState = "", after: After = None
+    kb: KnowledgeBase,
+    a: OneState = "",
+    b: OtherState = "",
+    clock: Clock = "committed",
+    after: After = None,
 ) -> DifferencePage:
     """Compare two states: what only one of them has, by kind, and the log between them."""
     other = moment(b)
@@ -98,7 +103,7 @@ def difference(
     one = moment(a)
     if one is None:
         one = max(0, kb.at(other).revision - 1)
-    found = read_difference(state_of(kb), one, other, after, CHANGES)
+    found = read_difference(state_of(kb), one, other, after, CHANGES, clock)
     low, high = sorted((found.a, found.b))
     between = (
         LogPage(0, [])

@@ -14,7 +14,7 @@ from ...history.window import TIMELINE_KINDS
 from ...json_values import JsonValue
 from ...knowledge.canonical import time_text
 from ...knowledge_base import KnowledgeBase
-from ..registry import ElementText, ObjectName, Pages, SinceMoment, UntilMoment, moment
+from ..registry import Clock, ElementText, ObjectName, Pages, SinceMoment, UntilMoment, moment
 from ..rendering import link
 from .revisions import PredicateName
 
@@ -84,6 +84,7 @@ def timeline(
     after: AfterLane = None,
     unchanged: Unchanged = False,
     slices: Slices = 600,
+    clock: Clock = "committed",
 ) -> Timeline:
     """Show what held when: a lane for each fact, goal and fluent, and plans with their outcomes.
 
@@ -100,4 +101,5 @@ def timeline(
         after=after or None,
         unchanged=unchanged,
         slices=slices,
+        clock=clock,
     )
