@@ -316,7 +316,7 @@ def test_a_period_takes_two_statements_more_however_much_is_said(kb: KnowledgeBa
     say(60, 9)
     kb.propositions.delete_all(facts)
     plain = count(save)
-    assert say(3, 5) == say(60, 3) <= plain + 2
+    assert say(30, 5) == say(60, 3) <= plain + 2
 
 
 def test_many_facts_are_said_in_parts(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
