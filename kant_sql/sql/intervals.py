@@ -180,8 +180,9 @@ class SayingTable(VersionTable):
 
     def __init__(self, mapped: type[Base], owner: str, *columns: str) -> None:
         """Build the statements."""
-        table = table_of(mapped)
-        super().__init__(owner, table)
+        # Nothing that was said ends, so no statement does that.
+        self.table = table = table_of(mapped)
+        self.owner, self.children = table.c[owner], ()
         self.unmake = (
             IdsQuery(delete(table), self.owner, lambda t: (t.c.kb_id == KB, t.c.since == THEN)),
         )

@@ -230,14 +230,14 @@ I = TypeVar("I", bound="GroundAtom | GroundFluent")  # noqa: E741
 _UNSAID: Row = (None, None)
 
 
-class Said(NamedTuple):
+class NewSaying(NamedTuple):
     """What a revision says of an element: the columns of its row after the keys, and its text."""
 
     columns: Row
     text: str
 
 
-class SayingLedger(Ledger[int, Said]):
+class SayingLedger(Ledger[int, NewSaying]):
     """What a transaction says of its period, of facts or of fluents: at most once of each."""
 
     versions: SayingTable
@@ -272,7 +272,7 @@ class SayingLedger(Ledger[int, Said]):
 
     def say(self, id_: int, columns: Row, text: str) -> bool:
         """Say something of an element; return whether that is a change."""
-        said = None if self.last(id_)[0] == text else Said(columns, text)
+        said = None if self.last(id_)[0] == text else NewSaying(columns, text)
         if said == self.now(id_):
             return False
         self.put(id_, said)
@@ -284,15 +284,15 @@ class SayingLedger(Ledger[int, Said]):
         for table in (self._last, self.changes, self._written):
             table.clear()
 
-    def _unwritten(self) -> tuple[list[int], list[int], list[int], list[tuple[int, Said]]]:
+    def _unwritten(self) -> tuple[list[int], list[int], list[int], list[tuple[int, NewSaying]]]:
         every = [*self.pending] if self._was_spilled else []
         closed, unmade, reopened, opened = super()._unwritten()
         return closed, every or unmade, reopened, opened
 
-    def _line(self, key: int, value: Said) -> tuple[str, str]:
+    def _line(self, key: int, value: NewSaying) -> tuple[str, str]:
         return SAYING, value.text
 
-    def _rows(self, opened: list[tuple[int, Said]]) -> Iterable[tuple[Insert, list[Row]]]:
+    def _rows(self, opened: list[tuple[int, NewSaying]]) -> Iterable[tuple[Insert, list[Row]]]:
         place, ends = (self.context.number,), self._ends
         kb = self.context.kb_id
         rows = [(kb, id_, *place, *ends, text, *columns) for id_, (columns, text) in opened]
