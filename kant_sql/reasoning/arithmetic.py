@@ -101,8 +101,8 @@ LINEARS: Numbers[Linear] = Numbers(lambda number: Linear(Fraction(number), Fract
 def decimal_of(number: Exact) -> Decimal:
     """Convert a number as it is written: exactly, unless it has no end or too many digits."""
     if isinstance(number, Decimal):
-        _, digits, exponent = number.as_tuple()
-        if len(digits) <= ROUNDED_DIGITS and -ROUNDED_DIGITS <= int(exponent) <= 0:
+        text = str(number)
+        if len(text) <= ROUNDED_DIGITS and "E" not in text:
             # Few digits, as most have: there is nothing to round.
             return number
         return calculate(INCREASE, number, Decimal(0))

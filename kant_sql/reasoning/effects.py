@@ -280,7 +280,7 @@ def combined(
             return FailedCondition(text, "the step assigns it several values")
         value = values.pop()
         return value if isinstance(value, int) else decimal_of(value)
-    if not any(operators <= group for group in _GROUPS):
+    if len(made) > 1 and not any(operators <= group for group in _GROUPS):
         return FailedCondition(text, "the step both adds to it and scales it")
     # The cost of a plan begins at 0, also where the problem does not say so, as VAL has it.
     if before is None and fold(text) != f"({TOTAL_COST})":

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from itertools import islice
-from operator import attrgetter, or_
+from operator import attrgetter, methodcaller, or_
 from threading import RLock
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary, WeakValueDictionary
@@ -221,15 +221,20 @@ def _negated(test: Judge) -> Judge:
     return lambda bits, values: not test(bits, values)
 
 
-def _compared(by: Any, left: NumberIn, right: NumberIn) -> Judge:
+def _compared(by: Callable[[Any, Any], bool] | None, left: NumberIn, right: NumberIn) -> Judge:
     if by is None:
         return lambda bits, values: left(values) is not None
 
     def test(bits: int, values: Values) -> bool:
         first, second = left(values), right(values)
-        return first is not None and second is not None and bool(by(first, second))
+        return first is not None and second is not None and by(first, second)
 
-    return test
+    def with_number(bits: int, values: Values) -> bool:
+        first = left(values)
+        return first is not None and by(first, number)
+
+    number = right.args[0] if isinstance(right, partial) else None
+    return test if number is None else with_number
 
 
 def _number(
@@ -240,8 +245,7 @@ def _number(
         pick, function = compiler.picker(quantity.terms), quantity.function
 
         def fluent(env: Env) -> NumberIn:
-            key = function, pick(env)
-            return lambda values: values.get(key)  # type: ignore[return-value]
+            return methodcaller("get", (function, pick(env)))
 
         return fluent
     if isinstance(quantity, Operation):
@@ -255,10 +259,13 @@ def _number(
     number = compiler.number(quantity)
 
     def constant(env: Env) -> NumberIn:
-        found = number(env, EXACT)
-        return lambda values: found
+        return partial(_given, number(env, EXACT))
 
     return constant
+
+
+def _given(number: Exact | None, values: Values) -> Exact | None:
+    return number
 
 
 # An effect on facts: what it needs, the bits that it deletes, and those that it adds.
