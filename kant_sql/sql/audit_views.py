@@ -113,6 +113,25 @@ def _view(
     return AuditView(f"{PREFIX}{name}", together, tuple(order.split()), window)
 
 
+# What was true of a time, and as it was known.
+_VALID = {
+    **{
+        f"valid_{end}{unit}": type_
+        for end in ("from", "until")
+        for unit, type_ in (("", _TIME), ("_epoch", _DOUBLE))
+    },
+    "known_since": _INTEGER,
+    "known_since_at": _TIME,
+    "known_since_epoch": _DOUBLE,
+    "known_by": _TEXT,
+    "known_reason": _TEXT,
+    "known_until": _INTEGER,
+    "known_until_at": _TIME,
+    "known_until_epoch": _DOUBLE,
+    "corrected_by": _TEXT,
+    "corrected_reason": _TEXT,
+}
+_KNOWN = "known_since <= :high AND COALESCE(known_until >= :low, TRUE)"
 _FACTS = {**_FACT, "arguments": _TEXT, "text": _TEXT}, _INTERVAL
 AUDIT_VIEWS = {
     view.name: view
@@ -152,6 +171,20 @@ AUDIT_VIEWS = {
             _HELD,
             {**_VALUE, "arguments": _TEXT, "fluent": _TEXT, "value": _TEXT, "number": _DOUBLE},
             {"text": _TEXT, **_INTERVAL},
+        ),
+        _view(
+            "fact_valid",
+            "known_since proposition_id valid_from",
+            _KNOWN,
+            {"proposition_id": _INTEGER, "predicate": _TEXT, "arguments": _TEXT, "text": _TEXT},
+            _VALID,
+        ),
+        _view(
+            "value_valid",
+            "known_since function_value_id valid_from",
+            _KNOWN,
+            {**_VALUE, "arguments": _TEXT, "fluent": _TEXT, "value": _TEXT, "number": _DOUBLE},
+            _VALID,
         ),
         _view(
             "value_argument",

@@ -40,7 +40,7 @@ from ..knowledge.resolved import (
 )
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .comparisons import ComparisonWriter
-from .dialects.words import Words
+from .dialects.words import COVERS, RAW, Words
 from .estimates import COUNTED, Size, sample
 
 # The first arguments of a fact that its version has, too.
@@ -376,7 +376,9 @@ class ConditionWriter(ABC):
         """Write that an interned atom holds."""
         version = self.alias("v")
         key = f"{version}.kb_id = :kb AND {version}.proposition_id = {atom}.id"
-        if not self.is_past or self.words.is_one_state:
+        if self.words.is_one_state:
+            return self._true_of(atom, version, key)
+        if not self.is_past:
             where = [key, f"{version}.until IS NULL"]
             return self.exists(f"proposition_version AS {version}", where)
         # The last version that began by then: a fact may have come and gone a million times.
@@ -384,6 +386,22 @@ class ConditionWriter(ABC):
             f"COALESCE((SELECT COALESCE({version}.until, :at + 1) FROM proposition_version AS "
             f"{version} WHERE {key} AND {version}.since <= :at ORDER BY {version}.since DESC "
             "LIMIT 1), 0) > :at"
+        )
+
+    def _true_of(self, atom: str, version: str, key: str) -> str:
+        """Write that an atom held in valid time: as was last said, or else as it was known then."""
+        said = self._said("proposition", f"{atom}.id", "CASE WHEN s.holds THEN 2 ELSE 1 END")
+        return (
+            f"COALESCE({said}, (SELECT CASE WHEN {version}.until <= :valid_state THEN 1 ELSE 2 END "
+            f"FROM {RAW}proposition_version AS {version} WHERE {key} AND {version}.since <= "
+            f":valid_state ORDER BY {version}.since DESC LIMIT 1), 1) = 2"
+        )
+
+    def _said(self, table: str, id_: str, wanted: str) -> str:
+        """Write a lookup of what was last said of one element that covers the time."""
+        return (
+            f"(SELECT {wanted} FROM {table}_saying AS s WHERE {COVERS.format('s')} AND "
+            f"s.{table}_id = {id_} ORDER BY s.since + 0 DESC LIMIT 1)"
         )
 
     def _fact_holds(self, fact: HoldsFact, places: Places) -> str:
@@ -490,15 +508,20 @@ class ConditionWriter(ABC):
             f"{version}.function_value_id = ({id_})",
             self.held(version),
         ]
-        if self.is_past and not self.words.is_one_state:
-            # The last that began by then; a fluent may have had a million values.
-            last = self.alias("w")
-            where.append(
-                f"{version}.since = (SELECT {last}.since FROM function_value_version AS {last} "
-                f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = ({id_}) "
-                f"AND {last}.since <= :at ORDER BY {last}.since DESC LIMIT 1)"
-            )
-        return f"function_value_version AS {version}", where
+        if not self.is_past:
+            return f"function_value_version AS {version}", where
+        # The last that began by then; a fluent may have had a million values.
+        last, is_true = self.alias("w"), self.words.is_one_state
+        table, at = (f"{RAW}", ":valid_state") if is_true else ("", ":at")
+        since = (
+            f"(SELECT {last}.since FROM {table}function_value_version AS {last} "
+            f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = ({id_}) "
+            f"AND {last}.since <= {at} ORDER BY {last}.since DESC LIMIT 1)"
+        )
+        if is_true:
+            since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
+        where.append(f"{version}.since = {since}")
+        return f"function_value_{'found' if is_true else 'version'} AS {version}", where
 
     # Joins.
 

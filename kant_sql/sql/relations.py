@@ -184,13 +184,14 @@ class ConditionCompiler(JoinWriter):
         # The forks as a table: for `fork IN` a planner without statistics expects few rows, and
         # then compares all of them with each row that they are joined to.
         selection = JoinedTables(self.words, {})
-        selection.tables = [f"{self.words.each.format(':forks')} AS f0"]
+        if not self.words.is_one_state:
+            selection.tables = [f"{self.words.each.format(':forks')} AS f0"]
+            selection.where = ["v0.fork = f0.value"]
         selection.tables.append("proposition_version AS v0")
-        selection.where = [
+        selection.where += [
             "v0.kb_id = :kb",
             f"v0.predicate_id = {self.parameter(predicate)}",
             self.words.is_fact.format("v0"),
-            "v0.fork = f0.value",
             self.held("v0"),
         ]
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]

@@ -13,185 +13,110 @@ from datetime import datetime
 from functools import cache
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    Boolean,
-    ColumnElement,
-    Dialect,
-    Select,
-    Table,
-    Text,
-    and_,
-    bindparam,
-    cast,
-    false,
-    func,
-    literal_column,
-    null,
-    or_,
-    select,
-    union_all,
-)
+from sqlalchemy import Dialect, text
 
 from ..knowledge.canonical import time_text
 from .dialects.base import Session
+from .dialects.words import COVERS, Words
 from .intervals import forks_at, forks_at_time
-from .query import Query, first_rows, in_list
-from .rows import KB, KIND_TABLES, table_of
-from .tables import (
-    TABLES,
-    FunctionValueRow,
-    FunctionValueSayingRow,
-    FunctionValueVersionRow,
-    PropositionSayingRow,
-    PropositionVersionRow,
+from .query import Query
+from .tables import TABLES
+
+_DEFINED = "type", "object", "predicate", "function"
+# Of what something may be said, and what owns it: the first columns of an index.
+_OWNERS = {"proposition": "predicate", "function_value": "function"}
+_TEXT = (
+    "CAST('(= ' || (SELECT f.text FROM function_value AS f WHERE f.kb_id = :kb AND "
+    "f.id = s.function_value_id) || ' ' || COALESCE(s.value, (SELECT o.name FROM object AS o "
+    "WHERE o.kb_id = :kb AND o.id = s.object_id)) || ')' AS TEXT)"
 )
-from .tables.base import UtcTime
 
 
-def _revision(name: str) -> ColumnElement[int]:
-    return bindparam(f"valid_{name}", type_=BigInteger)
+def _columns(table: str, row: str, **own: str) -> str:
+    """Write the columns of a version that holds, from those of a row or as they are given."""
+    own = {"until": "CAST(NULL AS BIGINT)", "fork": "0", **own}
+    names = TABLES[f"{table}_version"].c.keys()
+    return ", ".join(f"{own.get(name, f'{row}.{name}')} AS {name}" for name in names)
 
 
-_KNOWN, _STATE = map(_revision, ("known", "state"))
-_MOMENT: ColumnElement[datetime] = bindparam("valid_moment", type_=UtcTime())
-_KINDS = "type", "object", "predicate", "function"
-# The columns of a version that holds: it has no end.
-_OPEN = {"until": cast(null(), BigInteger), "fork": literal_column("0")}
+def _held(words: Words, row: str, at: str, forks: str) -> str:
+    """Write that a version held at a revision, as in `intervals.py`."""
+    among = words.in_list.format(f"{row}.fork", f":{forks}") + words.bounded.format(f"{row}.since")
+    until = f"({row}.until IS NULL OR {row}.until > :{at})"
+    return f"{row}.kb_id = :kb AND {among} AND {row}.since <= :{at} AND {until}"
 
 
-def _columns(version: Table, row: Any, **own: Any) -> list[Any]:
-    """Select the columns of a table of versions: of a row, or what is given."""
-    values = {**_OPEN, **own}
-    return [
-        (values[column.name] if column.name in values else row[column.name]).label(column.name)
-        for column in version.c
-    ]
-
-
-def _held(row: Any, at: ColumnElement[int], forks: str | None) -> ColumnElement[bool]:
-    among = [] if forks is None else [in_list(row.fork, forks, bounded=row.since)]
-    until = or_(row.until.is_(None), row.until > at)
-    return and_(row.kb_id == KB, *among, row.since <= at, until)
-
-
-def _hidden(column: ColumnElement[int]) -> ColumnElement[int]:
-    """Write a column so that no index of it is used: that of another one finds fewer rows."""
-    return cast(column + literal_column("0"), BigInteger)
-
-
-def _covers(saying: Any) -> ColumnElement[bool]:
-    """Return whether a saying is known, and about the time."""
-    is_known = and_(saying.kb_id == KB, _hidden(saying.since) <= _KNOWN)
-    return and_(is_known, saying.valid_from <= _MOMENT, saying.valid_until > _MOMENT)
-
-
-def _unsaid(sayings: Table, owner: str, row: Any, *newer: Any) -> ColumnElement[bool]:
-    """Return whether nothing was said of an element that covers the time."""
-    said = sayings.alias("l").c
-    found: Select[Any] = select(literal_column("1")).where(_covers(said), said[owner] == row[owner])
-    for each in newer:
-        found = found.where(said.since > each)
-    return _none(found)
-
-
-def _none(found: Select[Any]) -> ColumnElement[bool]:
-    """Return whether there is no row, which is looked up for each one that asks."""
+def _unsaid(table: str, row: str, newer: str = "") -> str:
+    """Write that nothing was said of an element that covers the time."""
     # With an offset, PostgreSQL makes no join of it, which without statistics it orders badly.
-    return ~first_rows(found, literal_column("1")).exists()
-
-
-def _said(version: Table, sayings: Table, owner: str, holds: Any, **own: Any) -> Select[Any]:
-    """Select what was last said of the time, as versions."""
-    said = sayings.alias("s").c
-    own = {name: value(said) for name, value in own.items()}
-    rows = select(*_columns(version, said, since=_hidden(said.since), **own))
-    among = in_list(said.fork, "valid_periods", bounded=said.valid_from)
-    return rows.where(among, _covers(said), holds(said), _unsaid(sayings, owner, said, said.since))
-
-
-def _facts() -> Any:
-    version, sayings = table_of(PropositionVersionRow), table_of(PropositionSayingRow)
-    fact, goal = version.alias("v").c, version.alias("g").c
-    facts = select(*_columns(version, fact)).where(
-        ~fact.is_goal,
-        _held(fact, _STATE, "valid_forks"),
-        _unsaid(sayings, "proposition_id", fact),
+    return (
+        f"NOT EXISTS (SELECT 1 FROM {table}_saying AS l WHERE {COVERS.format('l')} "
+        f"AND l.{table}_id = {row}.{table}_id{newer} LIMIT 1 OFFSET 0)"
     )
-    goals = select(*_columns(version, goal, predicate_id=_hidden(goal.predicate_id))).where(
-        goal.is_goal, _held(goal, _KNOWN, "valid_goals")
-    )
-    said = _said(
-        *(version, sayings, "proposition_id", lambda row: row.holds),
+
+
+def _said(words: Words, table: str, is_found: bool) -> str:
+    """Write what was last said of the time, as versions; or of one element, which is found."""
+    owner, own = _OWNERS[table], {}
+    rows = f"{table}_saying AS s WHERE"
+    if not is_found:
+        rows, column = words.of_owners
+        rows = f"{rows.format(owner=owner, table=f'{table}_saying', forks=':valid_periods')} AND"
+        own[f"{owner}_id"] = column.format(owner=owner)
+        own["since"] = "CAST(s.since + 0 AS BIGINT)"
+    if table == "proposition":
         # Cast: SQLite looks into a UNION whose columns have the same affinities.
-        is_goal=lambda _: cast(false(), Boolean),
+        own["is_goal"], holds = "CAST(0 AS BOOLEAN)", words.is_true.format("s.holds")
+    else:
+        own["text"], holds = _TEXT, "(s.number IS NOT NULL OR s.object_id IS NOT NULL)"
+    last = _unsaid(table, "s", " AND l.since + 0 > s.since")
+    where = f"{COVERS.format('s')} AND {holds} AND {last}"
+    return f"SELECT {_columns(table, 's', **own)} FROM {rows} {where}"
+
+
+def _overlaid(words: Words, table: str, is_found: bool = False) -> str:
+    """Write what held of facts or values; goals are those of what is known."""
+    held = _held(words, "v", "valid_state", "valid_forks")
+    version = f"FROM {table}_version AS"
+    parts = [f"{held} AND {_unsaid(table, 'v')}"]
+    if table == "proposition":
+        parts[0] = f"{words.is_fact.format('v')} AND {parts[0]}"
+    parts[0] = f"SELECT {_columns(table, 'v')} {version} v WHERE {parts[0]}"
+    if table == "proposition":
+        goals = _held(words, "g", "valid_known", "valid_goals")
+        own = {"predicate_id": "CAST(g.predicate_id + 0 AS BIGINT)"}
+        goals = f"{words.is_true.format('g.is_goal')} AND {goals}"
+        parts.append(f"SELECT {_columns(table, 'g', **own)} {version} g WHERE {goals}")
+    return " UNION ALL ".join([*parts, _said(words, table, is_found)])
+
+
+def _definitions(kind: str) -> str:
+    """Write what was last defined of the elements that were known between two revisions."""
+    later = (
+        f"SELECT 1 FROM {kind}_version AS l WHERE l.kb_id = :kb AND l.{kind}_id = v.{kind}_id "
+        "AND l.since > v.since AND l.since <= :valid_known LIMIT 1 OFFSET 0"
     )
-    return union_all(facts, goals, said)
-
-
-def _values() -> Any:
-    version, sayings = table_of(FunctionValueVersionRow), table_of(FunctionValueSayingRow)
-    owner, value = "function_value_id", version.alias("v").c
-    values = select(*_columns(version, value)).where(
-        _held(value, _STATE, "valid_forks"), _unsaid(sayings, owner, value)
-    )
-    said = _said(
-        *(version, sayings, owner),
-        lambda row: or_(row.number.is_not(None), row.object_id.is_not(None)),
-        text=_text_of_value,
-    )
-    return union_all(values, said)
-
-
-def _text_of_value(said: Any) -> ColumnElement[str]:
-    """Write a value as its version has it."""
-    fluent, object_ = table_of(FunctionValueRow).alias("f").c, TABLES["object"].alias("o").c
-    applied, name = (
-        select(column).where(row.kb_id == KB, row.id == own).scalar_subquery()
-        for column, row, own in (
-            (fluent.text, fluent, said.function_value_id),
-            (object_.name, object_, said.object_id),
-        )
-    )
-    # As `value_text` writes it.
-    begin, blank, end = [literal_column(f"'{part}'", Text) for part in ("(= ", " ", ")")]
-    value = func.coalesce(said.value, name)
-    return cast(begin.concat(applied).concat(blank).concat(value).concat(end), Text)
-
-
-def _definitions(version: Table, owner: str) -> Select[Any]:
-    """Select what was last defined of the elements that were known between two revisions."""
-    row, later = version.alias("v").c, version.alias("l").c
-    newer: Select[Any] = select(literal_column("1")).where(
-        *(later.kb_id == KB, later[owner] == row[owner]),
-        *(later.since > row.since, later.since <= _KNOWN),
-    )
-    return select(*_columns(version, row)).where(
-        *(row.kb_id == KB, row.since <= _KNOWN),
-        or_(row.until.is_(None), row.until > _STATE),
-        _none(newer),
+    return (
+        f"SELECT {_columns(kind, 'v')} FROM {kind}_version AS v WHERE v.kb_id = :kb "
+        "AND v.since <= :valid_known AND (v.until IS NULL OR v.until > :valid_state) "
+        f"AND NOT EXISTS ({later})"
     )
 
 
 @cache
-def _subqueries() -> dict[str, Query]:
+def _subqueries(words: Words) -> dict[str, Query]:
     """Return what takes the place of each table."""
-    found = {
-        table_of(PropositionVersionRow).name: Query(_facts()),
-        table_of(FunctionValueVersionRow).name: Query(_values()),
-    }
-    for kind in _KINDS:
-        version = KIND_TABLES[kind].version
-        found[version.table.name] = Query(_definitions(version.table, version.owner.name))
-    return found
+    found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
+    found |= {f"{table}_version": _overlaid(words, table) for table in _OWNERS}
+    found["function_value_found"] = _overlaid(words, "function_value", is_found=True)
+    return {name: Query(text(sql)) for name, sql in found.items()}
 
 
-@cache
-def _named() -> re.Pattern[str]:
-    """Return what finds the tables where rows are read from them."""
-    return re.compile(rf"(?<![\w.'])({'|'.join(_subqueries())})(?![\w.'])(?: AS (\w+))?")
-
-
+# Where rows are read from one of the tables.
+_NAMED = re.compile(
+    rf"(?<![\w.'/])((?:{'|'.join([*_DEFINED, *_OWNERS])})_version|function_value_found)"
+    r"(?![\w.'])(?: AS (\w+))?"
+)
 # The statements that were written, by dialect; conditions are of any form.
 _WRITTEN: dict[tuple[str, str], str] = {}
 _KEPT = 2_000
@@ -214,20 +139,19 @@ class ValidTime:
     def __str__(self) -> str:
         return f"{time_text(self.moment)}, as known at revision {self.known}"
 
-    def text(self, sql: str, dialect: Dialect) -> str:
+    def text(self, sql: str, dialect: Dialect, words: Words) -> str:
         """Put it in the place of the tables that a statement names."""
-        text = _WRITTEN.get((dialect.name, sql))
-        if text is None:
+        made = _WRITTEN.get((dialect.name, sql))
+        if made is None:
             if len(_WRITTEN) > _KEPT:
                 _WRITTEN.clear()
 
             def written(found: re.Match[str]) -> str:
                 name, alias = found.groups()
-                return f"({_subqueries()[name].text(dialect)}) AS {alias or name}"
+                return f"({_subqueries(words)[name].text(dialect)}) AS {alias or name}"
 
-            text = _named().sub(written, sql)
-            _WRITTEN[dialect.name, sql] = text
-        return text
+            made = _WRITTEN[dialect.name, sql] = _NAMED.sub(written, sql)
+        return made
 
     def parameters(self, session: Session) -> dict[str, Any]:
         """Return the parameters that this adds to those of a statement."""

@@ -36,7 +36,7 @@ from ...errors import (
 from ...limits import LIMIT, PATIENCE, GuardedCursor, Limit, StatementGuard, is_endless
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .structure import IndexFault, Statement, ViewDialect
-from .words import Words
+from .words import RAW, Words
 
 Row = tuple[Any, ...]
 
@@ -68,7 +68,7 @@ class Overlay(Protocol):
 
     state: int
 
-    def text(self, sql: str, dialect: Dialect) -> str:
+    def text(self, sql: str, dialect: Dialect, words: Words) -> str:
         """Put it in the place of the tables that a statement names."""
 
     def parameters(self, session: Session) -> dict[str, Any]:
@@ -81,13 +81,13 @@ class OverlayCursor:
     def __init__(self, cursor: Any, session: Session, overlay: Overlay) -> None:
         self._cursor = cursor
         self._overlay = overlay
-        self._dialect = session.backend.dialect
+        self._dialect, self._words = session.backend.dialect, session.backend.words
         self._parameters = overlay.parameters(session)
 
     def execute(self, sql: str, parameters: Any = (), /) -> Any:
         """Run a statement."""
-        text = self._overlay.text(sql, self._dialect)
-        if text != sql:
+        text = self._overlay.text(sql, self._dialect, self._words)
+        if text != sql or RAW in text:
             parameters = {**dict(parameters), **self._parameters}
         return self._cursor.execute(text, parameters)
 

@@ -115,6 +115,16 @@ def add_functions(connection: sqlite3.Connection) -> None:
         connection.create_function(name, 2, function, deterministic=True)
 
 
+# A saying is known, and about the time. A sum is not a condition of an index: PostgreSQL without
+# statistics takes that of revisions for as good as that of the element.
+COVERS = (
+    "{0}.kb_id = :kb AND {0}.since + 0 <= :valid_known AND {0}.valid_from <= :valid_moment "
+    "AND {0}.valid_until > :valid_moment"
+)
+# Before the name of a table of versions: its own rows, also for a state of valid time.
+RAW = "/**/"
+
+
 class Words(NamedTuple):
     """How one dialect writes what differs.
 
@@ -132,7 +142,10 @@ class Words(NamedTuple):
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
         levels: how deep the parentheses of a statement may be nested; None for any depth.
-        is_one_state: whether the versions that are read are those of one state only.
+        is_one_state: whether the versions that are read are those of one state only, of valid time.
+        is_true: the condition that a boolean column is true.
+        of_owners: the rows of a table, as `s`, whose owner is any of a table and whose fork is in a
+            list, and the column of their owner; where one owner is given, that alone is looked up.
     """
 
     is_fact: str
@@ -146,6 +159,12 @@ class Words(NamedTuple):
     many: str = ""
     levels: int | None = None
     is_one_state: bool = False
+    is_true: str = "{0}"
+    of_owners: tuple[str, str] = (
+        "{table} AS s WHERE s.{owner}_id = ANY(ARRAY(SELECT p.id FROM {owner} AS p WHERE "
+        "p.kb_id = :kb)) AND s.fork = ANY({forks})",
+        "s.{owner}_id",
+    )
 
 
 def quoted(text: str) -> str:
@@ -193,6 +212,12 @@ SQLITE_WORDS = Words(
     "",
     # The parser has a stack of 100 entries up to SQLite 3.45; tests of types take some, too.
     levels=40,
+    is_true="{0} = 1",
+    of_owners=(
+        "{owner} AS p CROSS JOIN json_each({forks}) AS f CROSS JOIN {table} AS s WHERE "
+        "p.kb_id = :kb AND s.{owner}_id = p.id AND s.fork = f.value",
+        "p.id",
+    ),
 )
 POSTGRESQL_WORDS = Words(
     "NOT {0}.is_goal",
