@@ -47,6 +47,8 @@ if TYPE_CHECKING:
         PlanBar as PlanBar,
         StepBar as StepBar,
     )
+    from .history.corrections import Belief as Belief
+    from .history.corrections import Correction as Correction
     from .history.revisions import LogEntry as LogEntry, Revision as Revision
     from .history.timeline import Timeline as Timeline
     from .history.revisions import Version as Version
@@ -86,6 +88,7 @@ _HOMES = {
     ".documents.exchange": ["Loaded"],
     ".factory": ["DaoFactory", "create_dao_factory"],
     ".history.window": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
+    ".history.corrections": ["Belief", "Correction"],
     ".history.revisions": ["LogEntry", "Revision", "Version"],
     ".history.timeline": ["Timeline"],
     ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],

@@ -820,6 +820,7 @@ class AsyncKnowledgeBase(_Part):
     blame = _read(KnowledgeBase.blame)
     unconfirmed = _read(KnowledgeBase.unconfirmed)
     contradicted = _read(KnowledgeBase.contradicted)
+    corrections = _read(KnowledgeBase.corrections)
     stale = _read(KnowledgeBase.stale)
     timeline = _read(KnowledgeBase.timeline)
     restore = _write(KnowledgeBase.restore)

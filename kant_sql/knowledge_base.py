@@ -214,7 +214,7 @@ class Operations(Front):
     The functions of `kant_sql.operations` take the URL of a whole store.
     """
 
-    revisions = reviews(lambda: history.log.revisions)
+    revisions = reads(lambda: history.log.revisions)
     verify = reviews(lambda: history.verify.verify.verify)
     anchor = reviews(lambda: history.anchors.anchor)
     archive = writes(lambda: history.archive.archive.archive)
@@ -279,6 +279,7 @@ class KnowledgeBase(Front):
     blame = reviews(lambda: history.versions.blame)
     unconfirmed = reviews(lambda: history.confirmations.unconfirmed)
     contradicted = reviews(lambda: history.confirmations.contradicted)
+    corrections = reviews(lambda: history.corrections.corrections)
     stale = reviews(lambda: reasoning.stale.stale)
     timeline = reviews(lambda: history.timeline.timeline)
     restore = writes(lambda: history.restore.restore)

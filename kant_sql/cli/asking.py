@@ -23,6 +23,7 @@ from .common import (
     Since,
     Until,
     Url,
+    Valid,
     ask_state,
     json_lines,
     open_state,
@@ -66,6 +67,7 @@ def query(
     words: _Words,
     kb: Name = None,
     at: At = None,
+    valid: Valid = None,
     parameters: _Parameters = None,
     fix: Fixed = None,
     limit: Annotated[
@@ -91,7 +93,7 @@ def query(
         len(answers)
         return answers
 
-    name, _, found = ask_state(url, kb, at, find)
+    name, _, found = ask_state(url, kb, at, valid, find)
     if isinstance(found, str):
         _write_sql(name, found, as_json)
     elif as_json:
@@ -111,7 +113,12 @@ def _write_sql(name: str, statement: str, as_json: bool) -> None:
 
 
 def holds(
-    words: _Words, kb: Name = None, at: At = None, fix: Fixed = None, as_json: AsJson = False
+    words: _Words,
+    kb: Name = None,
+    at: At = None,
+    valid: Valid = None,
+    fix: Fixed = None,
+    as_json: AsJson = False,
 ) -> int:
     """Exit with 0 if a condition holds, and with 1 if not.
 
@@ -120,7 +127,7 @@ def holds(
     url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
     fixed = parse_fixed(fix)
     name, revision, does_hold = ask_state(
-        url, kb, at, lambda state: state.holds(condition, **fixed)
+        url, kb, at, valid, lambda state: state.holds(condition, **fixed)
     )
     if as_json:
         write_json(knowledge_base=name, revision=revision, condition=condition, holds=does_hold)
@@ -138,7 +145,9 @@ class _Goal(NamedTuple):
     preference: str | None  # the name of a preference
 
 
-def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> int:
+def goals(
+    url: Url, kb: Name = None, at: At = None, valid: Valid = None, as_json: AsJson = False
+) -> int:
     """Show which goals hold; exit with 1 if one does not.
 
     Preferences do not count. The value of the metric is shown, too.
@@ -147,6 +156,7 @@ def goals(url: Url, kb: Name = None, at: At = None, as_json: AsJson = False) -> 
         url,
         kb,
         at,
+        valid,
         lambda state: (list(_goals(state)), state.unsatisfied(), _metric(state)),
     )
     found, unsatisfied, (metric, value, lack) = answer

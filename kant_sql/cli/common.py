@@ -103,6 +103,13 @@ Target = Annotated[
     str, typer.Option("--kb", metavar="NAME", help="The knowledge base to write to.")
 ]
 At = Annotated[str | None, option(f"The state at {_MOMENT}", metavar="REV|TIME")]
+Valid = Annotated[
+    str | None,
+    option(
+        "What was true at a time (with --at: as known then); default: what was known.",
+        metavar="TIME",
+    ),
+]
 Since = Annotated[str | None, option(f"Only from {_MOMENT}", metavar="REV|TIME")]
 Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME")]
 Clock = Annotated[
@@ -251,15 +258,22 @@ def open_to_read(
 
 
 @contextmanager
-def open_state(url: str, name: str | None, at: str | None) -> Iterator[tuple[str, KnowledgeBase]]:
+def open_state(
+    url: str, name: str | None, at: str | None, valid: str | None = None
+) -> Iterator[tuple[str, KnowledgeBase]]:
     """Open one state of an existing knowledge base; nothing is created."""
-    when = parse_state(at)
+    when, moment = parse_state(at), parse_optional(valid, "--valid")
     with open_to_read(url, name) as (chosen, knowledge_base):
-        yield chosen, knowledge_base.at(knowledge_base.revision if when is None else when)
+        known = knowledge_base.revision if when is None else when
+        yield chosen, knowledge_base.at(known=known, valid=moment)
 
 
 def ask_state(
-    url: str, name: str | None, at: str | None, question: Callable[[KnowledgeBase], T]
+    url: str,
+    name: str | None,
+    at: str | None,
+    valid: str | None,
+    question: Callable[[KnowledgeBase], T],
 ) -> tuple[str, int, T]:
     """Ask one state of an existing knowledge base.
 
@@ -269,14 +283,15 @@ def ask_state(
     Returns:
         The name of the knowledge base, the revision of the state, and the answer.
     """
-    when = parse_state(at)
+    when, moment = parse_state(at), parse_optional(valid, "--valid")
     with open_to_read(url, name) as (chosen, knowledge_base):
-        if when is None:
+        if when is None and moment is None:
             when = knowledge_base.revision
             answer = question(knowledge_base)
             if knowledge_base.revision == when:
                 return chosen, when, answer
-        state = knowledge_base.at(when)
+        known = knowledge_base.revision if when is None else when
+        state = knowledge_base.at(known=known, valid=moment)
         return chosen, state.revision, question(state)
 
 

@@ -29,6 +29,7 @@ from .common import (
     Reason,
     Target,
     Url,
+    Valid,
     choose,
     leaving_nothing,
     open_state,
@@ -332,6 +333,7 @@ def dump(
     url: Url,
     kb: Name = None,
     at: At = None,
+    valid: Valid = None,
     domain: Annotated[bool, option("Write only the domain.", "--domain")] = False,
     problem: Annotated[bool, option("Write only the problem.", "--problem")] = False,
     as_json: AsJson = False,
@@ -340,7 +342,7 @@ def dump(
 
     'kant-sql load' accepts both in one file.
     """
-    with open_state(url, kb, at) as (name, state):
+    with open_state(url, kb, at, valid) as (name, state):
         if at is not None and not state.revision:
             raise UnknownRevisionError(
                 f"--at {at} is before the first revision of knowledge base {name!r}, so there is "

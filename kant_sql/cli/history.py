@@ -227,6 +227,33 @@ def unconfirmed(
                 _write_version(printer, version)
 
 
+def corrections(
+    url: Url,
+    kb: Name = None,
+    since: Since = None,
+    until: Until = None,
+    limit: Annotated[
+        int | None, option("Show at most N corrections.", "--limit", "-n", metavar="N", min=1)
+    ] = None,
+    as_json: Annotated[bool, json_lines("correction")] = False,
+) -> None:
+    """Show what was later said differently of a time: what was believed, and what was true."""
+    with open_state(url, kb, None) as (_, state):
+        printer = Printer()
+        for one in state.corrections(since=since, until=until, limit=limit):
+            if as_json:
+                write_json(one)
+                continue
+            period = f"{time_text(one.valid_from)} to {time_text(one.valid_until)}"
+            printer.line(f"{period}  {one.text}")
+            for verb, belief in (("believed", one.believed), ("said", one.said)):
+                revision = belief.revision
+                who = (
+                    "" if revision is None else f"  r{revision.number} {' '.join(revision.said())}"
+                )
+                printer.line(f"  {verb}: {belief.content}{who}")
+
+
 _Depth = Annotated[int, option("Follow so many links.", "--depth", metavar="N", min=1)]
 _Most = Annotated[int, option("Show at most N links.", "--limit", "-n", metavar="N", min=1)]
 _LinkLines = Annotated[bool, json_lines("link")]

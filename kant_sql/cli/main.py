@@ -133,7 +133,7 @@ _HOMES = {
     **dict.fromkeys(("why-not", "applicable", "apply"), "plans"),
     **dict.fromkeys(("log", "diff", "history", "blame", "consequences", "origins"), "history"),
     **dict.fromkeys(("acts", "statistics"), "acts"),
-    "unconfirmed": "history",
+    **dict.fromkeys(("unconfirmed", "corrections"), "history"),
     **dict.fromkeys(("when", "rules"), "asking"),
     **dict.fromkeys(("restore", "branch"), "history"),
     **dict.fromkeys(("views", "export"), "store"),
@@ -147,7 +147,7 @@ _HOMES = {
 }
 _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
 _PAGED |= {"log", "acts", "statistics", "diff", "history", "blame", "when", "rules"}
-_PAGED |= {"consequences", "origins", "unconfirmed"}
+_PAGED |= {"consequences", "origins", "unconfirmed", "corrections"}
 # Their exit code says what became of the store.
 _FINISHED = {"verify", "push", "promote"}
 

@@ -20,6 +20,7 @@ from .common import (
     Name,
     Reason,
     Url,
+    Valid,
     ask_state,
     json_lines,
     open_state,
@@ -256,13 +257,15 @@ _STEP_EXAMPLE = "sqlite:///robot.db '(move rb1 wp1 wp2)'"
 _Step = Annotated[list[str], words_argument(_STEP_USAGE, "a step, such as '(move rb1 wp1 wp2)'.")]
 
 
-def why_not(words: _Step, kb: Name = None, at: At = None, as_json: AsJson = False) -> None:
+def why_not(
+    words: _Step, kb: Name = None, at: At = None, valid: Valid = None, as_json: AsJson = False
+) -> None:
     """Show which conditions of a step do not hold.
 
     Of a durative action, its start counts, and what is over all right after it.
     """
     url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
-    name, revision, failed = ask_state(url, kb, at, lambda state: state.why_not(step))
+    name, revision, failed = ask_state(url, kb, at, valid, lambda state: state.why_not(step))
     if as_json:
         asked = {"knowledge_base": name, "revision": revision, "step": step}
         write_json(**asked, is_applicable=not failed, unsatisfied=failed)
@@ -284,6 +287,7 @@ def applicable(
     ] = None,
     kb: Name = None,
     at: At = None,
+    valid: Valid = None,
     fix: Fixed = None,
     limit: Annotated[
         int | None, option("Show only the first N.", "--limit", "-n", metavar="N", min=0)
@@ -297,7 +301,11 @@ def applicable(
     url, names = split_url(words or (), _APPLICABLE_USAGE, "sqlite:///robot.db move")
     fixed = parse_fixed(fix)
     _, _, steps = ask_state(
-        url, kb, at, lambda state: list(state.applicable_actions(*names, limit=limit, **fixed))
+        url,
+        kb,
+        at,
+        valid,
+        lambda state: list(state.applicable_actions(*names, limit=limit, **fixed)),
     )
     printer = Printer()
     for step in steps:

@@ -26,7 +26,7 @@ from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
-from .common import AsJson, At, Name, open_state, option, split_url, words_argument
+from .common import AsJson, At, Name, Valid, open_state, option, split_url, words_argument
 from .history import EntryWriter
 from .output import Document, Printer, write_json
 
@@ -67,6 +67,7 @@ def show(
     ] = None,
     kb: Name = None,
     at: At = None,
+    valid: Valid = None,
     facts: _OnlyFacts = False,
     predicate: _OfPredicate = None,
     object_: _OfObject = None,
@@ -80,14 +81,14 @@ def show(
     url, revisions = split_url(words or (), _SHOW_USAGE, "sqlite:///robot.db 19")
     is_part = facts or not predicate is object_ is type_ is None
     if revisions:
-        if is_part or at is not None:
+        if is_part or at is not None or valid is not None:
             raise typer.BadParameter(
                 "REV shows what a revision changed, --at and its options show a state; give one",
                 param_hint="REV|TIME",
             )
         _show_revision(url, kb, revisions[0], as_json)
         return
-    with open_state(url, kb, at) as (name, state):
+    with open_state(url, kb, at, valid) as (name, state):
         if is_part:
             objects = _find_objects(state, name, object_, type_)
             if predicate is not None:
@@ -102,6 +103,7 @@ def show(
             return
         printer = Printer()
         moment = committed_at or "before the first"
+        moment = moment if valid is None else f"{moment}, valid at {valid}"
         printer.line(f"knowledge base {name}, revision {state.revision}, {moment}", "bold")
         _write_state(printer, elements, _SHOWN_IN_PART if is_part else _SHOWN_IN_WHOLE)
 

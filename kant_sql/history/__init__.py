@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from . import anchors as anchors
     from . import archive as archive
     from . import confirmations as confirmations
+    from . import corrections as corrections
     from . import diff as diff
     from . import erasure as erasure
     from . import follow as follow

@@ -469,6 +469,11 @@ class _Asking:
         """Write the statement with all its values, those that are computed first included."""
         prepared, given = self.prepared(view.definitions)
         condition, session = prepared.condition, view.session
+        if session.overlay is not None:
+            raise InvalidArgumentError(
+                "what was true at a time has no statement for a shell: the views audit_fact_valid "
+                "and audit_value_valid have it"
+            )
         statement = question(view).readable(
             condition.part, condition.columns, prepared.places, self.limit is not None
         )

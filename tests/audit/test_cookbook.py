@@ -10,6 +10,7 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
+from tests.audit.porter import record_porter
 from tests.audit.ward import record_ward
 from tests.support.pages import Ask, Page, ask
 from tests.support.stores import CITUS
@@ -30,6 +31,9 @@ def asked(request: pytest.FixtureRequest, story_url: str, asked: Ask) -> Ask:
     if "'ward'" in request.node.callspec.params["question"]:
         story_url = record_ward(request.getfixturevalue(f"{kind}_scratch"))
         name, asked = "ward", partial(ask, story_url)
+    if "'porter'" in request.node.callspec.params["question"]:
+        story_url = record_porter(request.getfixturevalue(f"{kind}_scratch"))
+        name, asked = "porter", partial(ask, story_url)
     if kind not in CITUS:
         return asked
     schema = kant_sql.operations.create_roles(story_url, knowledge_base=name).schema

@@ -35,6 +35,41 @@ def test_every_read_says_what_was_said_last(fresh_kb: KnowledgeBase) -> None:
     same()
 
 
+def test_corrections_are_all_that_was_believed_otherwise(fresh_kb: KnowledgeBase) -> None:
+    writer = Writer(fresh_kb, seed=11)
+    model = writer.run(40)
+    found = fresh_kb.corrections()
+    assert [one.said.revision.number for one in found if one.said.revision] == sorted(
+        (one.said.revision.number for one in found if one.said.revision), reverse=True
+    )
+    moments = model.moments()
+    for said in model.sayings:
+        own = [
+            one
+            for one in found
+            if one.text == said.element
+            and one.said.revision
+            and one.said.revision.number == said.since
+        ]
+        for moment in moments:
+            if not said.valid_from <= moment < said.valid_until:
+                continue
+            before = model.truth(said.element, moment, said.since - 1)
+            covering = [one for one in own if one.valid_from <= moment < one.valid_until]
+            assert len(covering) == (before != said.content), (said, moment)
+            for one in covering:
+                assert (one.believed.content, one.said.content) == (shown(before), shown(said[1]))
+    numbers = [said.since for said in model.sayings]
+    some = fresh_kb.corrections(since=numbers[len(numbers) // 2], limit=3)
+    assert some == found[:3]
+
+
+def shown(content: Content) -> str:
+    """How a correction says it."""
+    names = {True: "held", False: "not held", None: "no value"}
+    return names[content] if content in (True, False, None) else str(content)
+
+
 def judge(kb: KnowledgeBase, model: Model, random: Random) -> None:
     """Compare seven reads of one state."""
     last = max(model.times)

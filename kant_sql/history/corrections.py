@@ -1,0 +1,271 @@
+"""What was later said differently of a time: what was believed of it, and what was true."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from decimal import Decimal
+from functools import cache
+from typing import Any, NamedTuple
+
+from sqlalchemy import case, func, literal_column, null, or_, select, union_all
+
+from .. import html
+from ..moment_text import When
+from ..sql import tables as t
+from ..sql.dialects.base import Row, Session
+from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.rows import KB, looked_up, table_of
+from ..store.state import State
+from .moments import find_bounds
+from .revisions import Revision, at_most, read_numbered
+
+HELD, NOT_HELD, NO_VALUE = "held", "not held", "no value"
+# So many sayings are compared at once with what was believed before.
+BATCH = 200
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What an element was taken to be, and who said so.
+
+    Attributes:
+        content: `held` or `not held` of a fact; of a fluent its value, or `no value`.
+        revision: the revision that said so, with its actor and reason; None: nobody had.
+    """
+
+    content: str
+    revision: Revision | None
+
+    def _html_row_(self) -> html.Row:
+        by = None if self.revision is None else self.revision.actor
+        return {"content": self.content, "by": by}
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A period of which something else was said later.
+
+    Attributes:
+        kind: `fact` or `value`.
+        text: the fact, or the fluent.
+        valid_from: where the period begins, in UTC.
+        valid_until: where it is over.
+        believed: what was believed of it until then.
+        said: what was said of it.
+    """
+
+    kind: str
+    text: str
+    valid_from: datetime
+    valid_until: datetime
+    believed: Belief
+    said: Belief
+
+    def _html_row_(self) -> html.Row:
+        return {
+            "element": self.text,
+            "from": self.valid_from,
+            "until": self.valid_until,
+            "believed": self.believed.content,
+            "by": self.believed._html_row_()["by"],
+            "said": self.said.content,
+            "said by": self.said._html_row_()["by"],
+        }
+
+
+class _Layer(NamedTuple):
+    """What was said of a period: by a saying, or by a version from its revision to another."""
+
+    kind: str
+    owner: int
+    since: int
+    begin: datetime
+    end: datetime | None
+    content: str
+    until: int | None = None
+
+    def covers(self, moment: datetime) -> bool:
+        return self.begin <= moment and (self.end is None or moment < self.end)
+
+
+_ATOM, _SAID = table_of(t.PropositionRow).c, table_of(t.PropositionSayingRow).c
+_FLUENT, _VALUE = table_of(t.FunctionValueRow).c, table_of(t.FunctionValueSayingRow).c
+_OBJECT = t.TABLES["object"].c
+
+
+def _content(row: Any) -> Any:
+    """Select the value of a row; nothing of one without."""
+    name = looked_up(_OBJECT.name, _OBJECT.id, row.object_id)
+    return func.coalesce(row.value, name, literal_column(f"'{NO_VALUE}'"))
+
+
+def _sayings() -> Any:
+    held = case((_SAID.holds, literal_column(f"'{HELD}'")), else_=literal_column(f"'{NOT_HELD}'"))
+    parts = [
+        select(
+            literal_column(f"'{kind}'").label("kind"),
+            owner.label("owner"),
+            row.since,
+            row.valid_from,
+            row.valid_until,
+            content.label("content"),
+        ).where(row.kb_id == KB)
+        for kind, row, owner, content in (
+            ("fact", _SAID, _SAID.proposition_id, held),
+            ("value", _VALUE, _VALUE.function_value_id, _content(_VALUE)),
+        )
+    ]
+    return union_all(*parts).subquery("said").c
+
+
+@cache
+def _newest() -> Query:
+    """Select the newest sayings of a range of revisions, behind a place."""
+    said = _sayings()
+    behind = or_(said.since < integer("high"), said.owner > integer("behind"))
+    rows = select(*said).where(said.since >= integer("low"), said.since <= integer("high"), behind)
+    return Query(first_rows(rows.order_by(said.since.desc(), said.owner), integer("size")))
+
+
+@cache
+def _before() -> Query:
+    """Select what else was said of some elements, by sayings and by versions."""
+    said = _sayings()
+    rows = [select(*said, null().label("until")).where(in_list(said.owner, "ids"))]
+    revision = table_of(t.RevisionRow).c
+    fact, value = table_of(t.PropositionVersionRow).c, table_of(t.FunctionValueVersionRow).c
+    for kind, version, owner, content in (
+        ("fact", fact, fact.proposition_id, literal_column(f"'{HELD}'")),
+        ("value", value, value.function_value_id, _content(value)),
+    ):
+        begin, end = (
+            looked_up(revision.committed_at, revision.number, number)
+            for number in (version.since, version.until)
+        )
+        rows.append(
+            select(
+                *(literal_column(f"'{kind} version'"), owner, version.since),
+                *(begin, end, content, version.until),
+            ).where(version.kb_id == KB, in_list(owner, "ids"))
+        )
+    return Query(union_all(*rows))
+
+
+@cache
+def _texts() -> Query:
+    parts = (select(row.id, row.text).where(row.kb_id == KB) for row in (_ATOM, _FLUENT))
+    found = union_all(*parts).subquery("found").c
+    return Query(select(*found).where(in_list(found.id, "ids")))
+
+
+def corrections(
+    state: State,
+    *,
+    since: When | None = None,
+    until: When | None = None,
+    limit: int | None = None,
+) -> list[Correction]:
+    """List what was later said differently of a time: what was believed, and what was true.
+
+    What was said of a time and agrees with what was believed is not listed.
+
+    Args:
+        since: only what was said from this revision or time on.
+        until: only what was said up to this revision or time.
+        limit: the maximum number of corrections; None for all.
+
+    Returns:
+        The corrections, what was said last first.
+
+    Raises:
+        UnknownRevisionError: a bound lies in the future, or is a time without zone.
+
+    Examples:
+        >>> kb.corrections()
+        []
+    """
+    low, high, _ = find_bounds(state.store, since, until, state.at)
+    size = at_most(limit)
+
+    def work(session: Session, kb_id: int | None) -> list[Correction]:
+        found: list[Correction] = []
+        place: tuple[int, int] | None = (high, 0)
+        while kb_id is not None and place is not None and len(found) < size:
+            made, place = _batch(session, kb_id, low, *place)
+            found += made
+        return found[:size]
+
+    return html.Listing(state.store.query_in_snapshot(work), "correction")
+
+
+def _batch(
+    session: Session, kb_id: int, low: int, high: int, behind: int
+) -> tuple[list[Correction], tuple[int, int] | None]:
+    """Compare some sayings with what was believed; return where the next ones begin."""
+    rows = session.rows(_newest(), kb=kb_id, low=low, high=high, behind=behind, size=BATCH)
+    said = [*_layers(session, rows)]
+    if not said:
+        return [], None
+    ids = session.list_value(sorted({one.owner for one in said}))
+    known: dict[int, list[_Layer]] = {}
+    for layer in _layers(session, session.rows(_before(), kb=kb_id, ids=ids)):
+        known.setdefault(layer.owner, []).append(layer)
+    compared = [(one, *part) for one in said for part in _differing(one, known[one.owner])]
+    numbers = {one.since for one, *_ in compared} | {part[-1] for part in compared if part[-1]}
+    revisions = read_numbered(session, kb_id, numbers)
+    texts: dict[int, str] = dict(session.rows(_texts(), kb=kb_id, ids=ids)) if compared else {}
+    made = [
+        Correction(
+            *(one.kind, texts[one.owner], begin, end),
+            Belief(content, revisions.get(number) if number else None),
+            Belief(one.content, revisions.get(one.since)),
+        )
+        for one, begin, end, content, number in compared
+    ]
+    return made, None if len(rows) < BATCH else (said[-1].since, said[-1].owner)
+
+
+def _layers(session: Session, rows: Iterable[Row]) -> Iterator[_Layer]:
+    for kind, owner, since, begin, end, content, *until in rows:
+        ended = None if end is None else session.to_time(end)
+        yield _Layer(kind, owner, since, session.to_time(begin), ended, str(content), *until)
+
+
+def _differing(
+    said: _Layer, layers: list[_Layer]
+) -> Iterator[tuple[datetime, datetime, str, int | None]]:
+    """Give the parts of a saying's period of which something else was believed before."""
+    assert said.end is not None
+    before = [one for one in layers if one.since < said.since]
+    ends = {end for one in before for end in (one.begin, one.end) if end is not None}
+    cuts = sorted({said.begin, *(end for end in ends if said.begin < end < said.end)})
+    parts: list[tuple[datetime, datetime, str, int | None]] = []
+    for cut, end in zip(cuts, [*cuts[1:], said.end], strict=True):
+        content, number = _believed(said, before, cut)
+        is_next = bool(parts) and parts[-1][2:] == (content, number)
+        parts.append((parts.pop()[0] if is_next else cut, end, content, number))
+    return (part for part in parts if not _is_same(said, part[2]))
+
+
+def _believed(said: _Layer, layers: list[_Layer], moment: datetime) -> tuple[str, int | None]:
+    """Return what was believed of a moment before a saying, and which revision said so."""
+    sayings = [one for one in layers if one.kind == said.kind and one.covers(moment)]
+    versions = [one for one in layers if one.kind != said.kind and one.begin <= moment]
+    last = max(sayings, key=lambda one: one.since, default=None)
+    if last is None:
+        last = max(versions, key=lambda one: one.since, default=None)
+    if last is not None and last.covers(moment):
+        return last.content, last.since
+    return NO_VALUE if said.kind == "value" else NOT_HELD, None if last is None else last.until
+
+
+def _is_same(said: _Layer, believed: str) -> bool:
+    """Return whether a belief is what was said: 10 and 10.0 are the same number."""
+    if said.content == believed or said.kind == "fact":
+        return said.content == believed
+    try:
+        return Decimal(said.content) == Decimal(believed)
+    except ArithmeticError:
+        return False
