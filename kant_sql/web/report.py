@@ -116,6 +116,7 @@ def report_html(
         page["rules"] = read("rules", lambda: report.rules(rules))
         page["goals"] = read("goals", report.goals)
         page["effects"] = read("effects", report.effects)
+        page["corrections"] = read("corrections", report.corrections)
         page["log"] = read("log", report.log)
     if verify:
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))

@@ -12,6 +12,7 @@ from ..acts import Execution
 from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
+from ..history.corrections import Correction
 from ..history.drawing import lane_key
 from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision, Version
@@ -152,6 +153,13 @@ class ReportEffects(ReportSection):
 
     unconfirmed: list[Version]
     contradicted: list[Version]
+
+
+@dataclass(frozen=True)
+class ReportCorrections(ReportSection):
+    """What was said later, up to now, of the time of the range."""
+
+    corrections: list[Correction]
 
 
 @dataclass(frozen=True)
@@ -375,6 +383,20 @@ class ReportReader(NamedTuple):
         left_out = "more effects" if any(len(each) > EFFECTS for each in lists) else None
         command = self.command("unconfirmed", "--at", str(last))
         return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
+
+    def corrections(self) -> ReportCorrections:
+        """Find what was believed in the range, and said differently since."""
+        first, last = (self._revision(end) for end in (self.tally.first, self.tally.last))
+        found = self.kb.corrections(since=self.tally.first, limit=SEEN)
+        own = [
+            one
+            for one in found
+            if (first is None or one.valid_until > first.committed_at)
+            and (last is None or one.valid_from <= last.committed_at)
+        ]
+        left_out = "more corrections" if len(own) > EFFECTS or len(found) == SEEN else None
+        command = self.command("corrections", "--since", str(self.tally.first))
+        return ReportCorrections(left_out, command, own[:EFFECTS])
 
     def causes(self, fact: str) -> ReportCauses:
         """Find what a fact led to, and what it goes back to."""

@@ -147,6 +147,7 @@ def test_nothing_of_another_knowledge_base_is_mixed_in(story_url: str, view: str
     words = {word for row in rows for word in re.findall(r"\((?:robot_at|served) [^)]*\)", row)}
     assert words <= {"(robot_at rb1 t2)", "(robot_at ?r0 - robot ?p1 - place)"}
     numbers = {"audit_revision": 2, "audit_change": 7, "audit_fact": 2, "audit_goal": 1}
+    numbers["audit_fact_valid"] = 1
     numbers |= {
         "audit_knowledge_base": 1,
         "audit_fact_argument": 4,
