@@ -500,7 +500,9 @@ def read_state(
         InvalidArgumentError: `after` is not the `next` of a page of this kind.
     """
     head = read_head(reader.store).revision if reader.at is None else reader.at
-    (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
+    revision = head
+    if reader.at is None or when is not None:
+        (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
     at = None if revision == head and reader.at is None else revision
     kinds = tuple(PARTS) if kind is None else (kind,)
 

@@ -235,6 +235,10 @@ def _endpoint(
 _MOMENT = "a revision's number, a time as 2026-03-02T14:03:00Z (UTC unless it has a zone), `now`, "
 _MOMENT += "`2 hours ago` or `yesterday 14:03`"
 At = Annotated[str | None, Query(description=f"Which state: {_MOMENT}; by default the present.")]
+Valid = Annotated[
+    str | None,
+    Query(description="What was true at this time, as known in the state; empty: what was known."),
+]
 SinceMoment = Annotated[str | None, Query(description=f"Only from then on, inclusive: {_MOMENT}.")]
 UntilMoment = Annotated[str | None, Query(description=f"Only up to then, inclusive: {_MOMENT}.")]
 Clock = Annotated[
@@ -252,6 +256,14 @@ After = Annotated[str | None, Query(description="Where the page begins: `next` o
 Offset = Annotated[
     int, Query(ge=0, le=2**53, description="How many come before the page: `next` of the last one.")
 ]
+
+
+def past(kb: KnowledgeBase, at: str | None, valid: str | None) -> KnowledgeBase:
+    """Open the state of a form: of a revision or time, and of what was true at a time."""
+    known, time = moment(at), moment(valid)
+    if known is None and time is None:
+        return kb
+    return kb.at(known=kb.revision if known is None else known, valid=time)
 
 
 def moment(text: str | None) -> int | datetime | None:

@@ -940,6 +940,23 @@ COMMENT ON COLUMN proposition_version.until IS 'retracted in this revision; NULL
 COMMENT ON COLUMN proposition_version.fork IS 'the revision from since to before until that the highest power of two divides; 0: holds now';
 COMMENT ON COLUMN proposition_version.first_object_id IS 'its first argument; NULL: it has none';
 COMMENT ON COLUMN proposition_version.second_object_id IS 'its second argument; NULL: it has fewer';
+CREATE TABLE replacement (
+    kb_id bigint NOT NULL,
+    number bigint NOT NULL,
+    "position" integer NOT NULL,
+    erasure_id bigint NOT NULL,
+    salt bytea,
+    commitment text COLLATE "C",
+    CONSTRAINT ck_replacement_salt_or_commitment CHECK (((salt IS NULL) <> (commitment IS NULL))),
+    CONSTRAINT fk_replacement_kb_id_number_position FOREIGN KEY (kb_id, number, "position") REFERENCES commitment(kb_id, number, "position"),
+    CONSTRAINT pk_replacement PRIMARY KEY (kb_id, number, "position", erasure_id)
+);
+CREATE INDEX ix_replacement_erasure ON public.replacement USING btree (kb_id, erasure_id);
+COMMENT ON COLUMN replacement.number IS 'the revision';
+COMMENT ON COLUMN replacement."position" IS 'as in commitment';
+COMMENT ON COLUMN replacement.erasure_id IS 'what erased it';
+COMMENT ON COLUMN replacement.salt IS 'of the text that is there now; NULL: it was replaced again';
+COMMENT ON COLUMN replacement.commitment IS 'to what was there; NULL: to the text that is there now';
 CREATE TABLE revision (
     kb_id bigint NOT NULL,
     number bigint NOT NULL,

@@ -2716,6 +2716,19 @@ CREATE INDEX ix_proposition_version_second ON proposition_version (kb_id, predic
 CREATE INDEX ix_proposition_version_since ON proposition_version (kb_id, since);
 CREATE INDEX ix_proposition_version_until ON proposition_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_proposition_version_live ON proposition_version (proposition_id, kb_id) WHERE until IS NULL;
+CREATE TABLE replacement (
+    kb_id BIGINT NOT NULL,
+    number BIGINT NOT NULL,
+    position INTEGER NOT NULL,
+    erasure_id BIGINT NOT NULL,
+    salt BLOB,
+    commitment TEXT,
+    CONSTRAINT ck_replacement_salt_or_commitment CHECK ((salt IS NULL) <> (commitment IS NULL)),
+    CONSTRAINT fk_replacement_kb_id_number_position FOREIGN KEY(kb_id, number, position) REFERENCES commitment (kb_id, number, position),
+    CONSTRAINT pk_replacement PRIMARY KEY (kb_id, number, position, erasure_id)
+)
+ WITHOUT ROWID;
+CREATE INDEX ix_replacement_erasure ON replacement (kb_id, erasure_id);
 CREATE TABLE revision (
     kb_id BIGINT NOT NULL,
     number BIGINT NOT NULL,

@@ -13,7 +13,7 @@ from ...moment_text import Moment
 from ...reasoning.complete import Completion
 from ...reasoning.failures import FailedCondition
 from ...reasoning.when import Held
-from ..registry import Clock, Pages, moment
+from ..registry import Clock, Pages, Valid, moment, past
 
 PAGES = Pages("conditions")
 
@@ -86,13 +86,15 @@ def ask(
     parameters: Parameters = "",
     clock: Clock = "committed",
     limit: Limit = 200,
+    valid: Valid = "",
 ) -> AskPage:
     """Ask a condition: for which objects it holds in a state, or in which periods it held."""
     if not condition.strip():
         return AskPage(condition)
     typed = parameters.strip() or None
     if mode == "state":
-        return AskPage(condition, state=_answers(kb, condition, moment(at), typed, limit))
+        found = _answers(past(kb, at, valid), condition, typed, limit, has_sql=not moment(valid))
+        return AskPage(condition, state=found)
     bounds = moment(since), moment(until)
     return AskPage(condition, when=_periods(kb, condition, bounds, typed, clock))
 
@@ -105,22 +107,20 @@ def names(
     limit: Annotated[int, Query(ge=1, le=100, description="The greatest number of names.")] = 12,
 ) -> Completions:
     """Complete a name: predicates, functions, objects, actions and types of a state."""
-    when = moment(at)
-    state = kb if when is None else kb.at(when)
-    return Completions(list(state.pddl.complete(beginning, limit=limit)))
+    return Completions(list(past(kb, at, None).pddl.complete(beginning, limit=limit)))
 
 
 def _answers(
-    kb: KnowledgeBase, condition: str, at: Moment | None, parameters: str | None, limit: int
+    state: KnowledgeBase, condition: str, parameters: str | None, limit: int, *, has_sql: bool
 ) -> FoundAnswers:
     # The revision first: if somebody writes meanwhile, the answers are at least as new.
-    state = kb if at is None else kb.at(at)
     revision = state.revision
     answers = state.query(condition, parameters=parameters, limit=limit + 1)
     rows = list(answers[:limit])
     failed = [] if rows or answers.columns else list(state.unsatisfied(condition))
     is_cut = len(answers) > limit
-    return FoundAnswers(revision, answers.columns, rows, is_cut, failed, answers.sql)
+    sql = answers.sql if has_sql else ""
+    return FoundAnswers(revision, answers.columns, rows, is_cut, failed, sql)
 
 
 def _periods(

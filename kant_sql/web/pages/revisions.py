@@ -22,7 +22,9 @@ from ..registry import (
     Pages,
     SinceMoment,
     UntilMoment,
+    Valid,
     moment,
+    past,
 )
 
 PAGES = Pages("history")
@@ -137,6 +139,7 @@ def state(
     object: ObjectName = None,
     kind: OneKind = "",
     after: After = None,
+    valid: Valid = None,
 ) -> StatePage:
     """Show all that held at a time, and mark what changed against the revision before.
 
@@ -144,7 +147,8 @@ def state(
     """
     asked = StateFilter(text or None, predicate or None, object or None)
     limit = MANY if kind else FEW
-    return read_state(state_of(kb), moment(at), asked, kind or None, after, limit)
+    state, when = (past(kb, at, valid), None) if moment(valid) else (kb, moment(at))
+    return read_state(state_of(state), when, asked, kind or None, after, limit)
 
 
 TypeName = Annotated[str, Query(description="Only objects of this type, or of a subtype.")]
@@ -152,11 +156,14 @@ TypeName = Annotated[str, Query(description="Only objects of this type, or of a 
 
 @STATES.page("/objects", "objects.html", is_form=True, rows=["tables.rows"])
 def objects(
-    kb: KnowledgeBase, type: TypeName = "", at: At = None, after: After = None
+    kb: KnowledgeBase,
+    type: TypeName = "",
+    at: At = None,
+    after: After = None,
+    valid: Valid = None,
 ) -> ObjectsPage:
     """Show the objects of a state as tables, one for each type: a row has what is said of one.
 
     A column is a predicate or a function that has one more argument, or none.
     """
-    when = moment(at)
-    return read_objects_page(state_of(kb if when is None else kb.at(when)), type or None, after)
+    return read_objects_page(state_of(past(kb, at, valid)), type or None, after)
