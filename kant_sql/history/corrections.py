@@ -186,7 +186,7 @@ def corrections(
         >>> kb.corrections()
         []
     """
-    low, high, _ = find_bounds(state.store, since, until, state.at)
+    low, high, *_ = find_bounds(state.store, since, until, state.at)
     size = at_most(limit)
 
     def work(session: Session, kb_id: int | None) -> list[Correction]:
