@@ -142,8 +142,8 @@ class Face(KnowledgeBase):
     def transaction(self, **options: Any) -> Any:
         return _Block(self._loop, self._async.transaction(**options))
 
-    def at(self, when: Any) -> Face:
-        return Face(self._loop, self._loop.call(lambda: self._async.at(when)))
+    def at(self, when: Any = None, **clocks: Any) -> Face:
+        return Face(self._loop, self._loop.call(lambda: self._async.at(when, **clocks)))
 
     @property
     def revision(self) -> int:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import psycopg
 from psycopg import errors, sql
-from sqlalchemy import BigInteger, Boolean, Column, Integer, String, Table, make_url
+from sqlalchemy import BigInteger, Boolean, Column, Integer, LargeBinary, String, Table, make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase
@@ -186,6 +186,8 @@ def _other_values(column: Column[Any]) -> tuple[str, ...]:
         return ("'{{}}'",)
     if isinstance(column.type, String):
         return ("'other'", "NULL")
+    if isinstance(column.type, LargeBinary):
+        return ("'x'::bytea", "NULL")
     return ("0.5", "NULL")
 
 
