@@ -235,7 +235,8 @@ def _key_types(shape: _Shape) -> list[tuple[type, ...]]:
     if shape.kind not in (FACT, VALUE) or shape.has_object:
         return [(int,)]
     if shape.is_past:
-        return [(int, int, int, until, int) for until in (int, none)]
+        firsts = [()] if shape.kind == VALUE else [(int,), (none,)]
+        return [(int, int, *first, int, end, int) for first in firsts for end in (int, none)]
     if shape.kind == VALUE:
         return [(int, int)]
     return [(int, first, second, int) for first, second in ((int, int), (int, none), (none, none))]
@@ -255,7 +256,8 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
         # Goals have an index of their own.
         is_found = shape.has_predicate or shape.kind == GOAL
         conditions.append(held_then(version) if is_found else held_by(source, version, THEN))
-        key = [owner, version.fork, version.since, version.until, columns.owner]
+        first = [version.first_object_id] if source == PROPOSITION else []
+        key = [owner, version.fork, *first, version.since, version.until, columns.owner]
         order = key
         # An expression has no index: what held then is found by its forks.
         conditions += _after([owner + _constant(0), *key[1:]], shape)

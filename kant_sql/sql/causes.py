@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 
 from .dialects.base import Row, Session
-from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
+from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
 from .executions import Key
 from .intervals import FIND, FIND_VALUE, forks_at
 from .query import Query
@@ -181,7 +181,7 @@ def _versions(dialect: str, is_fact: bool, is_whole: bool) -> Query:
                            f" AND v.since = {last}")  # fmt: skip
         wanted = f"w.id0, w.id1, v.since, v.until, {value}"
         return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 2)} AS w{found}"))
-    held = f"v.since <= w.id2 AND (v.until IS NULL OR v.until > w.id2){goal}"
+    held = f"{UNSOUGHT[dialect]}v.since <= w.id2 AND (v.until IS NULL OR v.until > w.id2){goal}"
     found = loops.loop(
         "v", table, f"v.kb_id = :kb AND v.{owner}_id = w.id0 AND v.fork = w.id1 AND {held}"
     )

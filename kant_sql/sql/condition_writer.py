@@ -35,13 +35,14 @@ from ..knowledge.resolved import (
     Slot,
     TypeSet,
     Witness,
+    closure,
     fits,
     replaced,
 )
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .comparisons import ComparisonWriter
 from .dialects.words import COVERS, RAW, Words
-from .estimates import COUNTED, Size, sample
+from .estimates import COUNTED, Size, domain_size, sample
 
 # The first arguments of a fact that its version has, too.
 ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
@@ -49,8 +50,9 @@ ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
 MAX_INLINED = 60
 # From this many ground facts of one predicate on, one list replaces as many lookups.
 FEW_GROUND = 8
-# To look up when an atom held takes as long as to read so many facts that held at a revision.
-LOOKED_UP = 4
+# To look up when an atom held takes as long as to read so many facts that held at a revision; so
+# does to find those of one of the first arguments, which looks at all forks.
+LOOKED_UP, FOUND = 4, 4
 
 Places = Mapping[Slot, str]
 _ALIAS = re.compile(r"\b([a-z]\d+)\.")
@@ -73,6 +75,8 @@ class JoinedTables:
         self.places: dict[Slot, str] = dict(places)
         self.tables: list[str] = []
         self.where: list[str] = []
+        # By the alias of a table: the column that only the right index of it sorts by.
+        self.sorted: dict[str, str] = {}
         # Whether each assignment of the variables is found once only.
         self.is_distinct = True
 
@@ -118,6 +122,8 @@ class JoinedTables:
                 own[n:] = [[rename(text) for text in texts] for texts in own[n:]]
                 columns = rename(columns)
             select = f"SELECT {alias}.* FROM {table} WHERE {balanced('AND', own[n])}"
+            if alias in self.sorted:
+                select += f" ORDER BY {alias}.{self.sorted[alias]}"
             fenced = f"LATERAL ({select}{self._words.fence}) AS {alias}"
             tables.append(fenced if own[n] else table)
         return tables, [condition for _, condition in rest], columns
@@ -180,6 +186,8 @@ class ConditionWriter(ABC):
         size: Size | None = None,
     ) -> None:
         self.words = words
+        # So many arguments find what held in the past; no index has what was said of a time.
+        self.indexed = 0 if words.is_one_state else len(ARGUMENT_COLUMNS)
         self.size = size
         self.asked = 1.0
         self.definitions = definitions
@@ -210,18 +218,30 @@ class ConditionWriter(ABC):
         """Estimate how many facts of a predicate hold, to compare them with a number."""
         return COUNTED if self.size is None else self.size.facts(predicate, compared)
 
-    def mentions(self, term: Place, types: TypeSet) -> float:
-        """Estimate how many atoms, of any time, mention an object: that, or one of some types."""
+    def found_by(self, position: int, term: Place, types: TypeSet) -> float:
+        """Estimate what it takes to find the facts with an object, in lookups of an atom.
+
+        By an argument that has no index, all atoms of any time that mention it are looked up.
+        """
+        if position < self.indexed:
+            return FOUND
         if self.size is None:
             return 1
         is_known = isinstance(term, Known)
         objects = (term.id,) if is_known else sample(self.definitions, types)  # type: ignore[union-attr]
         return self.size.mentions(objects)
 
-    def is_read(self, predicate: int, lookups: float) -> bool:
-        """Return whether to read all that held of a predicate, and not to look up some atoms."""
+    def is_read(self, predicate: int, lookups: float, given: Iterable[int] = ()) -> bool:
+        """Return whether to read all that held of a predicate, and not to look up some atoms.
+
+        `given` are the arguments, of the first ones, that what is read has.
+        """
         if not self.is_past or self.size is None or lookups <= 1:
             return False
+        parameters = self.definitions.predicates.live(predicate).parameters
+        for n in given:
+            types = closure(self.definitions, parameters[n].type_ids)
+            lookups *= domain_size(self.definitions, types)
         return LOOKED_UP * lookups > self.facts_of(predicate, LOOKED_UP * lookups)
 
     # Parameters and names.
@@ -251,11 +271,11 @@ class ConditionWriter(ABC):
         """Write a term that is bound."""
         return self.parameter(term.id) if isinstance(term, Known) else places[term]
 
-    def held(self, alias: str) -> str:
+    def held(self, alias: str, unsought: str = "") -> str:
         """Write that a version held in the state."""
         if not self.is_past:
             return f"{alias}.until IS NULL"
-        return f"{alias}.since <= :at AND ({alias}.until IS NULL OR {alias}.until > :at)"
+        return f"{unsought}{alias}.since <= :at AND ({alias}.until IS NULL OR {alias}.until > :at)"
 
     def exists(self, tables: str, where: Sequence[str]) -> str:
         """Write that there is a row, which is looked up for each one that asks."""
@@ -425,20 +445,25 @@ class ConditionWriter(ABC):
                 for column, term in zip(ARGUMENT_COLUMNS, terms, strict=False)
             ]
             return self.exists(f"proposition_version AS {version}", where)
-        if terms and self.is_read(fact.predicate, self.asked):
-            return self._listed_in(self.past(fact.predicate, len(terms)), terms, places)
+        given = {
+            n: self.place(term, places)
+            for n, term in enumerate(terms[: self.indexed])
+            if self.is_given(term, places)
+        }
+        if len(given) < len(terms) and self.is_read(fact.predicate, self.asked, given):
+            return self._listed_in(self.past(fact.predicate, len(terms), given), terms, places)
         atom = self.alias("p")
         where = self.atom(atom, fact.predicate)
         where += [f"{atom}.arguments = {self._key(terms, places)}", self.atom_holds(atom)]
         return self.exists(f"proposition AS {atom}", where)
 
     def versions(self, alias: str, predicate: int) -> list[str]:
-        """Write that a version is that of a fact of a predicate that holds now."""
+        """Write that a version is that of a fact of a predicate that holds in the state."""
         return [
             f"{alias}.kb_id = :kb",
             f"{alias}.predicate_id = {self.parameter(predicate)}",
             self.words.is_fact.format(alias),
-            f"{alias}.until IS NULL",
+            self.held(alias),
         ]
 
     def _derived_holds(self, fact: HoldsFact, places: Places) -> str:
@@ -530,6 +555,10 @@ class ConditionWriter(ABC):
         self, parts: Iterable[Part], bound: Iterable[Bound], places: Places
     ) -> JoinedTables:
         """Join what gives variables their objects, and filter by all else."""
+
+    @abstractmethod
+    def forks(self) -> str:
+        """Return the table of the forks of the past state, with the column `value`."""
 
     @abstractmethod
     def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:

@@ -23,11 +23,23 @@ from sqlalchemy import (
     bindparam,
     delete,
     literal_column,
+    or_,
     select,
 )
 
 from .dialects.base import Session
-from .query import Fork, IdsQuery, Insert, Query, each_of, first_rows, found_rows, in_list, in_rows
+from .query import (
+    Fork,
+    IdsQuery,
+    Insert,
+    Query,
+    Unsought,
+    each_of,
+    first_rows,
+    found_rows,
+    in_list,
+    in_rows,
+)
 from .rows import KB, PROPOSITION, THEN, VALUE, VersionTable, held_at, looked_up, table_of
 from .tables import (
     TABLES,
@@ -61,7 +73,8 @@ def fork(since: int, until: int | None) -> int:
 
 def held_then(version: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
     """Return whether a version held at a revision, found by its fork among the `forks`."""
-    return and_(in_list(version.fork, "forks", bounded=version.since), held_at(version, at))
+    ends = or_(version.until.is_(None), version.until > at)
+    return and_(in_list(version.fork, "forks"), Unsought(version.since) <= at, ends)
 
 
 # For queries of all predicates or functions: the index starts with that column.

@@ -222,7 +222,7 @@ class _Join:
 
     def _join_fact(self, fact: HoldsFact) -> None:
         predicate = self._writer.definitions.predicates.live(fact.predicate)
-        columns = self._past_facts(fact) if self._writer.is_past else self._present_facts(fact)
+        columns = self._past_facts(fact) if self._writer.is_past else self._found_facts(fact)
         if fact.is_stored and not self._writer.is_past:
             # Facts of a derived predicate are rare: without any, none is looked up.
             version = self._writer.alias("v")
@@ -231,8 +231,8 @@ class _Join:
             self._selection.where.append(self._writer.exists(tables, where))
         self._match(fact.terms, columns, predicate.parameters)
 
-    def _present_facts(self, fact: HoldsFact) -> list[str]:
-        """Join the versions of a predicate, and the arguments that these do not have."""
+    def _found_facts(self, fact: HoldsFact) -> list[str]:
+        """Join the versions of a predicate that an index finds, and further arguments."""
         writer, selection = self._writer, self._selection
         version = writer.alias("v")
         columns = [f"{version}.{column}" for column in ARGUMENT_COLUMNS[: len(fact.terms)]]
@@ -243,6 +243,11 @@ class _Join:
         arguments = {n: writer.alias("a") for n in further}
         tables = {n: f"proposition_argument AS {alias}" for n, alias in arguments.items()}
         selection.tables += [tables[n] for n in first]
+        if writer.is_past:
+            forks = writer.alias("f")
+            selection.tables.append(f"{writer.forks()} AS {forks}")
+            selection.where.append(f"{version}.fork = {forks}.value")
+            selection.sorted[version] = "since"
         selection.tables.append(f"proposition_version AS {version}")
         selection.tables += [tables[n] for n in further if n not in first]
         selection.where += writer.versions(version, fact.predicate)
@@ -264,6 +269,8 @@ class _Join:
             }
             selection.tables.append(f"{writer.past(fact.predicate, arity, given)} AS {alias}")
             return [f"{alias}.c{n}" for n in range(arity)]
+        if bound[1] < writer.indexed:
+            return self._found_facts(fact)
         # What is bound finds few atoms, each of which is looked up at that time.
         _, first = bound
         order = [first, *(n for n in range(arity) if n != first)]
@@ -282,11 +289,11 @@ class _Join:
         return [f"{aliases[n]}.object_id" for n in range(arity)]
 
     def _fewest_mentioned(self, fact: HoldsFact) -> tuple[float, int] | None:
-        """Return the bound term that the fewest atoms mention: how many, and its position."""
+        """Return the bound term that finds facts with the fewest lookups, and its position."""
         writer = self._writer
         parameters = writer.definitions.predicates.live(fact.predicate).parameters
         found = [
-            (writer.mentions(term, closure(writer.definitions, parameters[n].type_ids)), n)
+            (writer.found_by(n, term, closure(writer.definitions, parameters[n].type_ids)), n)
             for n, term in enumerate(fact.terms)
             if self._is_bound(term)
         ]
@@ -295,9 +302,13 @@ class _Join:
     def _is_read(self, fact: HoldsFact, mentioned: float, n: int) -> bool:
         """Return whether to join all that held of a predicate, and not to look up atoms."""
         # No index of it is made for what each row of an outer query asks again.
-        is_given = isinstance(fact.terms[n], Known) or fact.terms[n] in self._outer
-        lookups = self._rows * mentioned / (self._writer.asked if is_given else 1)
-        return self._writer.is_read(fact.predicate, lookups)
+        writer, term = self._writer, fact.terms[n]
+        is_known = isinstance(term, Known) or term in self._outer
+        lookups = self._rows * mentioned / (writer.asked if is_known else 1)
+        if n < writer.indexed and writer.is_given(term, self._outer):
+            # Those of one object are few: they are read once, and joined by hashes.
+            return lookups > mentioned or writer.asked > 1
+        return writer.is_read(fact.predicate, lookups)
 
     def _match(
         self,

@@ -30,7 +30,7 @@ from sqlalchemy import (
 from ..errors import reading_rows
 from ..knowledge.definitions import DERIVED_PREDICATE
 from .dialects.base import Row, Session
-from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
+from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
 from .intervals import forks_at
 from .query import Query, found_rows, in_list, in_rows, integer
 from .rows import KB, held_at
@@ -405,7 +405,8 @@ def _state(dialect: str, places: tuple[int, ...]) -> Query:
             # See `intervals.py`: the index of an owner's versions goes on with the fork.
             tables += f" CROSS JOIN {loops.rows('forks', 1)} AS forked"
             which += " AND v.fork = forked.id0"
-        which += " AND v.since <= :at AND (v.until IS NULL OR v.until > :at)"
+        began = f"{UNSOUGHT[dialect] if part.by_owner else ''}v.since <= :at"
+        which += f" AND {began} AND (v.until IS NULL OR v.until > :at)"
         leading = part.select("v.since AS revision, 0 AS is_end")
         parts.append(f"{leading} FROM {tables}{loops.loop('v', part.table, which)}")
     return Query(text(" UNION ALL ".join(parts)))

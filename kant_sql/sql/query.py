@@ -115,6 +115,13 @@ def _at_key(element: AtKey, compiler: Any, **options: Any) -> str:
     return f"{column} = {value}"
 
 
+class Unsought(FunctionElement[Any]):
+    """A column that is not to choose an index: SQLite takes a range of revisions for few rows."""
+
+    inherit_cache = True
+    name = "unsought"
+
+
 class InRange(FunctionElement[bool]):
     """`column` is a whole number from a lower to an upper bound."""
 
@@ -122,6 +129,11 @@ class InRange(FunctionElement[bool]):
     inherit_cache = True
     name = "in_range"
     _is_implicitly_boolean = True
+
+
+@compiles(Unsought)
+def _unsought(element: Unsought, compiler: Any, **options: Any) -> str:
+    return "".join(compiler.process(clause, **options) for clause in element.clauses)
 
 
 @compiles(InRange)

@@ -173,6 +173,16 @@ class ConditionCompiler(JoinWriter):
         self._tables.append(f"{name} ({listed}) AS ({sql})")
 
     @override
+    def forks(self) -> str:
+        if "forks" not in self._relations:
+            self._relations["forks"] = "forks"
+            # No version has one after the head.
+            head = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
+            listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {head}"
+            self._tables.insert(0, f"forks (value) AS MATERIALIZED (SELECT f.value FROM {listed})")
+        return "forks"
+
+    @override
     def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:
         given = {} if given is None else given
         key = ("past", predicate, *sorted(given.items()))
@@ -184,15 +194,18 @@ class ConditionCompiler(JoinWriter):
         # The forks as a table: for `fork IN` a planner without statistics expects few rows, and
         # then compares all of them with each row that they are joined to.
         selection = JoinedTables(self.words, {})
+        found = any(n < self.indexed for n in given)
         if not self.words.is_one_state:
-            selection.tables = [f"{self.words.each.format(':forks')} AS f0"]
+            selection.tables = [f"{self.forks()} AS f0"]
             selection.where = ["v0.fork = f0.value"]
+            if found:
+                selection.sorted["v0"] = "since"
         selection.tables.append("proposition_version AS v0")
         selection.where += [
             "v0.kb_id = :kb",
             f"v0.predicate_id = {self.parameter(predicate)}",
             self.words.is_fact.format("v0"),
-            self.held("v0"),
+            self.held("v0", "" if found else self.words.unsought),
         ]
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
         for n in range(len(columns), arity):
@@ -269,9 +282,9 @@ class ConditionCompiler(JoinWriter):
         if not asking or not _are_connected(facts, asking):
             return False
         return any(
-            self.is_read(fact.predicate, self.asked * self.mentions(term, types))
+            self.is_read(fact.predicate, self.asked * self.found_by(n, term, types))
             for fact in facts
-            for term, types in zip(fact.terms, self._declared(fact), strict=True)
+            for n, (term, types) in enumerate(zip(fact.terms, self._declared(fact), strict=True))
             if term in asking
         )
 

@@ -99,6 +99,7 @@ class SqliteDriver(Driver):
 
     def without_checks(self) -> None:
         self.run("PRAGMA foreign_keys=OFF")
+        self.run("PRAGMA cache_size=-1000000")
 
 
 class PsycopgDriver(Driver):

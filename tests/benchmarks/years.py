@@ -29,6 +29,8 @@ DOMAIN = """
                (door_open ?d - door) (door_closed ?d - door))
   (:functions (level ?r - robot)))
 """
+# So many facts are written at once.
+CHUNK = 100_000
 # The predicate or the function, and what it is of; of a value, the value is last.
 Key = tuple[Any, ...]
 
@@ -107,10 +109,13 @@ class Writer:
                 values.append(self.value(key, since, until))
             else:
                 facts.append(self.fact(key, since, until))
+            if len(facts) == CHUNK:
+                self.store.insert("proposition_version", len(facts[0]), facts)
+                facts = []
         # What was written just now begins before what was generated.
         began = "UPDATE revision SET committed_at = ? WHERE kb_id = ? AND number < ?"
         self.store.execute(began, (self.moment(0), self.kb, first))
-        self.store.insert("revision", 9, self.revisions(first, last))
+        self.store.insert("revision", 10, self.revisions(first, last))
         self.identities()
         for table, rows in (("proposition_version", facts), ("function_value_version", values)):
             if rows:
@@ -130,7 +135,7 @@ class Writer:
         for number in range(first, last + 1):
             actor = ("perception", "executive", "operator")[number % 3]
             digest = f"{number:064x}"
-            yield self.kb, number, self.moment(number), actor, None, None, 1, digest, None
+            yield self.kb, number, self.moment(number), actor, None, None, 1, digest, None, None
 
     def atom(self, key: Key) -> int:
         if key not in self.atoms:

@@ -14,17 +14,18 @@ import pytest
 
 import kant_sql
 from tests.benchmarks.drivers import bare
-from tests.benchmarks.past import ALL, CONDITIONS, NAME, PERIODS, fill
+from tests.benchmarks.past import CONDITIONS, NAME, PERIODS, fill
 from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
 from tests.support.statements import is_bracket, seen, work
 
-BOXES, REVISIONS = 1_200, 600
+BOXES, FACTS, REVISIONS = 1_200, 3_000, 600
+ALL = CONDITIONS["all boxes"]
 LAST = REVISIONS + 3
 
 
 def filled(url: str) -> str:
-    fill(url, BOXES, REVISIONS)
+    fill(url, BOXES, FACTS, REVISIONS)
     return url
 
 

@@ -65,6 +65,7 @@ from ..query import (
     Seconds,
     StoreClock,
     StorePlace,
+    Unsought,
     raw,
 )
 from ..tables.base import UtcTime
@@ -94,7 +95,7 @@ from .structure import (
     parenthesized,
     parse_statement,
 )
-from .words import SQLITE_WORDS, add_functions
+from .words import SQLITE_WORDS, UNSOUGHT, add_functions
 
 _OBJECTS = """
 SELECT type, name, tbl_name, sql FROM sqlite_master WHERE sql IS NOT NULL
@@ -221,6 +222,12 @@ def _in_list(element: InList, compiler: Any, **options: Any) -> str:
 def _seeking(among: str, bounded: Sequence[str]) -> str:
     parts = [among, *(SQLITE_WORDS.bounded.format(column) for column in bounded)]
     return f"({''.join(parts)})" if bounded else among
+
+
+@compiles(Unsought, "sqlite")
+def _unsought(element: Unsought, compiler: Any, **options: Any) -> str:
+    (column,) = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"{UNSOUGHT['sqlite']}{column}"
 
 
 @compiles(InRange, "sqlite")

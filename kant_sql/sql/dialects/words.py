@@ -138,6 +138,7 @@ class Words(NamedTuple):
         rows: the relation of a parameter that holds rows of ids, as JSON, with columns `place`,
             from 0, and `c0`, `c1` ...
         list_text: writes a list as a literal.
+        unsought: what begins a column by which no index is to be chosen; see `Unsought`.
         arithmetic: how decimals are calculated with.
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
@@ -154,6 +155,7 @@ class Words(NamedTuple):
     each: str
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
+    unsought: str
     arithmetic: DecimalWords
     fence: str
     many: str = ""
@@ -165,6 +167,9 @@ class Words(NamedTuple):
         "p.kb_id = :kb)) AND s.fork = ANY({forks})",
         "s.{owner}_id",
     )
+
+
+UNSOUGHT = {"sqlite": "+", "postgresql": ""}
 
 
 def quoted(text: str) -> str:
@@ -208,6 +213,7 @@ SQLITE_WORDS = Words(
     "(SELECT f.value FROM json_each('[0]') CROSS JOIN json_each({0}) AS f)",
     _sqlite_rows,
     _sqlite_list,
+    UNSOUGHT["sqlite"],
     SQLITE_ARITHMETIC,
     "",
     # The parser has a stack of 100 entries up to SQLite 3.45; tests of types take some, too.
@@ -226,6 +232,7 @@ POSTGRESQL_WORDS = Words(
     "(SELECT unnest(CAST({0} AS bigint[])) AS value)",
     _postgresql_rows,
     _postgresql_list,
+    UNSOUGHT["postgresql"],
     POSTGRESQL_ARITHMETIC,
     " OFFSET 0",
     "generate_series(1, (SELECT 1))",

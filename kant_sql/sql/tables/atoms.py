@@ -59,10 +59,13 @@ def _argument_args(atom: str) -> tuple[Any, ...]:
     return reference(f"{atom}_id", atom), reference("object_id", "object"), index
 
 
-def _interval_args(atom: str, owner: str, live: tuple[str, ...] = ()) -> tuple[Any, ...]:
+def _interval_args(
+    atom: str, owner: str, *argument: str, live: tuple[str, ...] = ()
+) -> tuple[Any, ...]:
     """Return the constraints and indexes of a table of intervals."""
     table, id_ = f"{atom}_version", f"{atom}_id"
-    history = f"ix_{table}_history", "kb_id", f"{owner}_id", "fork", "since", "until", id_
+    ends = "since", "until", id_
+    history = f"ix_{table}_history", "kb_id", f"{owner}_id", "fork", *argument, *ends
     return (
         *version_args(table, id_, live=live),
         reference(id_, atom),
@@ -124,7 +127,14 @@ class PropositionVersionRow(Interval, Base):
         # Without statistics PostgreSQL takes any index that begins with `kb_id` for as good as
         # another, and the smallest for the best: among 20,000 facts it would read all of them by
         # this one, to find those of a predicate or with an argument.
-        *_interval_args("proposition", "predicate", live=("proposition_id", "kb_id")),
+        *_interval_args("proposition", "predicate", _FIRST, live=("proposition_id", "kb_id")),
+        # What held of the second argument; the fork comes first, so that a writer finds the page in
+        # memory: it closes versions under few recent ones.
+        partial_index(
+            "ix_proposition_version_second_history",
+            *("kb_id", "predicate_id", "fork", _SECOND, "since", "until"),
+            where=f"{_SECOND} IS NOT NULL",
+        ),
         # `is_goal` comes before the arguments: PostgreSQL 18 takes a column that a condition skips
         # for many searches.
         _now("proposition_version", "predicate_id", "is_goal", _FIRST, _SECOND, "proposition_id"),
