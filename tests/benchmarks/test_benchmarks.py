@@ -19,7 +19,7 @@ SMALL = {
     "confirming": ["--changes", "1000", "--backend", "sqlite"],
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
     "knowledge_bases": ["--robots", "4", "--revisions", "4", "--backend", "sqlite"],
-    "past": ["--boxes", "40", "--revisions", "30", "--backend", "sqlite"],
+    "past": ["--boxes", "40", "--facts", "500", "--revisions", "30", "--backend", "sqlite"],
     "pushing": ["--changes", "2000", "--one", "500", "--backend", "sqlite"],
     "sizing": ["--revisions", "120", "--backend", "sqlite"],
     "successors": ["--pairs", "ipc1998-gripper-round-1-strips", "--successors", "200"],
