@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
+from pathlib import Path
 from typing import Any
 
+import psycopg
 import pytest
 
-from kant_sql import KnowledgeBase, Plan
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan
+from kant_sql.errors import (
+    InvalidArgumentError,
+    ReadOnlyError,
+    UnknownNameError,
+    UnknownRevisionError,
+)
+from tests.support.stores import Connect
 
 NAME = "maria_sklodowska"
 DOMAIN = f"""
@@ -100,3 +111,143 @@ def test_a_second_name_in_the_same_texts_is_erased_too(filled: KnowledgeBase) ->
     assert "bob" not in everything(kb).replace('"bob"', "")
     found = kb.store.verify()
     assert (found.findings, len(found.erasures)) == ((), 3)
+
+
+def files_of(url: str) -> list[Path]:
+    """The files in which a store keeps its rows."""
+    path = url.removeprefix("sqlite:///")
+    if path != url:
+        return [Path(f"{path}{end}") for end in ("", "-wal") if Path(f"{path}{end}").exists()]
+    with psycopg.connect(url.replace("+psycopg", ""), autocommit=True) as connection:
+        connection.execute("CHECKPOINT")
+        folder = connection.execute("SHOW data_directory").fetchone()[0]
+        rows = connection.execute(
+            "SELECT pg_relation_filepath(c.oid) FROM pg_class AS c JOIN pg_namespace AS n "
+            "ON n.oid = c.relnamespace WHERE c.relkind IN ('r', 'i', 't') "
+            "AND n.nspname IN ('public', 'pg_toast')"
+        ).fetchall()
+    return [Path(folder) / row[0] for row in rows if row[0] is not None]
+
+
+def has_bytes(url: str, name: str) -> list[str]:
+    """Name the files that have a name, in any case."""
+    return [str(file) for file in files_of(url) if name.encode() in file.read_bytes().lower()]
+
+
+def test_no_byte_of_it_is_left(shared_url: str, connect: Connect) -> None:
+    kb = fill(connect(shared_url, knowledge_base="tiago", actor="test"))
+    assert has_bytes(shared_url, NAME)
+    erased = kb.erase(NAME, reason="asked", also=["reason", "source"])
+    assert erased.remaining == ()
+    # Another name, which contains it.
+    for file in files_of(shared_url):
+        assert NAME.encode() not in file.read_bytes().lower().replace(f"{NAME}2".encode(), b"")
+
+
+def test_a_reader_of_the_log_is_named(tmp_path: Path, connect: Connect) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}?timeout=0.2"
+    kb = fill(connect(url, knowledge_base="tiago"))
+    with closing(sqlite3.connect(tmp_path / "store.db", isolation_level=None)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM object").fetchall()
+        (remaining,) = kb.erase(NAME, reason="asked", also=["reason", "source"]).remaining
+        assert "wal_checkpoint" in remaining
+
+
+def test_what_revisions_say_is_erased(filled: KnowledgeBase) -> None:
+    kb = filled
+    number = next(entry.revision.number for entry in kb.log() if entry.revision.reason)
+    erased = kb.erase(revisions=[number], parts=["reason", "source", "actor"], reason="asked")
+    assert (erased.element_id, erased.parts, erased.revisions) == (None, 3, 1)
+    said = next(entry.revision for entry in kb.log() if entry.revision.number == number)
+    assert (said.reason, said.source, said.actor) == ("erased-1",) * 3
+    assert kb.store.verify().findings == ()
+    assert kb.erase(revisions=[number], parts=["reason"], reason="again").parts == 1
+    assert kb.erase(NAME, reason="asked").pseudonym == "erased-3"
+    assert kb.store.verify().findings == ()
+
+
+def test_what_cannot_be_erased_is_refused_with_a_remedy(filled: KnowledgeBase) -> None:
+    kb = filled
+    before = kb.revision
+    for wrong, error in (
+        ({"element": NAME, "reason": f"{NAME.title()} asked"}, InvalidArgumentError),
+        ({"element": NAME, "reason": "asked", "actor": NAME}, InvalidArgumentError),
+        ({"element": "nobody", "reason": "asked"}, UnknownNameError),
+        ({"revisions": [before + 1], "parts": ["reason"], "reason": "x"}, UnknownRevisionError),
+        ({"reason": "x"}, InvalidArgumentError),
+        (
+            {"element": "bob", "revisions": [1], "parts": ["reason"], "reason": "x"},
+            InvalidArgumentError,
+        ),
+        ({"revisions": [1], "reason": "x"}, InvalidArgumentError),
+        ({"revisions": [1], "parts": ["hash"], "reason": "x"}, InvalidArgumentError),
+    ):
+        with pytest.raises(error):
+            kb.erase(**wrong)  # type: ignore[arg-type]
+    with kb.transaction(), pytest.raises(ReadOnlyError, match="transaction open"):
+        kb.erase(NAME, reason="asked")
+    assert kb.erase(revisions=[1], parts=["reason"], reason="x").revision is None
+    assert kb.revision == before
+    assert kb.holds(f"(at {NAME} bath)")
+
+
+def test_a_preview_lists_what_would_stay_and_changes_nothing(filled: KnowledgeBase) -> None:
+    kb = filled
+    kb.objects.save(PddlObjectDto(PddlTypeDto("person"), "marja_sklodowska"))
+    before = kb.revision
+    found = kb.erasure_preview(NAME)
+    assert (found.pseudonym, found.form_1, found.similar) == (
+        "erased-1",
+        0,
+        ("marja_sklodowska",),
+    )
+    assert {mention.place for mention in found.mentions} == {"reason", "source", "plan's problem"}
+    assert (kb.revision, kb.store.verify().findings) == (before, ())
+    assert kb.erase(NAME, reason="asked").parts == found.parts
+
+
+def test_other_connections_answer_with_the_pseudonym(shared_url: str, connect: Connect) -> None:
+    kb = fill(connect(shared_url, knowledge_base="tiago"))
+    other, writer = (connect(shared_url, knowledge_base="tiago") for _ in range(2))
+    past = other.at(3)
+    assert past.objects.get(NAME)
+    assert other.objects.get(NAME)
+    assert other.holds(f"(at {NAME} bath)")
+    writer.propositions.save(f"(at {NAME} hall)")
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    for reader in (past, other, writer):
+        assert reader.objects.get(NAME) is None
+        assert NAME not in str(reader.propositions.get_all())
+    assert NAME not in everything(other).replace(f"{NAME}2", "")
+    assert writer.propositions.delete("(at erased-1 hall)")
+    assert NAME not in everything(writer).replace(f"{NAME}2", "")
+    assert kb.store.verify().findings == ()
+
+
+def test_replicas_follow(shared_url: str, connect: Connect, tmp_path: Path) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    urls = [f"sqlite:///{tmp_path / name}.db" for name in ("near", "away", "new")]
+    kb.load_domain(DOMAIN)
+    kb.store.push(urls[1])
+    fill(kb)
+    kb.store.push(urls[0])
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    # The name comes again, and is another person's.
+    kb.objects.save(PddlObjectDto(PddlTypeDto("person"), NAME))
+    kb.propositions.save(f"(at {NAME} hall)")
+    kb.erase("bath", reason="rebuilt")
+    kb.erase(NAME, reason="asked, too")
+    for url in urls:
+        kb.store.push(url)
+        replica = connect(url, knowledge_base="tiago")
+        answers = [
+            ([*each.log()], each.problem_pddl(), each.domain_pddl()) for each in (kb, replica)
+        ]
+        assert (answers[0] == answers[1]) is True
+        assert NAME not in everything(replica).replace(f"{NAME}2", "")
+        assert (replica.store.verify().findings, has_bytes(url, f"{NAME} ")) == ((), [])
+        replica.close()
+    kb.propositions.save("(at erased-1 hall)")
+    for url in urls:
+        assert kb.store.push(url).revisions == 1

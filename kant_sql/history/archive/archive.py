@@ -38,6 +38,7 @@ from ..replication.target import (
 )
 from ..revisions import read_position
 from ..verify.chain import rest_digest
+from ..verify.erasures import erased_since
 from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
 
 
@@ -83,11 +84,14 @@ def _advance(source: ReplicationSide, target: Target, upto: int, revisions: int)
         kb_id = source.find(reader)
         state = read_state(reader, kb_id)
         assert kb_id is not None
+        # What is left of an erased revision is copied with the erasure.
+        erased = erased_since(reader, kb_id)
+        upto = max(upto, erased)
         stores = Stores(reader, kb_id, session, target_kb)
         check_archive(stores, source.name, head.revision)
         if head.revision >= upto:
             return head.revision, 0
-        high = min(upto, head.revision + revisions)
+        high = min(upto, max(head.revision + revisions, erased))
         redefined = state.definition_revision > head.revision
         bounds = CopyRange(head.revision + 1, high, state.archived_revision > 0, redefined)
         origin = OriginHead(source.backend.label, state.revision, state.committed_at, state.next_id)

@@ -19,6 +19,7 @@ from ...sql.tables import HeadRow
 from ...store.head import Head
 from ..verify.chain import Link, Step, stream_chain
 from .copy import Copied, Copy, Stores
+from .erasures import Followed
 
 # Versions per transaction, as far as whole revisions allow.
 ROWS = 20_000
@@ -82,10 +83,13 @@ def copy_batch(
     A batch with a wrong hash raises, and nothing of it is written.
     """
     place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
+    followed = Followed(stores, name, bounds.low, bounds.high)
     with _naming_both(stores, name, bounds), reading_rows("revision", place):
+        followed.erase()
         copied = Copy(stores, *bounds).run()
     with reading_rows("revision", place):
         last = _check(stores, name, head, bounds, copied)
+        followed.check()
     _, _, target, target_kb = stores
     # No id of the origin is given out again by a replica that was promoted.
     given_out = origin.next_id if bounds.high == origin.revision else 0
@@ -94,7 +98,7 @@ def copy_batch(
     with _naming_both(stores, name, bounds):
         move(target, target_kb, head, last, definitions, next_id, origin)
         target.commit(target_kb)
-    return copied
+    return copied._replace(erasures=len(followed.ids))
 
 
 @contextmanager

@@ -109,11 +109,12 @@ ARCHIVED_TABLES = (
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN = table_of(t.PlanRow)
 # What is recorded once, beside plans.
-RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow)
+ERASURE = table_of(t.ErasureRow)
+RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow), ERASURE
 # Rows stay in the store when versions are moved to an archive, as records do.
 CONFIRMATION = table_of(t.ConfirmationRow)
 SAYINGS = table_of(t.PropositionSayingRow), table_of(t.FunctionValueSayingRow)
-COMMITMENT = table_of(t.CommitmentRow)
+COMMITMENT, REPLACEMENT = table_of(t.CommitmentRow), table_of(t.ReplacementRow)
 EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 VERSION = table_of(t.ExecutionVersionRow)
 
@@ -313,6 +314,7 @@ class Copied(NamedTuple):
     rows: int  # how many versions were written or closed
     definition_revision: int  # the last revision that changed a definition; 0 for none of these
     largest_id: int  # the largest id that was written; 0 for none
+    erasures: int = 0  # how many the target followed
 
 
 def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
@@ -385,6 +387,7 @@ _NO_PLAN: Any = literal_column(str(NO_PLAN))
 _REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
 _LINKS = _all_of(_LINK, in_range(_LINK.c.number))
 _COMMITMENTS = _all_of(COMMITMENT, in_range(COMMITMENT.c.number))
+_REPLACEMENTS = _all_of(REPLACEMENT, in_range(REPLACEMENT.c.number))
 
 
 class Copy:
@@ -419,6 +422,7 @@ class Copy:
             self._insert(table, _asserted(table))
         # Last: it names the atoms of these revisions by ids, which may be others in the target.
         self._insert(COMMITMENT, _COMMITMENTS)
+        self._insert(REPLACEMENT, _REPLACEMENTS)
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 
@@ -445,6 +449,8 @@ class Copy:
                 self._see(end for end in ends if end <= self._high)
             elif table in (PLAN, *RECORDS):
                 self._largest = max(self._largest, *(row[1] for row in rows))
+                if table is ERASURE:
+                    self._see(row[2] for row in rows)
             elif table is EXECUTION:
                 own = (row[2] for row in rows if row[1] == NO_PLAN)
                 self._largest = max(self._largest, *own, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import NamedTuple, TypeVar
@@ -18,11 +19,14 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
 from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
+from ..verify.erasures import erased_since
 from .batch import BatchSize, CopyRange, OriginHead, copy_batch, move
 from .copy import Stores
 from .target import HeadState, ReplicationSide, Target, diverged, last_archive, read_state, reading
 
 T = TypeVar("T")
+
+logger = logging.getLogger("kant_sql.history")
 
 Progress = Callable[[int, int], None]
 
@@ -89,6 +93,7 @@ class _Push:
         self._archive: ReplicationSide | None = None
         self._size = BatchSize()
         self._versions = 0
+        self._erasures = 0
 
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
         """Compare the heads, and send batches until the target has all of the source."""
@@ -100,6 +105,8 @@ class _Push:
             if progress is not None:
                 progress(min(at, here.revision), here.revision)
         label = self._target.backend.label
+        for remaining in self._target.backend.wipe() if self._erasures else ():
+            logger.warning("%s: bytes of what was erased may remain in %s", label, remaining)
         return Pushed(label, before, at, here.revision, self._versions)
 
     def _retrying(self, work: Callable[[], T]) -> T:
@@ -132,7 +139,9 @@ class _Push:
                 self._adopt(stores, here, head)
                 return here, head.revision, True
             with self._complete(stores, here, head) as (whole, state):
-                high = min(state.revision, head.revision + self._size.revisions)
+                # A replica has no part of an erasure without all of it.
+                erased = erased_since(whole.source, whole.source_kb)
+                high = min(state.revision, max(head.revision + self._size.revisions, erased))
                 bounds = CopyRange(
                     head.revision + 1,
                     high,
@@ -142,6 +151,7 @@ class _Push:
                 copied = copy_batch(whole, self._source.name, head, bounds, self._origin(here))
         self._size.learn(copied.rows)
         self._versions += copied.rows
+        self._erasures += copied.erasures
         return here, high, high == here.revision
 
     def _origin(self, here: HeadState) -> OriginHead:

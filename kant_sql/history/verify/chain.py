@@ -199,6 +199,19 @@ def _link(session: Session, row: Row, parts: Side | None = None) -> Link:
     return Link(number, committed_at, metadata, form, seed, digest, is_readable, own)
 
 
+def texts_of(
+    link: Link, name: str, previous: str | None, changes: Iterable[_Line]
+) -> dict[Any, str | None]:
+    """Return what is there now of a revision that has parts, by their keys."""
+    lines = [*changes]
+    texts: dict[Any, str | None] = {(line[0], line[1], *line[3:]): line[2] for line in lines}
+    texts |= {("", label, 0, 0): getattr(link.metadata, label) for label in SAID}
+    if link.form == 1:
+        of = previous, name, link.number, link.committed_at, link.metadata
+        texts["", WHOLE, 0, 0] = revision_hash(*of, sorted(line[:3] for line in lines), None, 1)
+    return texts
+
+
 def moment_text(session: Session, raw: Any) -> str:
     """Return a time as it is hashed."""
     return raw if isinstance(raw, str) else time_text(session.to_time(raw))
@@ -440,15 +453,9 @@ class Chain:
 
     def _check_erased(self, link: Link, previous: str | None, changes: list[_Line]) -> None:
         """Check what took the places of erased parts of a revision."""
-        if self.erasures is None or link.fault is not None:
-            return
-        texts = {(sign, kind, *key): text for sign, kind, text, *key in changes}
-        texts |= {("", label, 0, 0): getattr(link.metadata, label) for label in SAID}
-        if link.form == 1:
-            lines = sorted(line[:3] for line in changes)
-            of = previous, self._name, link.number, link.committed_at, link.metadata
-            texts["", WHOLE, 0, 0] = revision_hash(*of, lines, None, 1)
-        self.erasures.take(link.number, link.parts, texts, self.archived)
+        if self.erasures is not None and link.fault is None:
+            texts = texts_of(link, self._name, previous, changes)
+            self.erasures.take(link.number, link.parts, texts, self.archived)
 
     def _counted(self, changes: Iterator[_Line]) -> Iterable[_Line]:
         """Count changes while they are read; most revisions have few."""
