@@ -760,6 +760,7 @@ class AsyncOperations(_Part):
     verify = _read(Operations.verify)
     anchor = _read(Operations.anchor)
     archive = _write(Operations.archive)
+    retain = _write(Operations.retain)
     # It reads here: other tasks write meanwhile.
     push = _read(Operations.push)
     promote = _write(Operations.promote)
@@ -824,6 +825,8 @@ class AsyncKnowledgeBase(_Part):
     stale = _read(KnowledgeBase.stale)
     timeline = _read(KnowledgeBase.timeline)
     restore = _write(KnowledgeBase.restore)
+    erasure_preview = _write(KnowledgeBase.erasure_preview)
+    erase = _write(KnowledgeBase.erase)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
         """Wrap a knowledge base; `connect` does this.

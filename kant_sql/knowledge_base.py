@@ -218,6 +218,7 @@ class Operations(Front):
     verify = reviews(lambda: history.verify.verify.verify)
     anchor = reviews(lambda: history.anchors.anchor)
     archive = writes(lambda: history.archive.archive.archive)
+    retain = writes(lambda: history.erasure.retention.retain)
     push = writes(lambda: history.replication.calls.push)
     promote = writes(lambda: history.replication.calls.promote)
     to_arrow = reviews(lambda: history.anchors.to_arrow)

@@ -143,13 +143,14 @@ _HOMES = {
     "verify": "verifying",
     **dict.fromkeys(("anchor", "backup", "archive"), "store"),
     **dict.fromkeys(("push", "promote"), "replication"),
+    **dict.fromkeys(("erase", "retention"), "erasing"),
     "db": "store",
 }
 _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
 _PAGED |= {"log", "acts", "statistics", "diff", "history", "blame", "when", "rules"}
 _PAGED |= {"consequences", "origins", "unconfirmed", "corrections"}
 # Their exit code says what became of the store.
-_FINISHED = {"verify", "push", "promote"}
+_FINISHED = {"verify", "push", "promote", "erase", "retention"}
 
 
 def _find(name: str) -> Any:

@@ -270,6 +270,8 @@ class _Report:
             line(f"{name}: {_continued(done)}")
         if self._is_resumable and done.keep_error is not None:
             line(f"{name}: {_not_kept(done.is_intact, printable(done.keep_error))}", "yellow")
+        for erased in done.erasures:
+            line(f"{name}: {printable(erased)}")
         for archive in done.archives:
             line(f"{name}: {printable(archive)}")
         if self._has_anchor and done.anchored is None:

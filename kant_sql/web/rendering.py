@@ -67,7 +67,7 @@ def address_of(kind: str, text: str) -> Address | None:
         return Address("/plan", {"id": words[1]})
     if kind == "execution" and len(words) > 1:
         return Address("/act", {"id": words[1]})
-    return None if kind in ("archive", "promotion") else Address("/fact", {"text": text})
+    return None if kind in ("archive", "promotion", "erasure") else Address("/fact", {"text": text})
 
 
 def shown_text(value: object) -> str:

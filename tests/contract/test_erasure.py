@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -17,6 +18,8 @@ from kant_sql.errors import (
     UnknownNameError,
     UnknownRevisionError,
 )
+from kant_sql.history.erasure.retention import read_rules
+from tests.support.processes import commands
 from tests.support.stores import Connect
 
 NAME = "maria_sklodowska"
@@ -251,3 +254,38 @@ def test_replicas_follow(shared_url: str, connect: Connect, tmp_path: Path) -> N
     kb.propositions.save("(at erased-1 hall)")
     for url in urls:
         assert kb.store.push(url).revisions == 1
+
+
+def test_old_revisions_forget_by_rules(kb: KnowledgeBase) -> None:
+    for actor in ("camera", "executive"):
+        with kb.transaction(actor=actor, reason="seen", source={"by": actor}):
+            kb.types.save(PddlTypeDto(f"by_{actor}"))
+    rules = read_rules(["# of cameras", "", "camera 0s reason,source"])
+    done = kb.store.retain(rules)
+    assert (done.revision, done.parts, done.revisions) == (3, 2, 1)
+    said = {entry.revision.actor: entry.revision.reason for entry in kb.log()}
+    assert said == {"test": "rules of retention", "camera": "erased-1", "executive": "seen"}
+    assert kb.store.retain(rules).revision is None
+    assert kb.store.retain(read_rules(["* 1d actor,reason,source"])).revision is None
+    assert kb.store.retain(read_rules(["* 0s reason"]), reason="all").parts == 1
+    assert kb.store.verify().findings == ()
+    for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):
+        with pytest.raises(InvalidArgumentError, match="camera 30d reason,source"):
+            read_rules([wrong])
+
+
+def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    fill(connect(url, knowledge_base="tiago")).close()
+    dry = commands.run("erase", url, NAME)
+    assert (dry.exit_code, "Nothing was changed" in dry.output, f"saw {NAME}" in dry.output) == (
+        0,
+        True,
+        True,
+    )
+    assert commands.run("erase", url, NAME, "--yes").exit_code == 2
+    done = commands.run("erase", url, NAME, "--yes", "--reason", "asked", "--also", "reason")
+    assert (done.exit_code, "erased-1" in done.output, NAME in done.output) == (0, True, False)
+    assert "erased by revision" in commands.run("verify", url).output
+    left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
+    assert json.loads(left.output)["parts"] == 1

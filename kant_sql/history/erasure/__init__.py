@@ -9,5 +9,6 @@ from ...later import asked_for
 if TYPE_CHECKING:
     from . import erase as erase
     from . import preview as preview
+    from . import retention as retention
 else:
     __getattr__ = asked_for(__name__)

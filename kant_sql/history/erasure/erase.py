@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -89,9 +89,9 @@ class Wanted(NamedTuple):
     """What is to be erased, as it was asked for."""
 
     name: str | None
-    also: tuple[str, ...]
-    revisions: tuple[int, ...]
-    parts: tuple[str, ...]
+    also: tuple[str, ...]  # what revisions say that contains the name
+    said: Mapping[int, tuple[str, ...]]  # what some revisions say
+    is_by_rule: bool = False  # not chosen for what it says, which may be said again
 
 
 def erase(
@@ -146,9 +146,16 @@ def erase(
     """
     wanted = make_wanted(element, also, revisions, parts)
     flag(form_1, "form_1", InvalidArgumentError)
-    refuse_open(state.store)
+    return run_erasure(state.store, wanted, form_1, actor, reason)
+
+
+def run_erasure(
+    store: Store, wanted: Wanted, form_1: bool, actor: str | None, reason: str | None
+) -> Erased:
+    """Erase in a revision of its own, and remove the bytes; without a part, there is none."""
+    refuse_open(store)
     done = None
-    with suppress(NothingErasedError), state.store.transaction(actor, reason) as transaction:
+    with suppress(NothingErasedError), store.transaction(actor, reason) as transaction:
         done = Eraser(transaction, wanted, form_1).run()
         if not done.parts:
             raise NothingErasedError
@@ -157,9 +164,9 @@ def erase(
         return done._replace(revision=None)
     logger.info(
         "knowledge base %r: revision %s erased %d texts of %d revisions",
-        *(state.store.name, done.revision, done.parts, done.revisions),
+        *(store.name, done.revision, done.parts, done.revisions),
     )
-    return done._replace(remaining=state.store.backend.wipe())
+    return done._replace(remaining=store.backend.wipe())
 
 
 def make_wanted(
@@ -184,7 +191,7 @@ def make_wanted(
         whole_number(number, "a revision", least=1, expected="a revision from 1 on")
         for number in revisions
     }
-    return Wanted(name, labels[0], tuple(sorted(numbers)), labels[1])
+    return Wanted(name, labels[0], dict.fromkeys(sorted(numbers), labels[1]))
 
 
 def refuse_open(store: Store) -> None:
@@ -277,7 +284,7 @@ class Eraser:
     def _said(self, pseudonym: str, name: str | None) -> dict[int, dict[str, str]]:
         """Find which parts of which revisions are to be erased."""
         session, kb, wanted = self._session, self._kb, self._wanted
-        asked: dict[int, tuple[str, ...]] = dict.fromkeys(wanted.revisions, wanted.parts)
+        asked = {**wanted.said}
         if name is not None:
             for label in wanted.also:
                 for number, _ in find_said(session, kb, label, name):
@@ -293,7 +300,7 @@ class Eraser:
             metadata = links[number].metadata
             given = {label: getattr(metadata, label) for label in labels}
             own = [label for label, text in given.items() if text is not None]
-            for label in own if name is None else ():
+            for label in () if wanted.is_by_rule or name else own:
                 self._refuse_telling(given[label])
             if own:
                 said[number] = said_in_place(pseudonym, own)

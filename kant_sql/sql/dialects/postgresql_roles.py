@@ -133,8 +133,8 @@ ALWAYS = "true"
 # The columns that each revision moves: not `kb_id`, nor those of archives and origins.
 HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
 # Only the tables' owner archives: no other role may delete. Nor may another role end a replica, or
-# say that something was verified.
-NOT_WRITTEN = frozenset({"archive", "promotion", "verification"})
+# say that something was verified, or was erased.
+NOT_WRITTEN = frozenset({"archive", "promotion", "verification", "erasure", "replacement"})
 # How far the time of a revision may be from the server's clock when its row is added. Times never
 # go back, so a time far ahead would hold for all later revisions; a time long ago would change what
 # `at` returns for times since the previous one. A writer reads the clock when its transaction

@@ -1,0 +1,143 @@
+"""`kant-sql erase` and `retention`: what names somebody is destroyed."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..knowledge.canonical import SAID
+from .common import Actor, AsJson, Name, Reason, open_to_read, option, split_url, words_argument
+from .output import Printer, complain, plural, write_json
+
+if TYPE_CHECKING:
+    from ..history.erasure.preview import ErasurePreview
+
+_ERASE_USAGE, _RETENTION_USAGE = "[URL] OBJECT", "[URL]"
+
+
+def erase(
+    words: Annotated[list[str], words_argument(_ERASE_USAGE, "the name of an object.")],
+    kb: Name = None,
+    actor: Actor = None,
+    reason: Reason = None,
+    also: Annotated[
+        list[str] | None,
+        option(
+            f"Also erase what revisions say that contains the name: {', '.join(SAID)}; repeatable.",
+            metavar="PART",
+        ),
+    ] = None,
+    form_1: Annotated[
+        bool,
+        option(
+            "Also erase in revisions of form 1 of the hash, from which the name can be guessed.",
+            "--form-1",
+        ),
+    ] = False,
+    yes: Annotated[bool, option("Erase; without it, this is a dry run.", "--yes")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Erase the name of an object and all that mentions it, for ever.
+
+    Without --yes, nothing is changed: it lists what would be erased, and what else may name the
+    same person. Exits with 1 if bytes of the name may remain in the database.
+    """
+    url, (element,) = split_url(words, _ERASE_USAGE, "sqlite:///robot.db maria")
+    with open_to_read(url, kb) as (name, knowledge_base):
+        if not yes:
+            found = knowledge_base.erasure_preview(element)
+            if as_json:
+                write_json(knowledge_base=name, **found._asdict())
+            else:
+                _write_preview(found, name)
+            return 0
+        if reason is None:
+            raise typer.BadParameter("say why, without the name", param_hint="--reason")
+        done = knowledge_base.erase(
+            element, reason=reason, actor=actor, also=also or (), form_1=form_1
+        )
+        if as_json:
+            write_json(knowledge_base=name, **done._asdict())
+        else:
+            texts, of = plural(done.parts, "text"), plural(done.revisions, "revision")
+            line = f"knowledge base {name}, revision {done.revision}: erased {texts} of {of}; "
+            Printer().line(f"{line}the object is called {done.pseudonym}", "bold")
+        for remaining in done.remaining:
+            complain(f"bytes of it may remain in {remaining}")
+        return 1 if done.remaining else 0
+
+
+def _write_preview(found: ErasurePreview, name: str) -> None:
+    printer = Printer()
+    texts, of = plural(found.parts, "text"), plural(found.revisions, "revision")
+    printer.line(f"knowledge base {name}: this would erase {texts} of {of}", "bold")
+    printer.line(f"the object would be called {found.pseudonym}")
+    if found.form_1:
+        several = plural(found.form_1, "revision")
+        printer.line(f"{several} of form 1: the name can be guessed from a hash; add --form-1")
+    for mention in found.mentions:
+        at = "" if mention.revision is None else f" of revision {mention.revision}"
+        printer.line(f"stays: {mention.place}{at}: {' '.join(mention.text.split()):.200}")
+    for other in found.similar:
+        printer.line(f"similar: {other}")
+    printer.line("Nothing was changed; add --reason and --yes.")
+
+
+def retention(
+    words: Annotated[list[str] | None, words_argument(_RETENTION_USAGE, "none.")] = None,
+    after: Annotated[
+        str | None, option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE")
+    ] = None,
+    parts: Annotated[
+        str, option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")
+    ] = "reason,source",
+    of_actor: Annotated[
+        str | None, option("Only in revisions of this actor.", "--of", metavar="ACTOR")
+    ] = None,
+    rules: Annotated[
+        str | None,
+        option(
+            "A file of rules, one a line, as 'camera 30d reason,source'; * is any actor.",
+            metavar="FILE",
+        ),
+    ] = None,
+    every: Annotated[
+        float | None,
+        option("Keep running, and look again after so many seconds.", metavar="SECONDS", min=1),
+    ] = None,
+    kb: Name = None,
+    actor: Actor = None,
+    reason: Reason = None,
+    as_json: AsJson = False,
+) -> int:
+    """Erase what old revisions say of who wrote them and why, by rules.
+
+    Each run is at most one revision; where nothing is old enough there is none.
+    """
+    url, _ = split_url(words or [], _RETENTION_USAGE, "sqlite:///robot.db --after 30d")
+    from ..history.erasure.retention import read_rules
+
+    lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]
+    if rules is not None:
+        with open(rules, encoding="utf-8") as file:
+            lines += file.read().splitlines()
+    wanted = read_rules(lines)
+    while True:
+        with open_to_read(url, kb) as (name, knowledge_base):
+            done = knowledge_base.store.retain(wanted, reason=reason, actor=actor)
+        if as_json:
+            write_json(knowledge_base=name, revision=done.revision, parts=done.parts)
+        elif done.revision is None:
+            Printer().line(f"knowledge base {name}: nothing is old enough")
+        else:
+            texts = plural(done.parts, "text")
+            Printer().line(f"knowledge base {name}, revision {done.revision}: erased {texts}")
+        for remaining in done.remaining:
+            complain(f"bytes of it may remain in {remaining}")
+        if every is None:
+            return 1 if done.remaining else 0
+        sys.stdout.flush()
+        time.sleep(every)

@@ -1,0 +1,142 @@
+"""Rules by which old revisions forget who wrote them and why."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from datetime import timedelta
+from functools import cache
+from typing import NamedTuple
+
+from sqlalchemy import ColumnElement, String, bindparam, literal_column, select, true
+
+from ...arguments import shown
+from ...errors import InvalidArgumentError
+from ...knowledge.canonical import SAID
+from ...sql import tables as t
+from ...sql.dialects.base import Session
+from ...sql.query import Query
+from ...sql.rows import KB, table_of
+from ...sql.tables.base import UtcTime
+from ...store.state import State
+from ..verify.parts import SAID_AT
+from .erase import Erased, Wanted, run_erasure
+
+ANY = "*"
+_AGE = re.compile(r"(\d{1,6})([smhd])")
+_UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days"}
+_REVISION, _PART = table_of(t.RevisionRow).c, table_of(t.CommitmentRow).c
+_ERASURE = table_of(t.ErasureRow).c
+
+
+class RetentionRule(NamedTuple):
+    """What revisions of an actor forget when they are older.
+
+    Attributes:
+        actor: whose revisions; None for all.
+        after: the age.
+        parts: of `actor`, `reason` and `source`, what is erased.
+    """
+
+    actor: str | None
+    after: timedelta
+    parts: tuple[str, ...]
+
+
+def read_rules(lines: Iterable[str]) -> list[RetentionRule]:
+    """Read rules: an actor or `*`, an age and parts, as in `camera 30d reason,source`.
+
+    An actor with spaces stands in quotes; empty lines and those that begin with `#` say nothing.
+
+    Raises:
+        InvalidArgumentError: a line is no rule.
+
+    Examples:
+        >>> read_rules(["camera 30d reason"])[0].after.days
+        30
+    """
+    return [_read_rule(line) for line in lines if line.strip() and not line.startswith("#")]
+
+
+def _read_rule(line: str) -> RetentionRule:
+    words = line.rsplit(maxsplit=2)
+    age = _AGE.fullmatch(words[1]) if len(words) == 3 else None
+    parts = tuple(words[-1].split(","))
+    if age is None or not {*parts} <= {*SAID}:
+        raise InvalidArgumentError(
+            f"{shown(line)} is no rule of retention; write an actor or *, an age and parts: "
+            "camera 30d reason,source"
+        )
+    actor = words[0].strip('"')
+    after = timedelta(**{_UNITS[age[2]]: int(age[1])})
+    return RetentionRule(None if actor == ANY else actor, after, parts)
+
+
+@cache
+def _old(label: str, is_any: bool) -> Query:
+    """Find revisions of form 2 that are older, and of which this part was not erased yet."""
+    position: ColumnElement[int] = literal_column(str(SAID_AT[label]))
+    gone = select(_PART.number).where(
+        *(_PART.kb_id == KB, _PART.number == _REVISION.number, _PART.position == position),
+        _PART.erasure_id.is_not(None),
+    )
+    # Who has erased, and why, stays.
+    erased = select(_ERASURE.id).where(_ERASURE.kb_id == KB, _ERASURE.since == _REVISION.number)
+    return Query(
+        select(_REVISION.number).where(
+            *(_REVISION.kb_id == KB, _REVISION[label].is_not(None)),
+            _REVISION.form > literal_column("1"),
+            _REVISION.committed_at < bindparam("before", type_=UtcTime()),
+            true() if is_any else _REVISION.actor == bindparam("actor", type_=String()),
+            ~gone.exists(),
+            ~erased.exists(),
+        )
+    )
+
+
+def retain(
+    state: State,
+    rules: Iterable[RetentionRule],
+    *,
+    reason: str | None = None,
+    actor: str | None = None,
+) -> Erased:
+    """Erase what rules say that old revisions forget, in one revision; without any there is none.
+
+    Who wrote an erasure and why is kept, and so is all of revisions of form 1 of the hash.
+
+    Args:
+        rules: by `kant_sql.history.erasure.retention.read_rules`.
+        reason: the reason for the revision; by default, that these are rules.
+        actor: who erases; by default the knowledge base's actor.
+
+    Returns:
+        What was erased.
+
+    Raises:
+        ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
+
+    Examples:
+        >>> from kant_sql.history.erasure.retention import read_rules
+        >>> kb.store.retain(read_rules(["camera 30d reason,source"])).revision is None
+        True
+    """
+    store, given = state.store, [*rules]
+
+    def find(session: Session, kb_id: int | None) -> dict[int, tuple[str, ...]]:
+        now, found = store.clock(session), defaultdict[int, set[str]](set)
+        for rule in given if kb_id is not None else ():
+            before = session.from_time(now - rule.after)
+            own = {} if rule.actor is None else {"actor": rule.actor}
+            for label in rule.parts:
+                query = _old(label, rule.actor is None)
+                for (number,) in session.rows(query, kb=kb_id, before=before, **own):
+                    found[number].add(label)
+        return {number: tuple(sorted(found[number])) for number in sorted(found)}
+
+    said = store.query(find)
+    if not said:
+        return Erased(None, None, "", 0, 0, 0)
+    wanted = Wanted(None, (), said, is_by_rule=True)
+    return run_erasure(store, wanted, False, actor, reason or "rules of retention")
