@@ -151,6 +151,6 @@ def _similar(session: Session, kb_id: int, name: str) -> Iterator[str]:
         for (other,) in session.stream(query, kb=kb_id):
             given = fold(other)
             matcher.set_seq1(given)
-            is_alike = matcher.real_quick_ratio() > _SIMILAR and matcher.ratio() > _SIMILAR
+            is_alike = matcher.real_quick_ratio() >= _SIMILAR and matcher.ratio() >= _SIMILAR
             if is_in(name, other) or (len(given) > 2 and is_in(other, name)) or is_alike:
                 yield other if kind == "object" else f"{kind} {other}"
