@@ -29,6 +29,7 @@ class Profile(NamedTuple):
         junk: junk calls on each backend; None for all.
         damages: damaged cells of a store.
         rows_step: PostgreSQL runs every n-th of the row changes that verification must find.
+        forged: examples of each way to forge what an erasure left.
         is_whole: run all DAO tests through `kant_sql.aio` on all backends, and judge, convert and
             store all files of the competitions.
     """
@@ -46,13 +47,14 @@ class Profile(NamedTuple):
     junk: int | None
     damages: int
     rows_step: int
+    forged: int
     is_whole: bool
 
 
 PROFILES = {
-    "quick": Profile(20, 10, 3, 1, 2, 3, 8, 3, 24, 20, 40, 40, 50, False),
-    "default": Profile(100, 30, 8, 3, 3, 8, 20, 6, 24, 40, 100, 60, 10, False),
-    "long": Profile(500, 500, 100, 20, 600, 50, 500, 60, 100, 500, None, 1_000, 1, True),
+    "quick": Profile(20, 10, 3, 1, 2, 3, 8, 3, 24, 20, 40, 40, 50, 1, False),
+    "default": Profile(100, 30, 8, 3, 3, 8, 20, 6, 24, 40, 100, 60, 10, 2, False),
+    "long": Profile(500, 500, 100, 20, 600, 50, 500, 60, 100, 500, None, 1_000, 1, 25, True),
 }
 NAME = os.environ.get("KANT_SQL_TEST_PROFILE", "default")
 PROFILE = PROFILES[NAME]

@@ -38,7 +38,6 @@ from ..replication.target import (
 )
 from ..revisions import read_position
 from ..verify.chain import rest_digest
-from ..verify.erasures import erased_since
 from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
 
 
@@ -85,15 +84,15 @@ def _advance(source: ReplicationSide, target: Target, upto: int, revisions: int)
         state = read_state(reader, kb_id)
         assert kb_id is not None
         # What is left of an erased revision is copied with the erasure.
-        erased = erased_since(reader, kb_id)
-        upto = max(upto, erased)
+        upto = max(upto, state.erased)
         stores = Stores(reader, kb_id, session, target_kb)
         check_archive(stores, source.name, head.revision)
         if head.revision >= upto:
             return head.revision, 0
-        high = min(upto, max(head.revision + revisions, erased))
+        high = min(upto, max(head.revision + revisions, state.erased))
         redefined = state.definition_revision > head.revision
-        bounds = CopyRange(head.revision + 1, high, state.archived_revision > 0, redefined)
+        may_return = state.archived_revision > 0
+        bounds = CopyRange(head.revision + 1, high, may_return, redefined, state.erased)
         origin = OriginHead(source.backend.label, state.revision, state.committed_at, state.next_id)
         return high, copy_batch(stores, source.name, head, bounds, origin).rows
 

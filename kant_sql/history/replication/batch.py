@@ -56,6 +56,7 @@ class CopyRange(NamedTuple):
     high: int  # the last
     may_return: bool  # whether atoms may have other ids in the target, because of an archive
     redefined: bool  # whether they may change definitions
+    erased: int  # the last erasure in the store that they come from; 0: there is none
 
 
 _MOVE = Query(
@@ -83,7 +84,7 @@ def copy_batch(
     A batch with a wrong hash raises, and nothing of it is written.
     """
     place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
-    followed = Followed(stores, name, bounds.low, bounds.high)
+    followed = Followed(stores, name, bounds.low, bounds.high, bounds.erased)
     with _naming_both(stores, name, bounds), reading_rows("revision", place):
         followed.erase()
         copied = Copy(stores, *bounds).run()

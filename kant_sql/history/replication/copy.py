@@ -394,7 +394,7 @@ class Copy:
     """Copies one range of revisions."""
 
     def __init__(
-        self, stores: Stores, low: int, high: int, may_return: bool, redefined: bool
+        self, stores: Stores, low: int, high: int, may_return: bool, redefined: bool, erased: int
     ) -> None:
         self._reader = stores.source
         self._stores = stores
@@ -402,6 +402,8 @@ class Copy:
         self._high = high
         # Whether the range may change definitions.
         self._redefined = redefined
+        # Whether it may have an erasure, or what one left.
+        self._erased = erased >= low
         self._identities = Identities(stores, may_return)
         self._rows = 0
         self._definition_revision = 0
@@ -419,10 +421,12 @@ class Copy:
         self._copy_part(ARCHIVED_TABLES[-1])
         self._insert(_LINK, _LINKS)
         for table in (*RECORDS, CONFIRMATION, *SAYINGS):
-            self._insert(table, _asserted(table))
-        # Last: it names the atoms of these revisions by ids, which may be others in the target.
-        self._insert(COMMITMENT, _COMMITMENTS)
-        self._insert(REPLACEMENT, _REPLACEMENTS)
+            if self._erased or table is not ERASURE:
+                self._insert(table, _asserted(table))
+        if self._erased:
+            # Last: it names the atoms of these revisions by ids, which may be others in the target.
+            self._insert(COMMITMENT, _COMMITMENTS)
+            self._insert(REPLACEMENT, _REPLACEMENTS)
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 

@@ -66,16 +66,20 @@ class Followed:
         ids: their ids.
     """
 
-    def __init__(self, stores: Stores, name: str, low: int, high: int) -> None:
+    def __init__(self, stores: Stores, name: str, low: int, high: int, erased: int) -> None:
         self._stores = stores
         self._name = name
         self._range = {"low": low, "high": high}
+        # The last erasure of the source.
+        self._erased = erased
         self._touched: list[int] = []
         self.ids: list[int] = []
 
     def erase(self) -> None:
         """Erase in what the target has already, before it gets these revisions."""
         source, source_kb, target, target_kb = self._stores
+        if self._erased < self._range["low"]:
+            return
         found = source.rows(_IN_RANGE, kb=source_kb, **self._range)
         if not found:
             return

@@ -19,7 +19,6 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
 from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
-from ..verify.erasures import erased_since
 from .batch import BatchSize, CopyRange, OriginHead, copy_batch, move
 from .copy import Stores
 from .target import HeadState, ReplicationSide, Target, diverged, last_archive, read_state, reading
@@ -140,13 +139,14 @@ class _Push:
                 return here, head.revision, True
             with self._complete(stores, here, head) as (whole, state):
                 # A replica has no part of an erasure without all of it.
-                erased = erased_since(whole.source, whole.source_kb)
-                high = min(state.revision, max(head.revision + self._size.revisions, erased))
+                size = max(head.revision + self._size.revisions, state.erased)
+                high = min(state.revision, size)
                 bounds = CopyRange(
                     head.revision + 1,
                     high,
                     max(here.archived_revision, head.archived_revision) > 0,
                     state.definition_revision > head.revision,
+                    state.erased,
                 )
                 copied = copy_batch(whole, self._source.name, head, bounds, self._origin(here))
         self._size.learn(copied.rows)

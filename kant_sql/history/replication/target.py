@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager, suppress
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import bindparam, func, select
 
 from ...errors import (
     ConflictError,
@@ -23,7 +23,7 @@ from ...sql.dialects.base import Backend, Session
 from ...sql.query import Query, StorePlace
 from ...sql.rows import KB
 from ...sql.schema import ensure_schema
-from ...sql.tables import ArchiveRow, HeadRow, KnowledgeBaseRow
+from ...sql.tables import ArchiveRow, ErasureRow, HeadRow, KnowledgeBaseRow
 from ...store.head import (
     Head,
     check_numbers,
@@ -46,6 +46,7 @@ _STATE = Query(
         HeadRow.hash,
         HeadRow.committed_at,
         HeadRow.origin,
+        select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery(),
     ).where(HeadRow.kb_id == KB)
 )
 
@@ -60,9 +61,10 @@ class HeadState(NamedTuple):
     hash: str | None  # the last revision's hash
     committed_at: datetime | None  # the last revision's time
     origin: str | None  # the store that it is replicated from; None when it is written here
+    erased: int  # the revision of the last erasure; 0: there is none
 
 
-NOTHING = HeadState(0, 0, 0, 0, None, None, None)
+NOTHING = HeadState(0, 0, 0, 0, None, None, None, 0)
 
 
 def read_state(session: Session, kb_id: int | None) -> HeadState:
@@ -74,7 +76,7 @@ def read_state(session: Session, kb_id: int | None) -> HeadState:
         raise vanished(session)
     check_numbers(session, kb_id, zip(_NUMBERS, row[:4], strict=True))
     committed_at = to_time_of_head(session, kb_id, row[5])
-    return HeadState._make((*row[:5], committed_at, row[6]))
+    return HeadState._make((*row[:5], committed_at, row[6], row[7] or 0))
 
 
 _LAST_TARGET = Query(
