@@ -13,6 +13,7 @@ import pytest
 
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan
 from kant_sql.errors import (
+    ConflictError,
     InvalidArgumentError,
     ReadOnlyError,
     UnknownNameError,
@@ -289,3 +290,14 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "erased by revision" in commands.run("verify", url).output
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
+
+
+def test_what_was_erased_can_be_archived(tmp_path: Path, connect: Connect) -> None:
+    kb = fill(connect(f"sqlite:///{tmp_path / 'store.db'}", knowledge_base="tiago"))
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    archive = f"sqlite:///{tmp_path / 'archive.db'}"
+    assert kb.store.archive(kb.revision, to=archive).versions
+    assert kb.store.verify().findings == ()
+    assert connect(archive, knowledge_base="tiago").store.verify().findings == ()
+    with pytest.raises(ConflictError, match="archive"):
+        kb.erase("bob", reason="asked")

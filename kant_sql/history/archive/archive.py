@@ -24,6 +24,7 @@ from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
+from ..erasure.parts import leave_commitments, standing_commitments
 from ..moments import revision_at
 from ..replication.batch import BatchSize, CopyRange, OriginHead, copy_batch
 from ..replication.copy import Stores
@@ -273,7 +274,10 @@ def _move(
             return None, leaving
         with store.transaction(actor, reason) as transaction:
             if transaction.head.archived_revision == leaving.low - 1:
-                remove(transaction.session, transaction.kb_id, leaving)
+                where = transaction.session, transaction.kb_id, store.name, leaving.high
+                before = standing_commitments(*where)
+                remove(*where[:2], leaving)
+                leave_commitments(*where, before)
                 _record(transaction, leaving, rest, target.backend.label)
     made = transaction.committed
     return (None if made is None else made.number), leaving

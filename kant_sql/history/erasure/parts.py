@@ -24,7 +24,7 @@ from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
 from ...store.head import hash_of
-from ..verify.chain import SIGNS, Link, read_links
+from ..verify.chain import SIGNS, Link, read_links, texts_of
 from ..verify.erasures import add_part
 from ..verify.parts import Part, kept_parts, whole_part
 from .texts import ChangeKey
@@ -250,3 +250,47 @@ def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
     return {
         label: encode_basestring(pseudonym) if label == "source" else pseudonym for label in labels
     }
+
+
+_STAND = Query(
+    select(_NEW.c.number)
+    .where(_NEW.c.kb_id == KB, _NEW.c.number <= integer("upto"), _NEW.c.salt.is_not(None))
+    .distinct()
+    .order_by(_NEW.c.number)
+)
+
+
+def standing_commitments(
+    session: Session, kb_id: int, name: str, upto: int
+) -> dict[tuple[int, int], str]:
+    """Return the commitments to what took the place of erased parts, and is there now."""
+    found: dict[tuple[int, int], str] = {}
+    for numbers in batches([row[0] for row in session.rows(_STAND, kb=kb_id, upto=upto)]):
+        lines: defaultdict[int, list[Row]] = defaultdict(list)
+        for number, sign, *line in keyed_changes_of(session, kb_id, numbers):
+            lines[number].append((SIGNS[sign], *line))
+        listed = session.list_value(numbers)
+        rows = session.rows(_STANDING, kb=kb_id, numbers=listed)
+        salts = {(number, position): salt for number, position, salt in rows}
+        for link in read_links(session, kb_id, numbers):
+            previous = hash_of(session, kb_id, link.number - 1)
+            texts = texts_of(link, name, previous, lines[link.number])
+            for part in link.parts:
+                text, salt = texts.get(part.key), salts.get((link.number, part.position))
+                if text is not None and salt is not None:
+                    found[link.number, part.position] = commit_to(salt, text)
+    return found
+
+
+def leave_commitments(
+    session: Session, kb_id: int, name: str, upto: int, before: Mapping[tuple[int, int], str]
+) -> None:
+    """Keep the commitments to what is in an archive now, in place of their salts."""
+    now = standing_commitments(session, kb_id, name, upto)
+    given = [
+        {"kb": kb_id, "own_number": number, "own_position": position, "digest": commitment}
+        for (number, position), commitment in before.items()
+        if now.get((number, position)) != commitment
+    ]
+    if given:
+        session.run_many(_SUPERSEDE, given)
