@@ -20,6 +20,9 @@ from kant_sql.errors import (
     UnknownRevisionError,
 )
 from kant_sql.history.erasure.retention import read_rules
+from kant_sql.history.verify.chain import stream_chain
+from kant_sql.knowledge.canonical import revision_hash
+from kant_sql.sql.dialects import create_backend
 from tests.support.processes import commands
 from tests.support.stores import Connect
 
@@ -301,3 +304,31 @@ def test_what_was_erased_can_be_archived(tmp_path: Path, connect: Connect) -> No
     assert connect(archive, knowledge_base="tiago").store.verify().findings == ()
     with pytest.raises(ConflictError, match="archive"):
         kb.erase("bob", reason="asked")
+
+
+def test_revisions_of_form_1_are_erased_when_asked(tmp_path: Path, connect: Connect) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    fill(connect(url, knowledge_base="tiago")).close()
+    hashes: list[tuple[str, int]] = []
+    with closing(create_backend(url)) as backend, backend.open_session() as session:
+        for step in stream_chain(session, 1):
+            assert step.link is not None
+            said = step.link.number, step.link.committed_at, step.link.metadata
+            previous = hashes[-1][0] if hashes else None
+            digest = revision_hash(previous, "tiago", *said, step.changes, None, 1)
+            hashes.append((digest, step.link.number))
+    with closing(sqlite3.connect(tmp_path / "store.db")) as driver, driver:
+        change = "UPDATE revision SET hash = ?, seed = NULL, form = 1 WHERE number = ?"
+        driver.executemany(change, hashes)
+        driver.execute("UPDATE head SET hash = ?", hashes[-1][:1])
+    kb = connect(url, knowledge_base="tiago")
+    anchor = kb.store.anchor()
+    with pytest.raises(ConflictError, match="9 revisions of form 1"):
+        kb.erase(NAME, reason="asked")
+    for name in (NAME, "bath"):
+        assert kb.erase(name, reason="asked", also=["reason", "source"], form_1=True).form_1 > 5
+        assert kb.store.verify(anchor=anchor).findings == ()
+    assert NAME not in everything(kb).replace(f"{NAME}2", "")
+    replica = f"sqlite:///{tmp_path / 'replica.db'}"
+    kb.store.push(replica)
+    assert connect(replica, knowledge_base="tiago").store.verify().findings == ()
