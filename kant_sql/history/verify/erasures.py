@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from functools import partial
 from hashlib import sha256
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from ...sql.query import Query
 from ...sql.rows import KB, table_of
 from ...sql.tables import ErasureRow, ReplacementRow
 from .parts import WHOLE, Part
-from .sides import Check, Side
+from .sides import Check, Report, Side
 
 
 class Erasure(NamedTuple):
@@ -83,7 +84,9 @@ class ErasureCheck:
         self._digests: defaultdict[int, Any] = defaultdict(sha256)
         self._counts: defaultdict[int, int] = defaultdict(int)
         rows = check.session.stream(_REPLACEMENTS, kb=check.kb_id) if self.erasures else iter(())
-        self._rows = Side(rows, 2, self._stray)
+        # Not a method of its own: a circle would keep the cursor of a check that was given up, and
+        # psycopg, which the collection may interrupt, would wait for itself to close it.
+        self._rows = Side(rows, 2, partial(_stray, check.report))
 
     def take(
         self, number: int, parts: Iterable[Part], texts: dict[Any, str | None], upto: int
@@ -122,10 +125,6 @@ class ErasureCheck:
             self._counts[each.erasure_id] += 1
             add_part(self._digests[each.erasure_id], number, part, commitment or "")
 
-    def _stray(self, row: Row) -> None:
-        message = f"a row of replacement is of part {row[1]} of revision {row[0]}, not erased"
-        self._check.report.add(row[0], "replacement", message)
-
     def end(self) -> None:
         """Compare the digests with those on record."""
         self._rows.end()
@@ -151,3 +150,8 @@ class Replacement(NamedTuple):
     erasure_id: int
     salt: bytes | None
     commitment: str | None
+
+
+def _stray(report: Report, row: Row) -> None:
+    message = f"a row of replacement is of part {row[1]} of revision {row[0]}, not erased"
+    report.add(row[0], "replacement", message)
