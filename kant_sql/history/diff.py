@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, and_, case, func, literal_column, or_, select, union_all
 
 from .. import html
-from ..dto.elements import value_text
 from ..knowledge.sayings import COMMITTED
 from ..moment_text import When
 from ..sql.changes import (
@@ -27,23 +27,27 @@ from ..sql.changes import (
 from ..sql.definition_rows import read_lost
 from ..sql.dialects.base import Session
 from ..sql.intervals import forks_at, held_by, then
-from ..sql.periods import Subjects, read_names
 from ..sql.places import Place, place_text, read_places
-from ..sql.query import Query, first_rows, integer
-from ..sql.rows import FACT, KB, KIND_TABLES, PROPOSITION, THEN, VALUE, VERSION_COLUMNS, held_at
-from ..sql.tables import HeadRow
-from ..sql.valid_periods import (
-    Changed,
-    ValidRange,
-    content_of,
-    find_changed,
-    key_of,
-    read_valid,
+from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.rows import (
+    FACT,
+    GOAL,
+    KB,
+    KIND_TABLES,
+    PROPOSITION,
+    THEN,
+    VALUE,
+    VERSION_COLUMNS,
+    held_at,
 )
+from ..sql.tables import HeadRow
+from ..sql.valid_periods import ValidRange
+from ..sql.valid_time import ValidTime, read_said
 from ..store.snapshot import View, refuse_archived
 from ..store.state import State
 from .moments import (
     MICROSECOND,
+    clamped,
     find_valid_range,
     is_valid_clock,
     state_at,
@@ -60,16 +64,16 @@ COMPARED = 20_000
 _BEFORE, _AFTER = integer("before"), integer("after")
 
 
-def _text_then(name: str, end: ChangeEnd, at: ColumnElement[int]) -> ColumnElement[Any]:
-    """Return what the same element says in the other state; NULL if it does not hold there."""
-    table = end.source.version.kb_id.table
-    other = table.alias("other")
+def _text_then(name: str, owner: Any, at: ColumnElement[int]) -> ColumnElement[Any]:
+    """Return what an element says in a state, nothing of a fact; NULL if it does not hold there."""
+    source = VERSION_COLUMNS[name]
+    other = source.version.kb_id.table.alias("other")
     holds = or_(other.c.until.is_(None), other.c.until > at)
     said = literal_column("''") if name == PROPOSITION else other.c.text
-    same = other.c[end.source.owner.key] == end.source.owner
+    same = other.c[source.owner.key] == owner
     last = select(case((holds, said))).where(other.c.kb_id == KB, same, other.c.since <= at)
     last = first_rows(last.order_by(other.c.since.desc()), literal_column("1"))
-    return last.correlate(table).scalar_subquery()
+    return last.correlate(owner.table).scalar_subquery()
 
 
 def _differs(name: str, end: ChangeEnd, is_narrow: bool) -> ColumnElement[bool]:
@@ -83,7 +87,8 @@ def _differs(name: str, end: ChangeEnd, is_narrow: bool) -> ColumnElement[bool]:
         number = number + literal_column("0")
     held = held_at(version, at) if is_narrow else held_by(name, version, at)
     text = literal_column("''") if name == PROPOSITION else version.text
-    changed = func.coalesce(_text_then(name, end, other), literal_column("' '")) != text
+    there = _text_then(name, end.source.owner, other)
+    changed = func.coalesce(there, literal_column("' '")) != text
     return and_(number > _BEFORE, number <= _AFTER, held, changed)
 
 
@@ -101,6 +106,32 @@ _DIFFERENCES = {
     True: _whole(VERSION_COLUMNS),
     False: _whole(name for name in VERSION_COLUMNS if name not in KIND_TABLES),
 }
+
+
+# Whether only the earlier state has it, kind and text.
+_Line = tuple[int, str, str]
+_ATOMS = {PROPOSITION: FACT, VALUE: VALUE}
+
+
+@cache
+def _plain() -> Query:
+    """Select what versions of facts and values say in one of two states, up to so many of each."""
+    ends = [(name, end) for name in _ATOMS for end in ends_of(VERSION_COLUMNS[name])]
+    lines = (first_rows(end.line(_differs(name, end, True)), integer("most")) for name, end in ends)
+    return Query(union_all(*(select(line.subquery()) for line in lines)))
+
+
+@cache
+def _plain_of_ids() -> Query:
+    """Select what versions say of facts and values in the later of two states, and the earlier."""
+    parts = []
+    for name, kind in _ATOMS.items():
+        own: Any = VERSION_COLUMNS[name].identity
+        texts = [_text_then(name, own.id, at) for at in (_AFTER, _BEFORE)]
+        said = [own.text.concat(text) for text in texts] if name == PROPOSITION else texts
+        columns: tuple[Any, ...] = literal_column(f"'{kind}'"), own.id, *said
+        parts.append(select(*columns).where(own.kb_id == KB, in_list(own.id, "ids")))
+    return Query(union_all(*parts))
 
 
 @cache
@@ -192,15 +223,16 @@ def _valid_differences(
     if begin == end:
         return [], (span, False)
 
-    def work(session: Session, kb_id: int | None) -> tuple[list[tuple[int, str, str]], bool]:
+    def work(session: Session, kb_id: int | None) -> tuple[set[_Line], bool]:
         if kb_id is None:
-            return [], False
+            return set(), False
         refuse_archived(session, kb_id, span.before, read_position(session, kb_id).archived)
+        ends = (end, span.high), (begin, span.before)
+        views = [ValidTime(clamped(time), span.known, at) for time, at in ends]
+        lines, is_cut = _valid_lines(session, kb_id, views, most)
         lost = read_lost(session, kb_id, span.before, span.known)
-        lines = [(1, one.kind, one.text) for one in lost if one.revision <= span.high]
-        found = find_changed(session, kb_id, span, most)
-        lines += _valid_lines(session, kb_id, found, span)
-        return lines, len(found) >= most
+        lines.update((1, one.kind, one.text) for one in lost if one.revision <= span.high)
+        return lines, is_cut
 
     lines, is_cut = store.query_in_snapshot(work)
     signs = (ASSERTED, RETRACTED) if begin == times[0] else (RETRACTED, ASSERTED)
@@ -208,29 +240,23 @@ def _valid_differences(
 
 
 def _valid_lines(
-    session: Session, kb_id: int, found: list[Changed], span: ValidRange
-) -> Iterator[tuple[int, str, str]]:
-    """Yield what is true at the end of a range only (0), or at its beginning only (1)."""
-    ids = [tuple(sorted(one.id for one in found if one.key[0] is of)) for of in (True, False)]
-    which = Subjects(facts=ids[0], values=ids[1])
-    state, changes = read_valid(session, kb_id, which, span)
-    before = {key_of(touch): content_of(touch) for touch in state}
-    later = dict(before)
-    for _, touch in changes:
-        later[key_of(touch)] = content_of(touch)
-    values = {one for own in (before, later) for key, one in own.items() if not key[0]}
-    objects = sorted(one for one in values if isinstance(one, int))
-    names = read_names(session, kb_id, objects) if objects else {}
-    for _, key, text in found:
-        contents = later.get(key), before.get(key)
-        for side, content in enumerate(contents):
-            if content is None or contents[0] == contents[1]:
-                continue
-            if key[0]:
-                yield side, FACT, text
-            else:
-                value = names[content] if isinstance(content, int) else content
-                yield side, VALUE, value_text(text, value)
+    session: Session, kb_id: int, views: list[ValidTime], most: int
+) -> tuple[set[_Line], bool]:
+    """Read what facts and values are at the later of two times only (0), or at the earlier (1)."""
+    after, before = (view.state for view in views)
+    bounds = {"kb": kb_id, "before": before, "after": after}
+    rows = session.rows(_plain(), **bounds, most=most)
+    lines = {(side, kind, text) for _, side, kind, text in rows if kind != GOAL}
+    is_cut = most <= max(Counter(line[:2] for line in lines).values(), default=0)
+    # Where something was said of one of the times, that takes the place of the versions.
+    said = [read_said(session, kb_id, view) for view in views]
+    ids = session.list_value(sorted({id_ for of_time in said for _, id_ in of_time}))
+    for kind, id_, *plain in session.rows(_plain_of_ids(), **bounds, ids=ids):
+        lines.difference_update((side, kind, text) for side, text in enumerate(plain))
+        texts = [own.get((kind, id_), text) for own, text in zip(said, plain, strict=True)]
+        if texts[0] != texts[1]:
+            lines.update((side, kind, text) for side, text in enumerate(texts) if text is not None)
+    return lines, is_cut
 
 
 class ChangesOfKind(NamedTuple):

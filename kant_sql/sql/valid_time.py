@@ -20,6 +20,7 @@ from .dialects.base import Session
 from .dialects.words import COVERS, Words
 from .intervals import forks_at, forks_at_time
 from .query import Query
+from .rows import FACT, VALUE
 from .tables import TABLES
 
 _DEFINED = "type", "object", "predicate", "function"
@@ -164,3 +165,25 @@ class ValidTime:
             "valid_goals": session.list_value(forks_at(self.known)),
             "valid_periods": session.list_value(forks_at_time(self.moment)),
         }
+
+
+@cache
+def _covering(words: Words) -> Query:
+    """Select what was said of the time: the element, when, and the text of what held."""
+    atom = "SELECT a.text FROM proposition AS a WHERE a.kb_id = :kb AND a.id = s.proposition_id"
+    held = f"CASE WHEN {words.is_true.format('s.holds')} THEN ({atom}) END"
+    parts = []
+    for table, kind, shown in (("proposition", FACT, held), ("function_value", VALUE, _TEXT)):
+        owner, among = _OWNERS[table], words.of_owners[0]
+        rows = among.format(owner=owner, table=f"{table}_saying", forks=":valid_periods")
+        columns = f"'{kind}' AS kind, s.{table}_id AS id, s.since + 0 AS since, {shown} AS text"
+        parts.append(f"SELECT {columns} FROM {rows} AND {COVERS.format('s')}")
+    return Query(text(f"{' UNION ALL '.join(parts)} ORDER BY since"))
+
+
+def read_said(session: Session, kb_id: int, valid: ValidTime) -> dict[tuple[str, int], str | None]:
+    """Read what was last said of a time, by kind and id: a text, or None for what did not hold."""
+    names = "valid_known", "valid_moment", "valid_periods"
+    given = valid.parameters(session)
+    rows = session.rows(_covering(session.words), **{name: given[name] for name in names}, kb=kb_id)
+    return {(kind, id_): said for kind, id_, _, said in rows}
