@@ -9,6 +9,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -19,7 +20,7 @@ import pytest
 
 from kant_sql import KnowledgeBase, PddlPropositionDto
 from tests.support.servers import Server
-from tests.support.statements import READS, count, fact, fill, is_bracket, recorded
+from tests.support.statements import READS, Call, count, fact, fill, is_bracket, recorded
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, waypoint
 
@@ -29,6 +30,8 @@ FIRST_WRITE = WRITE + 2
 READ = 2
 OPEN = 3
 SIZES = (1, 100, 5_000)
+LATE = [datetime.now(UTC) - timedelta(minutes=minutes) for minutes in (20, 10)]
+RULE = "(always (not (exists (?r - robot) (robot_at ?r wp1))))"
 
 
 @pytest.fixture
@@ -198,6 +201,39 @@ def test_reads_within_a_transaction_take_two_statements_at_most(
         taken = {name: count(partial(read, kb)) for name, read in READS.items()}
         assert max(taken.values()) <= READ, taken
         assert kb.propositions.get_by_object("rb1") == kb.propositions.get_all()
+
+
+# The most statements: beside those of the question, who committed at its ends, and the definitions.
+VALID: dict[str, tuple[int, Call]] = {
+    "when of a fact": (11, lambda kb: next(iter(kb.when("(robot_at rb1 wp1)", clock="valid")))),
+    "when": (12, lambda kb: next(iter(kb.when("(robot_at ?r ?w)", clock="valid")))),
+    "check_rules": (12, lambda kb: kb.pddl.check_rules(RULE, clock="valid")),
+    "diff": (10, lambda kb: kb.diff(1, kb.revision, clock="valid")),
+    # Lanes of few and of many versions are read in two ways.
+    "timeline": (18, lambda kb: kb.timeline(clock="valid")),
+    "query": (5, lambda kb: list(kb.at(valid=LATE[0]).query("(robot_at ?r ?w)"))),
+    "holds": (4, lambda kb: kb.at(valid=LATE[0]).holds("(robot_at rb1 wp1)")),
+    "corrections": (5, lambda kb: kb.corrections(limit=10)),
+}
+
+
+def test_questions_of_valid_time_take_as_many_statements_however_much_was_said(
+    kb: KnowledgeBase,
+) -> None:
+    taken: dict[str, list[int]] = {name: [] for name in VALID}
+    for size in (2, 200):
+        fill(kb, size)
+        with kb.transaction(valid_from=LATE[0], valid_until=LATE[1]):
+            kb.propositions.save_all(map(fact, range(size)))
+        with kb.transaction(valid_from=LATE[0] + timedelta(minutes=1), valid_until=LATE[1]):
+            for number in range(size):
+                kb.propositions.delete(fact(number))
+        for name, (_, ask) in VALID.items():
+            ask(kb)
+            taken[name].append(count(partial(ask, kb)))
+    assert len(kb.corrections()) >= 2 * 200
+    most = {name: budget for name, (budget, _) in VALID.items()}
+    assert all(few >= many and few <= most[name] for name, (few, many) in taken.items()), taken
 
 
 # Revisions, and opening.
