@@ -11,7 +11,7 @@ from typing import Annotated
 from ..errors import ExtraMissingError, printable
 from ..pddl.lexer import read_file
 from .asking import rules_source
-from .common import AnchorFile, Name, Since, Until, Url, choose, option, parse_optional
+from .common import AnchorFile, Clock, Name, Since, Until, Url, choose, option, parse_optional
 from .documents import STANDARD_INPUT as STANDARD_OUTPUT
 from .output import Printer, bar
 
@@ -70,6 +70,7 @@ def report(
     kb: Name = None,
     since: Since = None,
     until: Until = None,
+    clock: Clock = "committed",
     object: Annotated[
         list[str] | None,
         option(
@@ -130,6 +131,7 @@ def report(
             verify=not no_verify,
             anchor=anchored,
             progress=progress,
+            clock=clock,
         )
         made = write()
     if isinstance(made, Path):

@@ -29,7 +29,9 @@ from ..errors import (
 )
 from ..history.anchors import Anchor
 from ..history.drawing import draw
+from ..history.moments import is_valid_clock
 from ..json_values import json_value
+from ..knowledge.sayings import COMMITTED
 from ..knowledge_base import KnowledgeBase
 from ..moment_text import When
 from ..reasoning.rules import Rules
@@ -56,6 +58,7 @@ def report_html(
     verify: bool = True,
     anchor: Anchor | None = None,
     progress: Progress | None = None,
+    clock: str = COMMITTED,
 ) -> str:
     """Write the report of a range of revisions.
 
@@ -70,6 +73,8 @@ def report_html(
         verify: whether to verify the whole history.
         anchor: an anchor that was kept elsewhere, to verify the history with.
         progress: called while the history is verified, as by `kb.store.verify`.
+        clock: `committed`, or `valid` for timelines of when facts and values were true, as it is
+            known now. All other sections go by revisions.
 
     Returns:
         A page of HTML that needs nothing else.
@@ -78,7 +83,7 @@ def report_html(
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
         UnknownNameError: there has never been an object of that name.
         PddlError, SourceError: `rules` are not well-formed, or cannot be read.
-        InvalidArgumentError: an argument is not of its type.
+        InvalidArgumentError: an argument is not of its type, or there is no such clock.
 
     Examples:
         >>> from kant_sql.web.report import report_html
@@ -89,7 +94,8 @@ def report_html(
     flag(verify, "verify", InvalidArgumentError)
     optional_call(progress, "progress")
     names = items(objects, str, "the objects")
-    report = ReportReader.of(kb, ReportRange(since, until))
+    is_valid = is_valid_clock(clock)
+    report = ReportReader.of(kb, ReportRange(since, until, clock))
     read = _Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
     page: dict[str, Any] = {
         "summary": report.summary(),
@@ -103,6 +109,7 @@ def report_html(
             for text in dict.fromkeys(items(facts, str, "the facts"))
         },
         "is_verified": verify,
+        "is_valid": is_valid,
         "verify_command": report.command("verify"),
     }
     if not report.is_empty:
@@ -208,6 +215,7 @@ def write_report(
     verify: bool = True,
     anchor: Anchor | None = None,
     progress: Progress | None = None,
+    clock: str = COMMITTED,
 ) -> Path:
     """Write the report of a range of revisions to a file, whole or not at all.
 
@@ -222,6 +230,7 @@ def write_report(
         verify: as for `report_html`.
         anchor: as for `report_html`.
         progress: as for `report_html`.
+        clock: as for `report_html`.
 
     Returns:
         The path.
@@ -248,6 +257,7 @@ def write_report(
             verify=verify,
             anchor=anchor,
             progress=progress,
+            clock=clock,
         )
         draft.write_text(made, encoding="utf-8")
     return target

@@ -6,7 +6,7 @@ import shlex
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..acts import Execution
 from ..dao.interfaces import Progress
@@ -19,6 +19,7 @@ from ..history.revisions import LogEntry, Revision, Version
 from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
 from ..history.window import Bar, Lane
+from ..knowledge.sayings import COMMITTED
 from ..knowledge_base import KnowledgeBase, state_of
 from ..moment_text import When
 from ..plans import RecordedPlan
@@ -44,10 +45,12 @@ class ReportRange(NamedTuple):
     Attributes:
         since: its first revision, or the earliest time of commit; None for the first revision.
         until: its last revision, or the latest time of commit; None for the last revision.
+        clock: that of its timelines, as for `kb.timeline`.
     """
 
     since: When | None = None
     until: When | None = None
+    clock: str = COMMITTED
 
 
 @dataclass(frozen=True)
@@ -285,10 +288,9 @@ class ReportReader(NamedTuple):
 
     def timeline(self, name: str | None = None) -> ReportTimeline:
         """Read the timeline of the range, of all or of an object: the lanes that changed most."""
-        since, until = self.range
-        found = self.kb.timeline(
-            since, until=until, object=name, lanes=SEEN, unchanged=name is not None, slices=SLICES
-        )
+        since, until, clock = self.range
+        shown: dict[str, Any] = {"object": name, "lanes": SEEN, "slices": SLICES, "clock": clock}
+        found = self.kb.timeline(since, until=until, unchanged=name is not None, **shown)
         # Facts that may share a lane of the drawing stay together.
         activity: defaultdict[tuple[str, ...], tuple[int, int]] = defaultdict(lambda: (0, 0))
         for lane in found.lanes:
@@ -302,7 +304,7 @@ class ReportReader(NamedTuple):
     def stays(self, shown: ReportTimeline, name: str = "") -> ReportStays:
         """List what held when, oldest first."""
         timeline = shown.timeline
-        found = [(bar.since, lane, bar) for lane in timeline.lanes for bar in lane.bars]
+        found = [(bar.since_at, lane, bar) for lane in timeline.lanes for bar in lane.bars]
         found.sort(key=lambda one: one[0])
         dense = sum(density.count for lane in timeline.lanes for density in lane.densities)
         is_capped = any(each.is_capped for lane in timeline.lanes for each in lane.densities)

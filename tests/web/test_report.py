@@ -204,6 +204,26 @@ def test_a_plan_that_used_a_fact_is_led_to(kb: KnowledgeBase) -> None:
     assert page.links.count("#plan-1") >= 2
 
 
+def test_its_timeline_goes_by_the_clock_that_it_is_given(kb: KnowledgeBase) -> None:
+    fill(kb, 2)
+    begin, end = (datetime.now(UTC) - timedelta(minutes=minutes) for minutes in (20, 10))
+    with kb.transaction(actor="camera", valid_from=begin, valid_until=end):
+        kb.propositions.save(fact(1))
+    with kb.transaction(valid_from=begin, valid_until=end):
+        kb.propositions.delete(fact(0))
+        kb.propositions.save("(robot_at rb1 wp1)")
+    committed, valid = (
+        Page(report_html(kb, verify=False, objects=["rb1"], clock=clock)).text
+        for clock in ("committed", "valid")
+    )
+    note = "when they were true"
+    assert (note in committed, note in valid) == (False, True)
+    moment = f"{begin:%Y-%m-%d %H:%M:%S}"
+    assert valid.count(moment) > committed.count(moment)
+    with pytest.raises(InvalidArgumentError, match="clock"):
+        report_html(kb, until=0, clock="wall")
+
+
 def test_a_range_is_all_that_it_is_about(story: KnowledgeBase) -> None:
     for since, until in ((28, 32), (at("13:58"), at("14:20"))):
         page = Page(report_html(story, since=since, until=until))
