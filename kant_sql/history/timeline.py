@@ -173,9 +173,7 @@ def timeline(
         if is_valid:
             said = first_said(session, kb_id, window.head) if since is None else None
             window = window._replace(since=min(window.since, said or window.since))
-            # What changes at its beginning is true then.
-            begin = min(window.since + _MICROSECOND, window.until)
-            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
+            valid = _valid_range(window)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
@@ -185,6 +183,12 @@ def timeline(
         if object is not None:
             refuse_unknown(store, object, "object")
     return found
+
+
+def _valid_range(window: Window) -> ValidRange:
+    """Return the times after the beginning of a window: what changes there is true then."""
+    begin = min(window.since + _MICROSECOND, window.until)
+    return ValidRange(begin, window.until, window.low, window.high, window.head)
 
 
 class _Row(NamedTuple):
@@ -253,10 +257,7 @@ class _Reader:
         window = self._window
         return Timeline(
             name,
-            window.since,
-            window.until,
-            window.low,
-            window.high,
+            *window[:4],
             self._slices,
             tuple(lanes),
             following,

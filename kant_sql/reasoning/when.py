@@ -318,11 +318,7 @@ def when(
         rb1 1 2
     """
     store, upto = state
-    where: Bounds | ValidPast
-    if is_valid_clock(clock):
-        where = read_past(store, find_valid_range(store, since, until, upto))
-    else:
-        where = find_bounds(store, since, until, upto)
+    where = _find_range(state, since, until, clock)
     given = where.definitions if isinstance(where, ValidPast) else None
     text = text_of(condition, EXAMPLE)
     questions = _questions(lambda part: ask(store, part, parameters, bindings, upto, given), text)
@@ -349,6 +345,16 @@ def when(
         read=read,
         is_valid=isinstance(where, ValidPast),
     )
+
+
+def _find_range(
+    state: State, since: When | None, until: When | None, clock: str
+) -> Bounds | ValidPast:
+    """Find the revisions, or the times, of a question."""
+    store, upto = state
+    if is_valid_clock(clock):
+        return read_past(store, find_valid_range(store, since, until, upto))
+    return find_bounds(store, since, until, upto)
 
 
 def _searches(
