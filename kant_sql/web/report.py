@@ -94,7 +94,6 @@ def report_html(
     flag(verify, "verify", InvalidArgumentError)
     optional_call(progress, "progress")
     names = items(objects, str, "the objects")
-    is_valid = is_valid_clock(clock)
     report = ReportReader.of(kb, ReportRange(since, until, clock))
     read = _Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
     page: dict[str, Any] = {
@@ -109,26 +108,32 @@ def report_html(
             for text in dict.fromkeys(items(facts, str, "the facts"))
         },
         "is_verified": verify,
-        "is_valid": is_valid,
+        "is_valid": is_valid_clock(clock),
         "verify_command": report.command("verify"),
     }
     if not report.is_empty:
-        timeline = read("timeline", report.timeline)
-        page |= dict.fromkeys(("timeline", "drawing", "plans"))
-        if timeline is not None:
-            page["timeline"] = report.stays(timeline)
-            page["drawing"] = draw(timeline.timeline)
-            page["plans"] = read("plans", partial(report.plans, timeline))
-        page["acts"] = read("acts", report.acts)
-        page["rules"] = read("rules", lambda: report.rules(rules))
-        page["goals"] = read("goals", report.goals)
-        page["effects"] = read("effects", report.effects)
-        page["corrections"] = read("corrections", report.corrections)
-        page["log"] = read("log", report.log)
+        page |= _happened(report, read, rules)
     if verify:
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))
     page["anchor"] = read("anchor", report.anchor)
     return _render({**page, "errors": read.errors}, kb.store.factory.name)
+
+
+def _happened(report: ReportReader, read: _Sections, rules: Rules | None) -> dict[str, Any]:
+    """Read the sections of a range that has revisions."""
+    page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "plans"))
+    timeline = read("timeline", report.timeline)
+    if timeline is not None:
+        page["timeline"] = report.stays(timeline)
+        page["drawing"] = draw(timeline.timeline)
+        page["plans"] = read("plans", partial(report.plans, timeline))
+    page["acts"] = read("acts", report.acts)
+    page["rules"] = read("rules", lambda: report.rules(rules))
+    page["goals"] = read("goals", report.goals)
+    page["effects"] = read("effects", report.effects)
+    page["corrections"] = read("corrections", report.corrections)
+    page["log"] = read("log", report.log)
+    return page
 
 
 def _object(report: ReportReader, name: str) -> ReportStays:
