@@ -19,11 +19,13 @@ from typing import Any
 import kant_sql
 from kant_sql.sql.intervals import fork_of_period
 from tests.benchmarks.drivers import Driver, Row, bare
-from tests.benchmarks.past import AGES, CONDITIONS, NAME, REPEAT, asked, fill
+from tests.benchmarks.past import CONDITIONS, NAME, REPEAT, asked, fill
 from tests.benchmarks.support import alternate, print_table, read_options, stores
 from tests.benchmarks.years import START, STEP, ids_of
 
 LATE, LONGEST = 100, 200
+# Of ten revisions, which one.
+AGES = {"long ago": 0, "halfway": 5, "lately": 10}
 
 
 def late(store: Driver, kb: int, changes: int, last: int) -> Iterator[Row]:
@@ -101,7 +103,7 @@ def main(argv: list[str] | None = None) -> None:
     with stores(options.backend) as makes:
         for backend, make in makes.items():
             url = make()
-            last = fill(url, options.boxes, options.revisions)
+            last = fill(url, options.boxes, options.boxes, options.revisions)
             count = say_late(url, 2 * 50 * options.revisions, last)
             print(f"{backend}: {count:,} sayings among {100 * options.revisions:,} changes")
             report(backend, url, "without statistics")
