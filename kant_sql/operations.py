@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from .history.anchors import Anchor, AnchoredHead, parse_anchor
 from .history.archive.archive import Archived
+from .history.erasure.erase import Erased
+from .history.erasure.preview import ErasurePreview
 from .history.replication.push import Pushed
 from .history.verify.sides import Finding
 from .history.verify.verify import Verification
@@ -18,6 +20,8 @@ __all__ = [
     "AnchoredHead",
     "Archived",
     "Backup",
+    "Erased",
+    "ErasurePreview",
     "Finding",
     "Inventory",
     "PredicateView",

@@ -177,7 +177,7 @@ class ConfirmationRow(Base):
     since = key_column(-80, "recorded in this revision")
 
 
-class Saying:
+class SayingColumns:
     """What was said of a period that is over: it overrides what the versions say of it.
 
     Its `fork` is that of its seconds, see `sql/intervals.py`.
@@ -202,7 +202,7 @@ def _saying_args(element: str, owner: str) -> tuple[Any, ...]:
     )
 
 
-class PropositionSayingRow(Saying, Base):
+class PropositionSayingRow(SayingColumns, Base):
     """That a fact held, or did not, in a period."""
 
     __tablename__ = "proposition_saying"
@@ -266,7 +266,7 @@ class FunctionValueVersionRow(Interval, Base):
     text = column(str, comment="canonical PDDL, with the value")
 
 
-class FunctionValueSayingRow(Saying, Base):
+class FunctionValueSayingRow(SayingColumns, Base):
     """What a fluent was in a period; without number and object, it had no value."""
 
     __tablename__ = "function_value_saying"
