@@ -5,7 +5,7 @@ from __future__ import annotations
 from .history.anchors import Anchor, AnchoredHead, parse_anchor
 from .history.archive.archive import Archived
 from .history.erasure.erase import Erased
-from .history.erasure.preview import ErasurePreview
+from .history.erasure.preview import ErasurePreview, Mention
 from .history.replication.push import Pushed
 from .history.verify.sides import Finding
 from .history.verify.verify import Verification
@@ -24,6 +24,7 @@ __all__ = [
     "ErasurePreview",
     "Finding",
     "Inventory",
+    "Mention",
     "PredicateView",
     "Pushed",
     "Roles",
