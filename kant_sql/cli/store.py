@@ -164,7 +164,7 @@ def roles(
     kb: Annotated[
         str | None,
         option(
-            "Create three more roles that see and write only this knowledge base.",
+            "Create four more roles that see and write only this knowledge base.",
             "--kb",
             metavar="NAME",
         ),
@@ -186,7 +186,7 @@ def roles(
         typer.echo("".join(f"-- {statement};\n" for statement in made.remaining), nl=False)
     else:
         printer = Printer()
-        for name in ("writer", "reader", "auditor", "schema"):
+        for name in ("writer", "reader", "auditor", "eraser", "schema"):
             value = getattr(made, name)
             if value is not None:
                 printer.line(f"{name:8} {value}")

@@ -330,15 +330,16 @@ def create_roles(url: str, *, knowledge_base: str | None = None, dry_run: bool =
     """Create the roles of a PostgreSQL database, or update them.
 
     `kant_sql_writer` adds revisions and cannot change past ones, `kant_sql_reader` reads tables and
-    views, `kant_sql_auditor` reads views. Users get these rights as members of the roles.
+    views, `kant_sql_auditor` reads views, `kant_sql_eraser` writes and may erase.
+    Users get these rights as members of the roles.
 
     Args:
         url: the database URL, of the owner of the tables.
-        knowledge_base: one for which to create three more roles, limited to it.
+        knowledge_base: one for which to create four more roles, limited to it.
         dry_run: whether to return the statements without running them.
 
     Returns:
-        The three roles, the statements, and those that only the database's owner or a superuser
+        The four roles, the statements, and those that only the database's owner or a superuser
         may run.
 
     Raises:

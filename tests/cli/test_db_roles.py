@@ -16,6 +16,7 @@ ROLES = {
     "writer": "kant_sql_writer",
     "reader": "kant_sql_reader",
     "auditor": "kant_sql_auditor",
+    "eraser": "kant_sql_eraser",
 }
 
 

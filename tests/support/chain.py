@@ -39,6 +39,8 @@ _DEFINITION_CHANGES = "SELECT kb_id, since, until, {kind}, text FROM {table}_ver
 _OTHER_CHANGES = (
     "SELECT kb_id, since, until, 'value', text FROM function_value_version",
     "SELECT kb_id, since, until, kind, text FROM execution_version",
+    "SELECT kb_id, since, NULL, 'saying', text FROM proposition_saying",
+    "SELECT kb_id, since, NULL, 'saying', text FROM function_value_saying",
     "SELECT kb_id, since, NULL, 'plan', text FROM plan",
     "SELECT kb_id, since, NULL, 'archive', text FROM archive",
     "SELECT seen.kb_id, since, NULL, 'confirmation', text FROM confirmation AS seen"

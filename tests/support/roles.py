@@ -86,6 +86,7 @@ class Members(NamedTuple):
     writer: str
     reader: str
     auditor: str
+    eraser: str
 
 
 def fill(kb: KnowledgeBase) -> None:
@@ -95,10 +96,20 @@ def fill(kb: KnowledgeBase) -> None:
     kb.rules.save("moved", RULE)
     kb.rules.save("moved", RULE.replace("t1", "t2"))
     kb.load_problem(MOVED)
+    kb.load_domain(DOMAIN.replace("(open ?c)", "(not (open ?c))"))
+
+
+def say(kb: KnowledgeBase) -> None:
+    """Write what was so in a period that is over: a revision of its own."""
     with kb.transaction(valid_from="2026-01-31T09:00:00Z", valid_until="2026-01-31T10:00:00Z"):
         kb.propositions.save("(at t1 p1)")
         kb.function_values.set("(fuel t1)", value=2)
-    kb.load_domain(DOMAIN.replace("(open ?c)", "(not (open ?c))"))
+
+
+def as_form_1(url: str) -> None:
+    """Let all revisions be of form 1, so that the tables can be downgraded."""
+    with psycopg.connect(url) as owner:
+        owner.execute("UPDATE revision SET form = 1, seed = NULL")
 
 
 def fill_store(url: str) -> None:
@@ -107,6 +118,8 @@ def fill_store(url: str) -> None:
     for name in (MINE, OTHER):
         with closing(kant_sql.connect(url, knowledge_base=name, actor="owner")) as kb:
             fill(kb)
+            say(kb)
+            kb.erase(revisions=[1], parts=["actor"], reason="asked", actor="clerk")
     with psycopg.connect(url) as owner:
         owner.execute(BY_HAND)
 
@@ -114,7 +127,7 @@ def fill_store(url: str) -> None:
 @contextmanager
 def members(url: str, roles: Roles) -> Iterator[Members]:
     """Let users of this process's own be members of roles for a while."""
-    names = {role: f"user_{os.getpid()}_{next(_numbers)}" for role in roles[:3] if role}
+    names = {role: f"user_{os.getpid()}_{next(_numbers)}" for role in roles[:4] if role}
     with psycopg.connect(url, autocommit=True) as owner:
         for role, user in names.items():
             owner.execute(named("CREATE ROLE {} LOGIN IN ROLE {}", user, role))
@@ -182,6 +195,8 @@ def _other_values(column: Column[Any]) -> tuple[str, ...]:
         return ("{} + 1", "{} - 1", "0", "NULL", "1000")
     if isinstance(column.type, UtcTime):
         return ("now()", "NULL")
+    if column.name == "sign":
+        return ("'-'",)
     if column.name == "source":
         return ("'{{}}'",)
     if isinstance(column.type, String):

@@ -106,13 +106,14 @@ class AbandonedCursor:
 
 
 class Roles(NamedTuple):
-    """Three roles, of which users are made members.
+    """Four roles, of which users are made members.
 
     Attributes:
         writer: the role that adds revisions and cannot change past ones; None where the tables are
             distributed.
         reader: the role that reads tables and views.
         auditor: the role that reads views.
+        eraser: the role that may erase as well as write; None where there is no writer.
         schema: the schema of the auditor's views, where it is not that of the tables.
         knowledge_base: the one that they are limited to; None for all.
         statements: the SQL that creates or updates them.
@@ -123,6 +124,7 @@ class Roles(NamedTuple):
     writer: str | None
     reader: str
     auditor: str
+    eraser: str | None
     schema: str | None
     knowledge_base: str | None
     statements: tuple[str, ...]

@@ -697,10 +697,12 @@ _LONGEST_TIMEOUT = 2**31 - 1
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
 # SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
-# Which tables belong to a role that this user is not.
+# Which tables belong to a role that this user is not, and are not its to maintain.
 _OF_OTHERS = text(
     "SELECT c.relname FROM pg_class AS c WHERE c.oid = ANY (SELECT to_regclass(n) FROM "
-    "unnest(CAST(:names AS text[])) AS n) AND NOT pg_has_role(c.relowner, 'USAGE')"
+    "unnest(CAST(:names AS text[])) AS n) AND NOT pg_has_role(c.relowner, 'USAGE') "
+    "AND NOT CASE WHEN current_setting('server_version_num')::integer >= 170000 "
+    "THEN has_table_privilege(c.oid, 'MAINTAIN') ELSE false END"
 )
 _ROWS_GONE = "rows that were replaced in the tables of"
 _OWNER_VACUUMS = "run VACUUM (FULL, ANALYZE) as the owner of the tables"

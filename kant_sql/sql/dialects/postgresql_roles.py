@@ -48,7 +48,7 @@ def safe_part(knowledge_base: str) -> str:
 
 
 class RoleScope(NamedTuple):
-    """The knowledge bases of three roles: all, or one by name and id."""
+    """The knowledge bases of four roles: all, or one by name and id."""
 
     knowledge_base: str | None = None
     kb_id: int | None = None
@@ -71,6 +71,7 @@ class RoleScope(NamedTuple):
             f"{PREFIX}writer{self.suffix}" if has_writer else None,
             f"{PREFIX}reader{self.suffix}",
             f"{PREFIX}auditor{self.suffix}",
+            f"{PREFIX}eraser{self.suffix}" if has_writer else None,
             self.schema,
             self.knowledge_base,
             tuple(statements),
@@ -129,12 +130,35 @@ def _shown(pid: int, user: str | None, program: str | None, seconds: int | None)
 
 
 READ = "read"
+# What roles are for, in the order of `Roles`.
+RIGHTS = "writer", "reader", "auditor", "eraser"
 ALWAYS = "true"
 # The columns that each revision moves: not `kb_id`, nor those of archives and origins.
 HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
 # Only the tables' owner archives: no other role may delete. Nor may another role end a replica, or
-# say that something was verified, or was erased.
+# say that something was verified; erasers have rights of their own.
 NOT_WRITTEN = frozenset({"archive", "promotion", "verification", "erasure", "replacement"})
+# What an erasure writes again.
+REWRITTEN = {
+    **dict.fromkeys(("object", "formula"), ("name", "key")),
+    **dict.fromkeys((f"{each}_version" for each in ("object", "action", "formula")), ("text",)),
+    **dict.fromkeys((f"{each}_version" for each in ("rule", "document")), ("text",)),
+    "document_item": ("name",),
+    **dict.fromkeys(("proposition", "proposition_saying", "function_value"), ("text",)),
+    **dict.fromkeys(("function_value_version", "function_value_saying"), ("text",)),
+    "plan": (
+        *("problem_hash", "planner", "objective", "status", "domain_pddl", "problem_pddl"),
+        "text",
+    ),
+    "execution": ("name", "text"),
+    "execution_argument": ("value",),
+    "execution_version": ("code", "message", "text"),
+    "revision": ("actor", "reason", "source", "seed"),
+    "commitment": ("salt", "commitment", "erasure_id"),
+    "replacement": ("salt", "commitment"),
+}
+# Since this version of the server, others than the owner may be let write a table's file again.
+MAINTAIN_SINCE = 17
 # How far the time of a revision may be from the server's clock when its row is added. Times never
 # go back, so a time far ahead would hold for all later revisions; a time long ago would change what
 # `at` returns for times since the previous one. A writer reads the clock when its transaction
@@ -149,12 +173,16 @@ FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
 
 
 class Right(NamedTuple):
-    """A right of writers: on some columns, with conditions on the old and the new row."""
+    """A right to write: on some columns, with conditions on the old and the new row."""
 
     verb: str
     columns: tuple[str, ...] = ()
     using: str | None = None
     check: str | None = None
+
+
+# The prefix of its policies, the roles that have it, and what these may do with a table.
+Writing = tuple[str, str, Callable[[Table], Iterator[Right]]]
 
 
 class WriterRights:
@@ -330,6 +358,53 @@ class WriterRights:
         yield f"NOT ({' OR '.join(ahead)})"
 
 
+class EraserRights(WriterRights):
+    """Writes what erasers may do with a table beyond writers.
+
+    They write texts again, so `verify` compares these with the digest of the erasure. Nothing else
+    that is past changes: not when a version ended, nor the row of an erasure.
+    """
+
+    def __iter__(self) -> Iterator[Right]:
+        name = self._table.name
+        if all(table.name != "erasure" for table in self._tables):
+            return
+        if name == "erasure":
+            yield Right("insert", check=self._is_not_past("since"))
+        elif name == "replacement":
+            yield Right("insert", check=self._is_of_this_erasure())
+        elif name == "commitment":
+            # What is kept of a revision, in place of its seed, is of no erasure.
+            kept = f"{self._mine}.erasure_id IS NULL"
+            yield Right("insert", check=f"{kept} OR {self._is_of_this_erasure()}")
+        if name in REWRITTEN:
+            yield Right("update", REWRITTEN[name], using=ALWAYS, check=self._is_rewritten())
+
+    def _is_of_this_erasure(self) -> str:
+        return (
+            f"EXISTS (SELECT {self._own('erasure', 'e')} AND e.id = {self._mine}.erasure_id "
+            f"AND e.since > {self._locked_head('revision')})"
+        )
+
+    def _is_rewritten(self) -> str:
+        """Write the condition that a row differs from the old one in what an erasure changes."""
+        table, mine = self._table, self._mine
+        if table.name == "commitment":
+            return self._is_of_this_erasure()
+        if table.name in ("revision", "replacement"):
+            return f"{mine}.{'seed' if table.name == 'revision' else 'salt'} IS NULL"
+        if "until" not in table.c:
+            return ALWAYS
+        # Writers may set the end of an open version, so erasers may name that column, too. The
+        # subquery sees the old row, as of the statement's start: nobody may have written since.
+        own = [*[*table.primary_key.columns.keys()][1:], "until", "fork"]
+        same = (f"v.{name} IS NOT DISTINCT FROM {mine}.{name}" for name in own if name in table.c)
+        return (
+            f"{self._last} >= {self._locked_head('revision')} "
+            f"AND EXISTS (SELECT {self._own(table.name, 'v')} AND {' AND '.join(same)})"
+        )
+
+
 def _owner(table: Table) -> str:
     """Return the column of the identity in a table."""
     return str([*table.primary_key.columns][1].name)
@@ -458,20 +533,25 @@ class RoleMaker:
             yield f"DROP VIEW {', '.join(own)}"
         there = {scope.suffix for scope in self._all_scopes()}
         for suffix in sorted(self._known_suffixes() - there - {""}):
-            gone = {f"{PREFIX}{right}{suffix}" for right in ("writer", "reader", "auditor")}
+            gone = {f"{PREFIX}{right}{suffix}" for right in RIGHTS}
             roles = sorted(gone & self._roles())
             if roles:
                 named = ", ".join(map(self._names.quote, roles))
                 yield f"REVOKE ALL ON TABLE {self._listed(self._relations())} FROM {named}"
 
-    def make(self, scopes: Iterable[RoleScope]) -> Iterator[str]:
-        """Yield the statements that create roles, grants and policies."""
+    def make(self, scopes: Iterable[RoleScope], *, is_upgrade: bool = False) -> Iterator[str]:
+        """Yield the statements that create roles, grants and policies.
+
+        An upgrade needs no right to create roles: erasers are made when this is asked for.
+        """
         existing = self._roles()
         for table in self._tables:
             yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
         for scope in scopes:
             roles = self.roles_of(scope)
-            for role in roles[:3]:
+            if is_upgrade and roles.eraser not in existing:
+                roles = roles._replace(eraser=None)
+            for role in _names_of(roles):
                 if role is not None and role not in existing:
                     yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
             yield from self._grants(scope, roles)
@@ -495,19 +575,30 @@ class RoleMaker:
 
         readers = self._quoted(*self._table_readers(roles))
         yield create(READ, "SELECT", readers, f"USING ({own})")
-        for right in self._rights(table, scope) if roles.writer is not None else ():
-            parts = (("USING", right.using), ("WITH CHECK", right.check))
-            conditions = (
-                f"{part} ({_both(own, each)})" for part, each in parts if each is not None
-            )
-            verb, writer = right.verb, self._quoted(roles.writer)
-            yield create(verb, verb.upper(), writer, " ".join(conditions))
+        for prefix, to, rights in self._writing(scope, roles):
+            for right in rights(table):
+                parts = (("USING", right.using), ("WITH CHECK", right.check))
+                conditions = (
+                    f"{part} ({_both(own, each)})" for part, each in parts if each is not None
+                )
+                verb = right.verb
+                yield create(f"{prefix}{verb}", verb.upper(), to, " ".join(conditions))
 
-    def _rights(self, table: Table, scope: RoleScope) -> Iterator[Right]:
-        """Yield the rights of the writer of a scope."""
-        for right in WriterRights(table, self._tables, self._names):
-            if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
-                yield right
+    def _writing(self, scope: RoleScope, roles: Roles) -> Iterator[Writing]:
+        """Yield the roles of a scope that write: erasers have the rights of writers, and more."""
+
+        def of_writers(table: Table) -> Iterator[Right]:
+            for right in WriterRights(table, self._tables, self._names):
+                if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
+                    yield right
+
+        def of_erasers(table: Table) -> Iterator[Right]:
+            yield from EraserRights(table, self._tables, self._names)
+
+        if roles.writer is not None:
+            yield "", self._quoted(roles.writer, roles.eraser), of_writers
+        if roles.eraser is not None:
+            yield "erase_", self._quoted(roles.eraser), of_erasers
 
     def roles_of(
         self, scope: RoleScope, statements: Iterable[str] = (), remaining: Iterable[str] = ()
@@ -525,7 +616,7 @@ class RoleMaker:
 
     def _grants(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
         quote, listed = self._names.quote, self._listed
-        everyone = self._quoted(*roles[:3])
+        everyone = self._quoted(*_names_of(roles))
         tables = [*(table.name for table in self._tables), *self._version]
         all_views = [*self._views, *sorted(self._generated)]
         yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
@@ -540,24 +631,23 @@ class RoleMaker:
             # Otherwise a function of the reader could see rows before the policy filters them.
             relations = map(self._names.relation, views)
             yield from (f"ALTER VIEW {view} SET (security_barrier)" for view in relations)
-        if roles.writer is not None:
-            yield from self._writer_grants(scope, quote(roles.writer))
-
-    def _writer_grants(self, scope: RoleScope, writer: str) -> Iterator[str]:
-        quote, listed = self._names.quote, self._listed
-        granted: defaultdict[str, list[str]] = defaultdict(list)
-        for table in self._tables:
-            for right in self._rights(table, scope):
-                columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
-                granted[f"{right.verb.upper()}{columns}"].append(table.name)
-        for privilege, names in granted.items():
-            yield f"GRANT {privilege} ON TABLE {listed(names)} TO {writer}"
+        for _, to, rights in self._writing(scope, roles):
+            granted: defaultdict[str, list[str]] = defaultdict(list)
+            for table in self._tables:
+                for right in rights(table):
+                    columns = f" ({', '.join(map(quote, right.columns))})" if right.columns else ""
+                    granted[f"{right.verb.upper()}{columns}"].append(table.name)
+            for privilege, names in granted.items():
+                yield f"GRANT {privilege} ON TABLE {listed(names)} TO {to}"
+        version = self._connection.dialect.server_version_info or (0,)
+        if roles.eraser is not None and int(version[0]) >= MAINTAIN_SINCE:
+            yield f"GRANT MAINTAIN ON TABLE {listed(tables)} TO {quote(roles.eraser)}"
 
     def _own_views(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
         """Yield the statements that create the audit views of one knowledge base."""
         assert scope.schema is not None
         schema, names = self._names.quote(scope.schema), self._names
-        everyone = self._quoted(*roles[:3])
+        everyone = self._quoted(*_names_of(roles))
         yield f"CREATE SCHEMA IF NOT EXISTS {schema}"
         yield f"GRANT USAGE ON SCHEMA {schema} TO {everyone}"
         for view in self._views:
@@ -578,7 +668,9 @@ class RoleMaker:
 
     def _table_readers(self, roles: Roles) -> tuple[str | None, ...]:
         """Return the roles that read tables: where they are distributed, also the auditor."""
-        return (roles.reader, roles.writer if self._has_writers else roles.auditor)
+        if not self._has_writers:
+            return (roles.reader, roles.auditor)
+        return (roles.reader, roles.writer, roles.eraser)
 
     def _quoted(self, *roles: str | None) -> str:
         return ", ".join(self._names.quote(role) for role in roles if role is not None)
@@ -608,6 +700,10 @@ class RoleMaker:
 
     def _query(self, query: Any) -> list[Any]:
         return [*self._connection.execute(query, {"schema": self._names.schema})]
+
+
+def _names_of(roles: Roles) -> tuple[str | None, ...]:
+    return roles.writer, roles.reader, roles.auditor, roles.eraser
 
 
 def _as_it_is(table: Table, columns: Sequence[str]) -> Table:
@@ -646,7 +742,7 @@ def roles_set_aside(connection: Connection) -> Iterator[None]:
     yield
     after = RoleMaker(connection)
     if scopes and after.has_tables:
-        run_all(connection, after.make(scopes))
+        run_all(connection, after.make(scopes, is_upgrade=True))
 
 
 def run_all(connection: Connection, statements: Iterable[str]) -> None:
