@@ -89,6 +89,7 @@ def without(rows: list[dict[str, Any]], *columns: str) -> list[dict[str, Any]]:
 ADDED = (
     *("first_object_id", "second_object_id"),
     *("origin", "origin_revision", "origin_committed_at", "heard_at"),
+    "seed",
 )
 
 

@@ -48,6 +48,7 @@ def test_rows_and_hashes_are_carried_up_and_down(old_url: str) -> None:
     assert dump_of(old_url) == record("0008", old_url)
     assert as_before(old_url) == rows
     assert answers(old_url, {"audit_revision", "audit_change"}) == said
+    kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     kant_sql.operations.downgrade(old_url, revision="0007")
     assert (rows_of(old_url), dump_of(old_url)) == (before, record("0007", old_url))
@@ -112,6 +113,9 @@ def test_what_runs_goes_on(old_url: str, connect: Connect) -> None:
         kb.apply(kb.plans.get_all()[2].steps[1])
     kb.close()
     assert findings(old_url) == []
+    assert "revisions of form 2 (3)" in refusal(old_url, "0007")
+    # As the library of version 0008 writes them, which has form 1 only.
+    run_script(old_url, "UPDATE revision SET form = 1, seed = NULL")
     assert "outcomes of executions (3)" in refusal(old_url, "0007")
     kant_sql.operations.downgrade(old_url, revision="base")
     assert rows_of(old_url) == {}

@@ -78,7 +78,7 @@ def test_every_key_and_index_starts_with_the_knowledge_base(named: list[Named]) 
     }
 
 
-ADDED = {"archive", "promotion", "verification"}
+ADDED = {"archive", "promotion", "verification", "erasure"}
 
 
 def test_every_foreign_key_stays_in_its_knowledge_base(named: list[Named]) -> None:
