@@ -216,7 +216,9 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
         store = store.origin
     if valid is None:
         if known is None:
-            raise UnknownRevisionError("give a revision or a time, as known= or as valid=")
+            raise UnknownRevisionError(
+                "give a revision's number, or an aware time, also as known= or as valid="
+            )
         return State(store, state_at(store, known, at))
     moment = store.query(lambda session, _: store.clock(session)) if is_now(valid) else valid
     moment = read_when(moment)

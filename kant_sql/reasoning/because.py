@@ -18,8 +18,8 @@ from .. import html
 from ..acts import Execution
 from ..acts.recording import ExecutionReader
 from ..arguments import shown, whole_number
-from ..dto.elements import atom_text
-from ..dto.formulas import AT_END, AT_START, OVER_ALL, TIMES
+from ..dto.elements import Dto, atom_text
+from ..dto.formulas import AT_END, AT_START, OVER_ALL, TIMES, Node
 from ..errors import InvalidKnowledgeError
 from ..history.elements import Applied, Element, refuse_unknown_element, sought
 from ..history.revisions import LARGEST, Revision, at_most, read_numbered, read_position
@@ -367,8 +367,8 @@ class _Sought(NamedTuple):
 def _find(view: View, element: Element, at: int) -> _Sought | None:
     """Find an element: a fact, a fluent, or the absence of one; None if its names never were."""
     assert view.kb_id is not None
-    text = element if isinstance(element, str) else str(element)
-    absent = _ABSENT.fullmatch(text)
+    text = str(element) if isinstance(element, Dto | Node) else element
+    absent = _ABSENT.fullmatch(text) if isinstance(text, str) else None
     # `(= (battery rb1) 90)` may be a formula, too.
     applied = [one for one in sought(absent[1] if absent else element) if isinstance(one, Applied)]
     if len(applied) != 1:

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 from .. import html
 from ..acts import Execution
-from ..arguments import iterate
+from ..arguments import iterate, shown
 from ..documents.exchange import read_task
 from ..dto import formulas as f
 from ..dto.lexical import fold
@@ -227,7 +227,7 @@ def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
     if isinstance(plan, int) and not isinstance(plan, bool):
         found = SqlPlanDao(*state).get(plan)
         if found is None:
-            raise PlanError(f"knowledge base {state.store.name!r} has no plan {plan}")
+            raise PlanError(f"knowledge base {state.store.name!r} has no plan {shown(plan)}")
         return found
     if isinstance(plan, str | os.PathLike):
         return Plan.read(plan)

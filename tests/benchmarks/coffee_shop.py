@@ -231,7 +231,7 @@ def compare_stores(stores: Stores, kb: KnowledgeBase, folder: Path) -> None:
             driver.connection.backup(connection)
         copy = f"sqlite:///{file}"
     with closing(kant_sql.connect(copy, knowledge_base=KNOWLEDGE_BASE)) as bare:
-        compare_histories(kb, bare, KNOWLEDGE_BASE)
+        compare_histories(kb, bare)
 
 
 # Reporting.

@@ -67,6 +67,7 @@ def test_json_says_all_of_it(own_file: str) -> None:
         "changes": 13,
         "is_intact": False,
         "archives": [],
+        "erasures": [],
         "anchored": None,
         **dict.fromkeys(("continued_from", "continued_at", "complete_at")),
         "is_kept": False,

@@ -98,7 +98,7 @@ def test_a_store_that_is_only_to_be_read_is_left_alone(own_store: str) -> None:
 
 def test_a_downgrade_says_that_they_are_gone(own_store: str) -> None:
     run("views", own_store)
-    result = child("db", "downgrade", own_store, "0001")
+    result = child("db", "downgrade", own_store, "0010")
     assert result.returncode == 0
     assert "create them again with: kant-sql views" in result.stderr
-    assert relations(own_store) == []
+    assert not {*relations(own_store)} & {*VIEWS}

@@ -127,7 +127,7 @@ def files_of(url: str) -> list[Path]:
         return [Path(f"{path}{end}") for end in ("", "-wal") if Path(f"{path}{end}").exists()]
     with psycopg.connect(url.replace("+psycopg", ""), autocommit=True) as connection:
         connection.execute("CHECKPOINT")
-        folder = connection.execute("SHOW data_directory").fetchone()[0]
+        [(folder,)] = connection.execute("SHOW data_directory").fetchall()
         rows = connection.execute(
             "SELECT pg_relation_filepath(c.oid) FROM pg_class AS c JOIN pg_namespace AS n "
             "ON n.oid = c.relnamespace WHERE c.relkind IN ('r', 'i', 't') "
@@ -191,7 +191,7 @@ def test_what_cannot_be_erased_is_refused_with_a_remedy(filled: KnowledgeBase) -
         ({"revisions": [1], "parts": ["hash"], "reason": "x"}, InvalidArgumentError),
     ):
         with pytest.raises(error):
-            kb.erase(**wrong)  # type: ignore[arg-type]
+            kb.erase(**wrong)
     with kb.transaction(), pytest.raises(ReadOnlyError, match="transaction open"):
         kb.erase(NAME, reason="asked")
     assert kb.erase(revisions=[1], parts=["reason"], reason="x").revision is None

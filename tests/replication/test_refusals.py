@@ -93,7 +93,7 @@ ALTERED = {
     "a time that goes back": "UPDATE revision SET committed_at = '2001-01-01T00:00:00.000000Z'"
     " WHERE number = 3",
     "no time": "UPDATE revision SET committed_at = 'now' WHERE number = 3",
-    "another form": "UPDATE revision SET form = 2 WHERE number = 3",
+    "another form": "UPDATE revision SET form = 1 WHERE number = 3",
     "a fact more": "UPDATE proposition_version SET since = 3 WHERE since = 4",
     "a fact less": "UPDATE proposition_version SET until = 4 WHERE until = 3",
 }

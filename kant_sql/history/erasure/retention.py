@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, String, bindparam, literal_column, select, true
 
-from ...arguments import shown
+from ...arguments import expect, iterate, shown
 from ...errors import InvalidArgumentError
 from ...knowledge.canonical import SAID
 from ...sql import tables as t
@@ -122,7 +122,11 @@ def retain(
         >>> kb.store.retain(read_rules(["camera 30d reason,source"])).revision is None
         True
     """
-    store, given = state.store, [*rules]
+    store = state.store
+    given = [
+        expect(rule, RetentionRule, "a rule of retention", InvalidArgumentError)
+        for rule in iterate(rules, "the rules of retention", "a list of rules")
+    ]
 
     def find(session: Session, kb_id: int | None) -> dict[int, tuple[str, ...]]:
         now, found = store.clock(session), defaultdict[int, set[str]](set)
