@@ -6,6 +6,7 @@ from .history.anchors import Anchor, AnchoredHead, parse_anchor
 from .history.archive.archive import Archived
 from .history.erasure.erase import Erased
 from .history.erasure.preview import ErasurePreview, Mention
+from .history.erasure.retention import RetentionRule
 from .history.replication.push import Pushed
 from .history.verify.sides import Finding
 from .history.verify.verify import Verification
@@ -27,6 +28,7 @@ __all__ = [
     "Mention",
     "PredicateView",
     "Pushed",
+    "RetentionRule",
     "Roles",
     "Verification",
     "backup",
