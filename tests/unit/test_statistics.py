@@ -16,8 +16,9 @@ from tests.support.statistics import loses_bound
 from tests.support.stores import new_file_store
 
 DIALECT = create_backend("sqlite://").dialect
+# In the index of past values `since` follows `fork`; in that of facts an argument comes between.
 READ = (
-    "SELECT * FROM proposition_version WHERE kb_id = 1 AND predicate_id = 5 AND fork IN (0, 4, 6)"
+    "SELECT * FROM function_value_version WHERE kb_id = 1 AND function_id = 5 AND fork IN (0, 4, 6)"
 )
 CONDITIONS = {
     "": False,
