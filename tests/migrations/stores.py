@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from sqlalchemy import inspect, make_url, text
 
 import kant_sql
 from kant_sql.errors import SchemaError
+from kant_sql.knowledge.canonical import revision_hash
 from kant_sql.sql.schema import current
 from kant_sql.sql.tables.base import VERSION_TABLE
+from kant_sql.store import transaction
 from tests.migrations.test_golden import FOLDER, connected, dump_of
 from tests.support.pages import ask
 
@@ -61,6 +66,15 @@ def written(name: str, revision: str = "0007") -> Fill:
             kant_sql.operations.downgrade(url, revision=revision)
 
     return fill
+
+
+@contextmanager
+def in_form_1() -> Iterator[None]:
+    """Write revisions as the library did before version 0010: hashed in form 1, without a seed."""
+    system = mock.Mock(wraps=os, urandom=lambda size: None)
+    hashed = partial(revision_hash, form=1)
+    with mock.patch.multiple(transaction, FORM=1, revision_hash=hashed, os=system):
+        yield
 
 
 def rows_of(url: str) -> Rows:

@@ -161,13 +161,14 @@ def test_sqlite_finds_the_past_by_forks(tmp_path: Path, table: str, version: str
     url = f"sqlite:///{tmp_path / 'store.db'}"
     kant_sql.upgrade(url, revision=version)
     owner = "predicate_id" if table.startswith("proposition") else "function_id"
+    # As the library asks: the beginning of a version chooses no index.
     query = (
         f"SELECT since FROM {table} WHERE kb_id = 1 AND {owner} = 2 AND fork IN (0, 4, 6, 7, 8)"
-        " AND since <= 7 AND (until IS NULL OR until > 7)"
+        " AND +since <= 7 AND (until IS NULL OR until > 7)"
     )
     with connected(url) as connection:
         plan = connection.execute(text(f"EXPLAIN QUERY PLAN {query}")).all()
-    used = f"ix_{table}_history (kb_id=? AND {owner}=? AND fork=? AND since<?)"
+    used = f"ix_{table}_history (kb_id=? AND {owner}=? AND fork=?)"
     assert used in plan[0][3]
 
 

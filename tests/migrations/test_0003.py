@@ -10,7 +10,7 @@ from sqlalchemy import Connection, text
 
 import kant_sql
 from kant_sql import KnowledgeBase
-from tests.migrations.stores import ADDED, Make, as_before, record, rows_of, write_story
+from tests.migrations.stores import ADDED, Make, as_before, in_form_1, record, rows_of, write_story
 from tests.migrations.test_golden import connected, dump_of
 from tests.support.atoms import Atoms
 from tests.support.chain import check_chain
@@ -49,12 +49,13 @@ LEFT JOIN object AS other ON other.kb_id = v.kb_id AND other.id = v.second_objec
 
 def come_and_go(kb: KnowledgeBase) -> None:
     """Let every fact and goal have a past, and some of both hold."""
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM)
-    atoms = Atoms(kb)
-    every = atoms.get_all()
-    atoms.delete_all()
-    atoms.save_all(every[::2])
+    with in_form_1():
+        kb.load_domain(DOMAIN)
+        kb.load_problem(PROBLEM)
+        atoms = Atoms(kb)
+        every = atoms.get_all()
+        atoms.delete_all()
+        atoms.save_all(every[::2])
 
 
 def write_old(url: str) -> None:

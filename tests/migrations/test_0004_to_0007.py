@@ -148,7 +148,9 @@ def test_the_last_column_of_each_view_finds_one_knowledge_base(old_url: str, vie
         pairs = connection.exec_driver_sql(f"SELECT DISTINCT knowledge_base, kb_id FROM {view}")
         known = connection.exec_driver_sql("SELECT name, id FROM knowledge_base")
         assert {*map(tuple, pairs)} <= {*map(tuple, known)}
-    assert columns_of(old_url, view).endswith(", kb_id")
+    # A view that stays in place gets its new columns at the end.
+    added = ", unconfirmed" if view == "audit_statistics" else ""
+    assert columns_of(old_url, view).endswith(f", kb_id{added}")
 
 
 @LANDED
