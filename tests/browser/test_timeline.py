@@ -86,7 +86,7 @@ def test_names_are_completed_and_lanes_are_chosen(sqlite_served: Serving, visit:
     field.fill("robot_at")
     with visitor.page.expect_navigation():
         visitor.page.get_by_role("button", name="Show").click()
-    assert asked(visitor) == {"kb": "courier", "predicate": "robot_at"}
+    assert asked(visitor) == {"clock": "committed", "kb": "courier", "predicate": "robot_at"}
     labels = visitor.page.locator(".pinned + svg text").all_text_contents()
     assert "robot_at rb1: dock, t1, t3, kitchen" in labels
     assert not any("waiting" in label for label in labels)
