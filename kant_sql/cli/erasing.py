@@ -40,7 +40,7 @@ def erase(
     yes: Annotated[bool, option("Erase; without it, this is a dry run.", "--yes")] = False,
     as_json: AsJson = False,
 ) -> int:
-    """Erase the name of an object and all that mentions it, for ever.
+    """Erase the name of an object and all that mentions it.
 
     Without --yes, nothing is changed: it lists what would be erased, and what else may name the
     same person. Exits with 1 if bytes of the name may remain in the database.
@@ -113,7 +113,7 @@ def retention(
     reason: Reason = None,
     as_json: AsJson = False,
 ) -> int:
-    """Erase what old revisions say of who wrote them and why, by rules.
+    """Erase what old revisions say of who wrote them and why.
 
     Each run is at most one revision; where nothing is old enough there is none.
     """

@@ -237,7 +237,7 @@ def corrections(
     ] = None,
     as_json: Annotated[bool, json_lines("correction")] = False,
 ) -> None:
-    """Show what was later said differently of a time: what was believed, and what was true."""
+    """Show what was later said differently of a time."""
     with open_state(url, kb, None) as (_, state):
         printer = Printer()
         for one in state.corrections(since=since, until=until, limit=limit):
