@@ -2711,9 +2711,9 @@ CREATE INDEX ix_proposition_version_goal ON proposition_version (kb_id, until, s
 CREATE INDEX ix_proposition_version_goal_history ON proposition_version (kb_id, fork, since, until, proposition_id) WHERE is_goal = 1;
 CREATE INDEX ix_proposition_version_goal_since ON proposition_version (kb_id, since) WHERE is_goal = 1;
 CREATE INDEX ix_proposition_version_history ON proposition_version (kb_id, predicate_id, fork, first_object_id, since, until, proposition_id);
+CREATE INDEX ix_proposition_version_history_second ON proposition_version (kb_id, predicate_id, fork, second_object_id, since, until, proposition_id) WHERE second_object_id IS NOT NULL;
 CREATE INDEX ix_proposition_version_now ON proposition_version (kb_id, predicate_id, is_goal, first_object_id, second_object_id, proposition_id, until) WHERE until IS NULL;
 CREATE INDEX ix_proposition_version_second ON proposition_version (kb_id, predicate_id, is_goal, second_object_id, first_object_id, proposition_id, until) WHERE until IS NULL AND second_object_id IS NOT NULL;
-CREATE INDEX ix_proposition_version_second_history ON proposition_version (kb_id, predicate_id, fork, second_object_id, since, until) WHERE second_object_id IS NOT NULL;
 CREATE INDEX ix_proposition_version_since ON proposition_version (kb_id, since);
 CREATE INDEX ix_proposition_version_until ON proposition_version (kb_id, until) WHERE until IS NOT NULL;
 CREATE UNIQUE INDEX uq_proposition_version_live ON proposition_version (proposition_id, kb_id) WHERE until IS NULL;

@@ -135,8 +135,7 @@ QUESTIONS = {
 @pytest.fixture
 def large(empty_url: str) -> Iterator[Connection]:
     """A connection to a store with many live facts of which the database has no statistics."""
-    # Version 0012 adds indexes of the past by argument: without statistics they cost as little.
-    kant_sql.upgrade(empty_url, revision="0011")
+    kant_sql.upgrade(empty_url)
     columns = "kb_id, proposition_id, since, predicate_id, is_goal, first_object_id"
     numbers = (
         "WITH RECURSIVE t (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM t WHERE n < :size)"

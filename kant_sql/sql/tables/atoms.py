@@ -131,8 +131,8 @@ class PropositionVersionRow(Interval, Base):
         # What held of the second argument; the fork comes first, so that a writer finds the page in
         # memory: it closes versions under few recent ones.
         partial_index(
-            "ix_proposition_version_second_history",
-            *("kb_id", "predicate_id", "fork", _SECOND, "since", "until"),
+            "ix_proposition_version_history_second",
+            *("kb_id", "predicate_id", "fork", _SECOND, "since", "until", "proposition_id"),
             where=f"{_SECOND} IS NOT NULL",
         ),
         # `is_goal` comes before the arguments: PostgreSQL 18 takes a column that a condition skips
