@@ -55,6 +55,8 @@ from .tables import (
 # Fork value of open versions.
 HOLDS_NOW = 0
 _BITS = 63
+# How many numbers `forks_at` returns at most.
+MOST_FORKS = _BITS + 1
 
 
 def _intervals(mapped: type[Base], owner: str) -> VersionTable:

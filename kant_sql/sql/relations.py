@@ -47,6 +47,7 @@ from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
 from .dialects.words import Words, quoted
 from .estimates import Size
+from .intervals import MOST_FORKS
 from .joins import JoinWriter
 from .query import Query
 
@@ -174,13 +175,12 @@ class ConditionCompiler(JoinWriter):
 
     @override
     def forks(self) -> str:
-        if "forks" not in self._relations:
-            self._relations["forks"] = "forks"
-            # No version has one after the head.
-            head = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
-            listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {head}"
-            self._tables.insert(0, f"forks (value) AS MATERIALIZED (SELECT f.value FROM {listed})")
-        return "forks"
+        # No version has one after the head. Written out each time, with their number: what is read
+        # twice SQLite takes for a million rows, and with statistics reads a whole table to filter
+        # what they are joined to.
+        head = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
+        listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {head}"
+        return f"(SELECT f.value FROM {listed} LIMIT {MOST_FORKS})"
 
     @override
     def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:
