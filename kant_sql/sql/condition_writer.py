@@ -536,17 +536,18 @@ class ConditionWriter(ABC):
         if not self.is_past:
             return f"function_value_version AS {version}", where
         # The last that began by then; a fluent may have had a million values.
-        last, is_true = self.alias("w"), self.words.is_one_state
-        table, at = (f"{RAW}", ":valid_state") if is_true else ("", ":at")
-        since = (
-            f"(SELECT {last}.since FROM {table}function_value_version AS {last} "
-            f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = ({id_}) "
-            f"AND {last}.since <= {at} ORDER BY {last}.since DESC LIMIT 1)"
-        )
-        if is_true:
-            since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
-        where.append(f"{version}.since = {since}")
-        return f"function_value_{'found' if is_true else 'version'} AS {version}", where
+        last = self.alias("w")
+        of_fluent = f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = ({id_})"
+        newest = f"ORDER BY {last}.since DESC LIMIT 1"
+        if not self.words.is_one_state:
+            versions = f"function_value_version AS {last} {of_fluent} AND {last}.since <= :at"
+            ended = f"({version}.until IS NULL OR {version}.until > :at)"
+            return f"(SELECT {last}.* FROM {versions} {newest}) AS {version}", [ended]
+        versions = f"{RAW}function_value_version AS {last} {of_fluent}"
+        since = f"(SELECT {last}.since FROM {versions} AND {last}.since <= :valid_state {newest})"
+        said = self._said("function_value", f"({id_})", "s.since")
+        where.append(f"{version}.since = COALESCE({said}, {since})")
+        return f"function_value_found AS {version}", where
 
     # Joins.
 
