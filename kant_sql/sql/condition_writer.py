@@ -451,19 +451,20 @@ class ConditionWriter(ABC):
             if self.is_given(term, places)
         }
         if len(given) < len(terms) and self.is_read(fact.predicate, self.asked, given):
-            return self._listed_in(self.past(fact.predicate, len(terms), given), terms, places)
+            others = {n: term for n, term in enumerate(terms) if n not in given}
+            return self._listed_in(self.past(fact.predicate, len(terms), given), others, places)
         atom = self.alias("p")
         where = self.atom(atom, fact.predicate)
         where += [f"{atom}.arguments = {self._key(terms, places)}", self.atom_holds(atom)]
         return self.exists(f"proposition AS {atom}", where)
 
-    def versions(self, alias: str, predicate: int) -> list[str]:
+    def versions(self, alias: str, predicate: int, unsought: str = "") -> list[str]:
         """Write that a version is that of a fact of a predicate that holds in the state."""
         return [
             f"{alias}.kb_id = :kb",
             f"{alias}.predicate_id = {self.parameter(predicate)}",
             self.words.is_fact.format(alias),
-            self.held(alias),
+            self.held(alias, unsought),
         ]
 
     def _derived_holds(self, fact: HoldsFact, places: Places) -> str:
@@ -475,13 +476,13 @@ class ConditionWriter(ABC):
         relation = f"{self.relation(fact, given, places)} AS facts"
         if not fact.terms:
             return f"EXISTS (SELECT 1 FROM {relation})"
-        return self._listed_in(relation, fact.terms, places)
+        return self._listed_in(relation, dict(enumerate(fact.terms)), places)
 
-    def _listed_in(self, relation: str, terms: Sequence[Place], places: Places) -> str:
-        """Write that a relation has some terms."""
+    def _listed_in(self, relation: str, terms: Mapping[int, Place], places: Places) -> str:
+        """Write that a relation has some terms at some positions."""
         # Uncorrelated, so that SQLite builds one index for all rows that ask.
-        values = ", ".join(self.place(term, places) for term in terms)
-        columns = ", ".join(f"c{n}" for n in range(len(terms)))
+        values = ", ".join(self.place(term, places) for term in terms.values())
+        columns = ", ".join(f"c{n}" for n in terms)
         return f"({values}) IN (SELECT {columns} FROM {relation})"
 
     def has_type(self, term: Place, types: TypeSet, places: Places) -> str:
@@ -518,9 +519,12 @@ class ConditionWriter(ABC):
         return f"(SELECT {alias}.{column} FROM {versions} WHERE {' AND '.join(where)})"
 
     def value_version(
-        self, function: int, terms: Sequence[Place], places: Places
+        self, function: int, terms: Sequence[Place], places: Places, is_joined: bool = False
     ) -> tuple[str, list[str]]:
-        """Write the version of a fluent whose arguments are bound, as a table and conditions."""
+        """Write the version of a fluent whose arguments are bound, as a table and conditions.
+
+        As `is_joined`, other tables of the same FROM may bind the arguments.
+        """
         fluent, version = self.alias("f"), self.alias("w")
         # No join: without statistics PostgreSQL would read all values for each one that it needs.
         id_ = (
@@ -536,18 +540,21 @@ class ConditionWriter(ABC):
         if not self.is_past:
             return f"function_value_version AS {version}", where
         # The last that began by then; a fluent may have had a million values.
-        last = self.alias("w")
-        of_fluent = f"WHERE {last}.kb_id = :kb AND {last}.function_value_id = ({id_})"
-        newest = f"ORDER BY {last}.since DESC LIMIT 1"
-        if not self.words.is_one_state:
-            versions = f"function_value_version AS {last} {of_fluent} AND {last}.since <= :at"
-            ended = f"({version}.until IS NULL OR {version}.until > :at)"
-            return f"(SELECT {last}.* FROM {versions} {newest}) AS {version}", [ended]
-        versions = f"{RAW}function_value_version AS {last} {of_fluent}"
-        since = f"(SELECT {last}.since FROM {versions} AND {last}.since <= :valid_state {newest})"
-        said = self._said("function_value", f"({id_})", "s.since")
-        where.append(f"{version}.since = COALESCE({said}, {since})")
-        return f"function_value_found AS {version}", where
+        last, is_one = self.alias("w"), self.words.is_one_state
+        table, at = (RAW, ":valid_state") if is_one else ("", ":at")
+        newest = (
+            f"FROM {table}function_value_version AS {last} WHERE {last}.kb_id = :kb "
+            f"AND {last}.function_value_id = ({id_}) AND {last}.since <= {at} "
+            f"ORDER BY {last}.since DESC LIMIT 1"
+        )
+        if not is_one and not is_joined:
+            held = f"({version}.until IS NULL OR {version}.until > :at)"
+            return f"(SELECT {last}.* {newest}) AS {version}", [held]
+        since = f"(SELECT {last}.since {newest})"
+        if is_one:
+            since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
+        where.append(f"{version}.since = {since}")
+        return f"function_value_{'found' if is_one else 'version'} AS {version}", where
 
     # Joins.
 

@@ -268,7 +268,8 @@ class _Join:
                 if writer.is_given(term, self._outer)
             }
             selection.tables.append(f"{writer.past(fact.predicate, arity, given)} AS {alias}")
-            return [f"{alias}.c{n}" for n in range(arity)]
+            # For a comparison that the relation makes already, planners expect a row or two.
+            return [given.get(n, f"{alias}.c{n}") for n in range(arity)]
         if bound[1] < writer.indexed:
             return self._found_facts(fact)
         # What is bound finds few atoms, each of which is looked up at that time.
@@ -324,8 +325,8 @@ class _Join:
                 if parameter is not None:
                     have = (closure(writer.definitions, parameter.type_ids),)
                 self._bind(term, column, have)
-            else:
-                selection.where.append(f"{column} = {writer.place(term, selection.places)}")
+            elif (place := writer.place(term, selection.places)) != column:
+                selection.where.append(f"{column} = {place}")
 
     def _join_relation(self, fact: HoldsFact) -> None:
         writer, selection = self._writer, self._selection
@@ -352,9 +353,10 @@ class _Join:
         writer, selection = self._writer, self._selection
         function = writer.definitions.functions.live(fact.function)
         if all(self._is_bound(term) for term in fact.terms):
-            tables, where = writer.value_version(fact.function, fact.terms, selection.places)
-            version = tables.split()[-1]
-            selection.tables += tables.split(" CROSS JOIN ")
+            places = selection.places
+            table, where = writer.value_version(fact.function, fact.terms, places, is_joined=True)
+            version = table.split()[-1]
+            selection.tables.append(table)
             selection.where += where
         else:
             version = writer.alias("w")

@@ -201,12 +201,7 @@ class ConditionCompiler(JoinWriter):
             if found:
                 selection.sorted["v0"] = "since"
         selection.tables.append("proposition_version AS v0")
-        selection.where += [
-            "v0.kb_id = :kb",
-            f"v0.predicate_id = {self.parameter(predicate)}",
-            self.words.is_fact.format("v0"),
-            self.held("v0", "" if found else self.words.unsought),
-        ]
+        selection.where += self.versions("v0", predicate, "" if found else self.words.unsought)
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
         for n in range(len(columns), arity):
             selection.tables.append(f"proposition_argument AS a{n}")

@@ -60,7 +60,7 @@ def test_every_view_has_its_types_also_without_rows(kb: KnowledgeBase, view: str
 
 FILLED = {
     *("audit_knowledge_base", "audit_revision", "audit_change", "audit_definition"),
-    *("audit_fact", "audit_fact_argument", "audit_object"),
+    *("audit_fact", "audit_fact_valid", "audit_fact_argument", "audit_object"),
 }
 
 

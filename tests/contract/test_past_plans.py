@@ -6,7 +6,9 @@ statement visits is counted, in steps of SQLite's virtual machine or rows of Pos
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -17,11 +19,12 @@ from tests.benchmarks.drivers import bare
 from tests.benchmarks.past import CONDITIONS, NAME, PERIODS, fill
 from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
-from tests.support.statements import is_bracket, seen, work
+from tests.support.statements import Statement, is_bracket, seen, work
 
 BOXES, FACTS, REVISIONS = 1_200, 3_000, 600
 ALL = CONDITIONS["all boxes"]
 LAST = REVISIONS + 3
+FILTERED = "beside a sealed box"
 
 
 def filled(url: str) -> str:
@@ -69,6 +72,21 @@ def answers(text: str, at: int | None, kb: kant_sql.KnowledgeBase) -> list[Any]:
     return list((kb if at is None else kb.at(at)).query(text))
 
 
+def filtered(url: str) -> float:
+    """Count what some versions of SQLite visit once, with statistics, for a Bloom filter.
+
+    They make it of a whole table if they expect more lookups in it than it has rows.
+    """
+    if not url.startswith("sqlite") or not (3, 38) <= sqlite3.sqlite_version_info < (3, 42):
+        return 0
+    has = Statement("SELECT 1 FROM sqlite_master WHERE name = 'sqlite_stat1'", {})
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as lite:
+        if not lite.execute(has.sql).fetchall():
+            return 0
+    made = "kb_id, predicate_id, fork, second_object_id, is_goal = 0, until IS NULL OR until > 1"
+    return 2 * work(url, Statement(f"SELECT {made} FROM proposition_version", {}))
+
+
 @pytest.mark.more
 @pytest.mark.parametrize("at", [4, LAST // 2, LAST - 1])
 @pytest.mark.parametrize("name", CONDITIONS)
@@ -78,7 +96,7 @@ def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
     now, then = (visited(url, partial(answers, CONDITIONS[name], each)) for each in (None, at))
     # What the present finds by an index, the past finds among the facts of that revision.
     whole = visited(url, partial(answers, ALL, at))
-    assert then <= max(3 * now, 2 * whole)
+    assert then <= max(3 * now, 2 * whole) + (filtered(url) if name == FILTERED else 0)
 
 
 @pytest.mark.parametrize("name", ["of one box", "of two boxes", "of one fact"])

@@ -89,7 +89,7 @@ def test_it_is_for_reading(fresh_kb: KnowledgeBase) -> None:
 def test_a_wrong_time_is_refused(fresh_kb: KnowledgeBase) -> None:
     with pytest.raises(InvalidArgumentError, match="3 is none"):
         fresh_kb.at(valid=3)
-    with pytest.raises(UnknownRevisionError, match="give a revision or a time"):
+    with pytest.raises(UnknownRevisionError, match="give a revision's number"):
         fresh_kb.at()
     with pytest.raises(InvalidArgumentError, match="not both"):
         fresh_kb.at(0, known=0)
