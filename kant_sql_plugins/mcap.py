@@ -5,6 +5,8 @@ of no or one argument, and one that is named with all of them, is true or false.
 all arguments but the last, and its value is that: `/tiago/fact/robot_at/rb1` is `wp1`, then `wp2`.
 The value of a fluent is its number, or its object. `/tiago/plan/steps` has the steps that run, and
 between them the outcome of the last one: `(move rb1 wp1 wp2)`, then `failed: (move rb1 wp1 wp2)`.
+
+By the clock of valid times, facts and values change when what is true changes, as it is known.
 """
 
 from __future__ import annotations
@@ -12,15 +14,17 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import chain, groupby
+from operator import attrgetter, itemgetter
 from os import PathLike
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from sqlalchemy import BigInteger, bindparam, text
 
 from kant_sql.arguments import expect_list, shown
+from kant_sql.dao.base import batches
 from kant_sql.dao.interfaces import Progress
 from kant_sql.dto.lexical import NUMBER, fold
 from kant_sql.errors import (
@@ -31,14 +35,19 @@ from kant_sql.errors import (
     reading_rows,
 )
 from kant_sql.export.files import Exported, encoded, folder_name, new_export
-from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
+from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window, check_window
+from kant_sql.history.moments import clamped, is_valid_clock
+from kant_sql.history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
 from kant_sql.knowledge.canonical import time_text
+from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.moment_text import When
 from kant_sql.pddl.cursor import hint
 from kant_sql.sql.audit_views import BOUNDS
 from kant_sql.sql.dialects.base import Row, Session
 from kant_sql.sql.executions import EXECUTION, PLAN_STEP, RUNNING, id_text, read_outcome
+from kant_sql.sql.periods import Subjects, Touch, read_names
 from kant_sql.sql.query import Query
+from kant_sql.sql.valid_periods import Instant, ValidRange, read_valid
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -47,6 +56,8 @@ FORMAT = "mcap"
 CONTENT = "transitions"
 # MCAP numbers channels in 16 bits; a viewer that lists so many is of no use.
 MOST_CHANNELS = 10_000
+# Changes of what was true whose names are read at a time.
+PAGE = 1_000
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
@@ -79,6 +90,7 @@ def export_transitions(
     until: When | None = None,
     replace: bool = False,
     progress: Progress | None = None,
+    clock: str = COMMITTED,
 ) -> Exported:
     """Write state transitions of facts and values to MCAP files, one for each knowledge base.
 
@@ -97,13 +109,16 @@ def export_transitions(
         until: end with this revision or aware time.
         replace: whether to replace an earlier export in the folder.
         progress: called with the number of revisions done, and the number in total.
+        clock: `committed`, or `valid` for when facts and values were true, as it is known now: the
+            times of their messages, of `since` and of `until` are valid times then, and a revision
+            stands for the time of its commit. Steps of plans stay at their revisions.
 
     Returns:
         What was written.
 
     Raises:
         InvalidArgumentError: the folder has other files, an element is not a ground atom, or there
-            are more than 10,000 channels.
+            are more than 10,000 channels, or there is no such clock.
         UnknownNameError: there never was such a predicate or function.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
@@ -113,8 +128,10 @@ def export_transitions(
         OSError: the files cannot be written.
     """
     chosen = _Chosen(names, elements)
+    is_valid = is_valid_clock(clock)
     _import_mcap()
-    with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
+    given = to, knowledge_base, since, until, replace, progress, clock
+    with new_export(url, FORMAT, *given) as export:
         snapshot, done = export.snapshot, 0
         kb_ids = [snapshot.ids[state.name] for state, _ in export.windows]
         chosen.check([_names_ever(snapshot.session, kb_id) for kb_id in kb_ids])
@@ -122,7 +139,8 @@ def export_transitions(
             path = f"{folder_name(state.name)}/{CONTENT}.{FORMAT}"
             with export.folder.new_file(path, state, CONTENT) as made:
                 recording = _Recording(made.file, state, chosen)
-                for revision in recording.run(snapshot, window):
+                span = _valid_range(snapshot, state, since, until) if is_valid else None
+                for revision in recording.run(snapshot, window, span):
                     export.tell(done + revision)
                 made.rows = recording.messages
             done += state.revision
@@ -158,6 +176,13 @@ class _Chosen:
                 raise UnknownNameError(
                     f"there never was a predicate or function {shown(name)}{hint(name, every)}"
                 )
+
+    def has(self, name: str) -> bool:
+        """Whether facts or fluents of a name may be wanted."""
+        key = fold(name)
+        return (
+            self.is_all or key in self._folded or any(key == words[0] for words in self._elements)
+        )
 
     def lanes(self, kind: str, words: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
         """Yield the type and the words of each lane that shows an atom."""
@@ -239,8 +264,10 @@ class _Recording:
         self._lanes: dict[tuple[str, ...], _Lane] = {}
         self._steps: dict[str, str] = {}
 
-    def run(self, snapshot: StoreSnapshot, window: Window) -> Iterator[int]:
-        """Write all; yield each revision that is done."""
+    def run(
+        self, snapshot: StoreSnapshot, window: Window, span: ValidRange | None
+    ) -> Iterator[int]:
+        """Write all; yield each revision that is done. By valid times, steps come last."""
         session, state = snapshot.session, self._state
         kb_id = snapshot.ids[state.name]
         self._writer.start(library="kant_sql")
@@ -249,20 +276,43 @@ class _Recording:
         if self._chosen.is_all:
             self._steps = _step_texts(session, kb_id)
         # Of what was before, a part may be in the archive.
-        low = max(window[0], state.archived + 1 if state.archived else 1)
+        low, high = max(window[0], state.archived + 1 if state.archived else 1), window[1]
+        if span is not None:
+            self._write_true(session, kb_id, span)
+            low, high = span.before + 1, span.high
         before = _time_of_revision(session, kb_id, low - 1)
         if before is not None:
-            for change in _stream_state(session, kb_id, low):
-                self._take(change)
-            self._write(self._lanes.values(), before)
-        changes = _stream_changes(session, kb_id, low, window[1])
-        for revision, group in groupby(changes, key=lambda change: change.revision):
-            touched: dict[int, _Lane] = {}
-            for change in group:
-                touched |= {lane.channel: lane for lane in self._take(change)}
-            self._write(touched.values(), None)
+            held = _stream_state(session, kb_id, low, span is not None)
+            self._write(self._take_all(held), before)
+        changes = _stream_changes(session, kb_id, low, high, span is not None)
+        for revision, group in groupby(changes, key=attrgetter("revision")):
+            self._write(self._take_all(group), None)
             yield revision
         self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _write_true(self, session: Session, kb_id: int, span: ValidRange) -> None:
+        """Write what was true right before a range of times, and what changed in it."""
+        names = {is_fact: dict(session.rows(query, kb=kb_id)) for is_fact, query in _OWNERS.items()}
+        wanted = [
+            tuple(id_ for id_, name in of.items() if self._chosen.has(name))
+            for of in names.values()
+        ]
+        which = Subjects(predicates=wanted[0], functions=wanted[1])
+        state, changes = read_valid(session, kb_id, which, span)
+        begin = Instant(max(span.since, FIRST_MOMENT + _MICROSECOND) - _MICROSECOND, span.before)
+        touches = chain(((begin, touch) for touch in state), changes)
+        said = chain.from_iterable(
+            _told(session, kb_id, names, page) for page in batches(touches, PAGE)
+        )
+        for time, group in groupby(said, key=itemgetter(0)):
+            self._write(self._take_all(change for _, change in group), time)
+
+    def _take_all(self, changes: Iterable[_AuditedChange]) -> Iterable[_Lane]:
+        """Apply changes; return the lanes that they change."""
+        touched: dict[int, _Lane] = {}
+        for change in changes:
+            touched |= {lane.channel: lane for lane in self._take(change)}
+        return touched.values()
 
     def _take(self, change: _AuditedChange) -> list[_Lane]:
         """Apply a change to its lanes."""
@@ -361,13 +411,17 @@ def _schema(type_: str) -> dict[str, object]:
 # What the export reads of the audit.
 
 _WHO = "committed_at, observed_at, actor, reason, source"
-_CHANGES = Query(
-    text(
-        f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
-        " WHERE kb_id = :kb AND kind IN ('fact', 'value', 'execution', 'plan step')"
-        " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
-    ).bindparams(*BOUNDS)
-)
+# By whether they are of steps only.
+_CHANGES = {
+    of_steps: Query(
+        text(
+            f"SELECT revision, sign, kind, text, {_WHO} FROM audit_change"
+            f" WHERE kb_id = :kb AND kind IN ({kinds}'execution', 'plan step')"
+            " AND revision BETWEEN :low AND :high ORDER BY revision, sign DESC, kind, text"
+        ).bindparams(*BOUNDS)
+    )
+    for of_steps, kinds in ((False, "'fact', 'value', "), (True, ""))
+}
 _BEFORE = (
     " LEFT JOIN audit_revision AS r ON r.kb_id = v.kb_id AND r.revision = v.since"
     " WHERE v.kb_id = :kb AND v.since < :low AND COALESCE(v.until >= :low, TRUE)"
@@ -391,6 +445,10 @@ _NAMES = Query(
         " AND kind IN ('predicate', 'function') ORDER BY name"
     )
 )
+_OWNERS = {
+    is_fact: Query(text(f"SELECT id, name FROM {owner} WHERE kb_id = :kb"))
+    for is_fact, owner in ((True, "predicate"), (False, "function"))
+}
 _TIME_OF = Query(
     text(
         "SELECT COALESCE(observed_at, committed_at) FROM audit_revision"
@@ -413,14 +471,18 @@ class _AuditedChange(NamedTuple):
     source: str | None
 
 
-def _stream_changes(session: Session, kb_id: int, low: int, high: int) -> Iterator[_AuditedChange]:
+def _stream_changes(
+    session: Session, kb_id: int, low: int, high: int, of_steps: bool
+) -> Iterator[_AuditedChange]:
     """Read changes of facts, values and steps, oldest first; of a revision, what it ended first."""
-    return _audited(session, session.stream(_CHANGES, kb=kb_id, low=low, high=high))
+    return _audited(session, session.stream(_CHANGES[of_steps], kb=kb_id, low=low, high=high))
 
 
-def _stream_state(session: Session, kb_id: int, low: int) -> Iterator[_AuditedChange]:
+def _stream_state(
+    session: Session, kb_id: int, low: int, of_steps: bool
+) -> Iterator[_AuditedChange]:
     """Read which revisions asserted facts and values that held before one, or started steps."""
-    for query in _STATE:
+    for query in _STATE[-1:] if of_steps else _STATE:
         yield from _audited(session, session.stream(query, kb=kb_id, low=low))
 
 
@@ -447,3 +509,46 @@ def _time_of_revision(session: Session, kb_id: int, revision: int) -> datetime |
     """Return when a revision was sensed, or else committed; None without it."""
     row = session.first(_TIME_OF, kb=kb_id, revision=revision)
     return None if row is None else session.to_time(row[0])
+
+
+# What it reads of valid times.
+
+
+def _valid_range(
+    snapshot: StoreSnapshot, state: KnowledgeBaseState, since: When | None, until: When | None
+) -> ValidRange:
+    """Return a range of valid times; what was before may be in the archive."""
+    session, kb_id = snapshot.session, snapshot.ids[state.name]
+    bounds = check_window(since, until, state.name)
+    numbers = {number for number in (*bounds, state.archived) if isinstance(number, int)}
+    told = read_numbered(session, kb_id, numbers)
+    times = {0: FIRST_MOMENT, **{number: one.committed_at for number, one in told.items()}}
+    begin, end = (times[one] if isinstance(one, int) else one for one in bounds)
+    begin = clamped(begin or FIRST_MOMENT)
+    if state.archived:
+        begin = max(begin, times[state.archived] + _MICROSECOND)
+    end = clamped(end or LAST_MOMENT)
+    low, high = snapshot.window(state, begin, end) or (1, 0)
+    return ValidRange(begin, end, low - 1, high, state.revision)
+
+
+def _told(
+    session: Session,
+    kb_id: int,
+    names: Mapping[bool, Mapping[int, str]],
+    page: Sequence[tuple[Instant, Touch]],
+) -> Iterator[tuple[datetime, _AuditedChange]]:
+    """Say in words what became true or untrue, each with its time, and who said so."""
+    touches = [touch for _, touch in page]
+    ids = {id_ for touch in touches for id_ in touch.objects}
+    ids |= {touch.value for touch in touches if isinstance(touch.value, int)}
+    objects = read_names(session, kb_id, sorted(ids))
+    told = read_numbered(session, kb_id, {touch.revision for touch in touches})
+    for (time, _), touch in page:
+        words = names[touch.is_fact][touch.owner], *(objects[id_] for id_ in touch.objects)
+        said, value, by = f"({' '.join(words)})", touch.value, told[touch.revision]
+        if not touch.is_fact:
+            said = f"(= {said} {objects[value] if isinstance(value, int) else value})"
+        kind, sign = "fact" if touch.is_fact else "value", "-" if touch.is_end else "+"
+        who = by.committed_at, by.observed_at, by.actor, by.reason, by.source_text
+        yield time, _AuditedChange(by.number, sign, kind, said, *who)

@@ -17,8 +17,9 @@ import kant_sql
 from kant_sql.acts import Execution
 from kant_sql.dao.interfaces import Progress
 from kant_sql.errors import ExtraMissingError, InvalidArgumentError
-from kant_sql.export.files import Exported, encoded, folder_name, new_export
+from kant_sql.export.files import Exported, encoded, folder_name, new_export, refuse_valid_clock
 from kant_sql.history.revisions import LogEntry
+from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.knowledge_base import KnowledgeBase, state_of
 from kant_sql.moment_text import When
 from kant_sql.reasoning.because import literals_used
@@ -45,6 +46,7 @@ def export_provenance(
     until: When | None = None,
     replace: bool = False,
     progress: Progress | None = None,
+    clock: str = COMMITTED,
 ) -> Exported:
     """Write a document of PROV-JSON for each knowledge base, which is built in memory.
 
@@ -58,12 +60,14 @@ def export_provenance(
         until: only revisions up to this one, or to this time.
         replace: whether to replace an earlier export in the folder.
         progress: called with the number of revisions done, and the number in total.
+        clock: must be `committed`: it is of what was known and done.
 
     Returns:
         What was written; the rows of a file are its revisions.
 
     Raises:
-        InvalidArgumentError: the folder has other files, or names or elements are given.
+        InvalidArgumentError: the folder has other files, or names or elements are given,
+            or the clock is `valid`.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
         ExtraMissingError: prov is not installed; the extra `prov` has it.
@@ -73,6 +77,7 @@ def export_provenance(
     """
     if names is not None or elements is not None:
         raise InvalidArgumentError("provenance is whole; leave names and elements out")
+    refuse_valid_clock(clock, "provenance is")
     document_class = _import_prov()
     with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
         for state, (low, high) in export.each():

@@ -18,8 +18,9 @@ import kant_sql
 from kant_sql.dao.interfaces import Progress
 from kant_sql.dto.lexical import NUMBER
 from kant_sql.errors import InvalidArgumentError
-from kant_sql.export.files import Exported, Folder, folder_name, new_export
+from kant_sql.export.files import Exported, Folder, folder_name, new_export, refuse_valid_clock
 from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
+from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.moment_text import When
 from kant_sql.sql.audit_views import BOUNDS
 from kant_sql.sql.dialects.base import Row
@@ -66,6 +67,7 @@ def export_trajectories(
     until: When | None = None,
     replace: bool = False,
     progress: Progress | None = None,
+    clock: str = COMMITTED,
 ) -> Exported:
     """Write the executions that succeeded, each between the states before and after it.
 
@@ -85,12 +87,14 @@ def export_trajectories(
         until: only what ended up to this revision or time.
         replace: whether to replace an earlier export in the folder.
         progress: called with the number of revisions done, and the number in total.
+        clock: must be `committed`: it is of what was known and done.
 
     Returns:
         What was written; the rows of a trajectory are its executions.
 
     Raises:
-        InvalidArgumentError: the folder has other files, or names or elements are given.
+        InvalidArgumentError: the folder has other files, or names or elements are given,
+            or the clock is `valid`.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
@@ -99,6 +103,7 @@ def export_trajectories(
     """
     if names is not None or elements is not None:
         raise InvalidArgumentError("a trajectory has whole states; leave names and elements out")
+    refuse_valid_clock(clock, "a trajectory is")
     with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
         for state, window in export.each():
             _write_documents(url, export.folder, state)

@@ -18,6 +18,7 @@ from .common import (
     JSON_OPTION,
     Actor,
     AsJson,
+    Clock,
     CommandGroup,
     Name,
     Reason,
@@ -444,6 +445,7 @@ def export(
     ] = None,
     since: Since = None,
     until: Until = None,
+    clock: Clock = "committed",
     replace: Annotated[
         bool, option("Replace an earlier export in the folder.", "--replace")
     ] = False,
@@ -459,6 +461,9 @@ def export(
     for given, name in ((predicate, "--predicate"), (element, "--element")):
         if given and plugged is None:
             raise typer.BadParameter(f"this is not for {format}", param_hint=name)
+    if clock != "committed" and plugged is None:
+        what = f"{format} has both clocks, as columns of the views fact_valid and value_valid"
+        raise typer.BadParameter(what, param_hint="--clock")
     if view and plugged is not None:
         raise typer.BadParameter(f"{format} has no views", param_hint="--view")
     common: dict[str, Any] = {
@@ -472,6 +477,8 @@ def export(
         if plugged is None:
             done = export_store(url, format=format, views=view, progress=progress, **common)
         else:
+            if clock != "committed":
+                common["clock"] = clock
             done = plugged(url, names=predicate, elements=element, progress=progress, **common)
     if as_json:
         write_json(done)

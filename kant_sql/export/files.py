@@ -18,8 +18,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Protocol
 from ..arguments import expect, expect_list, flag, one_of, optional_call, optional_text, shown
 from ..dao.interfaces import Progress
 from ..errors import InvalidArgumentError, printable
+from ..history.moments import is_valid_clock
 from ..json_values import json_value
 from ..knowledge.canonical import time_text
+from ..knowledge.sayings import COMMITTED
 from ..moment_text import When
 from ..plugins import Plugins
 from ..sql.audit_views import AUDIT_VIEWS, AuditView, arrow_schema, find_audit_view, import_arrow
@@ -69,6 +71,7 @@ class Exported(NamedTuple):
         until: the revision or time that it was asked to end with; None for all.
         knowledge_bases: the knowledge bases as they were.
         files: the files.
+        clock: what it goes by: `committed`, or `valid` for when it was true.
     """
 
     folder: str
@@ -78,6 +81,7 @@ class Exported(NamedTuple):
     until: int | str | None
     knowledge_bases: tuple[KnowledgeBaseState, ...]
     files: tuple[ExportedFile, ...]
+    clock: str = COMMITTED
 
 
 class PluggedFormat(Protocol):
@@ -95,11 +99,24 @@ class PluggedFormat(Protocol):
         until: When | None = None,
         replace: bool = False,
         progress: Progress | None = None,
+        clock: str = COMMITTED,
     ) -> Exported:
-        """Write a folder, as `export_store` does: of some predicates and functions, or elements."""
+        """Write a folder, as `export_store` does: of some predicates and functions, or elements.
+
+        A format of what was known and done refuses the clock `valid`, by `refuse_valid_clock`.
+        """
 
 
 PLUGGED_FORMATS: Plugins[PluggedFormat] = Plugins("kant_sql.export_formats")
+
+
+def refuse_valid_clock(clock: str, what: str) -> None:
+    """Refuse the clock of valid times for a format that has no meaning on it."""
+    if is_valid_clock(clock):
+        raise InvalidArgumentError(
+            f"{what} of what was known and done, by revisions: leave out clock='valid' (--clock); "
+            "the format mcap takes it, and the views fact_valid and value_valid have both clocks"
+        )
 
 
 def bound(given: int | datetime | None) -> int | str | None:
@@ -407,6 +424,7 @@ def new_export(
     until: When | None,
     replace: bool,
     progress: Progress | None,
+    clock: str = COMMITTED,
 ) -> Iterator[Export]:
     """Prepare an export of one snapshot of a store, which is whole once the block is left."""
     target = check_target(to, knowledge_base, replace, progress)
@@ -418,7 +436,7 @@ def new_export(
         yield export
         first, last = map(bound, bounds)
         said = tuple(states), tuple(folder.files)
-        export.exported = Exported(str(target), format, snapshot.label, first, last, *said)
+        export.exported = Exported(str(target), format, snapshot.label, first, last, *said, clock)
         folder.finish(export.exported, old)
 
 

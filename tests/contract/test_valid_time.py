@@ -53,6 +53,23 @@ def test_what_nothing_was_said_of_is_what_was_known_at_that_time(fresh_kb: Knowl
     assert fresh_kb.diff(fresh_kb.at(valid="now"), fresh_kb) == []
 
 
+def test_a_plan_is_validated_on_what_was_true(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain(
+        "(define (domain doors) (:requirements :strips) (:predicates (open) (left))"
+        " (:action leave :parameters () :precondition (open) :effect (left)))"
+    )
+    fresh_kb.goals.save("(left)")
+    ten, now = datetime.now(UTC) - timedelta(minutes=10), datetime.now(UTC)
+    with fresh_kb.transaction(valid_from=ten, valid_until=now - timedelta(minutes=5)):
+        fresh_kb.propositions.save("(open)")
+    known = fresh_kb.revision
+    moments = {"known": fresh_kb, "true": fresh_kb.at(valid=ten), "before": fresh_kb.at(known - 1)}
+    moments["after"] = fresh_kb.at(valid=now)
+    moments["not yet known"] = fresh_kb.at(known=known - 1, valid=ten)
+    found = {name: kb.validate("0: (leave)").valid for name, kb in moments.items()}
+    assert [name for name, is_valid in found.items() if is_valid] == ["true"]
+
+
 @pytest.mark.parametrize(
     "ask",
     [

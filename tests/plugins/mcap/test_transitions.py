@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from itertools import pairwise
 from pathlib import Path
@@ -29,8 +29,10 @@ from kant_sql import (
 )
 from kant_sql.errors import ExtraMissingError
 from kant_sql.export import Exported
+from kant_sql.knowledge.canonical import time_text
 from kant_sql_plugins import mcap
 from kant_sql_plugins.mcap import export_transitions
+from tests.audit.porter import record_porter
 from tests.audit.story import at
 from tests.support.processes.commands import one_line, run
 from tests.support.worlds import hostile
@@ -328,6 +330,73 @@ def test_what_was_archived_is_the_state_that_the_file_begins_with(tmp_path: Path
     ]
 
 
+def test_by_valid_times_a_message_says_what_was_true(scratch_url: str, tmp_path: Path) -> None:
+    """At each minute of the morning, the last message of a channel is what was true then."""
+    record_porter(scratch_url)
+    export(scratch_url, tmp_path, knowledge_base="porter", clock="valid")
+    found = messages(tmp_path, "porter")
+    place, door, battery = (
+        of(found, f"/porter/{each}") for each in ("fact/at/r1", "fact/open/d1", "value/battery/r1")
+    )
+    assert place == [(at("09:00", day=3), "hall"), (at("09:20", day=3), "lab")]
+    assert door == [(at("09:40", day=3), True), (at("09:45", day=3), False)]
+    assert {each.published for each in found} == {each.at for each in found}
+    with kant_sql.connect(scratch_url, knowledge_base="porter", read_only=True) as kb:
+        for minute in range(150):
+            moment = at("09:00", day=3) + timedelta(minutes=minute)
+            true = kb.at(valid=moment)
+            where, is_open, number = (
+                ([value for time, value in lane if time <= moment] or [None])[-1]
+                for lane in (place, door, battery)
+            )
+            assert [*true.query("(at r1 ?p)")] == [(where,)]
+            assert true.holds("(open d1)") == bool(is_open)
+            assert true.holds(f"(= (battery r1) {number})")
+    (late,) = [each.data for each in found if each.at == at("09:20", day=3)]
+    assert (late["revision"], late["actor"], late["reason"]) == (
+        3,
+        "camera",
+        "the video of that time",
+    )
+
+
+@pytest.mark.parametrize("since", [at("09:20", day=3), at("09:20:00.000001", day=3), 2])
+def test_a_window_of_valid_times_begins_with_what_was_true_before(
+    scratch_url: str, tmp_path: Path, since: datetime | int
+) -> None:
+    record_porter(scratch_url)
+    window = {"since": since, "until": at("09:42", day=3), "clock": "valid"}
+    exported = export(scratch_url, tmp_path, knowledge_base="porter", **window)
+    begin = at("09:30", day=3) if since == 2 else since
+    assert isinstance(begin, datetime)
+    place = "hall" if since == at("09:20", day=3) else "lab"
+    found = messages(tmp_path, "porter")
+    first = begin - timedelta(microseconds=1)
+    assert of(found, "/porter/fact/at/r1")[0] == (first, place)
+    assert of(found, "/porter/value/battery/r1") == [(first, 90.0)]
+    assert of(found, "/porter/fact/open/d1") == [(at("09:40", day=3), True)]
+    assert exported.clock == "valid"
+
+
+def test_what_nothing_was_said_of_was_true_from_its_commit_on(
+    story_url: str, tmp_path: Path
+) -> None:
+    export(story_url, tmp_path / "valid", clock="valid")
+    export(story_url, tmp_path / "known")
+    ours, theirs = messages(tmp_path / "valid"), messages(tmp_path / "known")
+    told = [sorted(_told(each)) for each in (ours, theirs)]
+    assert told[0] == told[1]
+    facts = [each for each in ours if each.topic != STEPS]
+    assert all(time_text(each.at) == each.data["committed_at"] for each in facts)
+    assert [each for each in ours if each.topic == STEPS] == [
+        each for each in theirs if each.topic == STEPS
+    ]
+
+
+def _told(found: list[Message]) -> list[tuple[str, str, str]]:
+    return [(each.topic, each.data["committed_at"], json.dumps(each.data)) for each in found]
+
+
 def test_hostile_names_are_encoded_in_topics(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'store.db'}"
     type_ = PddlTypeDto("thing")
@@ -380,6 +449,7 @@ WRONG: dict[str, tuple[dict[str, Any], type[KantSqlError], str]] = {
     "no list": ({"names": "robot_at"}, KantSqlError, "names"),
     "no texts": ({"names": [3]}, KantSqlError, "names"),
     "knowledge base": ({"knowledge_base": "nobody"}, KantSqlError, "choose one of"),
+    "clock": ({"clock": "observed"}, InvalidArgumentError, "the clock"),
     "future": ({"until": 99}, UnknownRevisionError, "its last is 36"),
     "number": ({"since": 3, "knowledge_base": None}, InvalidArgumentError, "give a time"),
 }
@@ -422,6 +492,9 @@ def test_the_command_writes_what_it_is_asked_for(own_store: str, tmp_path: Path)
     with (out / "knowledge_base=tiago" / "transitions.mcap").open("rb") as file:
         topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
     assert topics == ["/tiago/fact/robot_at/rb1"] * 2 + ["/tiago/fact/robot_at/rb1/wp2"]
+    words = ["--format", "mcap", "--clock", "valid", "--replace"]
+    assert run("export", own_store, "--to", str(out), *words).exit_code == 0
+    assert json.loads((out / "_export.json").read_text(encoding="utf-8"))["clock"] == "valid"
 
 
 @pytest.mark.parametrize(
@@ -429,6 +502,7 @@ def test_the_command_writes_what_it_is_asked_for(own_store: str, tmp_path: Path)
     [
         (["--format", "xlsx"], 2, "parquet, csv, jsonl, mcap"),
         (["--format", "mcap", "--view", "fact"], 2, "--view"),
+        (["--format", "csv", "--clock", "valid"], 2, "as columns of the views"),
         (["--format", "mcap", "--predicate", "robotat"], 1, "did you mean robot_at"),
     ],
 )

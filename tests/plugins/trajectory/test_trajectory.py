@@ -18,7 +18,7 @@ from kant_sql.errors import InvalidArgumentError
 from kant_sql.knowledge_base import state_of
 from kant_sql.pddl import read_domain
 from kant_sql_plugins.trajectory import export_trajectories
-from tests.support.processes.commands import run
+from tests.support.processes.commands import one_line, run
 
 DOMAIN = """
 (define (domain doors) (:requirements :typing :durative-actions :numeric-fluents) (:types door)
@@ -135,6 +135,9 @@ def test_at_the_prompt(kb: KnowledgeBase, url: str, tmp_path: Path) -> None:
     assert (done.exit_code, done.stderr) == (0, "")
     with pytest.raises(InvalidArgumentError, match="whole states"):
         export_trajectories(url, to=tmp_path / "out", names=["open"])
+    words = "--to", str(tmp_path / "other"), "--format", "trajectory", "--clock", "valid"
+    assert "the format mcap takes it" in one_line(run("export", url, *words).stderr)
+    assert not (tmp_path / "other").exists()
 
 
 def walk(url: str, pair: str, steps: int) -> None:
