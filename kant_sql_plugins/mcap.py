@@ -292,7 +292,9 @@ class _Recording:
 
     def _write_true(self, session: Session, kb_id: int, span: ValidRange) -> None:
         """Write what was true right before a range of times, and what changed in it."""
-        names = {is_fact: dict(session.rows(query, kb=kb_id)) for is_fact, query in _OWNERS.items()}
+        names: dict[bool, dict[int, str]] = {
+            is_fact: dict(session.rows(query, kb=kb_id)) for is_fact, query in _OWNERS.items()
+        }
         wanted = [
             tuple(id_ for id_, name in of.items() if self._chosen.has(name))
             for of in names.values()
