@@ -139,6 +139,7 @@ _HOMES = {
     **dict.fromkeys(("views", "export"), "store"),
     "watch": "history",
     **dict.fromkeys(("serve", "report"), "web"),
+    "tokens": "tokens",
     **dict.fromkeys(("ros", "import"), "ros"),
     "verify": "verifying",
     **dict.fromkeys(("anchor", "backup", "archive"), "store"),

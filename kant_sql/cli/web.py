@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from ..errors import ExtraMissingError, printable
+from ..errors import ExtraMissingError, InvalidArgumentError, printable
 from ..pddl.lexer import read_file
 from .asking import rules_source
 from .common import AnchorFile, Clock, Name, Since, Until, Url, choose, option, parse_optional
@@ -37,17 +37,31 @@ def serve(
             metavar="NAME",
         ),
     ] = None,
+    write: Annotated[
+        bool, option("Programs may write over HTTP, with a token of --tokens.", "--write")
+    ] = False,
+    tokens: Annotated[
+        Path | None,
+        option("The file of 'kant-sql tokens', read again when it changes.", metavar="FILE"),
+    ] = None,
 ) -> None:
     """Show the store in a browser, and its data as JSON.
 
-    All pages are read-only. Ends with Ctrl-C. At an address that other machines reach, readers
-    need the token that is printed at the start, or the one in KANT_SQL_TOKEN.
+    All pages are read-only; with --write, programs write by POST below /api, with a token of the
+    file. Ends with Ctrl-C. At an address that other machines reach, readers need the token that is
+    printed at the start, or the one in KANT_SQL_TOKEN.
     """
     try:
         from ..web.application import make_server
     except ImportError as error:
         raise ExtraMissingError(WEB_MISSING) from error
-    server, token = make_server(url, host=host, port=port, hosts=allow_host or ())
+    from ..web.tokens import TokenFile
+
+    if write != (tokens is not None):
+        lacked = "--tokens FILE, of 'kant-sql tokens add'" if write else "--write"
+        raise InvalidArgumentError(f"to write over HTTP needs {lacked}, too")
+    known = None if tokens is None else TokenFile(tokens)
+    server, token = make_server(url, host=host, port=port, hosts=allow_host or (), tokens=known)
     listening = server.config.bind_socket()
     # Inherited by connections; else each answer to a kept connection waits 40 ms for the reader's
     # acknowledgement.

@@ -25,8 +25,10 @@ from .live import LiveHub, live
 from .pages import TOPICS
 from .registry import VisibleJson, status_of
 from .rendering import STATIC, render
-from .security import TOKEN_VARIABLE, Guard, allowed_hosts, is_loopback
+from .security import TOKEN_VARIABLE, Guard, Programs, allowed_hosts, is_loopback
 from .stores import OpenStore
+from .tokens import TokenFile
+from .writing import LONGEST_BODY, MOST_WRITERS, WRITES
 
 logger = logging.getLogger("kant_sql.web")
 
@@ -40,6 +42,7 @@ def create_app(
     bound: str = "127.0.0.1",
     hosts: Iterable[str] = (),
     token: str | None = None,
+    tokens: TokenFile | None = None,
 ) -> FastAPI:
     """Make the application of one store.
 
@@ -48,6 +51,7 @@ def create_app(
         bound: the address that the server is bound to.
         hosts: further names under which it may be asked.
         token: what a reader has to know; None if everybody who reaches the server may read.
+        tokens: the tokens of programs that write; None for a server that only reads.
 
     Returns:
         An ASGI application, for uvicorn or another server.
@@ -55,16 +59,21 @@ def create_app(
     Raises:
         KantSqlError: the store cannot be opened, as for `connect`.
     """
+    # First, for it creates a new file.
+    writing = None if tokens is None else OpenStore(url, read_only=False)
     store = OpenStore(url)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.limiter = anyio.CapacityLimiter(MOST_QUESTIONS)
+        app.state.writers = anyio.CapacityLimiter(MOST_WRITERS)
         try:
             yield
         finally:
             app.state.live.close()
             store.close()
+            if writing is not None:
+                writing.close()
 
     app = FastAPI(
         title="kant_sql",
@@ -82,10 +91,16 @@ def create_app(
         app.include_router(pages.api)
         app.include_router(pages.html)
     app.include_router(live)
+    app.state.writing = writing
+    if writing is not None:
+        app.include_router(WRITES.api)
     describe(app)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     _answer_errors(app)
-    app.add_middleware(Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token)
+    own = None if tokens is None else Programs(tokens, WRITES.scopes, LONGEST_BODY)
+    app.add_middleware(
+        Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token, programs=own
+    )
     return app
 
 
@@ -104,7 +119,9 @@ def _answer_errors(app: FastAPI) -> None:
 
     async def failed(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
-        return _error(request, error.status_code, str(error.detail), "HTTPException")
+        response = _error(request, error.status_code, str(error.detail), "HTTPException")
+        response.headers.update(error.headers or {})
+        return response
 
     async def broken(request: Request, error: Exception) -> Response:
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
@@ -156,7 +173,12 @@ def token_for(host: str) -> str | None:
 
 
 def make_server(
-    url: str, *, host: str = DEFAULT_HOST, port: int = DEFAULT_PORT, hosts: Sequence[str] = ()
+    url: str,
+    *,
+    host: str = DEFAULT_HOST,
+    port: int = DEFAULT_PORT,
+    hosts: Sequence[str] = (),
+    tokens: TokenFile | None = None,
 ) -> tuple[uvicorn.Server, str | None]:
     """Make a server of one store.
 
@@ -165,6 +187,7 @@ def make_server(
         host: the address to bind to.
         port: the port; 0 for a free one.
         hosts: further names under which it may be asked.
+        tokens: the tokens of programs that write; None for a server that only reads.
 
     Returns:
         The server, to run, and the token that readers need, if any.
@@ -173,7 +196,10 @@ def make_server(
         KantSqlError: the store cannot be opened.
     """
     token = token_for(host)
-    app = create_app(url, bound=host, hosts=hosts, token=token)
+    if tokens is not None:
+        # A file that is not one of tokens is refused now.
+        tokens.tokens()
+    app = create_app(url, bound=host, hosts=hosts, token=token, tokens=tokens)
     config = uvicorn.Config(
         app,
         host=host,

@@ -18,7 +18,7 @@ from ..json_values import json_fields
 from .rendering import render
 
 _TEXTS = (datetime, Decimal)
-_ATTRIBUTE = re.compile(r"^    (\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
+_ITEM = re.compile(r"^    (\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 
 
 def schema_of(annotation: Any) -> Any:
@@ -45,15 +45,20 @@ def _union(annotation: Any, arguments: tuple[Any, ...]) -> Any:
     return made
 
 
+def texts_of(documented: object, section: str) -> tuple[str, dict[str, str]]:
+    """Return what a docstring says, and what a section of it says of each name."""
+    said = inspect.getdoc(documented) or ""
+    description, _, items = said.partition(f"\n\n{section}:\n")
+    return description, {name: " ".join(text.split()) for name, text in _ITEM.findall(items)}
+
+
 @cache
 def _document(kind: type) -> Any:
     """Make the type of the document of a class; another one is its own."""
     parts = json_fields(kind)
     if parts is None:
         return kind
-    said = inspect.getdoc(kind) or ""
-    description, _, attributes = said.partition("\n\nAttributes:\n")
-    texts = {name: " ".join(text.split()) for name, text in _ATTRIBUTE.findall(attributes)}
+    description, texts = texts_of(kind, "Attributes")
     hints = get_type_hints(kind)
     made: dict[str, Any] = {}
     for key, name in parts:

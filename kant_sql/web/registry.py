@@ -13,12 +13,24 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from ..errors import (
     ArchivedError,
+    ConflictError,
+    ConnectionLostError,
+    DependantsError,
     InvalidArgumentError,
     InvalidKnowledgeError,
     KantSqlError,
+    NotApplicableError,
+    OutcomeUnknownError,
+    PlanError,
     QuestionCancelledError,
+    ReadOnlyError,
+    ReplicaError,
+    RuleViolatedError,
+    StaleRevisionError,
     StatementTimeoutError,
     StoreBusyError,
+    StoreFullError,
+    StoreReplacedError,
     StoreUnreachableError,
     UnknownNameError,
     UnknownRevisionError,
@@ -30,6 +42,7 @@ from ..knowledge_base import KnowledgeBase
 from ..moment_text import is_now, parse_moment
 from .description import schema_of
 from .rendering import csv_text, render
+from .security import require_all
 from .stores import OpenStore, answer
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -51,15 +64,29 @@ _STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
     (StoreUnreachableError, 503),
     (QuestionCancelledError, 503),
     (StatementTimeoutError, 504),
+    # What writers alone meet.
+    (StaleRevisionError, 412),
+    (ReadOnlyError, 403),
+    (ConflictError, 409),
+    (DependantsError, 409),
+    (NotApplicableError, 409),
+    (PlanError, 409),
+    (ReplicaError, 409),
+    (RuleViolatedError, 409),
+    (ConnectionLostError, 503),
+    (OutcomeUnknownError, 503),
+    (StoreReplacedError, 503),
+    (StoreFullError, 507),
 )
 # PostgreSQL keeps no text with a NUL, and refuses to look for one.
 NO_NUL = r"^[^\x00]*$"
 KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION, pattern=NO_NUL)]
 
 
-def status_of(error: KantSqlError) -> int:
+def status_of(error: KantSqlError | type[KantSqlError]) -> int:
     """Return the HTTP status that says whose error it is."""
-    return next((status for kind, status in _STATUS if isinstance(error, kind)), 500)
+    raised = error if isinstance(error, type) else type(error)
+    return next((status for kind, status in _STATUS if issubclass(raised, kind)), 500)
 
 
 class Pages:
@@ -187,6 +214,8 @@ def _endpoint(
     async def endpoint(request: Request, **query: Any) -> Any:
         store: OpenStore = request.app.state.store
         name = query.pop("kb_name", None)
+        if of_store:
+            require_all(request)
 
         is_asked = False
 

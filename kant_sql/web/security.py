@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import logging
 import socket
-from collections.abc import Iterable
-from urllib.parse import parse_qs, quote, urlsplit
+from collections.abc import Iterable, Mapping
+from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
-from fastapi.responses import PlainTextResponse, RedirectResponse, Response
-from starlette.datastructures import Headers, MutableHeaders
+from fastapi.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
+from starlette.exceptions import HTTPException
 from starlette.requests import Request, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ..errors import printable
+from ..html import visible
+from .tokens import Token, TokenFile
+
+logger = logging.getLogger("kant_sql.web")
 
 TOKEN_VARIABLE = "KANT_SQL_TOKEN"
 TOKEN_COOKIE = "kant_sql_token"
@@ -63,11 +71,124 @@ def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
     return frozenset(name.lower() for name in (*_LOOPBACK, *own, *others))
 
 
+class Programs:
+    """Checks the tokens of programs: who may write, and what each may read."""
+
+    def __init__(self, tokens: TokenFile, scopes: Mapping[str, str], longest: int) -> None:
+        """Take the tokens, the scope that each path of a write needs, and the most bytes of one."""
+        self._tokens = tokens
+        self._scopes = scopes
+        self._longest = longest
+
+    def admit(self, scope: Scope, headers: Headers) -> Response | None:
+        """Note the token of a request, as `scope["token"]`; return the answer if it is refused.
+
+        A request without a token that only reads is not judged here.
+        """
+        writes = self._scopes.get(scope["path"]) if scope["method"] == "POST" else None
+        given = _bearer(headers)
+        token = None if given is None else self._tokens.find(given)
+        if token is None:
+            if writes is None:
+                return None
+            why = "a token is needed: Authorization: Bearer TOKEN, of 'kant-sql tokens add'"
+            if given is not None:
+                why = "the token is unknown, or was revoked: get one by 'kant-sql tokens add'"
+            return refusal(scope, 401, why)
+        scope["token"] = token
+        verifies = scope["path"].endswith("/verify") and scope["method"] == "POST"
+        needed = writes or ("verify" if verifies else "read")
+        if needed not in token.scopes:
+            return refusal(scope, 403, f"the token has not the scope {needed}")
+        return self._choose(scope, token) or self._bound(scope, headers, writes)
+
+    def _choose(self, scope: Scope, token: Token) -> Response | None:
+        """Check the knowledge base; of a token for one, that is the default."""
+        named = QueryParams(scope["query_string"]).getlist("kb")
+        for name in named:
+            if not token.is_for(name):
+                return refusal(scope, 403, f"the token is not for the knowledge base {name!r}")
+        if not (any(named) or token.is_for("")):
+            if len(token.knowledge_bases) > 1:
+                return refusal(scope, 403, "the token is for several knowledge bases: give kb=NAME")
+            own = urlencode({"kb": token.knowledge_bases[0]}).encode()
+            scope["query_string"] = b"&".join(filter(None, (scope["query_string"], own)))
+        return None
+
+    def _bound(self, scope: Scope, headers: Headers, writes: str | None) -> Response | None:
+        length = headers.get("content-length", "0")
+        if writes is None or (length.isdecimal() and int(length) <= self._longest):
+            return None
+        return refusal(scope, 413, self.too_long)
+
+    @property
+    def too_long(self) -> str:
+        """What is said of a request that is too long."""
+        return f"the request has more than {self._longest:,} bytes; write it in several"
+
+    def bounded(self, scope: Scope, receive: Receive) -> Receive:
+        """Bound a body that comes in parts, without its length."""
+        if "token" not in scope:
+            return receive
+        left = self._longest
+
+        async def receive_bounded() -> Message:
+            nonlocal left
+            message = await receive()
+            left -= len(message.get("body", b""))
+            if left < 0:
+                log_refusal(scope, 413, self.too_long)
+                raise HTTPException(413, self.too_long)
+            return message
+
+        return receive_bounded
+
+
+def _bearer(headers: Headers) -> str | None:
+    scheme, _, given = headers.get("authorization", "").partition(" ")
+    return given.strip() if scheme.lower() == "bearer" else None
+
+
+def log_refusal(scope: Scope, status: int, why: str) -> None:
+    """Log who was refused what, and why; never the token."""
+    token: Token | None = scope.get("token")
+    who = "nobody" if token is None else f"token {token.id} of {token.actor}"
+    client = (scope.get("client") or ("unknown",))[0]
+    said = [printable(one) for one in (scope["path"], who, client, why)]
+    logger.warning("refused %s %s to %s at %s: %d, %s", scope["method"], *said[:3], status, said[3])
+
+
+def refusal(scope: Scope, status: int, why: str) -> Response:
+    """Log a refusal and return its answer, as the JSON API writes errors."""
+    log_refusal(scope, status, why)
+    headers = {"WWW-Authenticate": "Bearer"} if status == 401 else None
+    document = {"error": visible(why), "type": "RefusedError"}
+    return JSONResponse(document, status, headers)
+
+
+def require_all(request: Request) -> None:
+    """Refuse what is about the whole store to a token for some of its knowledge bases."""
+    token: Token | None = request.scope.get("token")
+    if token is not None and not token.is_for(""):
+        why = f"the token is for {', '.join(token.knowledge_bases)} only, and this is about all"
+        log_refusal(request.scope, 403, why)
+        raise HTTPException(403, why)
+
+
 class Guard:
     """Refuses requests under a foreign name, from another site, or without the token."""
 
-    def __init__(self, app: ASGIApp, *, bound: str, hosts: frozenset[str], token: str | None):
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        bound: str,
+        hosts: frozenset[str],
+        token: str | None,
+        programs: Programs | None = None,
+    ) -> None:
         self._app = app
+        self._programs = programs
         self._hosts = hosts
         self._is_loopback = is_loopback(bound)
         self._token = None if token is None else token.encode()
@@ -85,6 +206,8 @@ class Guard:
             await send(message)
 
         response = await self._refuse(scope, receive)
+        if self._programs is not None:
+            receive = self._programs.bounded(scope, receive)
         await (self._app if response is None else response)(scope, receive, send_guarded)
 
     async def _refuse(self, scope: Scope, receive: Receive) -> Response | None:
@@ -97,6 +220,10 @@ class Guard:
             )
         if not (_is_read(scope, headers) or _is_same_site(headers)):
             return PlainTextResponse("This request comes from another site.", 403)
+        if self._programs is not None:
+            refused = self._programs.admit(scope, headers)
+            if refused is not None or "token" in scope:
+                return refused
         if self._token is None:
             return None
         if scope["path"] == LOGIN and scope["method"] == "POST":
@@ -111,9 +238,9 @@ class Guard:
         return is_loopback(name) if self._is_loopback else _is_address(name)
 
     def _has_token(self, headers: Headers) -> bool:
-        scheme, _, given = headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer":
-            return self._is_token(given.strip())
+        given = _bearer(headers)
+        if given is not None:
+            return self._is_token(given)
         # `SimpleCookie` raises for what other servers of this machine may have named theirs.
         cookies = cookie_parser(headers.get("cookie", ""))
         return self._is_token(cookies.get(TOKEN_COOKIE, ""))

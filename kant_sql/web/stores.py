@@ -41,8 +41,9 @@ class OpenStore:
         verifier: what verifies its knowledge bases.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, read_only: bool = True) -> None:
         self.url = url
+        self._is_read_only = read_only
         self.folders = Folders(url)
         self.verifier = Verifier(self.knowledge_base, self.folders)
         self._store = self._open()
@@ -51,7 +52,7 @@ class OpenStore:
         self._limits: set[Limit] = set()
 
     def _open(self) -> KnowledgeStore:
-        return open_store(self.url, connections=CONNECTIONS, read_only=True)
+        return open_store(self.url, connections=CONNECTIONS, read_only=self._is_read_only)
 
     def read_catalog(self, read: Callable[[Catalog], T]) -> T:
         """Read what knowledge bases there are; of a file that was replaced, the new one."""
@@ -99,7 +100,7 @@ class OpenStore:
 
     def _take(self, name: str) -> tuple[KnowledgeStore, KnowledgeBase]:
         # Opening one that does not exist would succeed: the first write creates it.
-        if name not in self._opened:
+        if self._is_read_only and name not in self._opened:
             self.require(name)
         with self._lock:
             kb = self._opened.get(name)

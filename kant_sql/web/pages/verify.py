@@ -18,6 +18,7 @@ from ...json_values import JsonValue, json_value
 from ..description import schema_of
 from ..registry import KbName, Pages, VisibleJson
 from ..rendering import link, render
+from ..security import require_all
 from ..stores import OpenStore, answer
 from ..verifying import VerificationState
 
@@ -149,6 +150,7 @@ async def anchor(request: Request, kb_name: KbName = None) -> Response:
 
     A later verification that is given this file finds revisions that were removed or rewritten.
     """
+    require_all(request)
     store: OpenStore = request.app.state.store
 
     def work() -> Anchor:

@@ -1,0 +1,200 @@
+"""Tokens of programs: what each may do, in a file that keeps only their hashes."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import hmac
+import json
+import logging
+import os
+import secrets
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ..arguments import one_of, shown
+from ..errors import InvalidArgumentError, UnknownNameError, printable
+from ..knowledge.canonical import make_metadata, time_text
+
+logger = logging.getLogger("kant_sql.web")
+
+SCOPES = ("read", "write", "apply", "verify")
+ALL = "*"
+# 256 bits: a hash without a salt or a work factor gives nothing to guess.
+_SECRET_BYTES = 32
+# So many characters of a token are its id, which is no secret; a dot follows.
+_ID_BYTES = 4
+
+
+@dataclass(frozen=True)
+class Token:
+    """What a program may do.
+
+    Attributes:
+        id: what the log and `revoke` call it; it is the beginning of the token.
+        actor: who writes with it.
+        knowledge_bases: the names of those that it is for; `*` is for all.
+        scopes: `read`, `write`, `apply`, `verify`.
+        sha256: the hash of the whole token.
+        created_at: when it was made.
+        revoked_at: since when it is refused; None if it is not.
+    """
+
+    id: str
+    actor: str
+    knowledge_bases: tuple[str, ...]
+    scopes: tuple[str, ...]
+    sha256: str
+    created_at: str
+    revoked_at: str | None = None
+
+    def is_for(self, name: str) -> bool:
+        """Return whether it is for a knowledge base."""
+        return ALL in self.knowledge_bases or name in self.knowledge_bases
+
+
+class TokenFile:
+    """The tokens of a file, which is read again when it changes. Threads may share it."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = Path(path)
+        self._lock = threading.Lock()
+        self._seen: tuple[int, ...] | None = None
+        self._tokens: dict[str, Token] = {}
+
+    def tokens(self) -> list[Token]:
+        """Return all tokens, also those that were revoked, the oldest first.
+
+        Raises:
+            InvalidArgumentError: the file is not one of tokens.
+            OSError: it cannot be read.
+        """
+        with self._lock:
+            stat = self._path.stat()
+            seen = stat.st_mtime_ns, stat.st_size, stat.st_ino
+            if seen != self._seen:
+                self._tokens = {one.id: one for one in _read(self._path)}
+                self._seen = seen
+            return [*self._tokens.values()]
+
+    def find(self, given: str) -> Token | None:
+        """Return the token that a request gives; None if it is unknown or was revoked.
+
+        A file that cannot be read knows no token.
+        """
+        try:
+            known = {one.id: one for one in self.tokens()}
+        except (OSError, InvalidArgumentError) as error:
+            logger.error("no token is accepted: %s", error)
+            return None
+        token = known.get(given.partition(".")[0])
+        expected = "" if token is None else token.sha256
+        if not hmac.compare_digest(_hash(given), expected) or token is None:
+            return None
+        return token if token.revoked_at is None else None
+
+    def add(self, actor: str, knowledge_bases: Iterable[str], scopes: Iterable[str]) -> str:
+        """Make a token.
+
+        Args:
+            actor: who writes with it.
+            knowledge_bases: the names of those that it is for; `*` is for all.
+            scopes: `read`, `write`, `apply`, `verify`.
+
+        Returns:
+            The token, which nothing else shows again.
+
+        Raises:
+            InvalidArgumentError: there is no such scope, none is given, or the actor is no name.
+        """
+        make_metadata(actor, None, None)
+        names = tuple(knowledge_bases)
+        chosen = tuple(one_of(scope, SCOPES, "a scope") for scope in dict.fromkeys(scopes))
+        if not (names and chosen and actor):
+            raise InvalidArgumentError(
+                "a token needs an actor, a knowledge base (* for all) and a scope: "
+                + ", ".join(SCOPES)
+            )
+        id_ = secrets.token_hex(_ID_BYTES)
+        secret = f"{id_}.{secrets.token_urlsafe(_SECRET_BYTES)}"
+        made = Token(id_, actor, names, chosen, _hash(secret), time_text(datetime.now(UTC)))
+        with self._changing():
+            self._write([*(self.tokens() if self._path.exists() else ()), made])
+        return secret
+
+    def revoke(self, id: str) -> Token:
+        """Refuse a token from now on; servers that run read it at the next request.
+
+        Raises:
+            UnknownNameError: there is no token of this id.
+        """
+        with self._changing():
+            tokens = self.tokens()
+            found = next((one for one in tokens if one.id == id), None)
+            if found is None:
+                raise UnknownNameError(
+                    f"{self._path} has no token {shown(id)}; 'kant-sql tokens list' shows the ids"
+                )
+            now = found.revoked_at or time_text(datetime.now(UTC))
+            revoked = replace(found, revoked_at=now)
+            self._write([revoked if one is found else one for one in tokens])
+        return revoked
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """Let one process at a time change the file: none undoes what another revokes."""
+        folder = os.open(self._path.resolve().parent, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(folder)
+
+    def _write(self, tokens: Iterable[Token]) -> None:
+        """Write the file in one step, for its owner alone."""
+        beside = self._path.with_name(f".{self._path.name}.{secrets.token_hex(4)}")
+        text = json.dumps({"tokens": [asdict(one) for one in tokens]}, indent=2)
+        try:
+            with open(beside, "x", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
+                file.write(f"{text}\n")
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(self._path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+
+def _hash(token: str) -> str:
+    return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
+
+
+def _read(path: Path) -> list[Token]:
+    try:
+        return [_token(one) for one in json.loads(path.read_bytes())["tokens"]]
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
+        raise InvalidArgumentError(
+            f"{path} is not a file of tokens ({type(error).__name__}: {printable(str(error))}); "
+            "make one with 'kant-sql tokens add'"
+        ) from error
+
+
+def _token(written: dict[str, object]) -> Token:
+    own = [str(written[name]) for name in ("id", "actor", "sha256", "created_at")]
+    names, scopes = (
+        tuple(map(str, _list(written[name]))) for name in ("knowledge_bases", "scopes")
+    )
+    revoked_at = written.get("revoked_at")
+    id_, actor, sha256, created_at = own
+    revoked = None if revoked_at is None else str(revoked_at)
+    return Token(id_, actor, names, scopes, sha256, created_at, revoked)
+
+
+def _list(value: object) -> list[object]:
+    # A text would be a list of letters, one of which may be `*`.
+    if not isinstance(value, list):
+        raise TypeError(f"{shown(value)} is not a list")
+    return value

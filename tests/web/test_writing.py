@@ -1,0 +1,273 @@
+"""Writing over HTTP: who may, what comes of it, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Iterator
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+import kant_sql
+from kant_sql.web import writing
+from kant_sql.web.application import create_app
+from kant_sql.web.tokens import TokenFile
+from kant_sql.web.writing import LONGEST_BODY, WRITES
+from tests.support.processes.commands import run
+from tests.web.conftest import BASE
+
+DOMAIN = """(define (domain tour) (:requirements :typing :fluents :durative-actions)
+  (:types robot wp)
+  (:predicates (robot_at ?r - robot ?w - wp))
+  (:functions (battery ?r - robot))
+  (:action move :parameters (?r - robot ?from ?to - wp)
+    :precondition (robot_at ?r ?from)
+    :effect (and (not (robot_at ?r ?from)) (robot_at ?r ?to)))
+  (:durative-action charge :parameters (?r - robot) :duration (= ?duration 5)
+    :condition (at start (< (battery ?r) 50)) :effect (at end (assign (battery ?r) 100))))"""
+PROBLEM = """(define (problem p) (:domain tour) (:objects rb1 - robot wp1 wp2 - wp)
+  (:init (robot_at rb1 wp1) (= (battery rb1) 20)) (:goal (robot_at rb1 wp2)))"""
+OTHER = """(define (domain tour) (:requirements :typing) (:types robot wp)
+  (:predicates (robot_at ?r - robot)))"""
+Post = Callable[..., Any]
+
+
+@pytest.fixture
+def tokens(tmp_path: Path) -> TokenFile:
+    """A file of tokens."""
+    return TokenFile(tmp_path / "tokens.json")
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """A store without a knowledge base, on each dialect."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'store.db'}"
+    made: str = request.getfixturevalue("server").new_store()
+    return made
+
+
+@pytest.fixture
+def client(url: str, tokens: TokenFile) -> Iterator[TestClient]:
+    """A client of a server of which programs write."""
+    with TestClient(create_app(url, tokens=tokens), base_url=BASE) as made:
+        yield made
+
+
+@pytest.fixture
+def post(client: TestClient, tokens: TokenFile) -> Post:
+    """Write as the actor `executive`, who may do everything in `tiago`."""
+    secret = tokens.add("executive", ["tiago"], ["read", "write", "apply"])
+
+    def send(
+        path: str, status: int = 200, headers: dict[str, str] | None = None, **body: Any
+    ) -> Any:
+        own = {"authorization": f"Bearer {secret}", **(headers or {})}
+        answer = client.post(f"/api/{path}", params={"kb": "tiago"}, json=body, headers=own)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    return send
+
+
+@pytest.fixture
+def loaded(post: Post) -> Post:
+    """The same, with a domain and a problem as revision 1."""
+    assert post("load", domain=DOMAIN, problem=PROBLEM)["revision"] == 1
+    return post
+
+
+def test_each_write_is_a_revision_of_the_actor_of_the_token(loaded: Post, url: str) -> None:
+    said = {"reason": "arrived", "source": {"sensor": "amcl"}}
+    moved = loaded("facts", delete=["(robot_at rb1 wp1)"], save=["(robot_at rb1 wp2)"], **said)
+    assert moved == {"revision": 2, "results": [1, 1], "warnings": []}
+    assert loaded("values", set={"(battery rb1)": "12.5"})["results"] == [True]
+    assert loaded("apply", step="(move rb1  wp2 wp1)")["revision"] == 4
+    (execution,) = loaded("start", step="(charge rb1)")["results"]
+    assert loaded("end", step="(charge rb1)") == {
+        "revision": 6,
+        "results": [execution],
+        "warnings": [],
+    }
+    assert loaded("facts", delete=["(robot_at rb1 wp2)"])["revision"] is None
+    with kant_sql.connect(url, knowledge_base="tiago", read_only=True) as kb:
+        revisions = kb.store.revisions()
+        assert {one.actor for one in revisions} == {"executive"}
+        assert (revisions[1].reason, revisions[1].source) == ("arrived", {"sensor": "amcl"})
+        assert revisions[3].reason == "applied (move rb1 wp2 wp1)"
+        assert kb.function_values.get("(battery rb1)") == 100
+        (charged,) = kb.executions.get_all(action="charge")
+        assert (charged.id, charged.outcome) == (execution, "succeeded")
+        assert kb.store.verify().is_intact
+
+
+def test_a_transaction_is_whole_or_not_at_all(loaded: Post, url: str) -> None:
+    changes = [
+        {"kind": "objects", "do": "save", "element": "wp3 - wp"},
+        {"kind": "propositions", "do": "save_all", "element": ["(robot_at rb1 wp3)"]},
+        {"kind": "function_values", "do": "increase", "element": "(battery rb1)", "by": 0.5},
+        {"kind": "goals", "do": "delete_all"},
+        {"kind": "metric", "do": "set", "element": "(:metric minimize (battery rb1))"},
+    ]
+    wrong = [*changes, {"kind": "propositions", "do": "save", "element": "(robot_at rb1 wp9)"}]
+    assert "wp9" in loaded("transaction", 400, changes=wrong)["error"]
+    assert loaded("transaction", changes=changes)["revision"] == 2
+    with kant_sql.connect(url, knowledge_base="tiago", read_only=True) as kb:
+        assert kb.revision == 2
+        assert kb.function_values.get("(battery rb1)") == Decimal("20.5")
+        assert kb.goals.get_all() == []
+
+
+def test_what_happened_since_is_the_answer_to_a_stale_writer(loaded: Post) -> None:
+    loaded("facts", save=["(robot_at rb1 wp2)"], reason="seen")
+    stale = loaded("apply", 412, {"if-match": '"1"'}, step="(move rb1 wp1 wp2)")
+    assert (stale["type"], stale["revision"]) == ("StaleRevisionError", 2)
+    assert [(one["number"], one["reason"]) for one in stale["since"]] == [(2, "seen")]
+    assert loaded("apply", 200, {"if-match": '"2"'}, step="(move rb1 wp1 wp2)")["revision"] == 3
+    assert loaded("facts", 412, {"if-match": "99"}, save=[])["since"] == []
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "body", "says"),
+    [
+        ("facts", 400, {"save": ["(nonsense"]}, "expected"),
+        ("facts", 422, {"save": [7]}, "string"),
+        ("facts", 422, {"actor": "somebody"}, "actor"),
+        ("values", 400, {"set": {"(battery rb1)": "much"}}, "much"),
+        ("transaction", 400, {"changes": [{"kind": "actions", "do": "increase"}]}, "increase"),
+        ("transaction", 400, {"changes": [{"kind": "objects", "do": "save"}]}, "element"),
+        ("transaction", 422, {"changes": [{"kind": "secrets", "do": "save"}]}, "kind"),
+        ("apply", 409, {"step": "(move rb1 wp2 wp1)"}, "robot_at"),
+        ("apply", 400, {"step": "(fly rb1)"}, "fly"),
+        ("end", 409, {"step": "(charge rb1)"}, "running"),
+        ("load", 400, {}, "nothing to load"),
+        ("load", 400, {"domain": "/etc/passwd"}, "PDDL text"),
+        (
+            "load",
+            409,
+            {"domain": OTHER, "mode": "merge"},
+            "robot_at",
+        ),
+    ],
+)
+def test_what_cannot_be_written_is_refused_by_name(
+    loaded: Post, path: str, status: int, body: dict[str, Any], says: str
+) -> None:
+    assert says in loaded(path, status, **body)["error"]
+    assert loaded("facts", save=["(robot_at rb1 wp2)"])["revision"] == 2
+
+
+def test_a_rule_that_refuses_is_a_conflict(loaded: Post, url: str) -> None:
+    with kant_sql.connect(url, knowledge_base="tiago", actor="safety") as kb:
+        kb.rules.save("away", "(always (not (robot_at rb1 wp2)))", on_violation="refuse")
+    refused = loaded("facts", 409, save=["(robot_at rb1 wp2)"])
+    assert (refused["type"], "away" in refused["error"]) == ("RuleViolatedError", True)
+
+
+def test_a_token_is_for_its_knowledge_bases_and_scopes(
+    client: TestClient, tokens: TokenFile, loaded: Post, caplog: pytest.LogCaptureFixture
+) -> None:
+    reader = tokens.add("auditor", ["tiago", "pepper"], ["read"])
+    writer = tokens.add("driver", ["pepper"], ["write"])
+    asked = [
+        (reader, "POST", "/api/facts?kb=tiago", 403),
+        (reader, "POST", "/api/verify?kb=tiago", 403),
+        (reader, "GET", "/api/log?kb=tiago", 200),
+        (reader, "GET", "/api/log?kb=tiago&kb=other", 403),
+        (reader, "GET", "/api/log", 403),
+        (reader, "GET", "/api/?kb=tiago", 403),
+        (reader, "GET", "/api/anchor?kb=tiago", 403),
+        (writer, "GET", "/api/log?kb=pepper", 403),
+        (writer, "POST", "/api/apply?kb=pepper", 403),
+        (writer, "POST", "/api/facts?kb=tiago", 403),
+        # A token for one knowledge base means that one, and begins it.
+        (writer, "POST", "/api/facts", 200),
+        (f"{writer}x", "POST", "/api/facts?kb=pepper", 401),
+        (writer.partition(".")[0], "POST", "/api/facts?kb=pepper", 401),
+        ("", "POST", "/api/facts?kb=pepper", 401),
+        (writer.swapcase(), "POST", "/api/facts?kb=pepper", 401),
+    ]
+    for secret, method, path, status in asked:
+        caplog.clear()
+        headers = {"authorization": f"Bearer {secret}"}
+        with caplog.at_level(logging.WARNING, "kant_sql.web"):
+            answer = client.request(
+                method, path, headers=headers, json={} if method == "POST" else None
+            )
+        assert answer.status_code == status, (path, answer.text)
+        said = [one.getMessage() for one in caplog.records if one.name == "kant_sql.web"]
+        assert (len(said), any("refused" in one for one in said)) == (
+            (0, False) if status == 200 else (1, True)
+        )
+        assert not any(secret.partition(".")[2] in one for one in said if "." in secret)
+    assert client.post("/api/facts?kb=pepper", json={}).headers["www-authenticate"] == "Bearer"
+
+
+def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: TokenFile) -> None:
+    secret = tokens.add("driver", ["*"], ["write"])
+    headers = {"authorization": f"Bearer {secret}"}
+    assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 200
+    TokenFile(tokens._path).revoke(secret.partition(".")[0])
+    assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 401
+    tokens._path.write_text("not a file of tokens")
+    assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 401
+
+
+def test_a_long_request_is_refused_unread(client: TestClient, tokens: TokenFile) -> None:
+    headers = {"authorization": f"Bearer {tokens.add('driver', ['*'], ['write'])}"}
+    path = "/api/facts?kb=tiago"
+    sent = 0
+
+    def parts() -> Iterator[bytes]:
+        nonlocal sent
+        for _ in range(4 * LONGEST_BODY >> 20):
+            sent += 1
+            yield b" " * (1 << 20)
+
+    assert client.post(path, content=parts(), headers=headers).status_code == 413
+    length = {**headers, "content-length": str(LONGEST_BODY + 1)}
+    assert client.post(path, content=b"{}", headers=length).status_code == 413
+
+
+def test_without_tokens_there_is_nothing_to_write_with(url: str) -> None:
+    with kant_sql.connect(url, knowledge_base="tiago") as kb:
+        kb.types.save("robot")
+    with TestClient(create_app(url), base_url=BASE) as client:
+        assert {client.post(path, json={}).status_code for path in WRITES.scopes} == {404}
+        assert not any(
+            "writing" in str(path)
+            for path in client.get("/api/openapi.json").json()["paths"].values()
+        )
+
+
+def test_writers_beyond_those_that_wait_are_refused_at_once(
+    loaded: Post, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "MOST_WAITING", 0)
+    assert "try again" in loaded("facts", 429, save=[])["error"]
+
+
+def test_the_prompt_makes_and_revokes_tokens(tmp_path: Path) -> None:
+    file = str(tmp_path / "tokens.json")
+    made = run("tokens", "add", file, "--actor", "robot", "--kb", "*", "--scope", "read")
+    secret = made.stdout.strip()
+    assert secret not in Path(file).read_text()
+    assert Path(file).stat().st_mode & 0o777 == 0o600
+    assert TokenFile(file).find(secret) is not None
+    id_ = secret.partition(".")[0]
+    assert f"{id_}: robot, read, of *" in run("tokens", "list", file).stdout
+    assert run("tokens", "revoke", file, id_).exit_code == 0
+    (listed,) = json.loads(run("tokens", "list", file, "--json").stdout)["tokens"]
+    assert listed["revoked_at"] is not None
+    assert "sha256" not in listed
+    assert TokenFile(file).find(secret) is None
+    for words, says in (
+        (["revoke", file, "nobody"], "no token"),
+        (["add", file, "--actor", "a", "--kb", "*", "--scope", "all"], "scope"),
+    ):
+        refused = run("tokens", *words)
+        assert (refused.exit_code, says in refused.stderr) == (1, True)
