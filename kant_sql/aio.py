@@ -11,7 +11,15 @@ import contextvars
 import threading
 import weakref
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Coroutine, Generator, Iterable, Iterator
+from collections.abc import (
+    AsyncIterator,
+    Callable,
+    Coroutine,
+    Generator,
+    Iterable,
+    Iterator,
+    Mapping,
+)
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
@@ -54,6 +62,7 @@ from .errors import ClosedError, StoreBusyError, TransactionCancelledError, Tran
 from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
+from .history.merge import Decision, Merge
 from .knowledge.sayings import COMMITTED
 from .knowledge_base import (
     Executions,
@@ -884,6 +893,31 @@ class AsyncKnowledgeBase(_Part):
             return await self._door.read(partial(self._kb.diff, first, second, clock=clock))
         here, there = await self._lines(a), await self._lines(b)
         return diff_lines(here, there)
+
+    async def merge_preview(
+        self,
+        branch: AsyncKnowledgeBase | KnowledgeBase,
+        *,
+        decide: Mapping[str, Decision] | None = None,
+    ) -> Merge:
+        """Compare a branch with this knowledge base, as `KnowledgeBase.merge_preview`."""
+        other = branch._kb if isinstance(branch, AsyncKnowledgeBase) else branch
+        return await self._door.write(partial(self._kb.merge_preview, other, decide=decide))
+
+    async def merge(
+        self,
+        branch: AsyncKnowledgeBase | KnowledgeBase,
+        *,
+        decide: Mapping[str, Decision] | None = None,
+        reason: str | None = None,
+        actor: str | None = None,
+        expected_revision: int | None = None,
+    ) -> Merge:
+        """Merge a branch, as `KnowledgeBase.merge`."""
+        other = branch._kb if isinstance(branch, AsyncKnowledgeBase) else branch
+        own: Any = {"decide": decide, "reason": reason, "actor": actor}
+        call = partial(self._kb.merge, other, **own, expected_revision=expected_revision)
+        return await self._door.write(call)
 
     async def _lines(self, of: When | AsyncKnowledgeBase | KnowledgeBase) -> list[tuple[str, str]]:
         """Read a state where it can be read: in the block that its own task has open, if any."""

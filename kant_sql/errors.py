@@ -31,6 +31,7 @@ __all__ = [
     "InvalidTimeoutError",
     "InvalidUrlError",
     "KantSqlError",
+    "MergeConflictError",
     "NoPlanError",
     "NotADatabaseError",
     "NotApplicableError",
@@ -202,6 +203,18 @@ class DivergedError(ConflictError):
         self.revision = revision
         self.source_hash = source_hash
         self.target_hash = target_hash
+
+
+class MergeConflictError(ConflictError):
+    """A branch and its original say different things, and not all of it was decided.
+
+    Attributes:
+        conflicts: each a `MergeConflict`, decided or not.
+    """
+
+    def __init__(self, message: str, conflicts: Sequence[Any] = ()) -> None:
+        super().__init__(message)
+        self.conflicts = tuple(conflicts)
 
 
 class DependantsError(KantSqlError):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property, wraps
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
 from . import acts, documents, history, html, plans, reasoning
 from .arguments import expect, flag, whole_number
@@ -21,6 +21,9 @@ from .sql.inventory import Catalog, Inventory
 from .sql.schema import ensure_schema
 from .store.state import State
 from .store.store import close_backend
+
+if TYPE_CHECKING:
+    from .history.merge import Decision, Merge
 
 # What is public besides the names that `kant_sql` has.
 __all__ = ["Executions", "KeptRules", "Operations", "PddlParts"]
@@ -431,6 +434,80 @@ class KnowledgeBase(Front):
             Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
         """
         return type(self)(self._factory.branch(name, at=at, url=url))
+
+    def merge_preview(
+        self, branch: KnowledgeBase, *, decide: Mapping[str, Decision] | None = None
+    ) -> Merge:
+        """Compare a branch with this knowledge base, as a merge would; nothing is changed.
+
+        Args:
+            branch: as for `merge`.
+            decide: as for `merge`; what is not decided yet is listed as a conflict.
+
+        Returns:
+            What the merge would change, the conflicts with who wrote, when and why on both sides,
+            and why the result would be refused, if so. That is found out in a transaction that is
+            rolled back, so not where this was opened for reading only.
+
+        Raises:
+            ConflictError: this is not a branch of this knowledge base.
+            ArchivedError: a part of what either has changed since was moved to an archive.
+
+        Examples:
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.delete("(robot_at rb1 wp1)")
+            ...     print(*kb.merge_preview(trial).changes)
+            Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
+        """
+        return history.merge.merge_preview(_present_of(self), state_of(branch), decide)
+
+    def merge(
+        self,
+        branch: KnowledgeBase,
+        *,
+        decide: Mapping[str, Decision] | None = None,
+        reason: str | None = None,
+        actor: str | None = None,
+        expected_revision: int | None = None,
+    ) -> Merge:
+        """Merge a branch: what it has changed since it began, as one revision here.
+
+        The base is the state in which the branch began, or in which it was merged last. What only
+        the branch has changed since is taken over. It is a conflict if both have changed an
+        element since and differ in it, or if one has deleted what the other has begun to use.
+        Definitions, facts, goals, values, rules and documents are merged; plans, executions and
+        confirmations stay in the branch. The revision names the branch in `source`, as `branch`,
+        its `revision` and its `hash`, and the base here as `base`.
+
+        Args:
+            branch: a branch of this knowledge base, in any store, or a past state of one.
+            decide: for each conflict its `element`, and `ours` to keep what is here, or `theirs`.
+                What mentions an element that is decided to be gone goes with it.
+            reason: why; by default `merged NAME at revision NUMBER`.
+            actor: who merges; by default the knowledge base's actor.
+            expected_revision: the last revision, as in a preview's `head`; None for any.
+
+        Returns:
+            What was changed, and the revision; None for that if nothing was new.
+
+        Raises:
+            MergeConflictError: conflicts are not decided; nothing was written.
+            RuleViolatedError: the result would violate a rule that refuses.
+            ConflictError: this is not a branch of this knowledge base, or what one side defines
+                does not fit what the other says.
+            StaleRevisionError: another writer came first.
+            InvalidArgumentError: a decision is about what is no conflict.
+            ArchivedError: a part of what either has changed since was moved to an archive.
+            ReadOnlyError: this is a view of the past, or one of the two has a transaction open.
+
+        Examples:
+            >>> with kb.branch() as trial:
+            ...     _ = trial.propositions.delete("(robot_at rb1 wp1)")
+            ...     print(kb.merge(trial).revision)
+            2
+        """
+        own = (decide, reason, actor, expected_revision)
+        return history.merge.merge(_present_of(self), state_of(branch), *own)
 
     @property
     def revision(self) -> int:

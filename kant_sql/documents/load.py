@@ -179,21 +179,25 @@ def retract_misfits(transaction: Transaction) -> None:
             _retract_misfits(transaction, definitions)
 
 
-def _retract_misfits(transaction: Transaction, definitions: d.PendingDefinitions) -> None:
+def misfits(transaction: Transaction) -> tuple[list[GroundAtom], list[HeldValue]]:
+    """Find the propositions and values that do not fit the definitions."""
+    definitions = transaction.definitions
     predicates = definitions.predicates
-    retract(
-        transaction,
-        [
-            atom
-            for atom in propositions_on(transaction, None)
-            if not _fits(
-                definitions, predicates.live(atom.key.predicate_id).parameters, atom.key.arguments
-            )
-        ],
-    )
+    atoms = [
+        atom
+        for atom in propositions_on(transaction, None)
+        if not _fits(
+            definitions, predicates.live(atom.key.predicate_id).parameters, atom.key.arguments
+        )
+    ]
     values = function_values_on(transaction, None)
-    unfit = [held for held in values if not _value_fits(definitions, held)]
-    transaction.values.unset(unfit)
+    return atoms, [held for held in values if not _value_fits(definitions, held)]
+
+
+def _retract_misfits(transaction: Transaction, definitions: d.PendingDefinitions) -> None:
+    atoms, values = misfits(transaction)
+    retract(transaction, atoms)
+    transaction.values.unset(values)
     for formula in list(definitions.formulas):
         if formula.section in d.PROBLEM_SECTIONS:
             try:

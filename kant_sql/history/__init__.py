@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from . import erasure as erasure
     from . import follow as follow
     from . import log as log
+    from . import merge as merge
     from . import overview as overview
     from . import replication as replication
     from . import restore as restore

@@ -341,8 +341,7 @@ class Transaction:
     def commit(self) -> Committed | None:
         """Write the revision and commit; without a change, roll back."""
         touched = self._touched()
-        if not (self.definitions.origin.rules.is_blank and "rule" not in self._ledgers):
-            self._guard()
+        self.check_rules()
         changes = self._changes(touched)
         if not changes:
             self.session.rollback()
@@ -373,8 +372,10 @@ class Transaction:
         self.session.commit(self.kb_id)
         return made
 
-    def _guard(self) -> None:
+    def check_rules(self) -> None:
         """Refuse what a rule refuses; this costs statements where changes touch one."""
+        if self.definitions.origin.rules.is_blank and "rule" not in self._ledgers:
+            return
         from .guard import TouchedRules
 
         propositions, changes = self._propositions, {}

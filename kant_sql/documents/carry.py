@@ -1,0 +1,303 @@
+"""Elements of one knowledge base in another: ids differ, so all is found by its names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from typing import Any
+
+from ..dao.action import check_action
+from ..dao.base import batches, identify
+from ..dao.dependants import Scope, delete_scope
+from ..dao.formula import check_formula, read_formula
+from ..dao.text import TextReader
+from ..dto.elements import atom_text
+from ..dto.lexical import fold
+from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
+from ..knowledge import definitions as d
+from ..knowledge.canonical import canonical_text, with_text
+from ..knowledge.formulas import TreeReader, action_of
+from ..knowledge.rules import check_stratified
+from ..knowledge.trees import ParameterDefinition, Tree
+from ..pddl.given import read_rules
+from ..sql.rows import FACT, GOAL, VALUE
+from ..store.caches import AtomKey, FluentKey, FluentValue
+from ..store.transaction import Transaction
+from .load import misfits
+
+# The kind of an element, and its name; of facts and formulas their text, of values the fluent.
+Key = tuple[str, str]
+# What an element is to say; None if it is to be gone.
+Wanted = Mapping[Key, str | None]
+# Finds the id of what a definition mentions: from its kind, and its id elsewhere.
+Find = Callable[[str, int], int]
+
+SECTIONS = (*d.DOMAIN_SECTIONS, *d.PROBLEM_SECTIONS)
+# What others can mention.
+MENTIONED = ("type", "object", "predicate", "function")
+_ONE_TYPE, _TYPES = ("parent_id", "type_id"), ("other_parent_ids", "other_type_ids", "type_ids")
+_TREES = ("duration", "condition", "effect", "tree", "constraint")
+_SHOWN = 10
+
+
+def name_in(kind: str, text: str) -> str:
+    """Return what the text of an element calls it; there is one metric."""
+    if kind == d.METRIC:
+        return ""
+    if kind == VALUE:
+        return text[3:-1].rpartition(" ")[0]
+    if kind in (FACT, GOAL, *SECTIONS):
+        return text
+    words = _words(text)
+    return words[1] if kind == "document" or words[0].startswith(":") else words[0]
+
+
+def _words(text: str) -> list[str]:
+    return text.replace("(", " ").replace(")", " ").split()
+
+
+def key_of(kind: str, definition: Any) -> Key:
+    """Return the key of a definition."""
+    kind = definition.section if kind == "formula" else kind
+    return kind, fold(name_in(kind, definition.text))
+
+
+def mentions_of(key: Key, text: str, definition: Any, known: d.Definitions) -> set[Key]:
+    """Return the keys of what an element mentions; a fact or a value has no definition."""
+    if definition is None:
+        head, *names = _words(fold(text))
+        if key[0] == VALUE:
+            # After the equals sign.
+            return {("function", names[0]), *(("object", name) for name in names[1:])}
+        return {("predicate", head), *(("object", name) for name in names)}
+    found: set[Key] = set()
+
+    def find(kind: str, id_: int) -> int:
+        found.add((kind, fold(known.elements(kind).live(id_).name)))
+        return id_
+
+    _renamed(definition, find)
+    return found
+
+
+def _renamed(definition: Any, find: Find) -> Any:
+    """Return a definition that mentions by other ids what it mentions."""
+    changed: dict[str, Any] = {}
+    for field, value in zip(definition._fields, definition, strict=True):
+        if field in _ONE_TYPE and value is not None:
+            changed[field] = find("type", value)
+        elif field in _TYPES:
+            changed[field] = tuple([find("type", id_) for id_ in value])
+        elif field == "parameters":
+            changed[field] = _parameters(value, find)
+        elif field in _TREES:
+            changed[field] = _tree(value, find)
+    return definition._replace(**changed)
+
+
+def _parameters(
+    parameters: Iterable[ParameterDefinition], find: Find
+) -> tuple[ParameterDefinition, ...]:
+    return tuple(
+        [
+            ParameterDefinition(one.name, tuple([find("type", id_) for id_ in one.type_ids]))
+            for one in parameters
+        ]
+    )
+
+
+def _tree(tree: Tree, find: Find) -> Tree:
+    def moved(kind: str, id_: int | None) -> int | None:
+        return None if id_ is None else find(kind, id_)
+
+    return tuple(
+        [
+            node._replace(
+                predicate_id=moved("predicate", node.predicate_id),
+                function_id=moved("function", node.function_id),
+                terms=tuple(
+                    [one._replace(object_id=moved("object", one.object_id)) for one in node.terms]
+                ),
+                variables=_parameters(node.variables, find),
+            )
+            for node in tree
+        ]
+    )
+
+
+def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> None:
+    """Make elements what they are in another knowledge base, or remove them.
+
+    Args:
+        transaction: where they are written.
+        others: the definitions of the other knowledge base.
+        wanted: what each is to say.
+
+    Raises:
+        ConflictError: something mentions what is not here.
+        InvalidKnowledgeError: types or rules of derived predicates would form a circle.
+    """
+    definitions = transaction.definitions
+    formulas = {key_of("formula", one) for own in (definitions, others) for one in own.formulas}
+    for kind in d.KINDS:
+        _define(transaction, others, kind, wanted)
+    for kind in ("document", "rule", "formula", "action"):
+        for one in list(definitions.elements(kind)):
+            key = key_of(kind, one)
+            # There is one metric, whatever it says.
+            is_other = key[0] == d.METRIC and fold(wanted.get(key) or "") != fold(one.text)
+            if key in wanted and (wanted[key] is None or is_other):
+                transaction.undefine(kind, one.id)
+    for kind in (FACT, GOAL):
+        _hold(transaction, kind, [key for key in wanted if key[0] == kind], wanted, formulas)
+    _set_values(transaction, wanted)
+    gone = [
+        {one.id for one in definitions.elements(kind) if wanted.get(key_of(kind, one), "") is None}
+        for kind in MENTIONED
+    ]
+    if any(gone):
+        delete_scope(transaction, Scope(*gone))
+    if any(kind == d.DERIVED_PREDICATE for kind, _ in wanted):
+        check_stratified(definitions)
+
+
+def _define(transaction: Transaction, others: d.Definitions, kind: str, wanted: Wanted) -> None:
+    """Define what is wanted of a kind; kinds mention those before them only, types each other."""
+    definitions = transaction.definitions
+    brought = [one for one in others.elements(kind) if wanted.get(key_of(kind, one)) is not None]
+    if not brought:
+        return
+
+    def find(kind: str, id_: int) -> int:
+        name = others.elements(kind).live(id_).name
+        found = definitions.elements(kind).named(name)
+        if found is None:
+            raise _missing(kind, name)
+        return int(found.id)
+
+    transaction.look_up(kind, [one.name for one in brought])
+    if kind == "type":
+        for one in brought:
+            if definitions.types.named(one.name) is None:
+                bare = d.TypeDefinition(*identify(transaction, kind, one.name), None, (), one.name)
+                transaction.define(kind, bare)
+    for one in brought:
+        made, name = _renamed(one, find), one.name
+        if kind == "formula":
+            name = d.formula_name(one.section, canonical_text(definitions, made))
+        id_, name = identify(transaction, kind, name)
+        transaction.define(kind, with_text(definitions, made._replace(id=id_, name=name)))
+    if kind == "type":
+        _refuse_circles(definitions, [one.name for one in brought])
+
+
+def _refuse_circles(definitions: d.Definitions, names: Iterable[str]) -> None:
+    for own in filter(None, map(definitions.types.named, names)):
+        if any(each.id == own.id for id_ in own.parent_ids for each in definitions.ancestry(id_)):
+            raise TypeCycleError(
+                f"type {own.name!r} would be its own ancestor: one side puts it below another "
+                "type, and the other side that one below it; change one of the two"
+            )
+
+
+def _missing(kind: str, name: str) -> ConflictError:
+    return ConflictError(
+        f"{kind} {name!r} is mentioned, and is not here; save it here, or delete there what "
+        "mentions it"
+    )
+
+
+def _key(transaction: Transaction, kind: str, words: list[str]) -> tuple[int, str, str]:
+    """Find the id and the arguments of an atom or a fluent, and write its text."""
+    definitions, (head, *names) = transaction.definitions, words
+    owner = definitions.elements(kind).named(head)
+    if owner is None:
+        raise _missing(kind, head)
+    objects = []
+    for name in names:
+        found = definitions.objects.named(name)
+        if found is None:
+            raise _missing("object", name)
+        objects.append(found)
+    text = atom_text(owner.name, [one.name for one in objects])
+    return owner.id, " ".join(str(one.id) for one in objects), text
+
+
+def _hold(
+    transaction: Transaction, kind: str, keys: list[Key], wanted: Wanted, formulas: set[Key]
+) -> None:
+    """Assert and retract facts, or goals that are atoms."""
+    propositions = transaction.propositions if keys else None
+    for batch in batches(key for key in keys if key not in formulas):
+        assert propositions is not None
+        texts: dict[bool, dict[AtomKey, str]] = {True: {}, False: {}}
+        for key in batch:
+            id_, arguments, text = _key(transaction, "predicate", _words(key[1]))
+            texts[wanted[key] is not None][AtomKey(kind == GOAL, id_, arguments)] = text
+        ending = propositions.find(texts[False])
+        propositions.load(ending.values())
+        for atom in ending.values():
+            propositions.set(atom, False)
+        propositions.hold_all(texts[True])
+        transaction.spill()
+
+
+def _set_values(transaction: Transaction, wanted: Wanted) -> None:
+    for batch in batches(key for key in wanted if key[0] == VALUE):
+        values, ending = [], []
+        for key in batch:
+            id_, arguments, text = _key(transaction, "function", _words(key[1]))
+            said, fluent = wanted[key], FluentKey(id_, arguments)
+            if said is None:
+                ending.append(fluent)
+                continue
+            value = said[3:-1].rpartition(" ")[2]
+            function = transaction.definitions.functions.live(id_)
+            object_ = transaction.definitions.objects.named(value) if function.type_ids else None
+            if function.type_ids and object_ is None:
+                raise _missing("object", value)
+            held = FluentValue(value) if object_ is None else FluentValue(object_.name, object_.id)
+            values.append((fluent, text, held))
+        found = transaction.values.find(ending)
+        transaction.values.load(found.values())
+        for each in found.values():
+            transaction.values.set(each, None)
+        transaction.values.set_many(values)
+
+
+def refuse_misfits(transaction: Transaction) -> None:
+    """Refuse definitions that something does not fit, which each side fitted its own."""
+    wrong = [*_misfits(transaction)]
+    if wrong:
+        shown = "; ".join(wrong[:_SHOWN])
+        more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
+        raise ConflictError(
+            f"what the one side defines does not fit what the other says: {shown}{more}; nothing "
+            "was written: change one of the two"
+        )
+
+
+def _misfits(transaction: Transaction) -> Iterator[str]:
+    definitions = transaction.definitions
+    atoms, values = misfits(transaction)
+    yield from (f"{GOAL if one.key.is_goal else FACT} {one.text}" for one in atoms)
+    yield from (f"value {one.text}" for one in values)
+    checks: list[tuple[str, Callable[[], object]]] = []
+    for formula in definitions.formulas:
+        node = read_formula(definitions, formula)
+        check = partial(check_formula, transaction, formula.section, node)
+        checks.append((f"{formula.section} {formula.text}", check))
+    for action in definitions.actions:
+        read = action_of(definitions, action)
+        parts = read.duration, read.condition, read.effect
+        own = action.kind, action.name, action.parameters, parts
+        checks.append((f"action {action.name}", partial(check_action, transaction, *own)))
+    for rule in definitions.rules:
+        text = str(TreeReader(definitions, rule.constraint).formula())
+        again = partial(TextReader(transaction).read, read_rules, text)
+        checks.append((f"rule {rule.name}", again))
+    for said, call in checks:
+        try:
+            call()
+        except InvalidKnowledgeError:
+            yield said

@@ -1,0 +1,693 @@
+"""A branch that comes back: what it changed since it began, as one revision here.
+
+The base is the state in which the branch began, or was merged last. What only the branch has
+changed since is taken over; what both have changed differently is a conflict.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from typing import Any, Literal, NamedTuple
+
+from sqlalchemy import Text, cast, literal_column, select
+
+from .. import html
+from ..arguments import shown
+from ..documents.carry import (
+    MENTIONED,
+    SECTIONS,
+    Key,
+    carry,
+    key_of,
+    mentions_of,
+    name_in,
+    refuse_misfits,
+)
+from ..dto.lexical import fold
+from ..errors import (
+    ConflictError,
+    InvalidArgumentError,
+    KantSqlError,
+    MergeConflictError,
+    ReadOnlyError,
+    ReplicaError,
+    StaleRevisionError,
+)
+from ..knowledge.canonical import read_source
+from ..knowledge.definitions import KINDS, Definitions
+from ..sql.changes import ASSERTED, RETRACTED, SAYING, Change, in_range, stream_changes
+from ..sql.dialects.base import Session
+from ..sql.query import Query
+from ..sql.rows import FACT, GOAL, KB, VALUE
+from ..sql.tables import RevisionRow
+from ..store.head import hash_of
+from ..store.snapshot import View, refuse_archived
+from ..store.state import State
+from ..store.store import Store
+from ..store.transaction import Transaction
+from .moments import refuse_valid
+from .restore import refuse_open
+from .revisions import Revision, read_numbered, read_position
+
+logger = logging.getLogger("kant_sql.history")
+
+Decision = Literal["ours", "theirs"]
+OURS, THEIRS = "ours", "theirs"
+# Conflicts that a message names.
+_NAMED = 10
+# What is part of a state, and so is merged; a formula's kind is its section.
+_MERGED = {*KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
+_SOURCE = cast(RevisionRow.source, Text)
+# Canonical JSON sorts its keys: `_source` begins so.
+_MERGES = Query(
+    select(RevisionRow.number, _SOURCE)
+    .where(
+        RevisionRow.kb_id == KB,
+        in_range(RevisionRow.number),
+        _SOURCE.like(literal_column("'{\"base\"%'")),
+    )
+    .order_by(RevisionRow.number.desc())
+)
+
+
+@dataclass(frozen=True)
+class MergeSide:
+    """What one side of a conflict says, and the revision that said it last.
+
+    Attributes:
+        text: the element's text; None where it is gone or never was.
+        revision: who changed it last since the base, when and why; None if this side has not
+            changed it, but uses it.
+        used_by: what this side has asserted since the base that mentions the element, which the
+            other side has deleted.
+    """
+
+    text: str | None
+    revision: Revision | None
+    used_by: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = self.text or "nothing"
+        if self.used_by:
+            said += f", used by {', '.join(self.used_by[:_NAMED])}"
+        if self.revision is None:
+            return said
+        return f"{said} ({', '.join([f'revision {self.revision.number}', *self.revision.said()])})"
+
+
+@dataclass(frozen=True)
+class MergeConflict:
+    """An element of which the two sides say different things.
+
+    Attributes:
+        element: its kind and its name, as `value (battery rb1)`: what to decide it by.
+        base: its text in the base; None where it did not hold.
+        ours: this knowledge base.
+        theirs: the branch.
+        decided: `ours` or `theirs`; None if it is open.
+    """
+
+    _json_ = "element", "base", "ours", "theirs", "decided"
+
+    element: str
+    base: str | None
+    ours: MergeSide
+    theirs: MergeSide
+    decided: Decision | None
+
+    def __str__(self) -> str:
+        return f"{self.element}: here {self.ours}; in the branch {self.theirs}"
+
+    def _html_row_(self) -> html.Row:
+        sides = {"ours": str(self.ours), "theirs": str(self.theirs)}
+        return {"element": self.element, "base": self.base, **sides, "decided": self.decided}
+
+
+@dataclass(frozen=True)
+class Merge:
+    """What a merge changes, or would change.
+
+    Attributes:
+        branch: the name of the branch.
+        branch_revision: its last revision, up to which it is merged.
+        branch_hash: the hash of that revision.
+        base: the revision of this knowledge base that the branch began with, or the one of the last
+            merge of it.
+        head: the revision of this knowledge base that it was compared with.
+        changes: what the merge changes here; what is open stays as it is here.
+        conflicts: what the two say differently, decided or not.
+        refused: why the result would be refused although all is decided, as by a kept rule.
+        revision: the revision that was written; None for a preview, or if nothing is new.
+    """
+
+    branch: str
+    branch_revision: int
+    branch_hash: str
+    base: int
+    head: int
+    changes: tuple[Change, ...]
+    conflicts: tuple[MergeConflict, ...]
+    refused: str | None = None
+    revision: int | None = None
+
+    def _repr_html_(self) -> str:
+        lists = {"changes": len(self.changes), "conflicts": len(self.conflicts)}
+        listed = html.listing(self.conflicts, "conflict") if self.conflicts else ""
+        return html.fields({**self.__dict__, **lists}) + listed
+
+
+class _Trace:
+    """What became of one element in a range of revisions.
+
+    Attributes:
+        name: what it is called, as it is spelled.
+        before: its text before the range; None where it did not hold.
+        then: its text at a revision within the range.
+        now: its text after the range.
+        first: the first revision that changed it.
+        last: the last revision that changed it.
+    """
+
+    __slots__ = ("_asserted", "before", "first", "last", "name", "now", "then")
+
+    def __init__(self, name: str, number: int) -> None:
+        self.name = name
+        self.first, self.last, self._asserted = number, number, 0
+        self.before: str | None = None
+        self.then: str | None = None
+        self.now: str | None = None
+
+    def add(self, number: int, change: Change, split: int) -> None:
+        """Add a change; within a revision, what it asserts comes first."""
+        if change.sign == ASSERTED:
+            self.now, self._asserted = change.text, number
+        else:
+            if number == self.first:
+                self.before = change.text
+            if number != self._asserted:
+                self.now = None
+        self.last = number
+        if number <= split:
+            self.then = self.now
+        elif self.first > split:
+            self.then = self.before
+
+
+class _Side(NamedTuple):
+    """What one side has changed since the branch began."""
+
+    traces: dict[Key, _Trace]
+    definitions: Definitions
+    sayings: list[tuple[int, str]]  # what was said of periods, with the revisions
+
+    def mentions(self, key: Key, text: str, known: Mapping[Key, Any]) -> set[Key]:
+        """Return what an element mentions."""
+        return mentions_of(key, text, known.get(key), self.definitions)
+
+    def defined(self) -> dict[Key, Any]:
+        """Return the definitions by their keys."""
+        kinds = ((kind, one) for kind in KINDS for one in self.definitions.elements(kind))
+        return {key_of(kind, one): one for kind, one in kinds}
+
+
+def _read_side(
+    session: Session, kb_id: int, definitions: Definitions, low: int, high: int, split: int
+) -> _Side:
+    """Read what a range of revisions changed, in one statement."""
+    traces: dict[Key, _Trace] = {}
+    sayings = []
+    for number, change in stream_changes(session, kb_id, low, high):
+        if change.kind == SAYING and number > split:
+            sayings.append((number, change.text))
+        if change.kind in _MERGED:
+            name = name_in(change.kind, change.text)
+            key = change.kind, fold(name)
+            if key not in traces:
+                traces[key] = _Trace(name, number)
+            traces[key].add(number, change, split)
+    return _Side(traces, definitions, sayings)
+
+
+class _Branch(NamedTuple):
+    """A branch, and where it is merged from."""
+
+    name: str
+    head: int
+    hash: str
+    origin: int  # the revision of this knowledge base that it began with
+    base: int  # that revision, or the one of the last merge here
+    merged: int  # its own revision then
+    merges: list[tuple[int, int, str]]  # all merges of branches of its name
+
+    @property
+    def source(self) -> dict[str, str | int]:
+        """The source of the revision that merges it."""
+        return {
+            "base": self.base,
+            "branch": self.name,
+            "hash": self.hash,
+            "revision": self.head,
+        }
+
+
+def _find(state: State, branch: State) -> _Branch:
+    """Find where a branch began, and when it was merged last."""
+    refuse_valid(branch, "merge")
+    store, other = state.store, branch.store
+    for each in (store, other):
+        refuse_open(each, "to be merged")
+    first, last = other.query_in_snapshot(
+        lambda session, kb_id: _read_ends(session, kb_id, branch.at)
+    )
+    source: Any = None if first is None else first.source
+    if first is None or last is None or not isinstance(source, dict):
+        raise _no_branch(store, other, "its first revision names no knowledge base that it is of")
+    if source.get("parent") != store.name:
+        said = f"its first revision says that it is of {shown(source.get('parent'))}"
+        raise _no_branch(store, other, said)
+    origin: Any = source.get("revision")
+
+    def compare(session: Session, kb_id: int | None) -> list[tuple[int, int, str]]:
+        position = read_position(session, kb_id)
+        digest = hash_of(session, kb_id, origin) if kb_id and type(origin) is int else None
+        if kb_id is None or digest is None or digest != source.get("hash"):
+            said = f"it began with a revision {shown(origin)} that is not in this history"
+            raise _no_branch(store, other, said)
+        refuse_archived(session, kb_id, origin, position.archived)
+        return _merges(session, kb_id, origin, position.head, other.name)
+
+    merges = store.query_in_snapshot(compare)
+    numbers = {number for _, number, _ in merges}
+    known = _read_numbered(other, numbers)
+    for here, number, digest in merges:
+        if number <= last.number and number in known and known[number].hash == digest:
+            return _Branch(other.name, last.number, last.hash, origin, here, number, merges)
+    return _Branch(other.name, last.number, last.hash, origin, origin, 1, merges)
+
+
+def _read_numbered(store: Store, numbers: set[int]) -> dict[int, Revision]:
+    """Read revisions by number, in one statement."""
+
+    def read(session: Session, kb_id: int | None) -> dict[int, Revision]:
+        return {} if kb_id is None else read_numbered(session, kb_id, numbers)
+
+    return store.query(read) if numbers else {}
+
+
+def _read_ends(
+    session: Session, kb_id: int | None, at: int | None
+) -> tuple[Revision | None, Revision | None]:
+    """Read the first revision of a branch, and the last up to which it is merged."""
+    position = read_position(session, kb_id)
+    head = position.head if at is None else at
+    if kb_id is None or not head:
+        return None, None
+    refuse_archived(session, kb_id, 1, position.archived)
+    found = read_numbered(session, kb_id, {1, head})
+    return found[1], found[head]
+
+
+def _merges(
+    session: Session, kb_id: int, low: int, high: int, name: str
+) -> list[tuple[int, int, str]]:
+    """Read the merges of branches of a name: the last first, each with what it says of it."""
+    found = []
+    for number, text in session.rows(_MERGES, kb=kb_id, low=low + 1, high=high):
+        source = read_source(text)
+        said = source.get("branch"), source.get("revision"), source.get("hash")
+        if said[0] == name and type(said[1]) is int and isinstance(said[2], str):
+            found.append((number, said[1], said[2]))
+    return found
+
+
+def _no_branch(store: Store, other: Store, why: str) -> ConflictError:
+    return ConflictError(
+        f"knowledge base {other.name!r} of {other.backend.label} is not a branch of "
+        f"{store.name!r}: {why}; merge a branch that kb.branch() made of this one, or compare the "
+        "two with kb.diff() and save what is to be taken over"
+    )
+
+
+class _Comparison:
+    """The two sides of a merge, and what follows from decisions."""
+
+    def __init__(self, branch: _Branch, ours: _Side, theirs: _Side) -> None:
+        self._branch = branch
+        self._ours, self._theirs = ours, theirs
+        # What is taken over from the branch.
+        self.brought: set[Key] = set()
+        # What is in conflict, with those that use it, and on which side they are.
+        self.conflicts: dict[Key, tuple[str, list[Key]]] = {}
+        self._uses: dict[str, dict[Key, list[Key]]] = {}
+        for key, trace in theirs.traces.items():
+            if trace.last > branch.merged and not self._agree(key):
+                own = ours.traces.get(key)
+                is_ours = own is not None and own.last > branch.base
+                if is_ours or not _same(key, self.text(OURS, key), trace.then):
+                    self.conflicts[key] = "", []
+                else:
+                    self.brought.add(key)
+        self._find_used()
+
+    def text(self, side: str, key: Key) -> str | None:
+        """Return what a side says of an element that one of them has changed."""
+        traces = self._ours.traces, self._theirs.traces
+        own, other = traces if side == OURS else traces[::-1]
+        return own[key].now if key in own else other[key].before
+
+    def _agree(self, key: Key) -> bool:
+        return _same(key, self.text(OURS, key), self.text(THEIRS, key))
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether a definition has changed that the other side may rely on."""
+        for key in (*self._ours.traces, *self._theirs.traces):
+            if key[0] in MENTIONED:
+                traces = self._theirs.traces.get(key), self._ours.traces.get(key)
+                texts = {each.before for each in traces if each is not None}
+                texts |= {self.text(OURS, key), self.text(THEIRS, key)}
+                if len(texts - {None}) > 1:
+                    return True
+        return False
+
+    def _find_used(self) -> None:
+        """Find what one side has deleted and the other uses, also if a decision is that it does."""
+        deleted, is_done = self._deleted(), False
+        while not is_done:
+            is_done = True
+            for key in deleted:
+                side = self._owner(key)
+                if self._is_on(side, key) and key not in self.conflicts:
+                    continue
+                users = [
+                    each
+                    for each in self._users(side, key, deleted)
+                    if each in self.conflicts or self._is_on(side, each)
+                ]
+                if users and self.conflicts.get(key) != (side, users):
+                    self.conflicts[key] = side, users
+                    is_done = False
+        self.brought -= self.conflicts.keys()
+
+    def decide(self, decided: Mapping[Key, str]) -> None:
+        """Take over what was decided so; what is open stays as it is here."""
+        settled = {key: decided.get(key, OURS) for key in self.conflicts}
+        found, deleted = settled, self._deleted()
+        while found:
+            for key, side in found.items():
+                (self.brought.add if side == THEIRS else self.brought.discard)(key)
+            found = {}
+            for key in deleted & settled.keys():
+                side = self._owner(key)
+                if not self._is_on(side, key):
+                    # What uses it goes with it.
+                    users = [
+                        one for one in self._users(side, key, deleted) if self._is_on(side, one)
+                    ]
+                    if key in decided:
+                        self._refuse_opposite(key, users, decided)
+                    found |= dict.fromkeys(users, settled[key])
+            settled |= found
+
+    def _owner(self, key: Key) -> str:
+        """Return the side that has what the other has deleted."""
+        return THEIRS if self.text(OURS, key) is None else OURS
+
+    def _refuse_opposite(self, key: Key, users: Iterable[Key], decided: Mapping[Key, str]) -> None:
+        for user in users:
+            if decided.get(user, decided[key]) != decided[key]:
+                raise InvalidArgumentError(
+                    f"{self.element(key)!r} is decided as {decided[key]!r} and "
+                    f"{self.element(user)!r}, which mentions it, as {decided[user]!r}: decide both "
+                    "alike"
+                )
+
+    def _deleted(self) -> set[Key]:
+        """Find what only one side has deleted, or only one has."""
+        keys = {key for key in (*self._ours.traces, *self._theirs.traces) if key[0] in MENTIONED}
+        return {
+            key
+            for key in keys
+            if (self.text(OURS, key) is None) != (self.text(THEIRS, key) is None)
+        }
+
+    def _is_on(self, side: str, key: Key) -> bool:
+        """Return whether the result has an element as a side has it, unlike the other."""
+        is_brought = key in self.brought
+        return is_brought == (side == THEIRS) and self.text(side, key) is not None
+
+    def _users(self, side: str, key: Key, deleted: set[Key]) -> list[Key]:
+        """Return what a side has changed that mentions something of which the other has nothing."""
+        if side not in self._uses:
+            own = self._ours if side == OURS else self._theirs
+            known, uses = own.defined(), dict[Key, list[Key]]()
+            for user in own.traces:
+                text = self.text(side, user)
+                if text is not None and not self._agree(user):
+                    for each in own.mentions(user, text, known) & deleted:
+                        uses.setdefault(each, []).append(user)
+            self._uses[side] = uses
+        return self._uses[side].get(key, [])
+
+    def wanted(self) -> dict[Key, str | None]:
+        """Return what the elements are to say that are taken over."""
+        return {key: self.text(THEIRS, key) for key in sorted(self.brought)}
+
+    def changes(self) -> Iterator[Change]:
+        """Yield what is taken over as changes of what is here."""
+        for key in self.brought:
+            for sign, side in ((ASSERTED, THEIRS), (RETRACTED, OURS)):
+                text = self.text(side, key)
+                if text is not None:
+                    yield Change(sign, key[0], text)
+
+    def element(self, key: Key) -> str:
+        """Return what an element is decided by."""
+        trace = self._theirs.traces.get(key) or self._ours.traces[key]
+        return f"{key[0]} {trace.name}".strip()
+
+    def numbers(self, side: str) -> set[int]:
+        """Return the revisions by which a side changed what is in conflict."""
+        own = self._ours if side == OURS else self._theirs
+        return {own.traces[key].last for key in self.conflicts if key in own.traces}
+
+    def side(self, side: str, key: Key, revisions: Mapping[int, Revision]) -> MergeSide:
+        """Describe one side of a conflict."""
+        own = self._ours if side == OURS else self._theirs
+        trace = own.traces.get(key)
+        by, users = self.conflicts[key]
+        used = [f"{one[0]} {own.traces[one].name}" for one in users] if by == side else []
+        revision = None if trace is None else revisions.get(trace.last)
+        return MergeSide(self.text(side, key), revision, tuple(sorted(used)))
+
+    def base(self, key: Key) -> str | None:
+        """Return what an element was in the base."""
+        own = self._theirs.traces.get(key)
+        return self._ours.traces[key].before if own is None else own.then
+
+
+def _same(key: Key, one: str | None, other: str | None) -> bool:
+    """Return whether two texts of an element say the same."""
+    if one is None or other is None or fold(one) == fold(other):
+        return (one is None) == (other is None)
+    if key[0] != VALUE:
+        return False
+    numbers = [text[3:-1].rpartition(" ")[2] for text in (one, other)]
+    with suppress(ArithmeticError):
+        # 10 and 10.0 are the same number.
+        return Decimal(numbers[0]) == Decimal(numbers[1])
+    return False
+
+
+def _read_decisions(decide: Mapping[str, Decision] | None) -> dict[str, Decision]:
+    if decide is None:
+        return {}
+    if not isinstance(decide, Mapping):
+        raise InvalidArgumentError(
+            f"decide is a mapping from elements to 'ours' or 'theirs', not {shown(decide)}"
+        )
+    for element, side in decide.items():
+        if not isinstance(element, str) or side not in (OURS, THEIRS):
+            raise InvalidArgumentError(
+                f"{shown(element)} is decided as {shown(side)}: give the element of a conflict, "
+                "as its text, and 'ours' or 'theirs'"
+            )
+    return {fold(element.strip()): side for element, side in decide.items()}
+
+
+class _Merging:
+    """One merge: reads the branch, then compares and writes where the head is locked."""
+
+    def __init__(self, state: State, branch: State, decide: Mapping[str, Decision] | None) -> None:
+        self.store = state.store
+        self._given = _read_decisions(decide)
+        self._other = branch.store
+        self.branch = found = _find(state, branch)
+
+        def read(view: View) -> _Side:
+            assert view.kb_id is not None
+            own = (2, found.head, found.merged)
+            return _read_side(view.session, view.kb_id, view.definitions, *own)
+
+        self._theirs = self._other.read_in_snapshot(read, found.head)
+
+    def compare(
+        self, session: Session, kb_id: int, definitions: Definitions, head: int
+    ) -> tuple[Merge, _Comparison]:
+        """Compare the branch with what is here."""
+        found = self.branch
+        merges = _merges(session, kb_id, found.origin, head, found.name)
+        if merges != found.merges:
+            raise StaleRevisionError(
+                f"branch {found.name!r} was merged just now by another writer, in revision "
+                f"{merges[0][0]}; nothing was written: look at it, and merge again",
+                found.base,
+                merges[0][0],
+            )
+        ours = _read_side(session, kb_id, definitions, found.origin + 1, head, found.base)
+        compared = _Comparison(found, ours, self._theirs)
+        decided = self._decide(compared)
+        here = read_numbered(session, kb_id, compared.numbers(OURS))
+        said = {number for number, _ in self._theirs.sayings}
+        there = _read_numbered(self._other, compared.numbers(THEIRS) | said)
+        conflicts = [
+            MergeConflict(
+                compared.element(key),
+                compared.base(key),
+                compared.side(OURS, key, here),
+                compared.side(THEIRS, key, there),
+                decided.get(key),
+            )
+            for key in compared.conflicts
+        ]
+        conflicts += self._sayings(there)
+        self._refuse_unknown(conflicts)
+        made = Merge(
+            *(found.name, found.head, found.hash, found.base, head),
+            tuple(sorted(compared.changes())),
+            tuple(sorted(conflicts, key=lambda each: each.element)),
+        )
+        return made, compared
+
+    def _decide(self, compared: _Comparison) -> dict[Key, Decision]:
+        """Apply decisions."""
+        decided: dict[Key, Decision] = {}
+        for key in compared.conflicts:
+            side = self._given.get(fold(compared.element(key)), self._given.get(key[1]))
+            if side is not None:
+                decided[key] = side
+        compared.decide(decided)
+        return decided
+
+    def _sayings(self, revisions: Mapping[int, Revision]) -> Iterator[MergeConflict]:
+        for number, text in self._theirs.sayings:
+            element = f"{SAYING} {text}"
+            decided = self._given.get(fold(element), self._given.get(fold(text)))
+            if decided == THEIRS:
+                raise InvalidArgumentError(
+                    f"{element} cannot be merged: a revision speaks of one period. Say it here in "
+                    "kb.transaction(valid_from=..., valid_until=...), and decide 'ours'"
+                )
+            theirs = MergeSide(text, revisions.get(number))
+            yield MergeConflict(element, None, MergeSide(None, None), theirs, decided)
+
+    def _refuse_unknown(self, conflicts: Sequence[MergeConflict]) -> None:
+        """Refuse decisions about what is no conflict, or about several."""
+        names = [fold(each.element) for each in conflicts]
+        bare = [name.partition(" ")[2] for name in names]
+        for given in self._given:
+            several = [
+                each.element for each, own in zip(conflicts, bare, strict=True) if own == given
+            ]
+            if given in names or len(several) == 1:
+                continue
+            if several:
+                raise InvalidArgumentError(
+                    f"{given!r} is in several conflicts: decide {' and '.join(map(repr, several))}"
+                )
+            known = ", ".join(repr(each.element) for each in conflicts[:_NAMED]) or "none"
+            raise InvalidArgumentError(
+                f"{given!r} is no conflict of this merge; these are: {known}"
+            )
+
+    def write(self, transaction: Transaction) -> Merge:
+        """Write the result, whose rules are yet to be checked."""
+        definitions = transaction.definitions.origin
+        head = transaction.head.revision
+        made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
+        undecided = [each for each in made.conflicts if each.decided is None]
+        if undecided:
+            raise MergeConflictError(self._said(undecided), made.conflicts)
+        carry(transaction, self._theirs.definitions, compared.wanted())
+        if compared.is_mixed:
+            refuse_misfits(transaction)
+        return made
+
+    def _said(self, conflicts: Sequence[MergeConflict]) -> str:
+        named = "; ".join(map(str, conflicts[:_NAMED]))
+        more = f"; and {len(conflicts) - _NAMED} more" if len(conflicts) > _NAMED else ""
+        return (
+            f"branch {self.branch.name!r} has {len(conflicts)} open conflicts: {named}{more}; "
+            "nothing was written: decide each as 'ours' or 'theirs', or change one of the two"
+        )
+
+
+class _PreviewedError(Exception):
+    """Rolls back what was written to be judged."""
+
+
+def merge_preview(
+    state: State, branch: State, decide: Mapping[str, Decision] | None = None
+) -> Merge:
+    """Compare a branch with a knowledge base, as `KnowledgeBase.merge_preview`."""
+    merging = _Merging(state, branch, decide)
+    store, refused, made = state.store, None, None
+    try:
+        with suppress(_PreviewedError, MergeConflictError), store.transaction() as transaction:
+            made = merging.write(transaction)
+            transaction.check_rules()
+            raise _PreviewedError
+    except (ReadOnlyError, ReplicaError, StaleRevisionError):
+        # Nothing can be written here, so nothing is tried.
+        pass
+    except (InvalidArgumentError, KantSqlError) as error:
+        if isinstance(error, InvalidArgumentError):
+            raise
+        refused = str(error)
+    if made is None:
+
+        def read(view: View) -> Merge:
+            assert view.kb_id is not None
+            head = read_position(view.session, view.kb_id).head
+            return merging.compare(view.session, view.kb_id, view.definitions, head)[0]
+
+        made = store.read_in_snapshot(read)
+    return replace(made, refused=refused)
+
+
+def merge(
+    state: State,
+    branch: State,
+    decide: Mapping[str, Decision] | None = None,
+    reason: str | None = None,
+    actor: str | None = None,
+    expected_revision: int | None = None,
+) -> Merge:
+    """Merge a branch into a knowledge base, as `KnowledgeBase.merge`."""
+    merging = _Merging(state, branch, decide)
+    found, store = merging.branch, state.store
+    why = f"merged {found.name} at revision {found.head}" if reason is None else reason
+    with store.transaction(
+        actor, why, found.source, expected_revision=expected_revision
+    ) as transaction:
+        made = merging.write(transaction)
+    committed = transaction.committed
+    number = None if committed is None else committed.number
+    logger.info(
+        "knowledge base %r: branch %r merged, by revision %s", store.name, found.name, number
+    )
+    return replace(made, revision=number)
