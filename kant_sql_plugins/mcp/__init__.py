@@ -1,0 +1,1 @@
+"""The Model Context Protocol: questions as tools of programs that are built on language models."""
