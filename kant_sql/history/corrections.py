@@ -15,6 +15,7 @@ from .. import html
 from ..moment_text import When
 from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
+from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, looked_up, table_of
 from ..store.state import State
@@ -24,6 +25,8 @@ from .revisions import Revision, at_most, read_numbered
 HELD, NOT_HELD, NO_VALUE = "held", "not held", "no value"
 # So many sayings are compared at once with what was believed before.
 BATCH = 200
+# A page goes through so many batches at most.
+MOST_BATCHES = 5
 
 
 @dataclass(frozen=True)
@@ -198,6 +201,43 @@ def corrections(
         return found[:size]
 
     return html.Listing(state.store.query_in_snapshot(work), "correction")
+
+
+class CorrectionsPage(NamedTuple):
+    """A page of corrections, what was said last first, and the place of the next one."""
+
+    corrections: list[Correction]
+    next: str | None
+
+
+def read_corrections_page(
+    state: State, since: When | None, until: When | None, after: str | None, limit: int
+) -> CorrectionsPage:
+    """Read a page: up to `limit` corrections among so many sayings, perhaps none.
+
+    A place is where a batch begins, and how many corrections of it come before.
+    """
+    low, high, *_ = find_bounds(state.store, since, until, state.at)
+    begin = read_place(after, (int, int), ())
+
+    def work(session: Session, kb_id: int | None) -> CorrectionsPage:
+        found: list[Correction] = []
+        place: Place | None = begin if begin.key else Place(key=(high, 0))
+        for _ in range(MOST_BATCHES if kb_id is not None else 0):
+            assert place is not None
+            top, behind = (int(one or 0) for one in place.key)
+            made, following = _batch(session, kb_id or 0, low, top, behind)
+            fitting = made[place.skip :][: limit - len(found)]
+            found += fitting
+            skip = place.skip + len(fitting)
+            if skip < len(made):
+                return CorrectionsPage(found, place_text(place._replace(skip=skip)))
+            place = None if following is None else Place(key=following)
+            if place is None or len(found) == limit:
+                break
+        return CorrectionsPage(found, None if kb_id is None else place_text(place))
+
+    return state.store.query_in_snapshot(work)
 
 
 def _batch(

@@ -27,6 +27,7 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
     "/act": (address("/act", id=f"{PLAN}.2"), address("/act", id=f"{PLAN}.3")),
     "/acts": (address("/acts"), address("/acts", outcome="failed", object="rb1", since=9)),
     "/action": (address("/action", name="move"),),
+    "/corrections": (address("/corrections"), address("/corrections", since=9, until=30)),
     "/difference": (address("/difference", a=9, b=30), address("/difference")),
     "/fact": (
         address("/fact", text="(robot_at rb1 t1)"),

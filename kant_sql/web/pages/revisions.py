@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import Query
 
+from ...history.corrections import CorrectionsPage, read_corrections_page
 from ...history.diff import Difference, read_difference
 from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read_revision_page
 from ...history.object_tables import ObjectsPage, read_objects_page
@@ -31,6 +32,7 @@ PAGES = Pages("history")
 
 # How many changes, and how many revisions, a page has; how many revisions between two states.
 CHANGES, REVISIONS, BETWEEN = 200, 50, 20
+CORRECTIONS = 50
 
 RevisionNumber = Annotated[int, Query(ge=1, le=2**62, description="The revision's number.")]
 Actor = Annotated[str, Query(description="Only revisions of this actor.")]
@@ -79,6 +81,18 @@ def log(
 def revision(kb: KnowledgeBase, number: RevisionNumber, after: After = None) -> RevisionPage:
     """Show a revision: who wrote, when, why, and what changed."""
     return read_revision_page(state_of(kb), number, after, CHANGES)
+
+
+@PAGES.page("/corrections", "corrections.html", is_form=True, rows=["corrections"])
+def corrections(
+    kb: KnowledgeBase, since: SinceMoment = None, until: UntilMoment = None, after: After = None
+) -> CorrectionsPage:
+    """List what was later said differently of a time: what was believed of it, and what was said.
+
+    `since` and `until` are of what was said later.
+    """
+    asked = moment(since), moment(until)
+    return read_corrections_page(state_of(kb), *asked, after, CORRECTIONS)
 
 
 OneState = Annotated[
