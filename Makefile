@@ -10,8 +10,10 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-rest test-all browser check bench docs screenshots measure coverage clean
 
+WORLD ?= hospital
+
 demo: $(VENV)/demo-ready
-	$(PY) examples/coffee_shop.py
+	$(PY) -m kant_sql.cli.main demo $(WORLD)
 
 # What anybody runs: CONTRIBUTING.md says which tests these are.
 test: check browser

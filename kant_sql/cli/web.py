@@ -6,7 +6,7 @@ import socket
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from ..errors import ExtraMissingError, InvalidArgumentError, printable
 from ..pddl.lexer import read_file
@@ -15,7 +15,22 @@ from .common import AnchorFile, Clock, Name, Since, Until, Url, choose, option, 
 from .documents import STANDARD_INPUT as STANDARD_OUTPUT
 from .output import Printer, bar
 
+if TYPE_CHECKING:
+    from uvicorn import Config
+
 WEB_MISSING = "this needs FastAPI, uvicorn and Jinja2; run: pip install 'kant-sql[web]'"
+
+
+def listen(config: Config) -> tuple[socket.socket, str]:
+    """Bind the socket of a server, on which readers may wait; return it with its address."""
+    listening = config.bind_socket()
+    # Inherited by connections; else each answer to a kept connection waits 40 ms for the reader's
+    # acknowledgement.
+    listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    listening.listen(config.backlog)
+    address, number = listening.getsockname()[:2]
+    name = f"[{address}]" if ":" in address else address
+    return listening, f"http://{name}:{number}"
 
 
 def serve(
@@ -62,13 +77,8 @@ def serve(
         raise InvalidArgumentError(f"to write over HTTP needs {lacked}, too")
     known = None if tokens is None else TokenFile(tokens)
     server, token = make_server(url, host=host, port=port, hosts=allow_host or (), tokens=known)
-    listening = server.config.bind_socket()
-    # Inherited by connections; else each answer to a kept connection waits 40 ms for the reader's
-    # acknowledgement.
-    listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    address, number = listening.getsockname()[:2]
-    name = f"[{address}]" if ":" in address else address
-    sys.stdout.write(f"http://{name}:{number}/\n")
+    listening, address = listen(server.config)
+    sys.stdout.write(f"{address}/\n")
     if token is not None:
         sys.stdout.write(f"token: {printable(token)}\n")
     sys.stdout.flush()

@@ -23,7 +23,7 @@ from ..errors import InvalidArgumentError, KantSqlError
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
-from .registry import VisibleJson, status_of
+from .registry import Pages, VisibleJson, status_of
 from .rendering import STATIC, render
 from .security import TOKEN_VARIABLE, Guard, Programs, allowed_hosts, is_loopback
 from .stores import OpenStore
@@ -43,6 +43,7 @@ def create_app(
     hosts: Iterable[str] = (),
     token: str | None = None,
     tokens: TokenFile | None = None,
+    added: Sequence[Pages] = (),
 ) -> FastAPI:
     """Make the application of one store.
 
@@ -52,6 +53,7 @@ def create_app(
         hosts: further names under which it may be asked.
         token: what a reader has to know; None if everybody who reaches the server may read.
         tokens: the tokens of programs that write; None for a server that only reads.
+        added: the pages of a plugin; every page links the first of each.
 
     Returns:
         An ASGI application, for uvicorn or another server.
@@ -87,7 +89,8 @@ def create_app(
     )
     app.state.store = store
     app.state.live = LiveHub(store)
-    for pages in TOPICS:
+    app.state.added = [pages.first for pages in added]
+    for pages in (*TOPICS, *added):
         app.include_router(pages.api)
         app.include_router(pages.html)
     app.include_router(live)
@@ -179,6 +182,7 @@ def make_server(
     port: int = DEFAULT_PORT,
     hosts: Sequence[str] = (),
     tokens: TokenFile | None = None,
+    added: Sequence[Pages] = (),
 ) -> tuple[uvicorn.Server, str | None]:
     """Make a server of one store.
 
@@ -188,6 +192,7 @@ def make_server(
         port: the port; 0 for a free one.
         hosts: further names under which it may be asked.
         tokens: the tokens of programs that write; None for a server that only reads.
+        added: the pages of a plugin.
 
     Returns:
         The server, to run, and the token that readers need, if any.
@@ -199,7 +204,7 @@ def make_server(
     if tokens is not None:
         # A file that is not one of tokens is refused now.
         tokens.tokens()
-    app = create_app(url, bound=host, hosts=hosts, token=token, tokens=tokens)
+    app = create_app(url, bound=host, hosts=hosts, token=token, tokens=tokens, added=added)
     config = uvicorn.Config(
         app,
         host=host,

@@ -95,11 +95,13 @@ class Pages:
     Attributes:
         html: the routes of the pages.
         api: the routes of their JSON.
+        first: the path of the first page, and the topic.
     """
 
     def __init__(self, topic: str) -> None:
         self.html = APIRouter(include_in_schema=False)
         self.api = APIRouter(prefix="/api", tags=[topic])
+        self.first = "", topic
 
     def page(
         self,
@@ -122,6 +124,7 @@ class Pages:
 
         def register(function: F) -> F:
             self.json(path)(function)
+            self.first = self.first[0] or path, self.first[1]
             respond = partial(_page, template=template, has_rows=bool(rows))
             if rows:
                 listed = partial(_csv, rows=rows)

@@ -210,6 +210,7 @@ def render(
         "error": error,
         "kb": kb,
         "head": head,
+        "added": request.app.state.added,
         "path": path,
         "api": f"/api{path}{asked}",
         "csv": f"/csv{path}{asked}" if has_rows else None,

@@ -8,6 +8,9 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from zipfile import ZipFile
+
+from hatchling.builders.wheel import WheelBuilder
 
 ROOT = Path(__file__).parents[2]
 
@@ -26,6 +29,21 @@ def test_the_wheel_is_told_to_hold_the_migrations() -> None:
     wheel = config["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert wheel["packages"] == ["kant_sql", "kant_sql_plugins"]
     assert wheel["force-include"] == {"migrations": "kant_sql/migrations"}
+
+
+def test_the_wheel_has_what_is_not_python(tmp_path: Path) -> None:
+    (wheel,) = WheelBuilder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])
+    with ZipFile(wheel) as file:
+        packed = set(file.namelist())
+    folders = [ROOT / "kant_sql" / "web", ROOT / "kant_sql_plugins"]
+    found = [
+        one
+        for folder in folders
+        for one in folder.rglob("*")
+        if one.suffix in (".html", ".css", ".js")
+    ]
+    assert {one.name for one in found} >= {"base.html", "guide.html", "style.css"}
+    assert {one.relative_to(ROOT).as_posix() for one in found} <= packed
 
 
 def test_an_installed_library_creates_a_store_by_the_migrations_in_it(tmp_path: Path) -> None:
