@@ -20,7 +20,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from coffee_shop_tasks import TASKS, Robot, connect_robot, load
 from rich import box
 from rich.console import Console
 from rich.progress import track
@@ -28,6 +27,7 @@ from rich.table import Table
 from sqlalchemy import create_engine, make_url, text
 
 import kant_sql
+from kant_sql_plugins.demo.coffee_shop_tasks import TASKS, Robot, connect_robot, load
 
 KNOWLEDGE_BASE = "coffee_shop"
 REPORT = Path("coffee_shop.html")

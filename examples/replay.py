@@ -2,7 +2,7 @@
 
 python examples/replay.py [URL]
 
-The store is in memory when no other is named.
+The store is in memory when no other is named. The rounds are those of `kant-sql demo failed-plan`.
 """
 
 from __future__ import annotations
@@ -11,36 +11,9 @@ import sys
 
 import kant_sql
 from kant_sql import Execution, KnowledgeBase
-from kant_sql.planning import Plan, PlanStep
+from kant_sql.planning import Plan
 from kant_sql.plans import RecordedPlan
-
-DOMAIN = """
-(define (domain rounds)
-  (:requirements :strips :typing)
-  (:types robot place)
-  (:predicates (at ?r - robot ?p - place) (open ?p - place) (checked ?p - place))
-  (:action move
-    :parameters (?r - robot ?from ?to - place)
-    :precondition (and (at ?r ?from) (open ?to))
-    :effect (and (not (at ?r ?from)) (at ?r ?to)))
-  (:action check
-    :parameters (?r - robot ?p - place)
-    :precondition (at ?r ?p)
-    :effect (checked ?p)))
-"""
-PROBLEM = """
-(define (problem night)
-  (:domain rounds)
-  (:objects rb1 - robot hall kitchen lab - place)
-  (:init (at rb1 hall) (open hall) (open kitchen) (open lab))
-  (:goal (and (checked kitchen) (checked lab))))
-"""
-STEPS = (
-    PlanStep(None, "move", ("rb1", "hall", "kitchen")),
-    PlanStep(None, "check", ("rb1", "kitchen")),
-    PlanStep(None, "move", ("rb1", "kitchen", "lab")),
-    PlanStep(None, "check", ("rb1", "lab")),
-)
+from kant_sql_plugins.demo.failed_plan import DOMAIN, PROBLEM, STEPS
 
 
 def execute(kb: KnowledgeBase, step: Execution) -> bool:

@@ -5,10 +5,16 @@ from __future__ import annotations
 from kant_sql.errors import KantSqlError
 from kant_sql.knowledge_base import KnowledgeStore
 
-from . import hospital
+from . import coffee_shop, failed_plan, hospital, late_reports, warehouse
 from .stories import World
 
-WORLDS = (hospital.WORLD,)
+WORLDS = (
+    coffee_shop.WORLD,
+    hospital.WORLD,
+    warehouse.WORLD,
+    late_reports.WORLD,
+    failed_plan.WORLD,
+)
 
 
 def find(name: str) -> World | None:

@@ -13,7 +13,7 @@ from kant_sql.factory import SqliteDaoFactory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 
-from coffee_shop_tasks import TASKS, connect_robot, load
+from kant_sql_plugins.demo.coffee_shop_tasks import TASKS, connect_robot, load
 
 KNOWLEDGE_BASE = "coffee_shop"
 

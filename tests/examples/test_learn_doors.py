@@ -26,7 +26,7 @@ def test_the_choice_changes_and_success_rises(tmp_path: Path) -> None:
     with kant_sql.connect(url, knowledge_base="building") as kb:
         shortest, learned = kb.plans.get_all()
         assert "cost-of-pass" not in shortest.problem_pddl()
-        assert "(= (cost-of-pass fire_door hall ward) " in learned.problem_pddl()
+        assert "(= (cost-of-pass fire_door hall store) " in learned.problem_pddl()
         # What was known then gives the same costs again.
         again = kb.at(learned.revision).plan("fast-downward-opt", costs="history", timeout=120)
         assert again.problem_hash == learned.problem_hash

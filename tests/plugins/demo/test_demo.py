@@ -25,6 +25,42 @@ NAMES = [world.name for world in WORLDS]
 HANDED = "(hand_over rb1 heparin noor room2)"
 # What the page of each step says that makes its point, and what its command writes.
 POINTS = {
+    "coffee-shop": (
+        ("(ready espresso counter)", "(ready espresso counter)"),
+        ("robot_at rb1", "charger"),
+        ("carla followed to table", "carla followed to table"),
+        ("SELECT", "table5"),
+        ("(ordered order1 croissant)", "(ordered order1 croissant)"),
+        ("(ordered order1 espresso)", "(ordered order1 espresso)"),
+        ("1 period", "the camera sees carla sit down"),
+    ),
+    "warehouse": (
+        ("BLOCKED", "BLOCKED"),
+        ("fire_door hall store", "fire_door hall store"),
+        ("coral", "coral"),
+        ("BLOCKED", "BLOCKED"),
+        ("(pass fire_door hall store) failed", "failed"),
+        ("the fire door fails too often", "(pass side garden store)"),
+        ("side garden store", "(pass side garden store)"),
+    ),
+    "late-reports": (
+        ("place iris", "workshop"),
+        ("depot", "depot"),
+        ("workshop", "workshop"),
+        ("I had put it into the depot", "I had put it into the depot"),
+        ("1 period", "the log of the week"),
+        ("humidity depot", "(= (humidity depot) 52)"),
+        ("(open depot)", "(open depot)"),
+    ),
+    "failed-plan": (
+        ("the night planner", "by hand"),
+        ("the lock is closed", "2 (move rb1 kitchen lab) failed"),
+        ("unlocked it for the robot", "unlocked it for the robot"),
+        ("the lock is closed", "(open lab)"),
+        ("(checked lab): does not hold", "(checked lab)"),
+        ("by hand", "(move rb1 kitchen lab)"),
+        ("(define (problem night)", "(define (problem night)"),
+    ),
     "hospital": (
         ("he found it on his table", "violated rule: own_medicine: (always (not (and (took omar"),
         (HANDED, HANDED),
@@ -77,7 +113,8 @@ def test_each_step_leads_to_a_page_that_makes_its_point(told: Told) -> None:
         assert all(step[each] in shown for each in ("title", "text", "address", "command"))
         answer = client.get(step["address"])
         assert answer.status_code == 200, step
-        assert point in "".join(Markup(answer.text).texts), step
+        said = "".join(Markup(answer.text).texts)
+        assert point in said, step
         # Each page leads back.
         assert f"/guide?kb={name}" in Markup(answer.text).links
 
@@ -94,7 +131,8 @@ def test_each_command_and_each_line_of_python_answers(
             done = run(*words, url=url)
             # A violated rule, and a step that cannot be done, are an answer, too.
             assert (program, done.exit_code <= 1, done.stderr) == ("kant-sql", True, ""), step
-            assert point in " ".join(done.stdout.split()), step
+            said = " ".join(done.stdout.split())
+            assert point in said, step
             assert eval(step["python"], {"kb": kb}), step
 
 

@@ -9,10 +9,10 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 
-import coffee_shop_world as world
-from coffee_shop_world import fact, goal
-
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlPropositionDto
+
+from . import coffee_shop_world as world
+from .coffee_shop_world import fact, goal
 
 SEEN = {  # in the order of the round
     "table1": world.FREE,
