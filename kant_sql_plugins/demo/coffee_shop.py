@@ -23,6 +23,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
     """Make the steps of the page."""
     paid = next(one.until for one in kb.history("(ordered order1 espresso)") if one.until)
     then = paid.number - 1
+    left = next(one.until for one in kb.history("(robot_at rb1 charger)") if one.until)
     ((place,),) = kb.query("(robot_at rb1 ?place)")
     here = f"(robot_at rb1 {place})"
     return (
@@ -37,7 +38,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
             "Where was the robot all morning?",
             "The timeline draws what held when, in the colour of who said so. Point at a bar to "
             "see its reason; click the axis to zoom in.",
-            *("/timeline", {"object": "rb1"}),
+            *("/timeline", {"object": "rb1", "since": left.number}),
             *("when '(robot_at rb1 ?place)'", 'len(kb.when("(robot_at rb1 ?place)"))'),
         ),
         Step(

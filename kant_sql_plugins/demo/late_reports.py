@@ -35,28 +35,26 @@ def fill(connect: Connect) -> None:
     curator.objects.save_all(["iris - painting", *(f"{room} - room" for room in ROOMS)])
     begin = beginning(curator)
 
+    def at(hours: float | None) -> datetime | None:
+        return None if hours is None else begin + timedelta(hours=hours)
+
     def say(actor: str, reason: str, room: str, since: float, until: float | None = None) -> None:
         kb = connect(actor)
-        with kb.transaction(reason=reason, **period(begin, since, until)):
+        with kb.transaction(reason=reason, valid_from=at(since), valid_until=at(until)):
             kb.function_values.set("(place iris)", value=room)
 
     say("curator", "the inventory", "hall", 8)
     say("camera", "carried to the workshop", "workshop", 33)
     say("guard", "back on its wall", "hall", 81)
     door = connect("door")
-    with door.transaction(reason="the log of the week", **period(begin, 70, 78)):
+    with door.transaction(reason="the log of the week", valid_from=at(70), valid_until=at(78)):
         door.propositions.save("(open depot)")
     sensor = connect("sensor")
     for hour, value in enumerate(HUMIDITY, start=68):
-        with sensor.transaction(source={"file": "depot.csv"}, **period(begin, hour, hour + 1)):
+        file = {"file": "depot.csv"}
+        with sensor.transaction(source=file, valid_from=at(hour), valid_until=at(hour + 1)):
             sensor.function_values.set("(humidity depot)", value=value)
     say("restorer", "I had put it into the depot, and told nobody", "depot", 58, 81)
-
-
-def period(begin: datetime, since: float, until: float | None) -> dict[str, datetime | None]:
-    """Return a period, of hours since the beginning."""
-    first, last = (None if end is None else begin + timedelta(hours=end) for end in (since, until))
-    return {"valid_from": first, "valid_until": last}
 
 
 def steps(kb: KnowledgeBase) -> Sequence[Step]:

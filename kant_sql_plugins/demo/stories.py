@@ -26,7 +26,7 @@ class Step(NamedTuple):
     title: str
     text: str
     path: str
-    query: Mapping[str, str | int]
+    query: Mapping[str, object]
     command: str
     python: str
 

@@ -163,7 +163,7 @@ def test_a_stopped_database_is_told_without_password_and_traceback(
         assert {ask(running, path)[0] for path in everything(FIRST)} == {200}
         mortal_server.kill()
         # Each waits for a while whether the server comes back, and eight may ask at a time.
-        paths = FIRST[::3]
+        paths = FIRST[::4]
         assert len(paths) <= 8
         with ThreadPoolExecutor(8) as threads:
             answers = list(threads.map(partial(ask, running), paths))
