@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     )
     from .history.corrections import Belief as Belief
     from .history.corrections import Correction as Correction
-    from .history.merge import Merge as Merge, MergeConflict as MergeConflict
-    from .history.merge import MergeSide as MergeSide
+    from .history.merged import Merge as Merge, MergeConflict as MergeConflict
+    from .history.merged import MergeSide as MergeSide
     from .history.revisions import LogEntry as LogEntry, Revision as Revision
     from .history.timeline import Timeline as Timeline
     from .history.revisions import Version as Version
@@ -91,7 +91,7 @@ _HOMES = {
     ".factory": ["DaoFactory", "create_dao_factory"],
     ".history.window": ["Bar", "Density", "Lane", "PlanBar", "StepBar"],
     ".history.corrections": ["Belief", "Correction"],
-    ".history.merge": ["Merge", "MergeConflict", "MergeSide"],
+    ".history.merged": ["Merge", "MergeConflict", "MergeSide"],
     ".history.revisions": ["LogEntry", "Revision", "Version"],
     ".history.timeline": ["Timeline"],
     ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],

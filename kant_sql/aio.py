@@ -62,7 +62,7 @@ from .errors import ClosedError, StoreBusyError, TransactionCancelledError, Tran
 from .factory import DaoFactory
 from .history.diff import diff_lines, state_lines
 from .history.follow import watch_until
-from .history.merge import Decision, Merge
+from .history.merged import Decision, Merge
 from .knowledge.sayings import COMMITTED
 from .knowledge_base import (
     Executions,

@@ -5,13 +5,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from functools import cached_property, wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
 from . import acts, documents, history, html, plans, reasoning
 from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .factory import DaoFactory, SqlDaoFactory, create_dao_factory, daos_only, family_of
+from .history.merged import Decision, Merge
 from .history.moments import is_valid_clock, refuse_valid
 from .knowledge.sayings import COMMITTED
 from .moment_text import When
@@ -21,9 +22,6 @@ from .sql.inventory import Catalog, Inventory
 from .sql.schema import ensure_schema
 from .store.state import State
 from .store.store import close_backend
-
-if TYPE_CHECKING:
-    from .history.merge import Decision, Merge
 
 # What is public besides the names that `kant_sql` has.
 __all__ = ["Executions", "KeptRules", "Operations", "PddlParts"]

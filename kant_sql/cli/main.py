@@ -136,6 +136,7 @@ _HOMES = {
     **dict.fromkeys(("unconfirmed", "corrections"), "history"),
     **dict.fromkeys(("when", "rules"), "asking"),
     **dict.fromkeys(("restore", "branch"), "history"),
+    "merge": "merging",
     **dict.fromkeys(("views", "export"), "store"),
     "watch": "history",
     **dict.fromkeys(("serve", "report"), "web"),
@@ -151,7 +152,7 @@ _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
 _PAGED |= {"log", "acts", "statistics", "diff", "history", "blame", "when", "rules"}
 _PAGED |= {"consequences", "origins", "unconfirmed", "corrections"}
 # Their exit code says what became of the store.
-_FINISHED = {"verify", "push", "promote", "erase", "retention"}
+_FINISHED = {"verify", "push", "promote", "erase", "retention", "merge"}
 
 
 def _find(name: str) -> Any:

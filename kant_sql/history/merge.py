@@ -9,13 +9,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from decimal import Decimal
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, literal_column, select
 
-from .. import html
 from ..arguments import shown
 from ..documents.carry import (
     MENTIONED,
@@ -49,16 +48,13 @@ from ..store.snapshot import View, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
+from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
 from .revisions import Revision, read_numbered, read_position
 
 logger = logging.getLogger("kant_sql.history")
 
-Decision = Literal["ours", "theirs"]
-OURS, THEIRS = "ours", "theirs"
-# Conflicts that a message names.
-_NAMED = 10
 # What is part of a state, and so is merged; a formula's kind is its section.
 _MERGED = {*KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
 _SOURCE = cast(RevisionRow.source, Text)
@@ -72,92 +68,6 @@ _MERGES = Query(
     )
     .order_by(RevisionRow.number.desc())
 )
-
-
-@dataclass(frozen=True)
-class MergeSide:
-    """What one side of a conflict says, and the revision that said it last.
-
-    Attributes:
-        text: the element's text; None where it is gone or never was.
-        revision: who changed it last since the base, when and why; None if this side has not
-            changed it, but uses it.
-        used_by: what this side has asserted since the base that mentions the element, which the
-            other side has deleted.
-    """
-
-    text: str | None
-    revision: Revision | None
-    used_by: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        said = self.text or "nothing"
-        if self.used_by:
-            said += f", used by {', '.join(self.used_by[:_NAMED])}"
-        if self.revision is None:
-            return said
-        return f"{said} ({', '.join([f'revision {self.revision.number}', *self.revision.said()])})"
-
-
-@dataclass(frozen=True)
-class MergeConflict:
-    """An element of which the two sides say different things.
-
-    Attributes:
-        element: its kind and its name, as `value (battery rb1)`: what to decide it by.
-        base: its text in the base; None where it did not hold.
-        ours: this knowledge base.
-        theirs: the branch.
-        decided: `ours` or `theirs`; None if it is open.
-    """
-
-    _json_ = "element", "base", "ours", "theirs", "decided"
-
-    element: str
-    base: str | None
-    ours: MergeSide
-    theirs: MergeSide
-    decided: Decision | None
-
-    def __str__(self) -> str:
-        return f"{self.element}: here {self.ours}; in the branch {self.theirs}"
-
-    def _html_row_(self) -> html.Row:
-        sides = {"ours": str(self.ours), "theirs": str(self.theirs)}
-        return {"element": self.element, "base": self.base, **sides, "decided": self.decided}
-
-
-@dataclass(frozen=True)
-class Merge:
-    """What a merge changes, or would change.
-
-    Attributes:
-        branch: the name of the branch.
-        branch_revision: its last revision, up to which it is merged.
-        branch_hash: the hash of that revision.
-        base: the revision of this knowledge base that the branch began with, or the one of the last
-            merge of it.
-        head: the revision of this knowledge base that it was compared with.
-        changes: what the merge changes here; what is open stays as it is here.
-        conflicts: what the two say differently, decided or not.
-        refused: why the result would be refused although all is decided, as by a kept rule.
-        revision: the revision that was written; None for a preview, or if nothing is new.
-    """
-
-    branch: str
-    branch_revision: int
-    branch_hash: str
-    base: int
-    head: int
-    changes: tuple[Change, ...]
-    conflicts: tuple[MergeConflict, ...]
-    refused: str | None = None
-    revision: int | None = None
-
-    def _repr_html_(self) -> str:
-        lists = {"changes": len(self.changes), "conflicts": len(self.conflicts)}
-        listed = html.listing(self.conflicts, "conflict") if self.conflicts else ""
-        return html.fields({**self.__dict__, **lists}) + listed
 
 
 class _Trace:
@@ -609,7 +519,7 @@ class _Merging:
                 raise InvalidArgumentError(
                     f"{given!r} is in several conflicts: decide {' and '.join(map(repr, several))}"
                 )
-            known = ", ".join(repr(each.element) for each in conflicts[:_NAMED]) or "none"
+            known = ", ".join(repr(each.element) for each in conflicts[:NAMED]) or "none"
             raise InvalidArgumentError(
                 f"{given!r} is no conflict of this merge; these are: {known}"
             )
@@ -628,8 +538,8 @@ class _Merging:
         return made
 
     def _said(self, conflicts: Sequence[MergeConflict]) -> str:
-        named = "; ".join(map(str, conflicts[:_NAMED]))
-        more = f"; and {len(conflicts) - _NAMED} more" if len(conflicts) > _NAMED else ""
+        named = "; ".join(map(str, conflicts[:NAMED]))
+        more = f"; and {len(conflicts) - NAMED} more" if len(conflicts) > NAMED else ""
         return (
             f"branch {self.branch.name!r} has {len(conflicts)} open conflicts: {named}{more}; "
             "nothing was written: decide each as 'ours' or 'theirs', or change one of the two"

@@ -104,8 +104,9 @@ class Programs:
 
     def _choose(self, scope: Scope, token: Token) -> Response | None:
         """Check the knowledge base; of a token for one, that is the default."""
-        named = QueryParams(scope["query_string"]).getlist("kb")
-        for name in named:
+        query = QueryParams(scope["query_string"])
+        named = query.getlist("kb")
+        for name in (*named, *filter(None, query.getlist("branch"))):
             if not token.is_for(name):
                 return refusal(scope, 403, f"the token is not for the knowledge base {name!r}")
         if not (any(named) or token.is_for("")):

@@ -46,6 +46,7 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/timeline", object="rb1", since="2026-03-02 14:00", until="2026-03-02 14:30"),
         address("/timeline", predicate="served", kind="goal"),
     ),
+    "/merge": (address("/merge"),),
     "/object": (address("/object", name="rb1"), address("/object", name="front")),
     "/objects": (
         address("/objects"),

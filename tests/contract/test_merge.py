@@ -21,7 +21,8 @@ from kant_sql import (
     aio,
 )
 from kant_sql.errors import MergeConflictError, ReplicaError, RuleViolatedError, TypeCycleError
-from kant_sql.history.merge import Decision, _Merging
+from kant_sql.history.merge import _Merging
+from kant_sql.history.merged import Decision
 from kant_sql.knowledge_base import state_of
 from tests.contract.test_reasoning_branch import Branch, branch_of, documents, everything
 from tests.support.reading import facts, store_of

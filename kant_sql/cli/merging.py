@@ -1,0 +1,107 @@
+"""`kant-sql merge`: what a branch has changed comes back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .common import (
+    Actor,
+    AsJson,
+    At,
+    Name,
+    Reason,
+    open_state,
+    open_to_read,
+    option,
+    split_url,
+    words_argument,
+)
+from .history import write_changes
+from .output import Printer, plural, write_json
+
+if TYPE_CHECKING:
+    from ..history.merged import Decision, Merge
+
+_USAGE = "[URL] [BRANCH]"
+
+
+def merge(
+    words: Annotated[
+        list[str] | None,
+        words_argument(
+            _USAGE, "the name of the branch; default with --url: the knowledge base's own."
+        ),
+    ] = None,
+    kb: Name = None,
+    target: Annotated[
+        str | None, option("The store of the branch; default: the same.", "--url", metavar="URL")
+    ] = None,
+    at: At = None,
+    ours: Annotated[
+        list[str] | None,
+        option("Of this conflict, keep what is here; repeatable.", metavar="ELEMENT"),
+    ] = None,
+    theirs: Annotated[
+        list[str] | None,
+        option("Of this conflict, take what the branch has; repeatable.", metavar="ELEMENT"),
+    ] = None,
+    yes: Annotated[bool, option("Merge; without it, this is a dry run.", "--yes")] = False,
+    actor: Actor = None,
+    reason: Reason = None,
+    as_json: AsJson = False,
+) -> int:
+    """Merge a branch: what it has changed since it began, as one revision.
+
+    Without --yes, nothing is changed: it lists what would change, and the conflicts, with who, when
+    and why on both sides. Exits with 1 if a merge would be refused. --at is of the branch.
+    """
+    url, names = split_url(words or (), _USAGE, "sqlite:///robot.db trial")
+    if not names and target is None:
+        raise typer.BadParameter("give a name, --url or both", param_hint="BRANCH")
+    both = sorted({*(ours or ())} & {*(theirs or ())})
+    if both:
+        raise typer.BadParameter(f"{both[0]!r} is given twice", param_hint="--ours, --theirs")
+    decide: dict[str, Decision] = dict.fromkeys(ours or (), "ours")
+    decide |= dict.fromkeys(theirs or (), "theirs")
+    with (
+        open_to_read(url, kb, actor) as (name, knowledge_base),
+        open_state(target or url, names[0] if names else name, at) as (_, branch),
+    ):
+        if yes:
+            made = knowledge_base.merge(branch, decide=decide, reason=reason)
+        else:
+            made = knowledge_base.merge_preview(branch, decide=decide)
+    if as_json:
+        write_json(knowledge_base=name, **vars(made))
+    else:
+        _write(made, name, yes)
+    is_open = any(each.decided is None for each in made.conflicts)
+    return 1 if is_open or made.refused is not None else 0
+
+
+def _write(made: Merge, name: str, is_done: bool) -> None:
+    printer = Printer()
+    of = f"{made.branch} at revision {made.branch_revision}"
+    if made.revision is not None:
+        printer.line(f"knowledge base {name}, revision {made.revision}: merged {of}", "bold")
+    elif not made.changes and not made.conflicts:
+        printer.line(f"knowledge base {name}: nothing is new in {of} since revision {made.base}")
+    else:
+        printer.line(
+            f"knowledge base {name}: {plural(len(made.changes), 'change')} of {of} since "
+            f"revision {made.base}",
+            "bold",
+        )
+    write_changes(printer, made.changes)
+    for each in made.conflicts:
+        printer.line(
+            f"conflict: {each.element}{'' if each.decided is None else f': {each.decided}'}"
+        )
+        printer.line(f"  ours: {each.ours}")
+        printer.line(f"  theirs: {each.theirs}")
+    if made.refused is not None:
+        printer.line(f"refused: {made.refused}")
+    if not is_done and (made.changes or made.conflicts):
+        printer.line("Nothing was changed; add --yes, and --ours or --theirs for each conflict.")

@@ -1,0 +1,102 @@
+"""What a merge of a branch changes, and the conflicts between the two sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from .. import html
+from ..sql.changes import Change
+from .revisions import Revision
+
+Decision = Literal["ours", "theirs"]
+OURS: Decision = "ours"
+THEIRS: Decision = "theirs"
+# Conflicts, and what uses an element, that a message names.
+NAMED = 10
+
+
+@dataclass(frozen=True)
+class MergeSide:
+    """What one side of a conflict says, and the revision that said it last.
+
+    Attributes:
+        text: the element's text; None where it is gone or never was.
+        revision: who changed it last since the base, when and why; None if this side has not
+            changed it, but uses it.
+        used_by: what this side has asserted since the base that mentions the element, which the
+            other side has deleted.
+    """
+
+    text: str | None
+    revision: Revision | None
+    used_by: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = self.text or "nothing"
+        if self.used_by:
+            said += f", used by {', '.join(self.used_by[:NAMED])}"
+        if self.revision is None:
+            return said
+        return f"{said} ({', '.join([f'revision {self.revision.number}', *self.revision.said()])})"
+
+
+@dataclass(frozen=True)
+class MergeConflict:
+    """An element of which the two sides say different things.
+
+    Attributes:
+        element: its kind and its name, as `value (battery rb1)`: what to decide it by.
+        base: its text in the base; None where it did not hold.
+        ours: this knowledge base.
+        theirs: the branch.
+        decided: `ours` or `theirs`; None if it is open.
+    """
+
+    _json_ = "element", "base", "ours", "theirs", "decided"
+
+    element: str
+    base: str | None
+    ours: MergeSide
+    theirs: MergeSide
+    decided: Decision | None
+
+    def __str__(self) -> str:
+        return f"{self.element}: here {self.ours}; in the branch {self.theirs}"
+
+    def _html_row_(self) -> html.Row:
+        sides = {"ours": str(self.ours), "theirs": str(self.theirs)}
+        return {"element": self.element, "base": self.base, **sides, "decided": self.decided}
+
+
+@dataclass(frozen=True)
+class Merge:
+    """What a merge changes, or would change.
+
+    Attributes:
+        branch: the name of the branch.
+        branch_revision: its last revision, up to which it is merged.
+        branch_hash: the hash of that revision.
+        base: the revision of this knowledge base that the branch began with, or the one of the last
+            merge of it.
+        head: the revision of this knowledge base that it was compared with.
+        changes: what the merge changes here; what is open stays as it is here.
+        conflicts: what the two say differently, decided or not.
+        refused: why the result would be refused although all is decided, as by a kept rule.
+        revision: the revision that was written; None for a preview, or if nothing is new.
+    """
+
+    branch: str
+    branch_revision: int
+    branch_hash: str
+    base: int
+    head: int
+    changes: tuple[Change, ...]
+    conflicts: tuple[MergeConflict, ...]
+    refused: str | None = None
+    revision: int | None = None
+
+    def _repr_html_(self) -> str:
+        lists = {"changes": len(self.changes), "conflicts": len(self.conflicts)}
+        listed = html.listing(self.conflicts, "conflict") if self.conflicts else ""
+        return html.fields({**self.__dict__, **lists}) + listed
