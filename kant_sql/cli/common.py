@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
@@ -214,6 +215,9 @@ def parse_state(text: str | None, hint: str = "--at") -> int | datetime | None:
 
 _NAMES_SHOWN = 20
 _TERMINATING = "SIGTERM", "SIGHUP"
+_INTERRUPTED = 130
+# A service looks this often whether it shall stop, in seconds.
+_SLICE = 0.2
 
 
 @contextmanager
@@ -242,6 +246,49 @@ def signals_raise() -> Iterator[None]:
     finally:
         for one in changed:
             signal.signal(one, signal.SIG_DFL)
+
+
+class Stop:
+    """The signal that asks a service to end after its batch."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    @property
+    def code(self) -> int:
+        """The exit code of the service."""
+        return _INTERRUPTED if self.number == signal.SIGINT else 0
+
+    def wait(self, seconds: float) -> None:
+        """Sleep until a signal: a sleep goes on after one that is handled."""
+        end = time.monotonic() + seconds
+        while not self.number and (left := end - time.monotonic()) > 0:
+            time.sleep(min(left, _SLICE))
+
+    @contextmanager
+    def on_signals(self) -> Iterator[None]:
+        """Note the first signal; a second one ends the process."""
+
+        def stop(number: int, frame: object) -> None:
+            self.number = number
+            signal.signal(number, before[signal.Signals(number)])
+
+        before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        # What is ignored stays so, as below nohup.
+        before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
+        for number in before:
+            signal.signal(number, stop)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def _handler(number: signal.Signals) -> Any:
+    """Return what handles a signal now; the default where that is not a function of Python's."""
+    handler = signal.getsignal(number)
+    return signal.SIG_DFL if handler is None else handler
 
 
 @contextmanager

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import sys
-import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..knowledge.canonical import SAID
-from .common import Actor, AsJson, Name, Reason, open_to_read, option, split_url, words_argument
+from .common import (
+    Actor,
+    AsJson,
+    Name,
+    Reason,
+    Stop,
+    open_to_read,
+    option,
+    split_url,
+    words_argument,
+)
 from .output import Printer, complain, plural, write_json
 
 if TYPE_CHECKING:
     from ..history.erasure.preview import ErasurePreview
+    from ..history.erasure.retention import RetentionRule
 
 _ERASE_USAGE, _RETENTION_USAGE = "[URL] OBJECT", "[URL]"
 
@@ -125,19 +135,35 @@ def retention(
         with open(rules, encoding="utf-8") as file:
             lines += file.read().splitlines()
     wanted = read_rules(lines)
-    while True:
-        with open_to_read(url, kb) as (name, knowledge_base):
-            done = knowledge_base.store.retain(wanted, reason=reason, actor=actor)
-        if as_json:
-            write_json(knowledge_base=name, revision=done.revision, parts=done.parts)
-        elif done.revision is None:
-            Printer().line(f"knowledge base {name}: nothing is old enough")
-        else:
-            texts = plural(done.parts, "text")
-            Printer().line(f"knowledge base {name}, revision {done.revision}: erased {texts}")
-        for remaining in done.remaining:
-            complain(f"bytes of it may remain in {remaining}")
-        if every is None:
-            return 1 if done.remaining else 0
-        sys.stdout.flush()
-        time.sleep(every)
+    if every is None:
+        return _retain(url, kb, wanted, actor, reason, as_json)
+    stop = Stop()
+    with stop.on_signals():
+        while not stop.number:
+            _retain(url, kb, wanted, actor, reason, as_json)
+            sys.stdout.flush()
+            stop.wait(every)
+    return stop.code
+
+
+def _retain(
+    url: str,
+    kb: str | None,
+    rules: list[RetentionRule],
+    actor: str | None,
+    reason: str | None,
+    as_json: bool,
+) -> int:
+    """Erase once, by rules."""
+    with open_to_read(url, kb) as (name, knowledge_base):
+        done = knowledge_base.store.retain(rules, reason=reason, actor=actor)
+    if as_json:
+        write_json(knowledge_base=name, revision=done.revision, parts=done.parts)
+    elif done.revision is None:
+        Printer().line(f"knowledge base {name}: nothing is old enough")
+    else:
+        texts = plural(done.parts, "text")
+        Printer().line(f"knowledge base {name}, revision {done.revision}: erased {texts}")
+    for remaining in done.remaining:
+        complain(f"bytes of it may remain in {remaining}")
+    return 1 if done.remaining else 0

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,6 +27,7 @@ from .common import (
     Name,
     Reason,
     ServiceError,
+    Stop,
     Url,
     choose,
     json_lines,
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
 
 # As in sysexits.h: what a service manager decides by whether to start it again.
 REFUSED, TRY_AGAIN, NO_PERMISSION, WRONG_CONFIGURATION = 65, 75, 77, 78
-_INTERRUPTED = 130
 # In seconds: the default, and a day.
 _INTERVAL, _LONGEST_INTERVAL = 1.0, 86_400.0
 # Other users of the machine can read arguments, in which a password would stand.
@@ -129,7 +127,7 @@ def push(
             f"expected 0 to {_LONGEST_INTERVAL:g} seconds", param_hint="--interval"
         )
     terms = Terms(archive, adopt, is_patient=not follow)
-    stop = _Stop()
+    stop = Stop()
     report = _reporter(as_json, follow)
     service = PushService(
         source, target, name=kb, terms=terms, report=report, is_stopped=lambda: stop.number != 0
@@ -145,7 +143,7 @@ def push(
         return error.code
     except KantSqlError as error:
         raise ServiceError(error, _code(error)) from error
-    return _INTERRUPTED if stop.number == signal.SIGINT else 0
+    return stop.code
 
 
 def _once(service: PushService, source: str, target: str, name: str | None, is_said: bool) -> None:
@@ -164,43 +162,11 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
             raise ServiceError(error, _code(error), is_said)
 
 
-def _follow(service: PushService, interval: float, stop: _Stop) -> None:
+def _follow(service: PushService, interval: float, stop: Stop) -> None:
     with stop.on_signals():
         errors = service.follow(interval)
     if errors:
         raise ServiceError(errors[0], _code(errors[0]))
-
-
-class _Stop:
-    """The signal that asks a service to end after its batch."""
-
-    def __init__(self) -> None:
-        self.number = 0
-
-    @contextmanager
-    def on_signals(self) -> Iterator[None]:
-        """Note the first signal; a second one ends the process."""
-
-        def stop(number: int, frame: object) -> None:
-            self.number = number
-            signal.signal(number, before[signal.Signals(number)])
-
-        before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
-        # What is ignored stays so, as below nohup.
-        before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
-        for number in before:
-            signal.signal(number, stop)
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-
-def _handler(number: signal.Signals) -> Any:
-    """Return what handles a signal now; the default where that is not a function of Python's."""
-    handler = signal.getsignal(number)
-    return signal.SIG_DFL if handler is None else handler
 
 
 def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:

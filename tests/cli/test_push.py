@@ -18,7 +18,7 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql.cli.replication import _Stop
+from kant_sql.cli.common import Stop
 from kant_sql.history.replication import service, target
 from kant_sql.history.replication.push import Terms, send
 from kant_sql.sql import schema
@@ -589,7 +589,7 @@ def test_nothing_stays_open_where_nobody_can_listen(
 
 def test_ignored_signals_stay_ignored() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    stop = _Stop()
+    stop = Stop()
     try:
         with stop.on_signals():
             os.kill(os.getpid(), signal.SIGINT)
@@ -604,7 +604,7 @@ def test_ignored_signals_stay_ignored() -> None:
 def test_a_handler_that_is_not_python_s_does_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
     before = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.setattr(signal, "getsignal", lambda number: None)
-    stop = _Stop()
+    stop = Stop()
     try:
         with stop.on_signals():
             os.kill(os.getpid(), signal.SIGTERM)

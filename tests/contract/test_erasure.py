@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -11,9 +12,11 @@ from typing import Any
 import psycopg
 import pytest
 
+import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan
 from kant_sql.errors import (
     ConflictError,
+    DivergedError,
     InvalidArgumentError,
     ReadOnlyError,
     UnknownNameError,
@@ -260,6 +263,32 @@ def test_replicas_follow(shared_url: str, connect: Connect, tmp_path: Path) -> N
         assert kb.store.push(url).revisions == 1
 
 
+@pytest.mark.parametrize("writes", [False, True])
+def test_a_source_that_is_restored_brings_no_name_back(
+    tmp_path: Path, connect: Connect, writes: bool
+) -> None:
+    path, copy, replica = (tmp_path / f"{name}.db" for name in ("own", "copy", "replica"))
+    kb = fill(connect(f"sqlite:///{path}", knowledge_base="tiago"))
+    kb.store.push(f"sqlite:///{replica}")
+    kant_sql.operations.backup(f"sqlite:///{path}", copy)
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    kb.store.push(f"sqlite:///{replica}")
+    head = kb.revision
+    restored = connect(f"sqlite:///{copy}", knowledge_base="tiago")
+    assert restored.objects.get(NAME) is not None
+    if writes:
+        restored.propositions.save(f"(at {NAME} hall)")
+    why = f"differs is {head}" if writes else "has again what was erased"
+    with pytest.raises(DivergedError, match=why) as caught:
+        restored.store.push(f"sqlite:///{replica}")
+    assert str(replica) in str(caught.value)
+    kept = connect(f"sqlite:///{replica}", knowledge_base="tiago")
+    assert (kept.revision, kept.objects.get(NAME)) == (head, None)
+    assert NAME not in everything(kept).replace(f"{NAME}2", "")
+    assert not has_bytes(f"sqlite:///{replica}", f"{NAME} ")
+    assert not restored.store.verify(kb.store.anchor()).is_intact
+
+
 def test_old_revisions_forget_by_rules(kb: KnowledgeBase) -> None:
     for actor in ("camera", "executive"):
         with kb.transaction(actor=actor, reason="seen", source={"by": actor}):
@@ -276,6 +305,31 @@ def test_old_revisions_forget_by_rules(kb: KnowledgeBase) -> None:
     for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):
         with pytest.raises(InvalidArgumentError, match="camera 30d reason,source"):
             read_rules([wrong])
+
+
+@pytest.mark.more
+def test_a_service_forgets_again_and_again_until_it_is_asked_to_stop(
+    tmp_path: Path, connect: Connect
+) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    kb = connect(url, knowledge_base="tiago")
+    words = "--after", "0s", "--parts", "reason", "--every", "1", "--json"
+    program = commands.PROGRAM
+    with kb.transaction(reason="first"):
+        kb.types.save("room")
+    with commands.start("retention", url, *words, program=program) as process:
+        assert process.stdout is not None
+        assert json.loads(process.stdout.readline())["revision"] == 2
+        with kb.transaction(reason="second"):
+            kb.types.save("person")
+        while (told := json.loads(process.stdout.readline()))["revision"] is None:
+            continue
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(commands.CHILD_TIMEOUT) == 0
+    assert (told["revision"], told["parts"]) == (4, 1)
+    assert [entry.revision.reason for entry in kb.log()] == [
+        *("rules of retention", "erased-2", "rules of retention", "erased-1")
+    ]
 
 
 def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None:

@@ -66,6 +66,23 @@ def test_others_are_refused(role: str, server: Server, connect: Connect) -> None
     assert contents(url) == before
 
 
+def test_a_target_that_grants_no_erasing_is_named(server: Server, connect: Connect) -> None:
+    """What was sent before stays; with the rights of an eraser the push goes on."""
+    kb = fill(connect(server.new_store(), knowledge_base="tiago"))
+    url = server.new_store()
+    kb.store.push(url)
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    before = contents(url)
+    with members(url, kant_sql.operations.create_roles(url)) as own:
+        with pytest.raises(ReadOnlyStoreError, match="permission denied") as caught:
+            kb.store.push(own.writer)
+        assert url.rpartition("/")[2] in str(caught.value)
+        assert contents(url) == before
+        assert kb.store.push(url).revisions == 1
+    with closing(connect(url, knowledge_base="tiago")) as replica:
+        assert replica.objects.get(NAME) is None
+
+
 @pytest.mark.parametrize(
     "attack",
     [

@@ -11,6 +11,7 @@ from ...errors import (
     ArchivedError,
     AuthenticationError,
     ConnectionLostError,
+    DivergedError,
     InvalidUrlError,
     ReplicaError,
     SchemaError,
@@ -170,6 +171,8 @@ class _Push:
             if None in hashes or len(hashes) > 1:
                 raise diverged(stores, name, at)
         if not head.revision or head.origin is not None:
+            if head.revision > here.revision:
+                self._refuse_restored(stores, here)
             return
         if head.revision > here.revision:
             raise ReplicaError(
@@ -191,6 +194,23 @@ class _Push:
                 f"{head.revision}: to make it "
                 "a replica, which refuses local writes, push with adopt=True (--adopt)"
             )
+
+    def _refuse_restored(self, stores: Stores, here: HeadState) -> None:
+        """Refuse a source that lacks an erasure: it has again what was erased."""
+        session, kb_id = stores.target, stores.target_kb
+        erased = read_state(session, kb_id).erased
+        if erased <= here.revision:
+            return
+        label, target = self._source.backend.label, self._target.backend.label
+        raise DivergedError(
+            f"{target}: knowledge base {self._source.name!r} was erased in by revision {erased}, "
+            f"and {label} is at revision {here.revision}: it was restored from an older backup, "
+            "and has again what was erased; nothing was written: push from that replica into a "
+            "new store, promote that, and destroy this one",
+            erased,
+            None,
+            hash_of(session, kb_id, erased),
+        )
 
     def _adopt(self, stores: Stores, here: HeadState, head: Head) -> None:
         """Make a replica of a target that has all revisions already."""
