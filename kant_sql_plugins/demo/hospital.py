@@ -132,11 +132,9 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "What did the robot know, and what was true?",
-            "By the clock of the world, noor was in room4 all along: the nurse's correction speaks "
-            "of that time. Choose the clock 'when it was known', and you see what the robot knew.",
-            "/ask",
-            {"condition": "(lies_in noor ?p)", "mode": "when", "clock": "valid"},
-            "corrections",
+            "The robot was not wrong by what it knew: noor lay in room2. The nurse's correction "
+            "speaks of that time; the page has what was believed of it, and what she said.",
+            *("/corrections", {}, "corrections"),
             f'[state.query("(lies_in noor ?p)").to_dicts() for state in (kb.at({harm}), kb)]',
         ),
         Step(

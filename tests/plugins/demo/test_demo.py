@@ -67,7 +67,7 @@ POINTS = {
         ("observation by bed_list", "(lies_in noor room2)"),
         ("beds.csv", "bed_list"),
         (HANDED, HANDED),
-        ("room4", "line 12 was about a visitor"),
+        ("line 12 was about a visitor", "line 12 was about a visitor"),
         ("Verify now", ""),
     ),
 }
