@@ -252,7 +252,7 @@ class _Reader:
             bars, densities = versions[row], tuple[Density, ...]()
             if row in cells:
                 bars, densities = _thin_out(cells[row], bars, moments, self._window)
-            made = tuple([_bar(one, told, self._window.head) for one in bars])
+            made = tuple([_known_bar(one, told, self._window.head) for one in bars])
             lanes.append(Lane(_shown_kind(row.kind), row.found.text, made, densities))
         window = self._window
         return Timeline(
@@ -492,8 +492,13 @@ def _gathered(
     return _Periods(bars, tuple(densities))
 
 
-def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:
-    since, until = period.since, period.until
+def _bar(
+    since: Instant,
+    until: Instant | None,
+    value: str | None,
+    number: float | None,
+    told: Mapping[int, Revision],
+) -> Bar:
     began, ended = told[since.revision], None if until is None else told[until.revision]
     return Bar(
         since.revision,
@@ -506,9 +511,14 @@ def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:
         None if ended is None else ended.reason,
         began.source,
         None if ended is None else ended.source,
-        None if period.value is None else str(period.value),
-        period.number,
+        value,
+        number,
     )
+
+
+def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:
+    value = None if period.value is None else str(period.value)
+    return _bar(period.since, period.until, value, period.number, told)
 
 
 class _Cells(NamedTuple):
@@ -576,21 +586,9 @@ def _merged(
         yield Density(moments[n], moments[end], total, is_capped, *numbers)
 
 
-def _bar(version: FoundVersion, told: Mapping[int, Revision], head: int) -> Bar:
-    began = told[version.since]
-    until = version.until if version.until is not None and version.until <= head else None
-    ended = None if until is None else told[until]
-    return Bar(
-        version.since,
-        until,
-        began.committed_at,
-        None if ended is None else ended.committed_at,
-        began.actor,
-        began.reason,
-        None if ended is None else ended.actor,
-        None if ended is None else ended.reason,
-        began.source,
-        None if ended is None else ended.source,
-        version.value,
-        version.number,
-    )
+def _known_bar(version: FoundVersion, told: Mapping[int, Revision], head: int) -> Bar:
+    since = Instant(told[version.since].committed_at, version.since)
+    until = None
+    if version.until is not None and version.until <= head:
+        until = Instant(told[version.until].committed_at, version.until)
+    return _bar(since, until, version.value, version.number, told)

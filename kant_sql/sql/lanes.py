@@ -213,16 +213,24 @@ def _lanes(
     return Query(text(_lanes_text(loops, source, has, is_listed, is_changed, is_valid)))
 
 
-@cache
-def _said_in(kind: str) -> Query:
+def _few(kind: str, of: str, conditions: str) -> Query:
+    """Build the query of what has rows in one of its tables, among so many of them."""
     source = LANE_SOURCES[kind]
     return Query(
         text(
-            f"SELECT DISTINCT {source.owner} FROM (SELECT s.{source.owner}"
-            f" FROM {source.identity}_saying AS s WHERE s.kb_id = :kb AND s.since <= :known"
-            " AND s.valid_from <= :until AND s.valid_until > :begin"
+            f"SELECT DISTINCT {source.owner} FROM (SELECT one.{source.owner}"
+            f" FROM {source.identity}_{of} AS one WHERE one.kb_id = :kb AND {conditions}"
             f" LIMIT {MOST_LISTED + 1}) AS few"
         )
+    )
+
+
+@cache
+def _said_in(kind: str) -> Query:
+    return _few(
+        kind,
+        "saying",
+        "one.since <= :known AND one.valid_from <= :until AND one.valid_until > :begin",
     )
 
 
@@ -262,14 +270,7 @@ def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter, is_valid: 
 
 @cache
 def _with_object(kind: str) -> Query:
-    source = LANE_SOURCES[kind]
-    return Query(
-        text(
-            f"SELECT DISTINCT {source.owner} FROM (SELECT a.{source.owner}"
-            f" FROM {source.identity}_argument AS a WHERE a.kb_id = :kb"
-            f" AND a.object_id = {_named('object', 'object')} LIMIT {MOST_LISTED + 1}) AS few"
-        )
-    )
+    return _few(kind, "argument", f"one.object_id = {_named('object', 'object')}")
 
 
 @cache

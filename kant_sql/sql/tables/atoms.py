@@ -239,6 +239,15 @@ class FunctionValueArgumentRow(_Argument, Base):
     function_value_id = owner_column()
 
 
+def _value_args(table: str) -> tuple[Any, ...]:
+    return (
+        reference("object_id", "object"),
+        CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
+        # Numbers change often and do not belong in it.
+        partial_index(f"ix_{table}_object", "kb_id", "object_id", where="object_id IS NOT NULL"),
+    )
+
+
 class FunctionValueVersionRow(Interval, Base):
     """What a fluent was, for a time."""
 
@@ -246,16 +255,8 @@ class FunctionValueVersionRow(Interval, Base):
     __table_args__ = (
         *_interval_args("function_value", "function"),
         _now("function_value_version", "function_id", "function_value_id"),
-        reference("object_id", "object"),
         CheckConstraint("(value IS NULL) <> (object_id IS NULL)", name="value_or_object"),
-        CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
-        # Numbers change often and do not belong in it.
-        partial_index(
-            "ix_function_value_version_object",
-            "kb_id",
-            "object_id",
-            where="object_id IS NOT NULL",
-        ),
+        *_value_args("function_value_version"),
     )
 
     function_value_id = owner_column()
@@ -273,15 +274,8 @@ class FunctionValueSayingRow(SayingColumns, Base):
     __has_rowid__ = False
     __table_args__ = (
         *_saying_args("function_value", "function"),
-        reference("object_id", "object"),
-        CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
         CheckConstraint("value IS NULL OR object_id IS NULL", name="value_or_object"),
-        partial_index(
-            "ix_function_value_saying_object",
-            "kb_id",
-            "object_id",
-            where="object_id IS NOT NULL",
-        ),
+        *_value_args("function_value_saying"),
     )
 
     function_value_id = owner_column()
