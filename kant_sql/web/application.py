@@ -6,9 +6,10 @@ import logging
 import os
 import secrets
 import socket
-from collections.abc import AsyncIterator, Iterable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from http import HTTPStatus
+from typing import Protocol
 
 import anyio
 import uvicorn
@@ -17,9 +18,12 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
+from starlette.routing import Route
+from starlette.types import Receive, Scope, Send
 
 from .. import __version__
 from ..errors import InvalidArgumentError, KantSqlError
+from ..plugins import Plugins
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
@@ -34,6 +38,19 @@ logger = logging.getLogger("kant_sql.web")
 
 # Questions that run at the same time; each has a thread and a connection.
 MOST_QUESTIONS = 8
+
+
+class Endpoint(Protocol):
+    """What a plugin answers to `POST` requests at its name, once they are admitted."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+
+    def running(self) -> AbstractAsyncContextManager[None]:
+        """Answer while the block runs."""
+
+
+ENDPOINTS: Plugins[Callable[[OpenStore], Endpoint]] = Plugins("kant_sql.web_endpoints")
 
 
 def create_app(
@@ -64,18 +81,23 @@ def create_app(
     # First, for it creates a new file.
     writing = None if tokens is None else OpenStore(url, read_only=False)
     store = OpenStore(url)
+    plugged = [(name, ENDPOINTS.get(name)) for name in ENDPOINTS.names()]
+    endpoints = {name: make(store) for name, make in plugged if make is not None}
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.limiter = anyio.CapacityLimiter(MOST_QUESTIONS)
         app.state.writers = anyio.CapacityLimiter(MOST_WRITERS)
-        try:
-            yield
-        finally:
-            app.state.live.close()
-            store.close()
-            if writing is not None:
-                writing.close()
+        async with AsyncExitStack() as running:
+            for endpoint in endpoints.values():
+                await running.enter_async_context(endpoint.running())
+            try:
+                yield
+            finally:
+                app.state.live.close()
+                store.close()
+                if writing is not None:
+                    writing.close()
 
     app = FastAPI(
         title="kant_sql",
@@ -98,6 +120,8 @@ def create_app(
     if writing is not None:
         app.include_router(WRITES.api)
     describe(app)
+    for name, endpoint in endpoints.items():
+        app.router.routes.append(Route(f"/{name}", endpoint, methods=["POST"]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     _answer_errors(app)
     own = None if tokens is None else Programs(tokens, WRITES.scopes, LONGEST_BODY)

@@ -267,7 +267,8 @@ class Guard:
         return response
 
     def _ask_for_token(self, scope: Scope) -> Response:
-        if scope["path"].startswith("/api/") or scope["path"] == "/live":
+        is_stream = "text/event-stream" in Headers(scope=scope).get("accept", "")
+        if scope["path"].startswith("/api/") or scope["path"] == "/live" or is_stream:
             headers = {"WWW-Authenticate": "Bearer"}
             return PlainTextResponse("Give the token: Authorization: Bearer TOKEN.", 401, headers)
         query = scope["query_string"].decode("latin-1")

@@ -236,7 +236,7 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
         def work() -> tuple[Written | Stale, int]:
             with store.knowledge_base(store.choose(kb_name)) as kb:
                 try:
-                    return _write(kb, said, partial(function, **fields))
+                    return write(kb, said, partial(function, **fields))
                 except StaleRevisionError as error:
                     return _stale(kb, error), error.actual
 
@@ -267,7 +267,7 @@ async def _run(request: Request, work: Callable[[], T]) -> T:
     return await anyio.to_thread.run_sync(work, limiter=limiter)
 
 
-def _write(
+def write(
     kb: KnowledgeBase, said: Mapping[str, Any], work: Callable[[KnowledgeBase], Any]
 ) -> tuple[Written, int]:
     """Write in one revision; return what was written, and the last revision."""

@@ -219,12 +219,12 @@ _PARTS: Mapping[str, Callable[[KnowledgeBase], str]] = {
 class KantServer(MCPServer[Any]):
     """A server whose resources are those of the knowledge bases that there are now."""
 
-    def __init__(self, asking: Asking, tools: Sequence[Tool]) -> None:
+    def __init__(self, asking: Asking, tools: Sequence[Tool], instructions: str) -> None:
         self._asking = asking
         super().__init__(
             "kant_sql",
             title="kant_sql: what a robot knows, and knew",
-            instructions=INSTRUCTIONS,
+            instructions=instructions,
             version=__version__,
             tools=[*tools],
             log_level="WARNING",
@@ -300,17 +300,9 @@ def incident(what: str = "", since: str = "", until: str = "", kb: str = "") -> 
     )
 
 
-def make_server(store: OpenStore) -> KantServer:
-    """Make a server that reads a store."""
+def make_server(store: OpenStore, writing: Sequence[Tool] = (), said: str = "") -> KantServer:
+    """Make a server that reads a store, and has further tools, of which something is said."""
     asking = Asking(store)
     questions = {**PAGES, **{one.__name__: one for one in QUESTIONS}}
-    return KantServer(asking, [make_tool(asking, *one) for one in questions.items()])
-
-
-def serve(url: str) -> None:
-    """Serve a store over standard input and output, until the input ends."""
-    store = OpenStore(url)
-    try:
-        anyio.run(make_server(store).run_stdio_async)
-    finally:
-        store.close()
+    tools = [make_tool(asking, *one) for one in questions.items()]
+    return KantServer(asking, [*tools, *writing], f"{INSTRUCTIONS}\n{said}".strip())

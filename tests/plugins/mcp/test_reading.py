@@ -312,6 +312,7 @@ def test_a_question_that_takes_long_keeps_nobody_waiting(
 
 
 def test_without_the_extra_the_command_names_it(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "kant_sql_plugins.mcp.server")
+    for name in ("stdio", "writing", "server"):
+        monkeypatch.delitem(sys.modules, f"kant_sql_plugins.mcp.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
     assert "pip install 'kant-sql[mcp]'" in complaint("mcp", url)
