@@ -26,7 +26,7 @@ from contextvars import ContextVar
 from functools import partial, update_wrapper
 from inspect import isawaitable
 from types import MethodType, TracebackType
-from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar, overload
+from typing import Any, Concatenate, Generic, Literal, ParamSpec, Self, TypeVar, overload
 
 from . import knowledge_base as sync
 from .acts import Execution
@@ -74,8 +74,9 @@ from .knowledge_base import (
     factory_of,
     state_of,
 )
-from .limits import PATIENCE
+from .limits import PATIENCE, limited
 from .moment_text import When
+from .planning import Plan
 from .plans import PlanDao
 from .reasoning.ask import Answers, Binding
 from .reasoning.execute import Dispatch, ExecutedPlan, Executive
@@ -820,7 +821,6 @@ class AsyncKnowledgeBase(_Part):
     abort = _write(KnowledgeBase.abort)
     fail = _write(KnowledgeBase.fail)
     statistics = _read(KnowledgeBase.statistics)
-    plan = _read(KnowledgeBase.plan)
     validate = _read(KnowledgeBase.validate)
     state = _read(KnowledgeBase.state)
     commit = _write(KnowledgeBase.commit)
@@ -947,6 +947,45 @@ class AsyncKnowledgeBase(_Part):
             return found
 
         return await self._door.read(ask)
+
+    async def plan(
+        self,
+        engine: str | None = None,
+        *,
+        engines: Iterable[str] | None = None,
+        keep: Literal["first", "best"] = "first",
+        costs: Literal["history"] | None = None,
+        timeout: float | None = None,
+        memory: int | None = None,
+        strict: bool = False,
+    ) -> Plan:
+        """Find a plan, as `KnowledgeBase.plan`; when this call is cancelled, the planners end."""
+        ask = partial(
+            self._kb.plan,
+            engine,
+            engines=engines,
+            keep=keep,
+            costs=costs,
+            timeout=timeout,
+            memory=memory,
+            strict=strict,
+        )
+        with limited() as limit:
+            if self._door.own_block() is not None:
+                return await self._door.read(ask)
+            self._door.refuse_closed()
+            if self._door.has_one_connection:
+                self._door.refuse_inherited()
+            lane = _Lane()
+            future = lane.submit(ask)
+            try:
+                return await asyncio.shield(asyncio.wrap_future(future))
+            except asyncio.CancelledError:
+                await asyncio.to_thread(limit.cancel)
+                await _finish(future)
+                raise
+            finally:
+                lane.end()
 
     async def execute(
         self,

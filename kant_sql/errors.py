@@ -426,15 +426,14 @@ class NoPlanError(KantSqlError):
     Attributes:
         status: the reason, a status of unified-planning: `unsolvable_proven`,
             `unsolvable_incompletely`, `timeout`, `memout`, `unsupported_problem`,
-            `internal_error`.
+            `internal_error`; or `invalid_plan`.
+        runs: what became of each engine that was asked, as in `Plan.runs`.
     """
 
     def __init__(self, message: str, status: str) -> None:
         super().__init__(message)
         self.status = status
-
-    def __reduce__(self) -> tuple[type[NoPlanError], tuple[str, str]]:
-        return NoPlanError, (str(self), self.status)
+        self.runs: tuple[Any, ...] = ()
 
 
 # Raised by code that reads damaged rows.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cached_property, wraps
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast
 
-from . import acts, documents, history, html, plans, reasoning
+from . import acts, documents, history, html, reasoning
 from .arguments import expect, flag, whole_number
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
@@ -268,7 +268,7 @@ class KnowledgeBase(Front):
     fail = writes(lambda: acts.executions.fail)
     statistics = reviews(lambda: acts.statistics.statistics)
     execute = writes(lambda: reasoning.execute.execute)
-    plan = reads(lambda: plans.search.plan)
+    plan = reads(lambda: reasoning.search.plan)
     validate = reads(lambda: reasoning.validate.validate)
     state = reads(lambda: reasoning.memory.state)
     commit = writes(lambda: reasoning.memory.commit)

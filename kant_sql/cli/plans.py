@@ -44,12 +44,19 @@ _NOT_STARTED = "not started"
 
 
 _Engine = Annotated[
-    str | None,
+    list[str] | None,
     option(
-        "The engine, as unified-planning names it, for example pyperplan; default: each installed "
-        "one in turn.",
+        "The engine: a name of unified-planning, for example pyperplan, a name of the file of "
+        "engines, or 'name: program {domain} {problem}'; default: each installed one in turn. "
+        "Repeat it to run several side by side.",
         metavar="NAME",
     ),
+]
+_Best = Annotated[
+    bool, option("Wait for all engines, and take the best plan, not the first.", "--best")
+]
+_Memory = Annotated[
+    int | None, option("The most megabytes of a planner's process.", metavar="MB", min=1)
 ]
 _Timeout = Annotated[float | None, seconds("Stop planning after so long.")]
 _Strict = Annotated[
@@ -86,7 +93,9 @@ def plan(
     kb: Name = None,
     at: At = None,
     engine: _Engine = None,
+    best: _Best = False,
     timeout: _Timeout = None,
+    memory: _Memory = None,
     strict: _Strict = False,
     costs: _Costs = None,
     read: _Read = None,
@@ -103,15 +112,19 @@ def plan(
         raise typer.BadParameter("these go with --record", param_hint="--actor and --reason")
     if costs not in (None, "history"):
         raise typer.BadParameter(f"{costs!r}: expected history", param_hint="--costs")
-    if read is not None and (engine or costs or timeout is not None or strict):
-        hint = "--engine, --costs, --timeout and --strict"
+    if read is not None and (engine or best or costs or (timeout or memory) is not None or strict):
+        hint = "--engine, --best, --costs, --timeout, --memory and --strict"
         raise typer.BadParameter("these do not go with --read", param_hint=hint)
     with open_state(url, kb, at) as (name, state):
         if read is not None:
             found = replace(read_plan(read), revision=state.revision)
         else:
-            by: Any = {} if costs is None else {"costs": costs}
-            found = state.plan(engine=engine, timeout=timeout, strict=strict, **by)
+            several = engine is not None and len(engine) > 1
+            by: Any = {"engines": engine} if several else {"engine": engine[0] if engine else None}
+            by |= {"keep": "best"} if best else {}
+            given = {"costs": costs, "memory": memory}
+            by |= {name: value for name, value in given.items() if value is not None}
+            found = state.plan(timeout=timeout, strict=strict, **by)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:
         write_json(_plan_document(found, recorded), knowledge_base=name)
@@ -148,6 +161,8 @@ def _write_plan(printer: Printer, found: Plan, recorded: RecordedPlan | None) ->
     printer.line(
         f"; {found.status} by {printable(found.engine)}" if found.engine else f"; {found.status}"
     )
+    for run in found.runs if len(found.runs) > 1 else ():
+        printer.line(f"; {printable(str(run))}")
     for part in found.ignored:
         printer.line(f"; ignored: {printable(part)}")
     if recorded is not None:
@@ -164,6 +179,8 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
         "ignored": found.ignored,
         "steps": found.steps,
     }
+    if len(found.runs) > 1:
+        document["runs"] = found.runs
     if recorded is not None:
         document.update(plan=recorded.id, recorded_in=recorded.recorded_in)
     return document

@@ -98,7 +98,7 @@ def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
 
 
 def _adds_up(action: Action, static: frozenset[str]) -> bool:
-    for effect in _unconditional(action.effect):
+    for effect in unconditional(action.effect):
         if not isinstance(effect, f.Assign) or not is_function(effect.fluent, f.TOTAL_COST):
             if _mentions(effect):
                 return False
@@ -113,12 +113,13 @@ def _adds_up(action: Action, static: frozenset[str]) -> bool:
     return True
 
 
-def _unconditional(effects: tuple[f.Formula, ...]) -> Iterator[f.Formula]:
+def unconditional(effects: tuple[f.Formula, ...]) -> Iterator[f.Formula]:
+    """Yield the effects of a conjunction."""
     for effect in effects:
         if isinstance(effect, f.And):
-            yield from _unconditional(effect.formulas)
+            yield from unconditional(effect.formulas)
         elif isinstance(effect, f.Timed):
-            yield from _unconditional((effect.formula,))
+            yield from unconditional((effect.formula,))
         else:
             yield effect
 

@@ -57,12 +57,33 @@ class PlanStep:
 
 
 @dataclass(frozen=True, slots=True)
+class EngineRun:
+    """What became of an engine that was asked for a plan.
+
+    Attributes:
+        engine: its name.
+        seconds: how long it ran.
+        status: `solved_satisficing`, `solved_optimally`, `invalid_plan`, `stopped` when another one
+            had a plan, `missing`, or a status as of `NoPlanError`.
+        said: what it answered, why its plan is not valid, or the last line that it printed.
+    """
+
+    engine: str
+    seconds: float
+    status: str
+    said: str
+
+    def __str__(self) -> str:
+        return f"{self.engine}: {self.status} in {self.seconds:.2f} s, {self.said}"
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """A plan; its text is in the format of the validator VAL.
 
     Attributes:
         steps: its steps, in order.
-        engine: the engine of unified-planning that found it.
+        engine: the engine that found it.
         status: the engine's verdict: `solved_satisficing` or `solved_optimally`.
         revision: the revision of the knowledge base that was planned from.
         problem_hash: the `problem_hash` of the planner's input; None when unknown.
@@ -70,6 +91,7 @@ class Plan:
         domain_pddl: the domain that the planner was given, if it is not the state's.
         problem_pddl: the problem that the planner was given, if it is not the state's.
         value: the value of the metric, if the planner stated it in a text that was read.
+        runs: what became of each engine that was asked.
     """
 
     steps: tuple[PlanStep, ...]
@@ -81,6 +103,7 @@ class Plan:
     domain_pddl: str | None = field(default=None, compare=False, repr=False)
     problem_pddl: str | None = field(default=None, compare=False, repr=False)
     value: Decimal | None = field(default=None, compare=False)
+    runs: tuple[EngineRun, ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         steps = expect_tuple(self.steps, PlanStep, "the steps of a Plan")

@@ -1,41 +1,43 @@
-"""Finds a plan in a separate process, and says what to do where no engine finds one."""
+"""Finds a plan in separate processes, and says what to do where no engine finds one."""
 
 from __future__ import annotations
 
-import contextlib
+import contextvars
 import importlib
 import importlib.util
 import logging
-import os
 import pickle
-import signal
-import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Collection, Iterable, Mapping
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from ..arguments import expect, flag, optional_text, seconds
+from ..arguments import expect, flag, one_of, optional_text, refusal, seconds, whole_number
 from ..errors import (
     InvalidArgumentError,
+    KantSqlError,
     NoPlanError,
+    PlannerMissingError,
     printable,
 )
+from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
+from .commands import FAST_DOWNWARD, MISREAD, WAYS_OUT, ask, ask_fast_downward, find_command
 from .names import require_unified_planning
-from .plan import Plan
+from .plan import EngineRun, Plan
+from .processes import PlannerProcess
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
 
 logger = logging.getLogger("kant_sql.planning")
 
-WAYS_OUT = (
-    "Plan.read(text) takes the plan of a program outside, and in a branch, kb.branch(), you can "
-    "relax the goal or the conditions and plan again"
-)
 _TEMPORAL, _NUMERIC = ("aries", "tamer", "lpg"), ("enhsp", "tamer", "aries")
 _LOGICAL = ("fast-downward", "enhsp")
 # Engines that unified-planning lists for features; an engine that is installed is asked itself.
@@ -140,7 +142,10 @@ def unsupported(
 
 
 class Task(NamedTuple):
-    """What a planner's process is asked for; `solve` explains the fields."""
+    """What a planner's process is asked for; `solve` explains the fields.
+
+    `failures` has the statuses of engines that were asked already.
+    """
 
     domain: Domain
     problem: Problem
@@ -148,6 +153,29 @@ class Task(NamedTuple):
     timeout: float | None
     strict: bool
     is_costed: bool = False
+    failures: Mapping[str, str] = {}
+
+
+class Judged(NamedTuple):
+    """What a judge says of a plan.
+
+    Attributes:
+        text: in words.
+        cost: the less, the better; None when unknown.
+    """
+
+    is_valid: bool
+    text: str
+    cost: Decimal | None = None
+
+
+Keep = Literal["first", "best"]
+Judge = Callable[[Plan], Judged]
+
+
+def accept(plan: Plan) -> Judged:
+    """Accept any plan; one with fewer steps is better."""
+    return Judged(True, f"{len(plan.steps)} steps", Decimal(len(plan.steps)))
 
 
 def solve(
@@ -155,14 +183,19 @@ def solve(
     *,
     problem: Problem,
     engine: str | None = None,
+    engines: Iterable[str] | None = None,
+    keep: Keep = "first",
     timeout: float | None = None,
+    memory: int | None = None,
     strict: bool = False,
     is_costed: bool = False,
+    judge: Judge = accept,
 ) -> Plan:
     """Find a plan.
 
     Without an engine's name, the installed engines that support the problem are tried in turn:
-    aries first for durations, ENHSP for numbers, otherwise Fast Downward and pyperplan.
+    aries first for durations, ENHSP for numbers, otherwise Fast Downward and pyperplan. Fast
+    Downward is given the documents themselves where it reads all of them.
     unified-planning may compile away constructs that an engine does not support: quantifiers,
     conditional effects, trajectory constraints, object fluents.
 
@@ -172,10 +205,15 @@ def solve(
     warning. Nothing else is ever left out.
 
     Args:
-        engine: the name that unified-planning has for an engine, for example `fast-downward-opt`.
+        engine: the name that unified-planning has for an engine, for example `fast-downward-opt`,
+            a name of the file of engines, or a command line: `lama: PROGRAM {domain} {problem}`.
+        engines: several of them, which run side by side.
+        keep: which plan of theirs to return: the `first`, or the `best` until the time is up.
         timeout: the longest time to wait, in seconds; None is infinite.
+        memory: the most megabytes of addresses for each process; None is no limit.
         strict: refuse to ignore a part of the metric or a preference.
         is_costed: ask for a cheap plan, which engines improve for as long as those of soft goals.
+        judge: judges each plan; one that is not valid is not returned.
 
     Returns:
         The plan, in the names of the documents.
@@ -190,20 +228,26 @@ def solve(
     optional_text(engine, "engine")
     longest = seconds(timeout)
     flag(strict, "strict", InvalidArgumentError)
-    require_unified_planning()
-    with tempfile.TemporaryDirectory(prefix="kant-sql-plan-") as directory:
-        task, result = Path(directory, "task"), Path(directory, "result")
-        task.write_bytes(pickle.dumps(Task(domain, problem, engine, timeout, strict, is_costed)))
-        log = _run(directory, longest)
-        if not result.exists():
-            reason = log.strip().splitlines()[-1:] or ["no reason was given"]
-            raise NoPlanError(f"the planner's process ended early: {reason[0]}", "internal_error")
-        outcome, fallbacks = pickle.loads(result.read_bytes())
-    for fallback in fallbacks:
-        logger.warning("%s", printable(fallback))
-    if isinstance(outcome, Exception):
-        raise outcome
-    found: Plan = outcome
+    one_of(keep, ("first", "best"), "keep")
+    if memory is not None:
+        whole_number(memory, "memory", least=1, error=InvalidArgumentError)
+    asked: list[str | None] = [engine]
+    if engines is not None:
+        if engine is not None:
+            raise InvalidArgumentError("give engine or engines, not both")
+        if isinstance(engines, str):
+            raise refusal("engines", "a list of names", engines, InvalidArgumentError)
+        asked = [expect(one, str, "an engine", InvalidArgumentError) for one in engines]
+        if not asked:
+            raise InvalidArgumentError("engines is empty; name at least one, or leave it out")
+    is_best = keep == "best"
+    attempts = [
+        Attempt(Task(domain, problem, one, timeout, strict, is_costed or is_best), judge, longest)
+        for one in asked
+    ]
+    for attempt in attempts:
+        attempt.memory, attempt.is_best = (memory or 0) << 20, is_best
+    found = _race(attempts, is_best)
     if found.ignored:
         ignored = printable("; ".join(found.ignored))
         logger.warning("%s was not given a part of the problem: %s", found.engine, ignored)
@@ -220,38 +264,167 @@ def check_documents(domain: Domain, problem: Problem) -> None:
     expect(problem, Problem, "the problem", InvalidArgumentError)
 
 
-def _run(directory: str, timeout: float) -> str:
-    # The worker ends with its standard input, so it does not outlive a killed parent.
-    with Path(directory, "log").open("w+", errors="replace") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", f"{__package__}.worker", directory],
-            cwd=directory,
-            env={**os.environ, "PYTHONPATH": _import_path(), "TMPDIR": directory},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=log,
-            start_new_session=True,
-        )
+class Attempt:
+    """An engine that is asked, in processes and a thread of its own."""
+
+    def __init__(self, task: Task, judge: Judge, longest: float) -> None:
+        self._task, self._judge, self._longest = task, judge, longest
+        self._started = time.monotonic()
+        self.process = PlannerProcess()
+        self.memory, self.is_best = 0, False
+        self.plan: Plan | None = None
+        self.error: Exception | None = None
+        self.cost: Decimal | None = None
+        self._failures: dict[str, str] = {}
+        self._ran, self._said, self._is_stopped = 0.0, "", False
+
+    def run(self) -> None:
+        """Ask the engine, and keep its plan or what went wrong."""
         try:
-            # Longer waits overflow the system's clock; they mean no timeout.
-            process.wait(timeout if timeout <= threading.TIMEOUT_MAX else None)
-        except subprocess.TimeoutExpired:
-            message = f"no plan was found within {timeout:g} seconds; {WAYS_OUT}"
-            raise NoPlanError(message, "timeout") from None
-        finally:
-            _end(process)
-        log.seek(0)
-        return log.read()
+            with tempfile.TemporaryDirectory(
+                prefix="kant-sql-plan-", ignore_cleanup_errors=True
+            ) as folder:
+                self._keep_first_valid(self._answers(folder))
+        except Exception as error:  # The thread that waits raises it.
+            self._is_stopped = self.process.is_ended
+            self._said = str(error).removesuffix(f"; {WAYS_OUT}")
+            if isinstance(error, NoPlanError) and error.status == "timeout":
+                message = f"no plan was found within {self._longest:g} seconds; {WAYS_OUT}"
+                error = NoPlanError(message, "timeout")
+            self.error = error
+        self._ran = time.monotonic() - self._started
+
+    def report(self) -> EngineRun:
+        """Say what became of it."""
+        status = "missing" if isinstance(self.error, PlannerMissingError) else "unsupported_problem"
+        if self.plan is not None:
+            status = self.plan.status
+        elif self._is_stopped:
+            status, self._said = "stopped", "another one had a plan"
+        elif isinstance(self.error, NoPlanError):
+            status = self.error.status
+        name = self.plan.engine if self.plan is not None else self._task.engine
+        name = "installed engines" if name is None else name.partition(": ")[0]
+        return EngineRun(name, self._ran, status, printable(self._said))
+
+    def _keep_first_valid(self, plans: Iterator[Plan]) -> None:
+        refused = None
+        for plan in plans:
+            judged = self._judge(plan)
+            if judged.is_valid:
+                self.plan, self.cost, self._said = plan, judged.cost, judged.text
+                return
+            refused = refused or f"{plan.engine} answered with what is not valid: {judged.text}"
+        raise NoPlanError(f"{refused}; {WAYS_OUT}", "invalid_plan")
+
+    def _answers(self, folder: str) -> Iterator[Plan]:
+        """Yield the plans of the engine, the best first."""
+        task, until = self._task, self._started + self._longest
+        documents = task.domain, task.problem
+        command = None if task.engine is None else find_command(task.engine)
+        if command is not None:
+            yield from ask(command, *documents, self.process, folder, until, self.memory)
+            return
+        improving = min(IMPROVING_SECONDS, self._longest / 2) if task.is_costed else 0
+        if self.is_best:
+            improving = self._longest
+        try:
+            found = ask_fast_downward(
+                *documents, task.engine, improving, self.process, folder, until, self.memory
+            )
+            first = next(found, None)
+        except NoPlanError as error:
+            if error.status in FINAL or (task.engine and error.status not in MISREAD):
+                raise
+            first, self._failures = None, {task.engine or FAST_DOWNWARD: error.status}
+        if first is not None:
+            yield first
+            yield from found
+            return
+        yield self._by_unified_planning(folder)
+
+    def _by_unified_planning(self, folder: str) -> Plan:
+        require_unified_planning()
+        task, result = Path(folder, "task"), Path(folder, "result")
+        left = self._started + self._longest - time.monotonic()
+        longest = None if left == float("inf") else max(left, 0.0)
+        asked = self._task._replace(timeout=longest, failures=self._failures)
+        task.write_bytes(pickle.dumps(asked))
+        words = [sys.executable, "-m", f"{__package__}.worker", folder]
+        ended = self.process.run(words, folder, time.monotonic() + left, self.memory)
+        if not result.exists():
+            status = ended.status or "internal_error"
+            raise NoPlanError(f"the planner's process ended early: {ended.reason}", status)
+        outcome, fallbacks = pickle.loads(result.read_bytes())
+        for fallback in fallbacks:
+            logger.warning("%s", printable(fallback))
+        if isinstance(outcome, Exception):
+            raise outcome
+        found: Plan = outcome
+        return found
 
 
-def _import_path() -> str:
-    return os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
+def _race(attempts: Sequence[Attempt], is_best: bool) -> Plan:
+    """Run attempts side by side; end all of them with the first plan, or with this call."""
+    done: SimpleQueue[Attempt] = SimpleQueue()
+
+    def run(attempt: Attempt) -> None:
+        attempt.run()
+        done.put(attempt)
+
+    def end() -> None:
+        for attempt in attempts:
+            attempt.process.end()
+
+    threads = [
+        threading.Thread(target=contextvars.copy_context().run, args=(run, one), daemon=True)
+        for one in attempts
+    ]
+    limit = LIMIT.get() or Limit()
+    guard = StatementGuard(limit, None, end)
+    guard.join()
+    try:
+        with guard:
+            for thread in threads:
+                thread.start()
+            for _ in threads:
+                if done.get().plan is not None and not is_best:
+                    break
+    finally:
+        guard.leave()
+        end()
+        for thread in threads:
+            if thread.ident is not None:
+                thread.join()
+    limit.check()
+    return _chosen(attempts)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if hasattr(os, "killpg"):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-    else:
-        process.kill()
-    process.communicate()
+def _chosen(attempts: Sequence[Attempt]) -> Plan:
+    """Return the best plan, with what became of all; raise if there is none."""
+    runs = tuple(attempt.report() for attempt in attempts)
+    solved = [attempt for attempt in attempts if attempt.plan is not None]
+    if solved:
+        best = min(solved, key=lambda one: (one.cost is None, one.cost or 0))
+        assert best.plan is not None
+        return replace(best.plan, runs=runs)
+    errors = [attempt.error for attempt in attempts if attempt.error is not None]
+    own = [error for error in errors if not isinstance(error, KantSqlError)]
+    if own or len(errors) == 1:
+        error = (own or errors)[0]
+        if isinstance(error, NoPlanError):
+            error.runs = runs
+        raise error
+    statuses = [run.status for run in runs]
+    status = next((one for one in _TELLING if one in statuses), statuses[0])
+    said = "; ".join(map(str, runs))
+    failed = NoPlanError(f"no engine found a plan ({said}); {WAYS_OUT}", status)
+    failed.runs = runs
+    raise failed
+
+
+FINAL = "unsolvable_proven", "timeout"
+# What of several failures says most.
+_TELLING = ("unsolvable_proven", "timeout", "memout", "unsolvable_incompletely", "internal_error")
+# The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
+IMPROVING_SECONDS = 10.0

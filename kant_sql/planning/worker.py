@@ -1,22 +1,17 @@
-"""The process that runs a planner: `python -m kant_sql.planning.worker DIRECTORY`.
+"""The process that runs engines of unified-planning: `python -m kant_sql.planning.worker FOLDER`.
 
-The processes that an engine starts stay in this process's group, which ends as a whole: with the
-plan, at the timeout, or with the calling process.
+It runs under `guard.py`, which ends it with the processes that engines start.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import pickle
-import signal
-import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -28,9 +23,11 @@ from ..dto.lexical import fold
 from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
+from .commands import FAST_DOWNWARD, INVARIANTS, MISREAD, WAYS_OUT, ask_fast_downward
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 from .plan import Plan, PlanStep
-from .solving import WAYS_OUT, Task, absent, unsupported
+from .processes import PlannerProcess
+from .solving import IMPROVING_SECONDS, Task, absent, unsupported
 from .to_up import convert, convert_whole
 
 if TYPE_CHECKING:
@@ -57,31 +54,20 @@ def engine_parameters(name: str) -> dict[str, str]:
     return {"executable": str(link)}
 
 
-# The seconds that Fast Downward looks for invariants; it would take minutes for what was compiled.
-INVARIANT_SECONDS = 5
-
-
 def limited(name: str, longest: float) -> tuple[dict[str, object], float | None]:
     """Return the parameters of an engine that improves its plan for some seconds, and its timeout.
 
-    At a timeout, unified-planning ends the group of an engine's process, which is this process's
-    own. So engines that can do so watch the time themselves.
+    ENHSP watches the time itself, to print its last plan.
     """
     whole = max(1, round(longest))
     if name == "fast-downward":
-        limit = {"fast_downward_search_time_limit": f"{whole}s"}
-        return {**limit, **_INVARIANTS}, None
+        return {**_INVARIANTS}, longest
     if name == "enhsp-any":
         return {"params": f"-h hadd -s gbfs -timeout {whole}"}, None
     return {**engine_parameters(name)}, longest
 
 
-_INVARIANTS = {
-    "fast_downward_translate_options": [
-        "--invariant-generation-max-time",
-        str(INVARIANT_SECONDS),
-    ]
-}
+_INVARIANTS = {"fast_downward_translate_options": [*INVARIANTS]}
 TEMPORAL = ("aries", "enhsp")
 NUMERIC = ("enhsp", "aries")
 CLASSICAL = ("fast-downward", "pyperplan", "enhsp", "aries")
@@ -90,8 +76,6 @@ PREFERRED_GOALS = ("oversubscription[fast-downward]", "oversubscription[enhsp]")
 MOST_PREFERRED_GOALS = 5
 # The engines that improve their plans, in place of others.
 ANYTIME = {"enhsp": "enhsp-any"}
-# The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
-IMPROVING_SECONDS = 10.0
 # Features that engines claim to support. Fast Downward makes axioms of quantifiers, which its
 # heuristic LM-cut does not know. Aries wants the costs of actions as constants.
 OVERSTATED = {
@@ -214,14 +198,6 @@ def forms(
 _PLACES = 6
 
 
-class GroupedProcess(subprocess.Popen[bytes]):
-    """A process that stays in the group, although engines request new sessions."""
-
-    def __init__(self, *arguments: object, **options: object) -> None:
-        options.pop("start_new_session", None)
-        super().__init__(*arguments, **options)  # type: ignore[call-overload]
-
-
 def _end_with_error(planner: Any, name: str) -> None:
     """End the results of a planner that fails in the thread that runs it: nothing else would."""
     from unified_planning.engines import PlanGenerationResult, PlanGenerationResultStatus
@@ -239,22 +215,6 @@ def _end_with_error(planner: Any, name: str) -> None:
     planner._solve = guarded
 
 
-def end_process(process: subprocess.Popen[bytes]) -> None:
-    """End the process of an engine and what it started, in place of its group."""
-    for pid in [*_children(process.pid), process.pid]:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGTERM)
-
-
-def _children(pid: int) -> list[int]:
-    """Return the processes below one, where the system shows them; others end with this one."""
-    try:
-        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    except OSError:
-        return []
-    return [below for child in map(int, text.split()) for below in (*_children(child), child)]
-
-
 class Search:
     """The search for a plan, engine by engine."""
 
@@ -270,7 +230,7 @@ class Search:
             "TrajectoryConstraintsRemover",
         )
         self._names: UpNames | None = None
-        self._failures: dict[str, str] = {}
+        self._failures = {**task.failures}
         self._missing: dict[str, set[str]] = {}
         # Deviations from the request, which the caller logs.
         self.fallbacks: list[str] = []
@@ -306,7 +266,16 @@ class Search:
         return self._failed()
 
     def _solve(self, variant: Variant) -> Plan | None:
-        tried: set[str] = set()
+        try:
+            plan = self._ask_fast_downward(variant)
+        except NoPlanError as error:
+            plan = None
+            self._failures[self._task.engine or FAST_DOWNWARD] = error.status
+            if error.status == "unsolvable_proven":
+                return None
+        if plan is not None:
+            return plan
+        tried = {name for name, why in self._failures.items() if why not in MISREAD}
         for form, name in self._choices(variant, self._task.engine):
             if name in tried:
                 continue
@@ -318,6 +287,28 @@ class Search:
                 tried.add(name)
             if self._failures.get(name) == "unsolvable_proven":
                 return None
+        return None
+
+    def _ask_fast_downward(self, variant: Variant) -> Plan | None:
+        """Give Fast Downward a variant as it is, if it reads it."""
+        if variant.problem is self._task.problem:
+            return None  # It was asked before this process.
+        left = self._remaining()
+        improving = min(IMPROVING_SECONDS, left / 2) if variant.improves else 0
+        if improving and not self._task.strict:
+            # The rest is for a plan without soft goals.
+            left /= 2
+        plans = ask_fast_downward(
+            variant.domain,
+            variant.problem,
+            self._task.engine,
+            improving,
+            PlannerProcess(),
+            tempfile.mkdtemp(),
+            time.monotonic() + left,
+        )
+        for plan in plans:
+            return self._given(replace(plan, value=None), variant)
         return None
 
     def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
@@ -373,9 +364,13 @@ class Search:
         plan = result.plan
         for back in made.back:
             plan = plan.replace_action_instances(back)
-        steps = _original(self._steps(plan, form.problem), variant)
         status = _plan_status(result.status.name.lower())
-        found = Plan(tuple(steps), name, status, ignored=self._ignored(variant))
+        return self._given(Plan(tuple(self._steps(plan, form.problem)), name, status), variant)
+
+    def _given(self, plan: Plan, variant: Variant) -> Plan:
+        """Return a plan of the original problem, with what the planner was given."""
+        steps = tuple(_original(plan.steps, variant))
+        found = replace(plan, steps=steps, ignored=self._ignored(variant))
         if variant.problem is self._task.problem:
             return found
         given = write(variant.domain), write(variant.problem)
@@ -434,7 +429,7 @@ class Search:
         ]
 
 
-def _original(steps: list[PlanStep], variant: Variant) -> Iterator[PlanStep]:
+def _original(steps: Iterable[PlanStep], variant: Variant) -> Iterator[PlanStep]:
     """Yield the steps of the original problem."""
     for step in steps:
         action = variant.steps.get(fold(step.action), step.action)
@@ -465,25 +460,8 @@ def _decimal(value: Fraction | None) -> Decimal | None:
     return Decimal(format(round(number, _PLACES).normalize(), "f"))
 
 
-def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
-    _end_group()
-
-
-def _end_group() -> None:
-    if hasattr(os, "killpg"):
-        os.killpg(0, signal.SIGKILL)
-    os._exit(0)
-
-
 def main(directory: str) -> None:
     """Solve the task in a directory, and write the result there."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    subprocess.Popen = GroupedProcess  # type: ignore[misc,assignment]
-    with contextlib.suppress(ImportError):
-        from unified_planning.engines import pddl_anytime_planner, pddl_planner
-
-        pddl_planner.terminate_process = pddl_anytime_planner.terminate_process = end_process
     task: Task = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | KantSqlError
     fallbacks: list[str] = []
@@ -497,7 +475,8 @@ def main(directory: str) -> None:
     made = Path(directory, "result.part")
     made.write_bytes(pickle.dumps((outcome, fallbacks)))
     made.rename(Path(directory, "result"))
-    _end_group()
+    # A thread of an engine that goes on would keep the process.
+    os._exit(0)
 
 
 if __name__ == "__main__":

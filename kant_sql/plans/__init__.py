@@ -7,17 +7,11 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from .. import html
 from ..acts import Execution, Outcome
-from ..later import asked_for
 from ..planning import Plan
-
-if TYPE_CHECKING:
-    from . import search as search
-else:
-    __getattr__ = asked_for(__name__)
 
 __all__ = ["PlanDao", "RecordedPlan"]
 
@@ -48,7 +42,8 @@ class RecordedPlan:
         planner_version: the planner's version.
         objective: the metric, as PDDL text.
         value: the value of the objective.
-        status: the planner's status, for example `solved_optimally`.
+        status: the planner's status, for example `solved_optimally`; if several engines were
+            asked, followed by what became of each.
         steps: its steps, in order.
     """
 

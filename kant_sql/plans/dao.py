@@ -164,7 +164,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             storable_text(planner_version, "the planner's version", PlanError),
             storable_text(measured, "the objective", PlanError),
             exact_text(value, "the objective's value"),
-            storable_text(plan.status or None, "the plan's status", PlanError),
+            storable_text(_status(plan), "the plan's status", PlanError),
             *kept,
             steps,
         )
@@ -244,6 +244,12 @@ class SqlPlanDao(SqlDao, PlanDao):
         one_of(status, STEP_OUTCOMES, "the status", PlanError)
         key_of(step)
         return self._open_store.write(lambda transaction: set_outcome(transaction, step, status))
+
+
+def _status(plan: Plan) -> str | None:
+    """Return the status, and of several engines what became of each."""
+    said = plan.runs if len(plan.runs) > 1 else ()
+    return "; ".join(filter(None, (plan.status, *map(str, said)))) or None
 
 
 def _objective(plan: Plan, metric: str | None, stated: str | None) -> str | None:

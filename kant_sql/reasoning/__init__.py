@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from . import memory as memory
     from . import rule_watch as rule_watch
     from . import rules as rules
+    from . import search as search
     from . import stale as stale
     from . import validate as validate
     from . import when as when

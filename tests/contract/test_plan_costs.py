@@ -140,7 +140,7 @@ def test_the_metric_gives_way_and_is_named(fresh_kb: KnowledgeBase, given: list[
 def test_many_objects_share_the_costs_of_the_action(
     fresh_kb: KnowledgeBase, given: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kant_sql.plans.search.MOST_COSTS", 7)
+    monkeypatch.setattr("kant_sql.reasoning.search.MOST_COSTS", 7)
     begin(fresh_kb)
     report(fresh_kb, "glass", "hall", "office", worked=1)
     plan = fresh_kb.plan(costs="history")

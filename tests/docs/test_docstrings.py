@@ -82,7 +82,7 @@ def test_what_users_call_first_has_an_example() -> None:
         "kant_sql.factory.DaoFactory.transaction",
         "kant_sql.knowledge_base.KnowledgeBase.at",
         "kant_sql.documents.exchange.load_domain",
-        "kant_sql.plans.search.plan",
+        "kant_sql.reasoning.search.plan",
         "kant_sql.knowledge_base.KnowledgeBase.diff",
         *(f"kant_sql.history.{name}.{name}" for name in ("log", "restore")),
         *(f"kant_sql.dao.interfaces.AnyDao.{name}" for name in ("save", "get_all", "delete")),

@@ -96,7 +96,10 @@ def python(*modules: str) -> Path:
     assert process.stdout.readline() == b"ready\n"
     ask.write_text(ASK.format(path=str(path)))
     # Where Python lies may have a space in it, which the first line of a script may not.
-    program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -IS {ask} "$@"\n')
+    own = shlex.quote(sys.executable)
+    # What is isolated imports little.
+    isolated = f'[ "$1" = -IS ] && exec {own} "$@"'
+    program.write_text(f'#!/bin/sh\n{isolated}\nexec {own} -IS {ask} "$@"\n')
     program.chmod(0o755)
     return program
 

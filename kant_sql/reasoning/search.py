@@ -1,4 +1,7 @@
-"""The question for a plan, also for one that is cheap by what was learned from executions."""
+"""The question for a plan, also for one that is cheap by what was learned from executions.
+
+Each answer of a planner is validated from the state before it is returned.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from typing import Literal
 
@@ -14,6 +18,7 @@ from ..acts.statistics import Statistics, statistics
 from ..arguments import one_of
 from ..documents.exchange import PlanningTask, read_task
 from ..dto.lexical import fold
+from ..errors import UnsupportedConstructError
 from ..pddl import write
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..planning.action_costs import (
@@ -26,42 +31,59 @@ from ..planning.action_costs import (
     write_costs,
 )
 from ..planning.metrics import refusal
+from ..planning.solving import Judged
 from ..store.state import State
+from .validate import validate_plan
 
 
 def plan(
     state: State,
     engine: str | None = None,
     *,
+    engines: Iterable[str] | None = None,
+    keep: Literal["first", "best"] = "first",
     costs: Literal["history"] | None = None,
     timeout: float | None = None,
+    memory: int | None = None,
     strict: bool = False,
 ) -> planning.Plan:
     """Find a plan from the present state to the goals.
 
-    A plugin gives preferences and metrics to planners as costs of actions. What of them a planner
-    cannot be given is named in the plan's
-    `ignored` and logged as a warning; all other parts of the problem are always given.
+    Each plan is validated as by `validate` before it is returned, unless the domain has processes
+    or events. A plugin gives preferences and metrics to planners as costs of actions. What of them
+    a planner cannot be given is named in the plan's `ignored` and logged as a warning; all other
+    parts of the problem are always given.
 
     Args:
         engine: an engine's name in unified-planning, for example `fast-downward`; None to
-            choose an installed one that supports the problem.
+            choose an installed one that supports the problem. Or a command line with a name, as in
+            `lama: fast-downward.py --alias lama-first {domain} {problem}`, or a name of the file of
+            engines (`docs/planners.md`).
+        engines: several of them, which run side by side.
+        keep: which plan of `engines` to return: the `first` one, or the `best` when all have
+            ended or the time is up, by the metric, else the makespan.
         costs: `history`: a step costs the time in which it is expected to succeed, by what became
             of executions up to this state (`docs/learning.md` has the formula). This takes the
             place of the metric, which is named in `ignored`.
         timeout: seconds to wait; None to wait without limit. Plans of problems with soft
             goals or costs are improved for 10 seconds, or half of the timeout if that is less.
+        memory: the most megabytes of addresses for each process of a planner; None for no limit.
         strict: refuse to ignore a part of the metric or a preference.
 
     Returns:
-        The plan, with the revision of the state. If soft goals were compiled away or ignored, or
-        with `costs`, it has the planner's input as `domain_pddl` and `problem_pddl`.
+        The plan, with the revision of the state, and what became of each engine as `runs`. If soft
+        goals were compiled away or ignored, or with `costs`, it has the planner's input as
+        `domain_pddl` and `problem_pddl`.
 
     Raises:
-        NoPlanError: there is no plan, or none was found in time.
+        NoPlanError: there is no plan, none was found in time, or it is not valid; `runs` has what
+            became of each engine.
         UnsupportedConstructError: planners cannot express something of the problem, or with
             `strict` something of its metric or preferences.
         PlannerMissingError: unified-planning or the engine is not installed.
+        QuestionCancelledError: the limit of `kant_sql.limited` was cancelled.
+        InvalidArgumentError: an engine is not a command line with `{domain}` and `{problem}`, or
+            the file of engines cannot be read.
 
     Examples:
         >>> kb.load_domain('''(define (domain doors) (:predicates (open))
@@ -74,6 +96,7 @@ def plan(
         (unlock)
     """
     task, ignored = read_task(state), tuple[str, ...]()
+    judge = partial(_judge, task)
     if costs is not None:
         one_of(costs, ("history",), "the costs")
         # Nothing that was done later is known to this state.
@@ -84,9 +107,13 @@ def plan(
         task.domain,
         problem=task.problem,
         engine=engine,
+        engines=engines,
+        keep=keep,
         timeout=timeout,
+        memory=memory,
         strict=strict,
         is_costed=costs is not None,
+        judge=judge,
     )
     given = write(task.domain) if found.domain_pddl is None else found.domain_pddl
     asked = write(task.problem) if found.problem_pddl is None else found.problem_pddl
@@ -96,6 +123,22 @@ def plan(
         )
     digest = planning.problem_hash(given, problem=asked)
     return dataclasses.replace(found, revision=task.revision, problem_hash=digest)
+
+
+def _judge(task: PlanningTask, found: planning.Plan) -> Judged:
+    """Validate a plan, and say how much it costs."""
+    try:
+        validation = validate_plan(task.domain, task.problem, found)
+    except UnsupportedConstructError as error:
+        return Judged(True, f"{len(found.steps)} steps, not validated: {error}")
+    if not validation.valid:
+        return Judged(False, " ".join(str(validation).split()))
+    metric, cost = task.problem.metric, validation.metric_value
+    text = f"{len(found.steps)} steps, makespan {validation.makespan:f}"
+    if metric is None or cost is None:
+        return Judged(True, text, validation.makespan)
+    is_maximized = metric.optimization == "maximize"
+    return Judged(True, f"{text}, metric {cost:f}", -cost if is_maximized else cost)
 
 
 # Cases that the figures of an action count for, besides those with the same arguments.

@@ -1,0 +1,135 @@
+"""The processes of planners: each ends with its time, its output, its memory, or its caller."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import re
+import selectors
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+GUARD = Path(__file__).with_name("guard.py")
+# What a planner may print, in bytes; none of those that are known prints as much.
+MOST_OUTPUT = 16 << 20
+# Seconds in which the system ends what was killed.
+_ENDS_WITHIN = 30.0
+_MEMORY = re.compile(r"MemoryError|bad_alloc|OutOfMemoryError|out of memory|cannot allocate", re.I)
+
+
+class Ended(NamedTuple):
+    """How a planner's process ended.
+
+    Attributes:
+        code: its exit code; the negative number of the signal that ended it.
+        output: what it printed.
+        status: `timeout`, `memout`, `internal_error` if it printed without end; else None.
+    """
+
+    code: int
+    output: str
+    status: str | None
+
+    @property
+    def reason(self) -> str:
+        """The reason in words: how it ended, and the last line of what it printed."""
+        how = f"it ended with code {self.code}"
+        if self.status == "timeout":
+            how = "its time was up"
+        elif self.status == "internal_error":
+            return f"it printed more than {MOST_OUTPUT >> 20} MiB"
+        elif self.code < 0:
+            how = f"signal {-self.code} ended it"
+        lines = self.output[-10_000:].strip().splitlines()
+        return how if not lines else f"{how}, and said: {lines[-1].strip()[:200]}"
+
+
+class PlannerProcess:
+    """Runs a planner's programs one after the other; `end` ends them, from any thread."""
+
+    def __init__(self) -> None:
+        self.is_ended = False
+        self._guard = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def run(
+        self, words: Sequence[str], folder: str, until: float, memory: int | None = None
+    ) -> Ended:
+        """Run a program in a folder, where its temporary files are, too.
+
+        Args:
+            until: the moment of the monotonic clock at which it is ended.
+            memory: its most bytes.
+        """
+        path = os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
+        with self._guard:
+            if self.is_ended:
+                return Ended(0, "", "timeout")
+            # It ends with its standard input, so it does not outlive a killed caller.
+            self._process = process = subprocess.Popen(
+                [sys.executable, "-IS", str(GUARD), str(memory or 0), *words],
+                cwd=folder,
+                env={**os.environ, "PYTHONPATH": path, "TMPDIR": folder},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        try:
+            output, status = _read(process, until)
+        finally:
+            self._close(process)
+        if status is None and process.returncode and _MEMORY.search(output[-10_000:]):
+            status = "memout"
+        return Ended(process.returncode, output, status)
+
+    def end(self) -> None:
+        """End what runs, and let nothing begin."""
+        with self._guard:
+            self.is_ended = True
+            if self._process is not None and self._process.stdin is not None:
+                with contextlib.suppress(OSError):
+                    self._process.stdin.close()
+
+    def _close(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with self._guard:
+            self._process = None
+            process.stdin.close()
+        try:
+            process.wait(_ENDS_WITHIN)
+        except subprocess.TimeoutExpired:  # A device holds what it runs.
+            process.kill()
+            process.wait()
+        process.stdout.close()
+
+
+def _read(process: subprocess.Popen[bytes], until: float) -> tuple[str, str | None]:
+    """Read what a process prints until it ends."""
+    assert process.stdout is not None
+    found, size, status = [], 0, None
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.stdout, selectors.EVENT_READ)
+        while True:
+            left = until - time.monotonic()
+            if left <= 0 or not selector.select(None if math.isinf(left) else min(left, 1e6)):
+                if left <= 1e6:
+                    status = "timeout"
+                    break
+                continue
+            read = os.read(process.stdout.fileno(), 1 << 16)
+            if not read:
+                break
+            found.append(read)
+            size += len(read)
+            if size >= MOST_OUTPUT:
+                status = "internal_error"
+                break
+    return b"".join(found)[:MOST_OUTPUT].decode(errors="replace"), status
