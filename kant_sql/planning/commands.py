@@ -95,6 +95,20 @@ def find_command(engine: str) -> Command | None:
     return None if line is None else _parsed(engine, line, f"{engine}: {line}")
 
 
+def named(engine: str | None) -> str | None:
+    """Return the name of an engine; refuse a command line, which a stranger may not have run.
+
+    Raises:
+        InvalidArgumentError: it is one.
+    """
+    if engine is not None and (":" in engine or "{" in engine):
+        raise InvalidArgumentError(
+            f"engine {printable(engine)!r} is a command line, which is not run for others; give a "
+            "name, of unified-planning or of the file of engines"
+        )
+    return engine
+
+
 def _parsed(name: str | None, line: str, given: str) -> Command:
     try:
         words = tuple(shlex.split(line))

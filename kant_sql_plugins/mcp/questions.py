@@ -12,6 +12,7 @@ from pydantic import Field
 from kant_sql.errors import InvalidArgumentError, KantSqlError, UnsupportedConstructError
 from kant_sql.history.state_parts import StateFilter, StatePage, read_state
 from kant_sql.knowledge_base import KnowledgeBase, state_of
+from kant_sql.planning.commands import named
 from kant_sql.planning.plan import PlanStep
 from kant_sql.reasoning import CauseLinks
 from kant_sql.reasoning.failures import FailedCondition
@@ -186,7 +187,7 @@ def would_work(kb: KnowledgeBase, plan: PlanText, at: At = None) -> Validation:
 
 def find_plan(kb: KnowledgeBase, engine: Engine = None, timeout: Seconds = 30.0) -> FoundPlan:
     """Find a plan from the present state to the goal. Nothing is recorded or executed."""
-    plan = kb.plan(engine, timeout=timeout)
+    plan = kb.plan(named(engine), timeout=timeout)
     return FoundPlan(plan.revision, plan.engine, plan.status, plan.ignored, plan.steps, plan.value)
 
 

@@ -245,6 +245,8 @@ def test_texts_that_are_instructions_arrive_as_data_alone(store: OpenStore) -> N
         ("why", {"fact": "(flies rb1)"}, "flies"),
         ("find_plan", {"timeout": 1e9}, "less than or equal to 120"),
         ("find_plan", {"engine": "nobody"}, "nobody"),
+        ("find_plan", {"engine": "x: touch {domain} {problem}"}, "is not run for others"),
+        ("find_plan", {"engine": "touch {domain} {problem}"}, "is not run for others"),
         ("nothing", {}, "Unknown tool: nothing"),
     ],
 )
