@@ -26,7 +26,14 @@ from ..sql.dialects.base import Session
 from ..sql.executions import Key
 from ..sql.query import Insert, Query
 from ..sql.rows import KB, table_of
-from ..sql.tables import ConfirmationRow, HeadRow, PlanRow, RevisionExecutionRow, RevisionRow
+from ..sql.tables import (
+    ConfirmationRow,
+    HeadRow,
+    PlanRow,
+    RequestRow,
+    RevisionExecutionRow,
+    RevisionRow,
+)
 from .caches import Agreements, AtomCache, FluentCache, GroundAtom
 from .head import Committed, Head
 from .journal import JournalScope
@@ -48,6 +55,7 @@ _NEW_REVISION = Insert(
     *("kb_id", "number", "committed_at", "actor", "reason", "source", "form", "hash"),
     *("observed_at", "seed"),
 )
+_NEW_REQUEST = Insert(table_of(RequestRow), "kb_id", "number", "key", "digest", "results")
 _NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
 _MOVE_HEAD = Query(
@@ -93,6 +101,8 @@ class Transaction:
         confirms: whether to save a fact that holds already is to confirm it.
         given: where the period that it speaks of begins and ends, as it was given.
         erases: whether it changes texts of earlier revisions, so that nothing cached is right.
+        request: the key, the digest and the results of the request that makes it, if it may be
+            repeated.
     """
 
     def __init__(
@@ -124,6 +134,7 @@ class Transaction:
         self.confirms = False
         self.given = given
         self.erases = False
+        self.request: tuple[str, str, str] | None = None
         self._started = time.monotonic()
         self._atoms = atoms
         self._fluents = fluents
@@ -461,4 +472,6 @@ class Transaction:
         session.insert(_NEW_REVISION, [(self.kb_id, self.number, *row)])
         if step is not None:
             session.insert(_NEW_LINK, [(self.kb_id, self.number, *step)])
+        if self.request is not None:
+            session.insert(_NEW_REQUEST, [(self.kb_id, self.number, *self.request)])
         return Committed(self.number, digest, moment)

@@ -88,6 +88,7 @@ def create_app(
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.limiter = anyio.CapacityLimiter(MOST_QUESTIONS)
         app.state.writers = anyio.CapacityLimiter(MOST_WRITERS)
+        app.state.looked = {}
         async with AsyncExitStack() as running:
             for endpoint in endpoints.values():
                 await running.enter_async_context(endpoint.running())

@@ -106,10 +106,11 @@ class Programs:
         """Check the knowledge base; of a token for one, that is the default."""
         query = QueryParams(scope["query_string"])
         named = query.getlist("kb")
-        for name in (*named, *filter(None, query.getlist("branch"))):
+        for name in filter(None, (*named, *query.getlist("branch"))):
             if not token.is_for(name):
                 return refusal(scope, 403, f"the token is not for the knowledge base {name!r}")
-        if not (any(named) or token.is_for("")):
+        # The last one counts, and an empty one is none.
+        if not (any(named[-1:]) or token.is_for("")):
             if len(token.knowledge_bases) > 1:
                 return refusal(scope, 403, "the token is for several knowledge bases: give kb=NAME")
             own = urlencode({"kb": token.knowledge_bases[0]}).encode()

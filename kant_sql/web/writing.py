@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import timedelta
 from decimal import Decimal
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
@@ -15,13 +19,13 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from starlette.exceptions import HTTPException
 
-from ..errors import InvalidArgumentError, StaleRevisionError
+from ..errors import InvalidArgumentError, StaleRevisionError, StoreError
 from ..history.revisions import Revision
 from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase, state_of
 from ..pddl.lexer import is_text
+from ..store.requests import find_request, forget_requests, keep_request
 from ..store.store import Store
-from ..store.transaction import Transaction
 from .description import schema_of, texts_of
 from .registry import KbName, VisibleJson, status_of
 from .stores import OpenStore
@@ -34,6 +38,9 @@ T = TypeVar("T")
 LONGEST_BODY, MOST_CHANGES = 16 << 20, 100_000
 # Writers at the same time, and those that wait for a thread; one more is refused.
 MOST_WRITERS, MOST_WAITING = 8, 64
+# How long a request can be repeated, and how often a server looks for older ones, in seconds.
+KEPT, LOOK = timedelta(days=7), 3600.0
+_REUSED = "this Idempotency-Key was used for another request; choose one at random for each write"
 # Revisions that the answer to a stale `If-Match` lists.
 MOST_SINCE = 50
 _NUMBER = re.compile(r"[-+]?[0-9]+(?:[.][0-9]+)?")
@@ -113,12 +120,14 @@ class Written(NamedTuple):
         results: what each change returned, in order: whether it changed something, or how many
             elements it changed, or a number's new value, exact, as text; of a step, the id of its
             execution.
-        warnings: where loaded text deviates from the standard.
+        warnings: where loaded text deviates from the standard; not repeated.
+        is_repeated: whether the request was written before, under its `Idempotency-Key`.
     """
 
     revision: int | None
-    results: Sequence[Result]
-    warnings: Sequence[str] = ()
+    results: tuple[Result, ...]
+    warnings: tuple[str, ...] = ()
+    is_repeated: bool = False
 
 
 class Stale(NamedTuple):
@@ -134,7 +143,7 @@ class Stale(NamedTuple):
     error: str
     type: str
     revision: int
-    since: Sequence[Revision]
+    since: tuple[Revision, ...]
 
 
 class Refusal(NamedTuple):
@@ -224,19 +233,33 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
             str | None,
             Header(description="The last revision that the writer has read, as `17`: else 412."),
         ] = None,
+        idempotency_key: Annotated[
+            str | None,
+            Header(
+                min_length=1,
+                max_length=255,
+                description="Chosen at random for each write: repeated, it is written once.",
+            ),
+        ] = None,
     ) -> Response:
         store: OpenStore = request.app.state.writing
         token: Token = request.scope["token"]
         fields = dict(given)
         said = {name: fields.pop(name) for name in _Said.model_fields}
-        said |= {"actor": token.actor, "expected_revision": _expected(if_match)}
+        said["actor"], expected = token.actor, _expected(if_match)
+        key = None
+        if idempotency_key is not None:
+            whole = request.url.path.encode(), await request.body()
+            key = _Key.of(token.id, idempotency_key, b"\n".join(whole))
         if did is not None and said["reason"] is None:
             said["reason"] = f"{did} {' '.join(fields['step'].split())}"
 
         def work() -> tuple[Written | Stale, int]:
             with store.knowledge_base(store.choose(kb_name)) as kb:
+                if key is not None:
+                    _forget_old(request.app.state.looked, kb)
                 try:
-                    return write(kb, said, partial(function, **fields))
+                    return write(kb, said, partial(function, **fields), expected, key)
                 except StaleRevisionError as error:
                     return _stale(kb, error), error.actual
 
@@ -248,6 +271,15 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
     endpoint.__annotations__["given"] = body
     endpoint.__name__ = function.__name__
     return endpoint
+
+
+def _forget_old(looked: dict[str, float], kb: KnowledgeBase) -> None:
+    """Remove old requests now and then, where the server's role may."""
+    store, now = state_of(kb).store, time.monotonic()
+    if now >= looked.get(store.name, 0) + LOOK:
+        looked[store.name] = now
+        with suppress(StoreError):
+            forget_requests(store, KEPT)
 
 
 def _expected(if_match: str | None) -> int | None:
@@ -267,24 +299,52 @@ async def _run(request: Request, work: Callable[[], T]) -> T:
     return await anyio.to_thread.run_sync(work, limiter=limiter)
 
 
+class _Key(NamedTuple):
+    """The key of a request, and its digest: neither tells what the request says."""
+
+    key: str
+    digest: str
+
+    @classmethod
+    def of(cls, token: str, given: str, request: bytes) -> _Key:
+        # The digest has the client's key, which is not kept: without it, nobody can try requests.
+        parts = f"{token}\n{given}".encode(), given.encode() + b"\n" + request
+        return cls(*(hashlib.sha256(part).hexdigest() for part in parts))
+
+
 def write(
-    kb: KnowledgeBase, said: Mapping[str, Any], work: Callable[[KnowledgeBase], Any]
+    kb: KnowledgeBase,
+    said: Mapping[str, Any],
+    work: Callable[[KnowledgeBase], Any],
+    expected: int | None = None,
+    key: _Key | None = None,
 ) -> tuple[Written, int]:
     """Write in one revision; return what was written, and the last revision."""
     store: Store = state_of(kb).store
     with kb.transaction(**said):
         transaction = store.current()
-        assert isinstance(transaction, Transaction)
-        found = work(kb)
-    results, warnings = found if isinstance(found, tuple) else (found, ())
+        assert transaction is not None
+        before = None if key is None else find_request(transaction, key.key)
+        if key is not None and before is not None:
+            if before.digest != key.digest:
+                raise HTTPException(422, _REUSED)
+            return Written(before.number, (*before.results,), is_repeated=True), before.number
+        # A repetition is no stale writer: its own revision may be what came since.
+        with kb.transaction(expected_revision=expected):
+            found = work(kb)
+        results, warnings = found if isinstance(found, tuple) else (found, ())
+        if key is not None:
+            plain = json_value(results)
+            assert isinstance(plain, list)
+            keep_request(transaction, *key, plain)
     made = transaction.committed
     revision = None if made is None else made.number
-    return Written(revision, results, warnings), revision or transaction.head.revision
+    return Written(revision, (*results,), (*warnings,)), revision or transaction.head.revision
 
 
 def _stale(kb: KnowledgeBase, error: StaleRevisionError) -> Stale:
     since = kb.store.revisions(min(error.expected, error.actual), limit=MOST_SINCE)
-    return Stale(str(error), type(error).__name__, error.actual, since)
+    return Stale(str(error), type(error).__name__, error.actual, (*since,))
 
 
 WRITES = Writes()

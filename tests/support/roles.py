@@ -57,6 +57,8 @@ INSERT INTO execution_version (kb_id, plan_id, position, since, until, kind, out
     SELECT kb_id, 9001, 0, 1, 2, 'execution', 'running', 'text' FROM head
     UNION ALL SELECT kb_id, 9001, 0, 2, NULL, 'execution', 'succeeded', 'text' FROM head;
 INSERT INTO revision_execution SELECT kb_id, 2, 9001, 0 FROM head;
+INSERT INTO request (kb_id, key, number, digest, results)
+    SELECT kb_id, 'key', 2, 'digest', '[]' FROM head;
 INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)
     SELECT kb_id, 9002, revision, 1, 'elsewhere', 0, 'rest', 'archive' FROM head;
 INSERT INTO confirmation (kb_id, proposition_id, since)

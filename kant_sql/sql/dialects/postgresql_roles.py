@@ -237,7 +237,7 @@ class WriterRights:
             return ALWAYS
         if table.name == "revision":
             return f"{mine}.number = 1 + {self._last} AND {self._is_dated()}"
-        if table.name in ("revision_execution", "commitment"):
+        if table.name in ("revision_execution", "commitment", "request"):
             return f"{mine}.number > {self._locked_head('revision')}"
         if "since" in table.c:
             is_new = self._is_not_past("since")

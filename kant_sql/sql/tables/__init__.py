@@ -25,6 +25,7 @@ from .revisions import KnowledgeBaseRow as KnowledgeBaseRow
 from .revisions import PlanRow as PlanRow
 from .revisions import PromotionRow as PromotionRow
 from .revisions import ReplacementRow as ReplacementRow
+from .revisions import RequestRow as RequestRow
 from .revisions import RevisionExecutionRow as RevisionExecutionRow
 from .revisions import RevisionRow as RevisionRow
 from .revisions import VerificationRow as VerificationRow

@@ -242,6 +242,27 @@ class RevisionRow(Base):
     )
 
 
+class RequestRow(Base):
+    """A request over HTTP that made a revision: repeated, it gets the same answer."""
+
+    __tablename__ = "request"
+    __table_args__ = (
+        ForeignKeyConstraint(["kb_id", "number"], REVISION),
+        Index("ix_request_number", "kb_id", "number"),
+    )
+
+    kb_id = kb_column()
+    key = column(
+        str,
+        order=-90,
+        primary_key=True,
+        comment="SHA-256 of the token's id and of the key that the client chose",
+    )
+    number = column(int, comment="the revision that it made")
+    digest = column(str, comment="SHA-256 of the client's key and request")
+    results = column(str, comment="what its changes returned, as JSON: no names")
+
+
 class ArchiveRow(Record, Base):
     """A move of closed versions into another store."""
 
