@@ -86,7 +86,7 @@ Do = Literal[
 ]
 
 
-class Change(BaseModel):
+class DaoCall(BaseModel):
     """A call of a DAO: one change of a transaction."""
 
     model_config = ConfigDict(extra="forbid")
@@ -108,11 +108,11 @@ class Change(BaseModel):
     ] = False
 
 
-Changes = Annotated[tuple[Change, ...], Field(max_length=MOST_CHANGES)]
+Changes = Annotated[tuple[DaoCall, ...], Field(max_length=MOST_CHANGES)]
 Values = Annotated[dict[Text, Number], Field(max_length=MOST_CHANGES)]
 
 
-class Written(NamedTuple):
+class WriteAnswer(NamedTuple):
     """What a request has written.
 
     Attributes:
@@ -213,7 +213,7 @@ class Writes:
                 path,
                 name=function.__name__,
                 description=f"{description} Needs the scope `{scope}`.",
-                response_model=schema_of(Written),
+                response_model=schema_of(WriteAnswer),
                 responses={
                     **dict.fromkeys((400, 401, 403, 404, 409, 413, 429, 503), refused),
                     412: {"model": schema_of(Stale)},
@@ -254,7 +254,7 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
         if did is not None and said["reason"] is None:
             said["reason"] = f"{did} {' '.join(fields['step'].split())}"
 
-        def work() -> tuple[Written | Stale, int]:
+        def work() -> tuple[WriteAnswer | Stale, int]:
             with store.knowledge_base(store.choose(kb_name)) as kb:
                 if key is not None:
                     _forget_old(request.app.state.looked, kb)
@@ -318,7 +318,7 @@ def write(
     work: Callable[[KnowledgeBase], Any],
     expected: int | None = None,
     key: _Key | None = None,
-) -> tuple[Written, int]:
+) -> tuple[WriteAnswer, int]:
     """Write in one revision; return what was written, and the last revision."""
     store: Store = state_of(kb).store
     with kb.transaction(**said):
@@ -328,7 +328,7 @@ def write(
         if key is not None and before is not None:
             if before.digest != key.digest:
                 raise HTTPException(422, _REUSED)
-            return Written(before.number, (*before.results,), is_repeated=True), before.number
+            return WriteAnswer(before.number, (*before.results,), is_repeated=True), before.number
         # A repetition is no stale writer: its own revision may be what came since.
         with kb.transaction(expected_revision=expected):
             found = work(kb)
@@ -339,7 +339,7 @@ def write(
             keep_request(transaction, *key, plain)
     made = transaction.committed
     revision = None if made is None else made.number
-    return Written(revision, (*results,), (*warnings,)), revision or transaction.head.revision
+    return WriteAnswer(revision, (*results,), (*warnings,)), revision or transaction.head.revision
 
 
 def _stale(kb: KnowledgeBase, error: StaleRevisionError) -> Stale:
@@ -398,7 +398,7 @@ def _number(given: int | float | str) -> int | float | Decimal | str:
     return Decimal(given)
 
 
-def _call(kb: KnowledgeBase, change: Change) -> Result:
+def _call(kb: KnowledgeBase, change: DaoCall) -> Result:
     dao = getattr(kb if hasattr(type(kb), change.kind) else kb.pddl, change.kind)
     method = getattr(dao, change.do, None)
     known = {} if method is None else inspect.signature(method).parameters

@@ -16,7 +16,7 @@ from kant_sql.errors import ReadOnlyError
 from kant_sql.knowledge_base import KnowledgeBase, connect
 from kant_sql.web.registry import At, moment
 from kant_sql.web.stores import OpenStore
-from kant_sql.web.writing import Written, apply, facts, values, write
+from kant_sql.web.writing import WriteAnswer, apply, facts, values, write
 
 from .server import Asking, make_tool
 
@@ -119,17 +119,17 @@ class Writing(Asking):
 
         def write_facts(
             kb: KnowledgeBase, reason: Reason, save: Facts = (), delete: Facts = ()
-        ) -> Written:
+        ) -> WriteAnswer:
             """Retract and assert facts, as one revision: all or nothing."""
             return _written(kb, actor, reason, partial(facts, save=save, delete=delete))
 
         def write_values(
             kb: KnowledgeBase, reason: Reason, set: Values | None = None, unset: Fluents = ()
-        ) -> Written:
+        ) -> WriteAnswer:
             """Set values of functions, as one revision: all or nothing."""
             return _written(kb, actor, reason, partial(values, set=set, unset=unset))
 
-        def apply_step(kb: KnowledgeBase, step: Step, reason: Reason) -> Written:
+        def apply_step(kb: KnowledgeBase, step: Step, reason: Reason) -> WriteAnswer:
             """Write the effects of a step if its conditions hold; nothing moves in the world."""
             return _written(kb, actor, reason, partial(apply, step=step))
 
@@ -153,5 +153,5 @@ class Writing(Asking):
 
 def _written(
     kb: KnowledgeBase, actor: str, reason: str, work: Callable[[KnowledgeBase], Any]
-) -> Written:
+) -> WriteAnswer:
     return write(kb, {"actor": actor, "reason": reason}, work)[0]
