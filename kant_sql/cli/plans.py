@@ -47,7 +47,7 @@ _Engine = Annotated[
     list[str] | None,
     option(
         "The engine: a name of unified-planning, for example pyperplan, a name of the file of "
-        "engines, or 'name: program {domain} {problem}'; default: each installed one in turn. "
+        "engines, or a planner's command line with a name; default: each installed one in turn. "
         "Repeat it to run several side by side.",
         metavar="NAME",
     ),
