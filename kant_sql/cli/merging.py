@@ -52,7 +52,7 @@ def merge(
     reason: Reason = None,
     as_json: AsJson = False,
 ) -> int:
-    """Merge a branch: what it has changed since it began, as one revision.
+    """Merge a branch: its changes, as one revision.
 
     Without --yes, nothing is changed: it lists what would change, and the conflicts, with who, when
     and why on both sides. Exits with 1 if a merge would be refused. --at is of the branch.

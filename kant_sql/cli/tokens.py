@@ -19,7 +19,7 @@ class _TokenCommands(CommandGroup):
 
 tokens = typer.Typer(
     cls=_TokenCommands,
-    help="Make and revoke the tokens with which programs read and write over HTTP.",
+    help="Make and revoke the tokens of programs that use HTTP.",
     rich_markup_mode=None,
     add_completion=False,
 )

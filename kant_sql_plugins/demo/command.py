@@ -39,7 +39,7 @@ def demo(
     ] = 0,
     no_browser: Annotated[bool, option("Only print the address.", "--no-browser")] = False,
 ) -> None:
-    """Open a small world in the browser: a story, and a page that guides you through it.
+    """Open a small world in the browser, with a guided page.
 
     Ends with Ctrl-C.
     """

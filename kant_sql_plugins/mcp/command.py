@@ -28,7 +28,7 @@ def mcp(
         str, option("With --write: the actor of all revisions.", "--actor", metavar="NAME")
     ] = "mcp",
 ) -> None:
-    """Answer questions of a program with a language model, over standard input and output.
+    """Answer programs with language models, by standard input.
 
     It speaks the Model Context Protocol: the program starts this command, as its configuration
     says. All tools only read, unless --write says otherwise. Ends when its input does.

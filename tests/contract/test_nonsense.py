@@ -49,7 +49,7 @@ def test_only_errors_of_the_library_come_of_nonsense(
     assert len(found) > 10_000
     # No planner is started: what is wrong is refused before.
     refused = NoPlanError("no planner here", "internal_error")
-    with mock.patch.object(solving, "_run", side_effect=refused):
+    with mock.patch.object(solving, "_race", side_effect=refused):
         for case in sample(found, PROFILE.junk, seed=8):
             calling.call(case)
     assert calling.faults == [], "\n".join(calling.faults)
@@ -140,7 +140,7 @@ def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
                         calling._judge_other(case, error)
                 assert (await asynchronous.store.verify()).is_intact
 
-        with mock.patch.object(solving, "_run", side_effect=NoPlanError("none", "internal_error")):
+        with mock.patch.object(solving, "_race", side_effect=NoPlanError("none", "internal_error")):
             asyncio.run(main())
     assert calling.faults == [], "\n".join(calling.faults)
 
@@ -155,7 +155,7 @@ def test_a_planner_is_given_a_sensible_time(timeout: float, connect: Connect) ->
     kb.load_domain("(define (domain d) (:predicates (p)))")
     kb.load_problem("(define (problem e) (:domain d) (:goal (p)))")
     with (
-        mock.patch.object(solving, "_run", side_effect=AssertionError("a planner was started")),
+        mock.patch.object(solving, "_race", side_effect=AssertionError("a planner was started")),
         pytest.raises(InvalidTimeoutError),
     ):
         kb.plan(timeout=timeout)
