@@ -477,6 +477,8 @@ class ParameterLoader:
             InvalidArgumentError, InvalidUrlError, SchemaError, StoreError: as
                 `DaoFactoryMethod.create_dao_factory`.
         """
+        if not hasattr(node, "has_parameter"):
+            raise InvalidArgumentError(f"{shown(node)} is not a node of rclpy")
 
         def read(name: str, default: str | int) -> object:
             if not node.has_parameter(name):

@@ -457,7 +457,8 @@ class KnowledgeBase(Front):
             ...     print(*kb.merge_preview(trial).changes)
             Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
         """
-        return history.merge.merge_preview(_present_of(self), state_of(branch), decide)
+        other = state_of(expect(branch, KnowledgeBase, "the branch", InvalidArgumentError))
+        return history.merge.merge_preview(_present_of(self), other, decide)
 
     def merge(
         self,
@@ -504,8 +505,9 @@ class KnowledgeBase(Front):
             ...     print(kb.merge(trial).revision)
             2
         """
+        other = state_of(expect(branch, KnowledgeBase, "the branch", InvalidArgumentError))
         own = (decide, reason, actor, expected_revision)
-        return history.merge.merge(_present_of(self), state_of(branch), *own)
+        return history.merge.merge(_present_of(self), other, *own)
 
     @property
     def revision(self) -> int:
