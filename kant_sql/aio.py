@@ -418,6 +418,22 @@ async def _in_a_thread(call: Callable[[], None]) -> None:
     future.result()
 
 
+async def _until_stopped(call: Callable[[], R], stop: Callable[[], object]) -> R:
+    """Run a call in a thread of its own; when cancelled, stop it, and wait for its end."""
+    lane = _Lane()
+    future = lane.submit(call)
+    try:
+        return await asyncio.shield(asyncio.wrap_future(future))
+    except asyncio.CancelledError:
+        stopping = stop()
+        if isawaitable(stopping):
+            await stopping
+        await _finish(future)
+        raise
+    finally:
+        lane.end()
+
+
 class _Transaction(AbstractAsyncContextManager[None]):
     """`async with kb.transaction(...)`: a block in a thread of its own."""
 
@@ -976,16 +992,7 @@ class AsyncKnowledgeBase(_Part):
             self._door.refuse_closed()
             if self._door.has_one_connection:
                 self._door.refuse_inherited()
-            lane = _Lane()
-            future = lane.submit(ask)
-            try:
-                return await asyncio.shield(asyncio.wrap_future(future))
-            except asyncio.CancelledError:
-                await asyncio.to_thread(limit.cancel)
-                await _finish(future)
-                raise
-            finally:
-                lane.end()
+            return await _until_stopped(ask, lambda: asyncio.to_thread(limit.cancel))
 
     async def execute(
         self,
@@ -1030,16 +1037,7 @@ class AsyncKnowledgeBase(_Part):
 
         given = plan, do, stop, timeout, speed, reason
         executive = await self._door.write(lambda: Executive(state_of(self._kb), *given))
-        lane = _Lane()
-        future = lane.submit(executive.run)
-        try:
-            return await asyncio.shield(asyncio.wrap_future(future))
-        except asyncio.CancelledError:
-            executive.give_up()
-            await _finish(future)
-            raise
-        finally:
-            lane.end()
+        return await _until_stopped(executive.run, executive.give_up)
 
     async def watch(self, after: When | None = None, *, timeout: float | None = None) -> int | None:
         """Wait for a new revision, as `KnowledgeBase.watch`.

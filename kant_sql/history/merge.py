@@ -564,9 +564,9 @@ def merge_preview(
     except (ReadOnlyError, ReplicaError, StaleRevisionError):
         # Nothing can be written here, so nothing is tried.
         pass
-    except (InvalidArgumentError, KantSqlError) as error:
-        if isinstance(error, InvalidArgumentError):
-            raise
+    except InvalidArgumentError:
+        raise
+    except KantSqlError as error:
         refused = str(error)
     if made is None:
 
