@@ -457,8 +457,9 @@ class KnowledgeBase(Front):
             ...     print(*kb.merge_preview(trial).changes)
             Change(sign='-', kind='fact', text='(robot_at rb1 wp1)')
         """
+        here = _present_of(self)
         other = state_of(expect(branch, KnowledgeBase, "the branch", InvalidArgumentError))
-        return history.merge.merge_preview(_present_of(self), other, decide)
+        return history.merge.merge_preview(here, other, decide)
 
     def merge(
         self,
@@ -505,9 +506,9 @@ class KnowledgeBase(Front):
             ...     print(kb.merge(trial).revision)
             2
         """
+        here = _present_of(self)
         other = state_of(expect(branch, KnowledgeBase, "the branch", InvalidArgumentError))
-        own = (decide, reason, actor, expected_revision)
-        return history.merge.merge(_present_of(self), other, *own)
+        return history.merge.merge(here, other, decide, reason, actor, expected_revision)
 
     @property
     def revision(self) -> int:
