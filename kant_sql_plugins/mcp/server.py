@@ -11,11 +11,14 @@ from urllib.parse import quote
 
 import anyio
 from mcp.server.mcpserver import MCPServer
-from mcp.server.mcpserver.exceptions import ResourceError, ToolError
+from mcp.server.mcpserver.exceptions import ResourceError, ResourceNotFoundError, ToolError
 from mcp.server.mcpserver.resources import ResourceSecurity
 from mcp.server.mcpserver.tools import Tool
 from mcp.server.mcpserver.utilities.func_metadata import FuncMetadata
+from mcp.shared.exceptions import MCPError
 from mcp_types import (
+    INTERNAL_ERROR,
+    INVALID_PARAMS,
     CallToolResult,
     Completion,
     CompletionArgument,
@@ -26,6 +29,7 @@ from mcp_types import (
 from pydantic import ConfigDict, Field, ValidationError
 
 from kant_sql import __version__, history
+from kant_sql.arguments import shown
 from kant_sql.errors import (
     InvalidArgumentError,
     KantSqlError,
@@ -37,10 +41,11 @@ from kant_sql.html import visible
 from kant_sql.json_values import json_value
 from kant_sql.knowledge_base import KnowledgeBase, state_of
 from kant_sql.limits import limited
+from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import MOST_QUESTIONS
 from kant_sql.web.pages import acts, ask, elements, home, overview, plans, revisions, rules
 from kant_sql.web.pages.statistics import statistics
-from kant_sql.web.registry import NO_NUL, past
+from kant_sql.web.registry import NO_NUL, SinceMoment, UntilMoment, past
 from kant_sql.web.stores import MOST_WAITING, STATEMENT_SECONDS, OpenStore
 
 from .questions import QUESTIONS
@@ -79,6 +84,7 @@ Kb = Annotated[
     str | None,
     Field(description="The knowledge base; not needed in a store of one.", pattern=NO_NUL),
 ]
+What = Annotated[str, Field(description="What went wrong, in your words.")]
 READS = ToolAnnotations(read_only_hint=True, idempotent_hint=True, open_world_hint=False)
 
 
@@ -243,7 +249,10 @@ class KantServer(MCPServer[Any]):
             try:
                 return await self._asking.answer(lambda: self._asking.of_kb(kb, question))
             except KantSqlError as error:
-                raise ResourceError(self._asking.store.folders.said(error)) from error
+                # A name or a moment that there is not; else the store is to blame.
+                is_wrong = isinstance(error, LookupError | ValueError)
+                kind = ResourceNotFoundError if is_wrong else ResourceError
+                raise kind(self._asking.store.folders.said(error)) from error
 
         kind = "Facts, goals and values, a line each" if part == "state" else f"The {part} as PDDL"
         said = f"{kind}; `at` is a revision or a time."
@@ -251,11 +260,11 @@ class KantServer(MCPServer[Any]):
 
     async def list_resources(self) -> list[Resource]:
         """List the parts of the first knowledge bases; the others are found by the templates."""
-        names = await self._asking.answer(
-            lambda: self._asking.store.read_catalog(lambda one: one.first_names(MOST_LISTED))
-        )
+        names = await self._read_catalog(lambda one: one.first_names(MOST_LISTED))
         return [
-            Resource(uri=f"kant-sql://{quote(name, safe='')}/{part}", name=part)
+            Resource(
+                uri=f"kant-sql://{quote(name, safe='')}/{part}", name=part, mime_type="text/plain"
+            )
             for name in names
             for part in _PARTS
         ]
@@ -266,10 +275,29 @@ class KantServer(MCPServer[Any]):
         """Complete the name of a knowledge base."""
         if argument.name != "kb":
             return None
-        found, has_more = await self._asking.answer(
-            lambda: self._asking.store.read_catalog(lambda one: one.overview(part=argument.value))
-        )
+        found, has_more = await self._read_catalog(lambda one: one.overview(part=argument.value))
         return Completion(values=[one.name for one in found], has_more=has_more)
+
+    async def _read_catalog(self, read: Callable[[Catalog], T]) -> T:
+        store = self._asking.store
+        try:
+            return await self._asking.answer(lambda: store.read_catalog(read))
+        except KantSqlError as error:
+            raise MCPError(INTERNAL_ERROR, store.folders.said(error)) from error
+
+    async def get_prompt(
+        self, name: str, arguments: dict[str, Any] | None = None, *others: Any, **options: Any
+    ) -> Any:
+        """Write a prompt; the SDK does not say which names there are."""
+        prompts = {one.name: one.arguments or () for one in await self.list_prompts()}
+        if name not in prompts:
+            said = f"there is no prompt {shown(name)}; these are: {', '.join(prompts)}"
+            raise MCPError(INVALID_PARAMS, said)
+        known = [one.name for one in prompts[name]]
+        for unknown in {*(arguments or ())} - {*known}:
+            said = f"{name} has no argument {shown(unknown)}; its arguments are: {', '.join(known)}"
+            raise MCPError(INVALID_PARAMS, said)
+        return await super().get_prompt(name, arguments, *others, **options)
 
 
 def _read_part(write: Callable[[KnowledgeBase], str], at: str | None, kb: KnowledgeBase) -> str:
@@ -284,7 +312,9 @@ def _read_part(write: Callable[[KnowledgeBase], str], at: str | None, kb: Knowle
     return text
 
 
-def incident(what: str = "", since: str = "", until: str = "", kb: str = "") -> str:
+def incident(
+    what: What = "", since: SinceMoment = None, until: UntilMoment = None, kb: Kb = None
+) -> str:
     """Find out what went wrong, when, why, and who said so, with evidence for each step."""
     asked = {"what": what, "since": since, "until": until, "kb": kb}
     given = json.dumps({name: text for name, text in asked.items() if text})

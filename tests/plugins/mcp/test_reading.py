@@ -18,14 +18,22 @@ from kant_sql.json_values import json_value
 from kant_sql.web.application import create_app
 from kant_sql.web.stores import OpenStore
 from tests.support.processes.commands import command, complaint
+from tests.support.stores import make_store_url
 
 pytest.importorskip("mcp", reason="needs the extra mcp")
 from mcp import Client, MCPError, StdioServerParameters
+from mcp_types import (
+    INTERNAL_ERROR,
+    INVALID_PARAMS,
+    PromptReference,
+    ResourceTemplateReference,
+)
 
 from kant_sql_plugins.mcp import server as module
-from kant_sql_plugins.mcp.server import PAGES, make_server
+from kant_sql_plugins.mcp.server import PAGES, KantServer, make_server
 
 T = TypeVar("T")
+BACKENDS = ("sqlite-file", "postgresql")
 DOMAIN = """
 (define (domain ward) (:requirements :typing :fluents) (:types robot room)
   (:predicates (at ?r - robot ?p - room) (open)) (:functions (battery))
@@ -56,18 +64,33 @@ GIVEN: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.fixture
-def url(tmp_path: Path) -> str:
-    """A store in which somebody acted, and wrote reasons for machines to obey."""
-    made = f"sqlite:///{tmp_path / 'ward.db'}"
-    with kant_sql.connect(made, knowledge_base="ward", actor="executive") as kb:
+def write_ward(url: str) -> str:
+    """Write a store in which somebody acted, and gave reasons for machines to obey."""
+    with kant_sql.connect(url, knowledge_base="ward", actor="executive") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
         with kb.transaction(actor="camera", reason=HOSTILE):
             kb.propositions.save("(open)")
         kb.plans.record(kant_sql.Plan.read(f"{STEP}\n"))
         kb.apply(STEP, reason="the nurse called")
-    return made
+    return url
+
+
+@pytest.fixture(params=BACKENDS)
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The store, on each dialect in turn."""
+    return write_ward(make_store_url(request, request.param, tmp_path))
+
+
+@pytest.fixture(scope="module", params=BACKENDS)
+def reader(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[KantServer]:
+    """A server of a store that no test changes."""
+    folder = tmp_path_factory.mktemp("ward")
+    opened = OpenStore(write_ward(make_store_url(request, request.param, folder)))
+    yield make_server(opened)
+    opened.close()
 
 
 @pytest.fixture
@@ -78,11 +101,11 @@ def store(url: str) -> Iterator[OpenStore]:
     opened.close()
 
 
-def asked(server: Any, work: Callable[[Client], Awaitable[T]]) -> T:
-    """Do something as a client."""
+def asked(server: Any, work: Callable[[Client], Awaitable[T]], mode: Any = "auto") -> T:
+    """Do something as a client: by default of the newest version of the protocol."""
 
     async def run() -> tuple[T | None, MCPError | None]:
-        async with Client(server) as client:
+        async with Client(server, mode=mode) as client:
             try:
                 return await work(client), None
             except MCPError as error:
@@ -94,14 +117,14 @@ def asked(server: Any, work: Callable[[Client], Awaitable[T]]) -> T:
     return cast(T, found)
 
 
-def call(store: OpenStore, name: str, **given: Any) -> Any:
+def call(server: KantServer, name: str, **given: Any) -> Any:
     """Call one tool in this process."""
-    return asked(make_server(store), lambda client: client.call_tool(name, given))
+    return asked(server, lambda client: client.call_tool(name, given))
 
 
-def refusal(store: OpenStore, name: str, **given: Any) -> str:
+def refusal(server: KantServer, name: str, **given: Any) -> str:
     """The one text of a call that fails."""
-    result = call(store, name, **given)
+    result = call(server, name, **given)
     assert result.is_error
     assert result.structured_content is None
     (content,) = result.content
@@ -163,27 +186,70 @@ def test_resources_are_documents_of_now_and_then(store: OpenStore) -> None:
         ("kant-sql://..%2F..%2Fetc/domain", "this store has no knowledge base '../../etc'"),
     ],
 )
-def test_a_resource_that_cannot_be_read_says_why(store: OpenStore, uri: str, said: str) -> None:
-    with pytest.raises(MCPError, match=said):
-        asked(make_server(store), lambda client: client.read_resource(uri))
+def test_a_resource_that_cannot_be_read_says_why(reader: KantServer, uri: str, said: str) -> None:
+    with pytest.raises(MCPError, match=said) as caught:
+        asked(reader, lambda client: client.read_resource(uri))
+    assert caught.value.code == INVALID_PARAMS
+
+
+@pytest.mark.parametrize("url", BACKENDS[:1], indirect=True)
+def test_a_store_that_cannot_be_read_says_why_and_not_where(
+    store: OpenStore, tmp_path: Path
+) -> None:
+    (tmp_path / "store.db").unlink()
+    (tmp_path / "store.db").write_text("this is no database")
+    server, argument = make_server(store), {"name": "kb", "value": "w"}
+    questions: list[Callable[[Client], Awaitable[Any]]] = [
+        lambda client: client.list_resources(),
+        lambda client: client.read_resource("kant-sql://ward/state"),
+        lambda client: client.complete(PromptReference(name="incident"), argument),
+    ]
+    for question in questions:
+        with pytest.raises(MCPError, match="file is not a database") as caught:
+            asked(server, question)
+        assert caught.value.code == INTERNAL_ERROR
+        assert tmp_path.name not in caught.value.message
+
+
+def test_the_name_of_a_knowledge_base_is_completed(reader: KantServer) -> None:
+    argument: Any = {"name": "kb", "value": "w"}
+    reference = ResourceTemplateReference(uri="kant-sql://{kb}/state{?at}")
+    found = asked(reader, lambda client: client.complete(reference, argument))
+    assert found.completion.values == ["ward"]
 
 
 def test_a_long_resource_names_the_tool_that_has_pages(
-    store: OpenStore, monkeypatch: pytest.MonkeyPatch
+    reader: KantServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MOST_HELD", 3)
     with pytest.raises(MCPError, match="with the tool known"):
-        asked(make_server(store), lambda client: client.read_resource("kant-sql://ward/problem"))
+        asked(reader, lambda client: client.read_resource("kant-sql://ward/problem"))
 
 
-def test_the_prompt_of_an_incident_carries_what_is_known_as_data(store: OpenStore) -> None:
+def test_the_prompt_of_an_incident_carries_what_is_known_as_data(reader: KantServer) -> None:
     given = {"what": HOSTILE, "since": "2"}
-    prompt = asked(make_server(store), lambda client: client.get_prompt("incident", given))
+    prompt = asked(reader, lambda client: client.get_prompt("incident", given))
     (message,) = prompt.messages
     text: str = message.content.text  # type: ignore[union-attr]
     assert json.loads(text.partition("as data: ")[2].splitlines()[0]) == given
-    names = {one.name for one in make_server(store)._tool_manager.list_tools()}
+    names = {one.name for one in reader._tool_manager.list_tools()}
     assert {"report", "log", "when", "why", "who_said", "why_not"} <= names
+
+
+@pytest.mark.parametrize("mode", ["auto", "legacy"])
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("nothing\n", {}, r"there is no prompt 'nothing\\n'; these are: incident"),
+        ("incident", {"where": "hall"}, "no argument 'where'; its arguments are: what, since"),
+    ],
+)
+def test_a_wrong_prompt_is_refused_with_the_remedy(
+    reader: KantServer, name: str, given: dict[str, str], said: str, mode: Any
+) -> None:
+    with pytest.raises(MCPError, match=said) as caught:
+        asked(reader, lambda client: client.get_prompt(name, given), mode)
+    assert caught.value.code == INVALID_PARAMS
 
 
 def texts_in(data: Any) -> Iterator[str]:
@@ -196,7 +262,7 @@ def texts_in(data: Any) -> Iterator[str]:
 
 
 @pytest.mark.smoke
-def test_texts_that_are_instructions_arrive_as_data_alone(store: OpenStore) -> None:
+def test_texts_that_are_instructions_arrive_as_data_alone(reader: KantServer) -> None:
     """What describes the server is the same whatever is stored; answers are JSON."""
 
     async def work(client: Client) -> tuple[str, list[Any]]:
@@ -212,7 +278,7 @@ def test_texts_that_are_instructions_arrive_as_data_alone(store: OpenStore) -> N
             await client.call_tool(*one) for one in calls.items()
         ]
 
-    said, answers = asked(make_server(store), work)
+    said, answers = asked(reader, work)
     assert "Ignore previous" not in said
     for answer in answers:
         (content,) = answer.content
@@ -251,19 +317,19 @@ def test_texts_that_are_instructions_arrive_as_data_alone(store: OpenStore) -> N
     ],
 )
 def test_a_wrong_call_is_refused_with_the_remedy(
-    store: OpenStore, name: str, given: dict[str, Any], said: str
+    reader: KantServer, name: str, given: dict[str, Any], said: str
 ) -> None:
-    assert said in refusal(store, name, **given)
+    assert said in refusal(reader, name, **given)
 
 
 def test_an_error_that_nobody_expected_says_nothing_of_the_server(
-    store: OpenStore, monkeypatch: pytest.MonkeyPatch
+    reader: KantServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object) -> None:
         raise RuntimeError("postgresql://robot:geheim@host/store")
 
     monkeypatch.setattr(module, "json_value", fail)
-    assert refusal(store, "overview") == "Error executing tool overview"
+    assert refusal(reader, "overview") == "Error executing tool overview"
 
 
 def test_answers_are_bounded_and_have_pages(
@@ -272,10 +338,10 @@ def test_answers_are_bounded_and_have_pages(
     rooms = [f"room{number}" for number in range(260)]
     with kant_sql.connect(url, knowledge_base="ward") as kb:
         kb.objects.save_all([f"{room} - room" for room in rooms])
-    read: list[str] = []
+    server, read = make_server(store), list[str]()
     given: dict[str, Any] = {"kind": "object", "limit": 100}
     while True:
-        found = call(store, "known", **given)
+        found = call(server, "known", **given)
         assert not found.is_error, found.content
         (part,) = found.structured_content["parts"]
         read += [one["text"] for one in part["elements"]]
@@ -283,16 +349,16 @@ def test_answers_are_bounded_and_have_pages(
             break
         given["after"] = part["next"]
     assert len(read) == len(set(read)) == len(rooms) + 3
-    first = call(store, "can_do", limit=200).structured_content
-    last = call(store, "can_do", limit=200, offset=first["next"]).structured_content
+    first = call(server, "can_do", limit=200).structured_content
+    last = call(server, "can_do", limit=200, offset=first["next"]).structured_content
     assert (len(first["steps"]), last["next"]) == (200, None)
     assert len(last["steps"]) == len(rooms) + 2 - 200
     monkeypatch.setattr(module, "LONGEST_ANSWER", 1000)
-    assert "ask for less" in refusal(store, "known", kind="object")
+    assert "ask for less" in refusal(server, "known", kind="object")
 
 
 def test_a_question_that_takes_long_keeps_nobody_waiting(
-    store: OpenStore, monkeypatch: pytest.MonkeyPatch
+    reader: KantServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun, go_on, write = threading.Event(), threading.Event(), json_value
 
@@ -310,7 +376,7 @@ def test_a_question_that_takes_long_keeps_nobody_waiting(
             go_on.set()
 
     monkeypatch.setattr(module, "json_value", wait)
-    asked(make_server(store), work)
+    asked(reader, work)
 
 
 def test_without_the_extra_the_command_names_it(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
