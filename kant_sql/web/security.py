@@ -26,6 +26,7 @@ TOKEN_COOKIE = "kant_sql_token"
 LOGIN = "/token"
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 _LONGEST_FORM = 10_000
+_WRONG = "its token is not the one of this server"
 # No inline script or style, nothing from elsewhere, in no other page's frame.
 POLICY = "; ".join(
     (
@@ -151,6 +152,15 @@ def _bearer(headers: Headers) -> str | None:
     return given.strip() if scheme.lower() == "bearer" else None
 
 
+def _given(headers: Headers) -> str:
+    """Return the token of a request's header, or else of its cookie."""
+    given = _bearer(headers)
+    # `SimpleCookie` raises for what other servers of this machine may have named theirs.
+    return (
+        cookie_parser(headers.get("cookie", "")).get(TOKEN_COOKIE, "") if given is None else given
+    )
+
+
 def log_refusal(scope: Scope, status: int, why: str) -> None:
     """Log who was refused what, and why; never the token."""
     token: Token | None = scope.get("token")
@@ -230,22 +240,16 @@ class Guard:
             return None
         if scope["path"] == LOGIN and scope["method"] == "POST":
             return await self._log_in(Request(scope, receive))
-        if self._has_token(headers) or scope["path"].startswith("/static/"):
+        given = _given(headers)
+        if self._is_token(given) or scope["path"].startswith("/static/"):
             return None
+        log_refusal(scope, 401, _WRONG if given else "it gave no token")
         return self._ask_for_token(scope)
 
     def _is_known(self, name: str) -> bool:
         if name in self._hosts:
             return True
         return is_loopback(name) if self._is_loopback else _is_address(name)
-
-    def _has_token(self, headers: Headers) -> bool:
-        given = _bearer(headers)
-        if given is not None:
-            return self._is_token(given)
-        # `SimpleCookie` raises for what other servers of this machine may have named theirs.
-        cookies = cookie_parser(headers.get("cookie", ""))
-        return self._is_token(cookies.get(TOKEN_COOKIE, ""))
 
     def _is_token(self, given: str) -> bool:
         return self._token is not None and hmac.compare_digest(given.encode(), self._token)
@@ -260,6 +264,7 @@ class Guard:
         form = parse_qs(body.decode("utf-8", "replace"), keep_blank_values=True)
         given, target = form.get("token", [""])[0], form.get("next", ["/"])[0]
         if not self._is_token(given):
+            log_refusal(request.scope, 401, _WRONG)
             return _token_page(target, wrong=True)
         # Only an address of this server: `//other` and `/\other` would be another one's.
         is_own = target.startswith("/") and target[1:2] not in ("/", "\\")

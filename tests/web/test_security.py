@@ -73,11 +73,30 @@ def test_a_server_for_others_knows_addresses_and_its_names(
 @pytest.mark.parametrize(
     "given", ["", "Bearer", "Bearer wrong", f"Basic {TOKEN}", f"Bearer {TOKEN}x"]
 )
-def test_without_the_token_nothing_is_read(guarded: TestClient, given: str) -> None:
+def test_without_the_token_nothing_is_read_and_each_refusal_is_logged(
+    guarded: TestClient, given: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    why = "its token is not the one" if given.startswith("Bearer ") else "it gave no token"
     for path in ("/", "/api/", "/revision?kb=courier&number=1", "/api/openapi.json", "/nothing"):
+        caplog.clear()
         answer = guarded.get(path, headers={"authorization": given})
         assert answer.status_code == 401
         assert "courier</" not in answer.text
+        (said,) = [one.getMessage() for one in caplog.records if one.name == "kant_sql.web"]
+        refused = f"refused GET {path.partition('?')[0]} to nobody at testclient: 401, {why}"
+        assert said.startswith(refused)
+        assert TOKEN not in said
+
+
+def test_a_wrong_token_of_the_page_is_logged_and_not_written(
+    guarded: TestClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    guarded.cookies.set(TOKEN_COOKIE, f"{TOKEN}x")
+    assert guarded.get("/").status_code == 401
+    assert guarded.post("/token", data={"token": f"{TOKEN}x", "next": "/"}).status_code == 401
+    said = [one.getMessage() for one in caplog.records if one.name == "kant_sql.web"]
+    assert [one.split(" to ")[0] for one in said] == ["refused GET /", "refused POST /token"]
+    assert not any(TOKEN in one for one in said)
 
 
 def test_the_token_is_taken_once_and_leads_back(guarded: TestClient) -> None:
