@@ -14,6 +14,7 @@ from .common import (
     Until,
     Url,
     json_lines,
+    most,
     open_to_read,
     option,
     parse_optional,
@@ -32,9 +33,7 @@ OUTCOMES = ("running", *_STYLES)
 def acts(
     url: Url,
     kb: Name = None,
-    limit: Annotated[
-        int | None, option("Show only the N newest.", "--limit", "-n", metavar="N", min=1)
-    ] = None,
+    limit: Annotated[int | None, most("Show only the N newest.")] = None,
     since: Since = None,
     until: Until = None,
     actor: Annotated[
@@ -85,9 +84,7 @@ def statistics(
             metavar="WORD",
         ),
     ] = None,
-    limit: Annotated[
-        int | None, option("Show only the N largest groups.", "--limit", "-n", metavar="N", min=1)
-    ] = None,
+    limit: Annotated[int | None, most("Show only the N largest groups.")] = None,
     since: Since = None,
     until: Until = None,
     actor: Annotated[

@@ -26,6 +26,7 @@ from .common import (
     Valid,
     ask_state,
     json_lines,
+    most,
     open_state,
     open_to_read,
     option,
@@ -70,9 +71,7 @@ def query(
     valid: Valid = None,
     parameters: _Parameters = None,
     fix: Fixed = None,
-    limit: Annotated[
-        int | None, option("Show only the first N.", "--limit", "-n", metavar="N", min=0)
-    ] = None,
+    limit: Annotated[int | None, most("Show only the first N.", 0)] = None,
     sql: Annotated[
         bool, option("Write the SQL statement with its values instead.", "--sql")
     ] = False,

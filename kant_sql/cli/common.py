@@ -67,6 +67,11 @@ def seconds(help_: str) -> typer.models.OptionInfo:
     return option(help_, metavar="SECONDS", min=0, callback=check)
 
 
+def most(help_: str, least: int = 1) -> typer.models.OptionInfo:
+    """Describe the option for how many are shown."""
+    return option(help_, "--limit", "-n", metavar="N", min=least)
+
+
 def json_lines(noun: str) -> typer.models.OptionInfo:
     """Describe the option for one JSON document per line."""
     return option(f"JSON Lines: one document per {noun}.", JSON_OPTION)
@@ -440,6 +445,12 @@ class CommandGroup(TyperGroup):
         for command in (self, *self.commands.values()):
             _name_arguments(command)
         self.commands = LaterCommands(self.commands, self.functions, self.plugins)
+
+
+def command_group(plugins: str, help_: str) -> typer.Typer:
+    """Make a command of several, which those of a group of entry points join."""
+    group = type("_Group", (CommandGroup,), {"plugins": Plugins(plugins)})
+    return typer.Typer(cls=group, help=help_, rich_markup_mode=None, add_completion=False)
 
 
 def _make(name: str, function: Callable[..., object] | typer.Typer) -> Any:

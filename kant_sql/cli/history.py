@@ -26,6 +26,7 @@ from .common import (
     Url,
     json_lines,
     leaving_nothing,
+    most,
     open_state,
     open_to_read,
     option,
@@ -118,9 +119,7 @@ _OfElement = Annotated[
 def log(
     url: Url,
     kb: Name = None,
-    limit: Annotated[
-        int | None, option("Show only the N newest.", "--limit", "-n", metavar="N", min=1)
-    ] = None,
+    limit: Annotated[int | None, most("Show only the N newest.")] = None,
     since: Since = None,
     until: Until = None,
     actor: _OfActor = None,
@@ -232,9 +231,7 @@ def corrections(
     kb: Name = None,
     since: Since = None,
     until: Until = None,
-    limit: Annotated[
-        int | None, option("Show at most N corrections.", "--limit", "-n", metavar="N", min=1)
-    ] = None,
+    limit: Annotated[int | None, most("Show at most N corrections.")] = None,
     as_json: Annotated[bool, json_lines("correction")] = False,
 ) -> None:
     """Show what was later said differently of a time."""
@@ -255,7 +252,7 @@ def corrections(
 
 
 _Depth = Annotated[int, option("Follow so many links.", "--depth", metavar="N", min=1)]
-_Most = Annotated[int, option("Show at most N links.", "--limit", "-n", metavar="N", min=1)]
+_Most = Annotated[int, most("Show at most N links.")]
 _LinkLines = Annotated[bool, json_lines("link")]
 
 

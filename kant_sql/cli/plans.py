@@ -23,6 +23,7 @@ from .common import (
     Valid,
     ask_state,
     json_lines,
+    most,
     open_state,
     open_to_read,
     option,
@@ -306,9 +307,7 @@ def applicable(
     at: At = None,
     valid: Valid = None,
     fix: Fixed = None,
-    limit: Annotated[
-        int | None, option("Show only the first N.", "--limit", "-n", metavar="N", min=0)
-    ] = None,
+    limit: Annotated[int | None, most("Show only the first N.", 0)] = None,
     as_json: Annotated[bool, json_lines("step")] = False,
 ) -> None:
     """List the steps that you can execute in a state.

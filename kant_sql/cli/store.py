@@ -12,19 +12,18 @@ import typer
 
 from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
-from ..plugins import Plugins
 from .common import (
     DEFAULT_NAME,
     JSON_OPTION,
     Actor,
     AsJson,
     Clock,
-    CommandGroup,
     Name,
     Reason,
     Since,
     Until,
     Url,
+    command_group,
     leaving_nothing,
     open_to_read,
     option,
@@ -45,16 +44,7 @@ if TYPE_CHECKING:
 _NAMES_SHOWN = 10
 
 
-class _DbCommands(CommandGroup):
-    plugins = Plugins("kant_sql.commands.db")
-
-
-db = typer.Typer(
-    cls=_DbCommands,
-    help="Create, migrate and check the tables.",
-    rich_markup_mode=None,
-    add_completion=False,
-)
+db = command_group("kant_sql.commands.db", "Create, migrate and check the tables.")
 
 
 @db.command()

@@ -8,20 +8,11 @@ from typing import Annotated
 
 import typer
 
-from ..plugins import Plugins
-from .common import AsJson, CommandGroup, option
+from .common import AsJson, command_group, option
 from .output import Printer, write_json
 
-
-class _TokenCommands(CommandGroup):
-    plugins = Plugins("kant_sql.commands.tokens")
-
-
-tokens = typer.Typer(
-    cls=_TokenCommands,
-    help="Make and revoke the tokens of programs that use HTTP.",
-    rich_markup_mode=None,
-    add_completion=False,
+tokens = command_group(
+    "kant_sql.commands.tokens", "Make and revoke the tokens of programs that use HTTP."
 )
 
 TokensPath = Annotated[

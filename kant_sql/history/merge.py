@@ -58,7 +58,7 @@ logger = logging.getLogger("kant_sql.history")
 # What is part of a state, and so is merged; a formula's kind is its section.
 _MERGED = {*KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
 _SOURCE = cast(RevisionRow.source, Text)
-# Canonical JSON sorts its keys: `_source` begins so.
+# Canonical JSON sorts its keys: the source of a merge begins so.
 _MERGES = Query(
     select(RevisionRow.number, _SOURCE)
     .where(
@@ -114,15 +114,6 @@ class _Side(NamedTuple):
     definitions: Definitions
     sayings: list[tuple[int, str]]  # what was said of periods, with the revisions
 
-    def mentions(self, key: Key, text: str, known: Mapping[Key, Any]) -> set[Key]:
-        """Return what an element mentions."""
-        return mentions_of(key, text, known.get(key), self.definitions)
-
-    def defined(self) -> dict[Key, Any]:
-        """Return the definitions by their keys."""
-        kinds = ((kind, one) for kind in KINDS for one in self.definitions.elements(kind))
-        return {key_of(kind, one): one for kind, one in kinds}
-
 
 def _read_side(
     session: Session, kb_id: int, definitions: Definitions, low: int, high: int, split: int
@@ -152,16 +143,6 @@ class _Branch(NamedTuple):
     base: int  # that revision, or the one of the last merge here
     merged: int  # its own revision then
     merges: list[tuple[int, int, str]]  # all merges of branches of its name
-
-    @property
-    def source(self) -> dict[str, str | int]:
-        """The source of the revision that merges it."""
-        return {
-            "base": self.base,
-            "branch": self.name,
-            "hash": self.hash,
-            "revision": self.head,
-        }
 
 
 def _find(state: State, branch: State) -> _Branch:
@@ -246,8 +227,12 @@ class _Comparison:
     """The two sides of a merge, and what follows from decisions."""
 
     def __init__(self, branch: _Branch, ours: _Side, theirs: _Side) -> None:
-        self._branch = branch
-        self._ours, self._theirs = ours, theirs
+        self._sides: dict[str, _Side] = {OURS: ours, THEIRS: theirs}
+        # Definitions that others can mention, and those that only one side has.
+        traces = (*ours.traces, *theirs.traces)
+        self._mentioned = {key for key in traces if key[0] in MENTIONED}
+        texts = ((key, self.text(OURS, key), self.text(THEIRS, key)) for key in self._mentioned)
+        self._deleted = {key for key, own, other in texts if (own is None) != (other is None)}
         # What is taken over from the branch.
         self.brought: set[Key] = set()
         # What is in conflict, with those that use it, and on which side they are.
@@ -265,8 +250,8 @@ class _Comparison:
 
     def text(self, side: str, key: Key) -> str | None:
         """Return what a side says of an element that one of them has changed."""
-        traces = self._ours.traces, self._theirs.traces
-        own, other = traces if side == OURS else traces[::-1]
+        own = self._sides[side].traces
+        other = self._sides[THEIRS if side == OURS else OURS].traces
         return own[key].now if key in own else other[key].before
 
     def _agree(self, key: Key) -> bool:
@@ -275,27 +260,25 @@ class _Comparison:
     @property
     def is_mixed(self) -> bool:
         """Whether a definition has changed that the other side may rely on."""
-        for key in (*self._ours.traces, *self._theirs.traces):
-            if key[0] in MENTIONED:
-                traces = self._theirs.traces.get(key), self._ours.traces.get(key)
-                texts = {each.before for each in traces if each is not None}
-                texts |= {self.text(OURS, key), self.text(THEIRS, key)}
-                if len(texts - {None}) > 1:
-                    return True
+        for key in self._mentioned:
+            texts = {self.text(side, key) for side in self._sides}
+            texts |= {one.traces[key].before for one in self._sides.values() if key in one.traces}
+            if len(texts - {None}) > 1:
+                return True
         return False
 
     def _find_used(self) -> None:
         """Find what one side has deleted and the other uses, also if a decision is that it does."""
-        deleted, is_done = self._deleted(), False
+        is_done = False
         while not is_done:
             is_done = True
-            for key in deleted:
+            for key in self._deleted:
                 side = self._owner(key)
                 if self._is_on(side, key) and key not in self.conflicts:
                     continue
                 users = [
                     each
-                    for each in self._users(side, key, deleted)
+                    for each in self._users(side, key)
                     if each in self.conflicts or self._is_on(side, each)
                 ]
                 if users and self.conflicts.get(key) != (side, users):
@@ -306,18 +289,16 @@ class _Comparison:
     def decide(self, decided: Mapping[Key, str]) -> None:
         """Take over what was decided so; what is open stays as it is here."""
         settled = {key: decided.get(key, OURS) for key in self.conflicts}
-        found, deleted = settled, self._deleted()
+        found = settled
         while found:
             for key, side in found.items():
                 (self.brought.add if side == THEIRS else self.brought.discard)(key)
             found = {}
-            for key in deleted & settled.keys():
+            for key in self._deleted & settled.keys():
                 side = self._owner(key)
                 if not self._is_on(side, key):
                     # What uses it goes with it.
-                    users = [
-                        one for one in self._users(side, key, deleted) if self._is_on(side, one)
-                    ]
+                    users = [one for one in self._users(side, key) if self._is_on(side, one)]
                     if key in decided:
                         self._refuse_opposite(key, users, decided)
                     found |= dict.fromkeys(users, settled[key])
@@ -336,29 +317,23 @@ class _Comparison:
                     "alike"
                 )
 
-    def _deleted(self) -> set[Key]:
-        """Find what only one side has deleted, or only one has."""
-        keys = {key for key in (*self._ours.traces, *self._theirs.traces) if key[0] in MENTIONED}
-        return {
-            key
-            for key in keys
-            if (self.text(OURS, key) is None) != (self.text(THEIRS, key) is None)
-        }
-
     def _is_on(self, side: str, key: Key) -> bool:
         """Return whether the result has an element as a side has it, unlike the other."""
         is_brought = key in self.brought
         return is_brought == (side == THEIRS) and self.text(side, key) is not None
 
-    def _users(self, side: str, key: Key, deleted: set[Key]) -> list[Key]:
+    def _users(self, side: str, key: Key) -> list[Key]:
         """Return what a side has changed that mentions something of which the other has nothing."""
         if side not in self._uses:
-            own = self._ours if side == OURS else self._theirs
-            known, uses = own.defined(), dict[Key, list[Key]]()
-            for user in own.traces:
+            traces, definitions, _ = self._sides[side]
+            kinds = ((kind, one) for kind in KINDS for one in definitions.elements(kind))
+            known = {key_of(kind, one): one for kind, one in kinds}
+            uses: dict[Key, list[Key]] = {}
+            for user in traces:
                 text = self.text(side, user)
                 if text is not None and not self._agree(user):
-                    for each in own.mentions(user, text, known) & deleted:
+                    mentioned = mentions_of(user, text, known.get(user), definitions)
+                    for each in mentioned & self._deleted:
                         uses.setdefault(each, []).append(user)
             self._uses[side] = uses
         return self._uses[side].get(key, [])
@@ -377,27 +352,27 @@ class _Comparison:
 
     def element(self, key: Key) -> str:
         """Return what an element is decided by."""
-        trace = self._theirs.traces.get(key) or self._ours.traces[key]
+        trace = self._sides[THEIRS].traces.get(key) or self._sides[OURS].traces[key]
         return f"{key[0]} {trace.name}".strip()
 
     def numbers(self, side: str) -> set[int]:
         """Return the revisions by which a side changed what is in conflict."""
-        own = self._ours if side == OURS else self._theirs
-        return {own.traces[key].last for key in self.conflicts if key in own.traces}
+        traces = self._sides[side].traces
+        return {traces[key].last for key in self.conflicts if key in traces}
 
     def side(self, side: str, key: Key, revisions: Mapping[int, Revision]) -> MergeSide:
         """Describe one side of a conflict."""
-        own = self._ours if side == OURS else self._theirs
-        trace = own.traces.get(key)
+        traces = self._sides[side].traces
+        trace = traces.get(key)
         by, users = self.conflicts[key]
-        used = [f"{one[0]} {own.traces[one].name}" for one in users] if by == side else []
+        used = [f"{one[0]} {traces[one].name}" for one in users] if by == side else []
         revision = None if trace is None else revisions.get(trace.last)
         return MergeSide(self.text(side, key), revision, tuple(sorted(used)))
 
     def base(self, key: Key) -> str | None:
         """Return what an element was in the base."""
-        own = self._theirs.traces.get(key)
-        return self._ours.traces[key].before if own is None else own.then
+        own = self._sides[THEIRS].traces.get(key)
+        return self._sides[OURS].traces[key].before if own is None else own.then
 
 
 def _same(key: Key, one: str | None, other: str | None) -> bool:
@@ -591,9 +566,8 @@ def merge(
     merging = _Merging(state, branch, decide)
     found, store = merging.branch, state.store
     why = f"merged {found.name} at revision {found.head}" if reason is None else reason
-    with store.transaction(
-        actor, why, found.source, expected_revision=expected_revision
-    ) as transaction:
+    source = {"base": found.base, "branch": found.name, "hash": found.hash, "revision": found.head}
+    with store.transaction(actor, why, source, expected_revision=expected_revision) as transaction:
         made = merging.write(transaction)
     committed = transaction.committed
     number = None if committed is None else committed.number
