@@ -309,13 +309,18 @@ class Attempt:
 
     def _keep_first_valid(self, plans: Iterator[Plan]) -> None:
         refused = None
-        for plan in plans:
-            judged = self._judge(plan)
-            if judged.is_valid:
-                self.plan, self.cost, self._said = plan, judged.cost, judged.text
-                return
-            refused = refused or f"{plan.engine} answered with what is not valid: {judged.text}"
-        raise NoPlanError(f"{refused}; {WAYS_OUT}", "invalid_plan")
+        try:
+            for plan in plans:
+                judged = self._judge(plan)
+                if judged.is_valid:
+                    self.plan, self.cost, self._said = plan, judged.cost, judged.text
+                    return
+                self._failures[plan.engine] = INVALID
+                refused = refused or f"{plan.engine} answered with what is not valid: {judged.text}"
+        except KantSqlError:
+            if refused is None:
+                raise
+        raise NoPlanError(f"{refused}; {WAYS_OUT}", INVALID)
 
     def _answers(self, folder: str) -> Iterator[Plan]:
         """Yield the plans of the engine, the best first."""
@@ -340,8 +345,11 @@ class Attempt:
         if first is not None:
             yield first
             yield from found
-            return
-        yield self._by_unified_planning(folder)
+        while first is None or task.engine is None:
+            first = self._by_unified_planning(folder)
+            if self._failures.get(first.engine) == INVALID:
+                return
+            yield first
 
     def _by_unified_planning(self, folder: str) -> Plan:
         require_unified_planning()
@@ -350,6 +358,7 @@ class Attempt:
         longest = None if left == float("inf") else max(left, 0.0)
         asked = self._task._replace(timeout=longest, failures=self._failures)
         task.write_bytes(pickle.dumps(asked))
+        result.unlink(missing_ok=True)
         words = [sys.executable, "-m", f"{__package__}.worker", folder]
         ended = self.process.run(words, folder, time.monotonic() + left, self.memory)
         if not result.exists():
@@ -424,6 +433,7 @@ def _chosen(attempts: Sequence[Attempt]) -> Plan:
 
 
 FINAL = "unsolvable_proven", "timeout"
+INVALID = "invalid_plan"
 # What of several failures says most.
 _TELLING = ("unsolvable_proven", "timeout", "memout", "unsolvable_incompletely", "internal_error")
 # The seconds for improving a plan. A plan that forgoes all soft goals is found at once.

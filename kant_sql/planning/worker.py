@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 import os
 import pickle
+import re
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -27,7 +29,7 @@ from .commands import FAST_DOWNWARD, INVARIANTS, MISREAD, WAYS_OUT, ask_fast_dow
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 from .plan import Plan, PlanStep
 from .processes import PlannerProcess
-from .solving import IMPROVING_SECONDS, Task, absent, unsupported
+from .solving import IMPROVING_SECONDS, INVALID, Task, absent, unsupported
 from .to_up import convert, convert_whole
 
 if TYPE_CHECKING:
@@ -97,6 +99,10 @@ REMOVALS = (
 )
 
 
+# What a compilation keeps as it is, though compilers do not list it.
+_UNTOUCHED = {"UNDEFINED_INITIAL_NUMERIC"}
+
+
 @dataclass(frozen=True)
 class EngineProblem:
     """A problem as an engine receives it."""
@@ -126,6 +132,7 @@ def form_for(
     """Compile a problem until an engine supports it; None if that is impossible."""
     from unified_planning.engines import CompilationKind
     from unified_planning.exceptions import UPException
+    from unified_planning.model import ProblemKind
 
     for name, features in REMOVALS:
         missing = missing_features(form.problem, engine, environment)
@@ -135,10 +142,13 @@ def form_for(
             continue
         if "CONDITIONAL_EFFECTS" in features and conditional_effects(form.problem) > most_effects:
             return None
+        kind = form.problem.kind
         try:
             with environment.factory.Compiler(
-                problem_kind=form.problem.kind, compilation_kind=CompilationKind[name]
+                problem_kind=ProblemKind(kind.features - _UNTOUCHED, version=kind.version),
+                compilation_kind=CompilationKind[name],
             ) as compiler:
+                compiler.skip_checks = True
                 made = compiler.compile(form.problem, CompilationKind[name])
         except UPException:
             return None
@@ -198,6 +208,20 @@ def forms(
 _PLACES = 6
 
 
+def _mend_grounder() -> None:
+    """Apply static conditions one by one: unified-planning 1.3 fails if two exclude one object."""
+    from unified_planning.engines.compilers.grounder import GrounderHelper
+
+    purge = GrounderHelper._purge_items_list
+
+    def mended(self: GrounderHelper, items_list: Any, params: Any, conds: Any) -> Any:
+        for condition in conds:
+            items_list = purge(self, items_list, params, [condition])
+        return items_list
+
+    GrounderHelper._purge_items_list = mended
+
+
 def _end_with_error(planner: Any, name: str) -> None:
     """End the results of a planner that fails in the thread that runs it: nothing else would."""
     from unified_planning.engines import PlanGenerationResult, PlanGenerationResultStatus
@@ -224,6 +248,7 @@ class Search:
         self._task, self._started = task, time.monotonic()
         self._environment: Environment = get_environment()
         self._environment.credits_stream = None
+        _mend_grounder()
         self._environment.factory.add_engine(
             "trajectory-constraints-remover",
             "unified_planning.engines.compilers.trajectory_constraints_remover",
@@ -291,8 +316,9 @@ class Search:
 
     def _ask_fast_downward(self, variant: Variant) -> Plan | None:
         """Give Fast Downward a variant as it is, if it reads it."""
-        if variant.problem is self._task.problem:
-            return None  # It was asked before this process.
+        is_asked = variant.problem is self._task.problem  # It was asked before this process.
+        if is_asked or self._failures.get(FAST_DOWNWARD) == INVALID:
+            return None
         left = self._remaining()
         improving = min(IMPROVING_SECONDS, left / 2) if variant.improves else 0
         if improving and not self._task.strict:
@@ -320,8 +346,9 @@ class Search:
     def _suitable(self, variant: Variant, engine: str | None) -> Iterator[str]:
         """Yield engines that support a variant."""
         for form, name in self._choices(variant, engine):
-            if form_for(form, name, self._environment) is not None:
-                yield name
+            with suppress(Exception):
+                if form_for(form, name, self._environment) is not None:
+                    yield name
 
     def _note_fallbacks(self, name: str) -> None:
         failed = ", ".join(f"{e}: {why}" for e, why in self._failures.items() if e != name)
@@ -348,10 +375,16 @@ class Search:
         return context.problem
 
     def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
-        made = form_for(form, name, self._environment, variant.most_effects)
+        try:
+            made = form_for(form, name, self._environment, variant.most_effects)
+        except Exception as error:  # a compiler may fail in any way; the next engine is tried
+            self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
+            return None
         if made is None:
             missing = missing_features(form.problem, name, self._environment)
-            self._missing.setdefault(name, missing)
+            # What is left when all is compiled away that can be, of the form that lacks least.
+            missing = missing.difference(*(features for _, features in REMOVALS)) or missing
+            self._missing[name] = min(self._missing.get(name, missing), missing, key=len)
             return None
         try:
             result = self._result(name, made.problem, variant.improves)
@@ -359,7 +392,7 @@ class Search:
             self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
             return None
         if result.plan is None:
-            self._failures[name] = _status(name, result.status.name.lower())
+            self._failures[name] = _failure(name, result)
             return None
         plan = result.plan
         for back in made.back:
@@ -446,11 +479,20 @@ def _planners(installed: list[str], environment: Environment) -> list[str]:
     return [name for name in installed if environment.factory.engine(name).is_oneshot_planner()]
 
 
-def _status(engine: str, status: str) -> str:
-    # ENHSP also reports this when it gives up or cannot read the problem.
-    if engine == "enhsp" and status == "unsolvable_proven":
-        return "unsolvable_incompletely"
-    return status
+_JAVA_ERROR = re.compile(r"(?:\w+\.)+(\w*(?:Exception|Error)\b.*)")
+
+
+def _failure(engine: str, result: PlanGenerationResult) -> str:
+    """Return the status of a result without a plan."""
+    status: str = result.status.name.lower()
+    if not engine.startswith("enhsp"):
+        return status
+    said = "".join(message.message for message in result.log_messages or ())
+    if error := _JAVA_ERROR.search(said):
+        status = "memout" if error[1].startswith("OutOfMemory") else "internal_error"
+        return f"{status} ({error[1]})"
+    # It also reports this when it gives up or cannot read the problem.
+    return "unsolvable_incompletely" if status == "unsolvable_proven" else status
 
 
 def _decimal(value: Fraction | None) -> Decimal | None:

@@ -19,7 +19,7 @@ from kant_sql.errors import PlannerMissingError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
-from kant_sql.planning import Plan, PlanStep, solve, to_unified_planning
+from kant_sql.planning import Judged, Plan, PlanStep, solve, to_unified_planning
 
 pytest.importorskip("unified_planning")
 
@@ -356,6 +356,85 @@ def test_an_engine_that_does_not_suit() -> None:
         assert advice in str(caught.value)
     assert "Plan.read(text)" in str(caught.value)
     assert "kb.branch()" in str(caught.value)
+
+
+@pytest.mark.usefixtures("quick_start")
+def test_only_what_no_compilation_removes_is_called_unknown() -> None:
+    given = documents(
+        TAKE_TIME.replace("(path ?a ?b))", "(path ?a ?b))\n(at start (not (at ?r ?b)))"),
+        functions="(:functions (length ?a ?b - wp))",
+        init="(= (length a b) 4) (= (length b c) 2)",
+    )
+    with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
+        solve_pair(given, engine="pyperplan", timeout=60)
+    assert "negative_conditions" not in str(caught.value)
+
+
+@pytest.mark.usefixtures("quick_start")
+def test_quantifiers_are_compiled_away_though_a_number_has_no_value_yet() -> None:
+    given = documents(
+        """
+        (:durative-action walk :parameters (?r - robot ?a ?b - wp)
+          :duration (= ?duration 3)
+          :condition (and (at start (at ?r ?a)) (at start (path ?a ?b)) (at start (forall
+            (?w - wp) (imply (at ?r ?w) (path ?w ?b)))))
+          :effect (and (at start (not (at ?r ?a))) (at end (at ?r ?b))
+            (at end (assign (stops) 1))))
+        """,
+        functions="(:functions (stops))",
+    )
+    plan = solve_pair(given, engine="aries", timeout=60)
+    assert [step.arguments for step in plan.steps] == [("rb", "a", "b"), ("rb", "b", "c")]
+
+
+@pytest.mark.usefixtures("quick_start")
+@pytest.mark.parametrize(
+    ("said", "status"),
+    [
+        ("java.lang.RuntimeException: This can't be possible", "internal_error"),
+        ("java.lang.OutOfMemoryError: Java heap space", "memout"),
+        ("Unsolvable Problem", "unsolvable_incompletely"),
+    ],
+)
+def test_a_crash_of_enhsp_is_not_taken_for_its_answer(
+    said: str, status: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    java = tmp_path / "java"
+    java.write_text(f'#!/bin/sh\necho "{said}" >&2\n')
+    java.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    with pytest.raises(NoPlanError, match=rf"enhsp: {status}") as caught:
+        solve_pair(documents(), engine="enhsp", timeout=60)
+    assert caught.value.status == status
+
+
+@pytest.mark.usefixtures("quick_start")
+def test_constraints_are_compiled_away_where_two_static_conditions_exclude_one_object() -> None:
+    given = documents(
+        predicates="(open ?w - wp) (lit ?w - wp)",
+        precondition="(open ?b) (lit ?b)",
+        init="(open b) (lit b) (open c) (lit c)",
+        more="(:constraints (sometime (at rb b)))",
+    )
+    assert solve_pair(given, engine="fast-downward", timeout=60).steps == STEPS
+
+
+@pytest.mark.usefixtures("quick_start")
+def test_another_engine_is_asked_where_a_plan_is_not_valid() -> None:
+    asked: list[str] = []
+
+    def judge(plan: Plan) -> Judged:
+        asked.append(plan.engine)
+        return Judged(plan.engine == "pyperplan", "step 0 fails")
+
+    domain, problem = documents()
+    assert solve(domain, problem=problem, timeout=60, judge=judge).steps == STEPS
+    assert asked == ["fast-downward", "pyperplan"]
+    with pytest.raises(NoPlanError, match=r"fast-downward answered with .* step 0 fails") as caught:
+        solve(domain, problem=problem, engine="fast-downward", timeout=60, judge=judge)
+    assert caught.value.status == "invalid_plan"
+    with pytest.raises(NoPlanError, match=r"fast-downward answered with .* never"):
+        solve(domain, problem=problem, timeout=60, judge=lambda plan: Judged(False, "never"))
 
 
 @pytest.mark.more
