@@ -17,7 +17,7 @@ MORE_FOLDERS = {
     *("benchmarks", "browser", "corpus", "meaning", "operation", "plugins", "pooler"),
 }
 MAIN = re.compile(r"(sqlite(-file|-memory)?|postgresql)( .*)?")
-OTHER = re.compile(r"aio-.*|citus|extra-\d+")
+OTHER = re.compile(r"aio-.*|http-.*|citus|extra-\d+")
 
 
 def in_make_test(items: Sequence[pytest.Item]) -> set[pytest.Item]:

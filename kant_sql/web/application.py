@@ -22,8 +22,11 @@ from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
 from .. import __version__
+from ..dao_calls import DAO_PATH, LONGEST_BODY
 from ..errors import InvalidArgumentError, KantSqlError
+from ..json_values import JsonValue, json_value
 from ..plugins import Plugins
+from .dao_routes import reading
 from .description import describe
 from .live import LiveHub, live
 from .pages import TOPICS
@@ -32,7 +35,7 @@ from .rendering import STATIC, render
 from .security import TOKEN_VARIABLE, Guard, Programs, allowed_hosts, is_loopback
 from .stores import OpenStore
 from .tokens import TokenFile
-from .writing import LONGEST_BODY, MOST_WRITERS, WRITES
+from .writing import MOST_WRITERS, WRITES
 
 logger = logging.getLogger("kant_sql.web")
 
@@ -117,6 +120,7 @@ def create_app(
         app.include_router(pages.api)
         app.include_router(pages.html)
     app.include_router(live)
+    app.include_router(reading)
     app.state.writing = writing
     if writing is not None:
         app.include_router(WRITES.api)
@@ -138,7 +142,8 @@ def _answer_errors(app: FastAPI) -> None:
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, KantSqlError)
         said = app.state.store.folders.said(error)
-        return _error(request, status_of(error), said, type(error).__name__)
+        details = json_value(vars(error)) if request.url.path == DAO_PATH else None
+        return _error(request, status_of(error), said, type(error).__name__, details)
 
     async def wrong(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
@@ -162,9 +167,12 @@ def _answer_errors(app: FastAPI) -> None:
     app.add_exception_handler(Exception, broken)
 
 
-def _error(request: Request, status: int, message: str, kind: str) -> Response:
+def _error(
+    request: Request, status: int, message: str, kind: str, details: JsonValue = None
+) -> Response:
     if request.url.path.startswith(("/api/", "/static/")):
-        return VisibleJson({"error": message, "type": kind}, status)
+        more = {"details": details} if details else {}
+        return VisibleJson({"error": message, "type": kind, **more}, status)
     page = {"status": status, "phrase": HTTPStatus(status).phrase, "message": message}
     return render(request, "error.html", page, request.query_params.get("kb"), status=status)
 

@@ -19,6 +19,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from starlette.exceptions import HTTPException
 
+from ..dao_calls import LONGEST_BODY, MOST_CHANGES
 from ..errors import InvalidArgumentError, StaleRevisionError, StoreError
 from ..history.revisions import Revision
 from ..json_values import json_value
@@ -34,8 +35,6 @@ from .tokens import Token
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
-# Bytes of a request, and changes or elements in it.
-LONGEST_BODY, MOST_CHANGES = 16 << 20, 100_000
 # Writers at the same time, and those that wait for a thread; one more is refused.
 MOST_WRITERS, MOST_WAITING = 8, 64
 # How long a request can be repeated, and how often a server looks for older ones, in seconds.

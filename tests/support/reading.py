@@ -22,7 +22,7 @@ from kant_sql.store.store import Store
 State = dict[str, list[str]]
 
 
-class _SameStore(SqlDaoFactory):
+class SameStore(SqlDaoFactory):
     """A factory on the connections of another one."""
 
     def __init__(self, of: DaoFactory, name: str, actor: str | None) -> None:
@@ -40,7 +40,7 @@ def store_of(kb: KnowledgeBase) -> Store:
 
 def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> KnowledgeBase:
     """Another knowledge base in the same store, even in one in memory, on the same connections."""
-    return KnowledgeBase(_SameStore(kb.store.factory, name, actor))
+    return KnowledgeBase(SameStore(kb.store.factory, name, actor))
 
 
 def state(kb: KnowledgeBase) -> State:

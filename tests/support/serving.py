@@ -9,15 +9,18 @@ from contextlib import contextmanager
 from fastapi import FastAPI
 
 from kant_sql.web.application import make_server
+from kant_sql.web.tokens import TokenFile
 from tests.support.processes.workers import wait_for
 
 PATIENCE = 20.0
 
 
 @contextmanager
-def running(url: str, *, port: int = 0, pages: object = None) -> Iterator[str]:
+def running(
+    url: str, *, port: int = 0, pages: object = None, tokens: TokenFile | None = None
+) -> Iterator[str]:
     """Serve a store, with further pages, until the block ends; give the address."""
-    server, _ = make_server(url, port=port)
+    server, _ = make_server(url, port=port, tokens=tokens)
     app = server.config.app
     assert isinstance(app, FastAPI)
     if pages is not None:

@@ -193,8 +193,8 @@ def test_a_family_that_nobody_has_is_refused_naming_those_that_there_are() -> No
     with pytest.raises(InvalidUrlError) as caught:
         create_dao_factory("oracle://host/db")
     assert str(caught.value) == (
-        "oracle: no DAO family supports this URL; choose one of: duckdb, impostor, "
-        "postgresql, sqlite"
+        "oracle: no DAO family supports this URL; choose one of: duckdb, http, "
+        "https, impostor, postgresql, sqlite"
     )
 
 

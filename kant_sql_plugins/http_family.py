@@ -1,0 +1,351 @@
+"""The DAO family of `http://` and `https://`: the DAOs of a server, `kant-sql serve`.
+
+What a write returns is asked for until there is an answer, under one `Idempotency-Key`: it is
+written once.
+"""
+
+from __future__ import annotations
+
+import http.client
+import inspect
+import ipaddress
+import json
+import os
+import secrets
+import time
+from abc import update_abstractmethods
+from collections.abc import Callable, Iterable
+from decimal import Decimal
+from functools import wraps
+from itertools import islice
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
+
+from typing_extensions import override
+
+from kant_sql import dao_calls, errors
+from kant_sql.arguments import is_many, iterate, shown
+from kant_sql.errors import InvalidArgumentError, InvalidUrlError, KantSqlError, StoreError
+from kant_sql.factory import DaoFactory, daos_only
+from kant_sql.knowledge.canonical import make_metadata
+from kant_sql.knowledge.sayings import COMMITTED
+from kant_sql.knowledge_base import KnowledgeBase, PddlParts
+from kant_sql.plans import PlanDao
+
+TOKEN_VARIABLE = "KANT_SQL_TOKEN"
+TIMEOUT = 60.0
+# Seconds before each repetition of what had no answer.
+PAUSES = (0.0, 0.1, 0.5, 2.0)
+_URL = "https://:TOKEN@HOST:PORT/KNOWLEDGE_BASE"
+_OPTIONS = ("timeout", "insecure")
+# What takes any iterable.
+_BULK = {"save_all", "delete_all", "confirm"}
+
+
+class _Place(NamedTuple):
+    """Where a server is, and what it is told: all that a URL says."""
+
+    is_secure: bool
+    host: str
+    port: int | None
+    folder: str
+    name: str
+    token: str | None
+    timeout: float
+
+    @property
+    def address(self) -> str:
+        """The URL without the token."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        port = "" if self.port is None else f":{self.port}"
+        return f"http{'s' * self.is_secure}://{host}{port}{self.folder}"
+
+
+def _place_of(url: str, knowledge_base: str) -> _Place:
+    # `family_of` has read it: a port is a number. No message has a part of the URL with the token.
+    parts = urlsplit(url)
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    if not options.keys() <= {*_OPTIONS} or parts.fragment:
+        raise InvalidUrlError(f"a URL of a server has the options {' and '.join(_OPTIONS)} only")
+    if not parts.hostname or parts.username:
+        raise InvalidUrlError(f"this is not the URL of a server; write {_URL}")
+    timeout = options.get("timeout", str(TIMEOUT))
+    if not timeout.replace(".", "", 1).isdecimal() or not float(timeout):
+        raise InvalidUrlError("timeout is a number of seconds, more than 0")
+    folder, _, last = parts.path.rpartition("/")
+    name = unquote(last) or knowledge_base
+    if knowledge_base not in ("default", name):
+        raise InvalidUrlError(
+            f"the URL names the knowledge base {shown(name)}, and knowledge_base is "
+            f"{shown(knowledge_base)}; leave one of them out"
+        )
+    given = os.environ.get(TOKEN_VARIABLE) if parts.password is None else unquote(parts.password)
+    token, is_secure = given or None, parts.scheme.lower() == "https"
+    if token is not None and not (token.isascii() and token.isprintable()):
+        raise InvalidUrlError("the token has characters that HTTP headers cannot carry")
+    host, insecure = parts.hostname, options.get("insecure") == "1"
+    if token is not None and not (is_secure or insecure or _is_loopback(host)):
+        raise InvalidUrlError(
+            f"http://{host} would carry the token in the clear; use https://, or add ?insecure=1 on"
+            " a network that you trust"
+        )
+    return _Place(is_secure, host, parts.port, folder, name, token, float(timeout))
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class _BrokenError(Exception):
+    """There was no whole answer; `is_sent` says whether the request may have arrived."""
+
+    def __init__(self, error: Exception, is_sent: bool) -> None:
+        super().__init__(str(error) or type(error).__name__)
+        self.is_sent = is_sent
+
+
+class _Link:
+    """Sends requests over connections that threads take turns on."""
+
+    def __init__(self, place: _Place) -> None:
+        self.place = place
+        self.is_closed = False
+        self._idle: list[http.client.HTTPConnection] = []
+
+    def close(self) -> None:
+        self.is_closed = True
+        self._drop()
+
+    def _drop(self) -> None:
+        while self._idle:
+            self._idle.pop().close()
+
+    def get(self, **query: str) -> Any:
+        """Ask what reads."""
+        return self._repeat("GET", urlencode({"kb": self.place.name, **query}), None, {})
+
+    def post(self, call: dict[str, object]) -> Any:
+        """Write once."""
+        body = json.dumps(call).encode()
+        if len(body) > dao_calls.LONGEST_BODY:
+            raise InvalidArgumentError(
+                f"the call has {len(body):,} bytes as JSON, more than {dao_calls.LONGEST_BODY:,}; "
+                "write it in several"
+            )
+        headers = {"Content-Type": "application/json", "Idempotency-Key": secrets.token_hex(16)}
+        return self._repeat("POST", urlencode({"kb": self.place.name}), body, headers)
+
+    def _repeat(self, method: str, query: str, body: bytes | None, headers: dict[str, str]) -> Any:
+        target, is_sent = f"{quote(self.place.folder)}{dao_calls.DAO_PATH}?{query}", False
+        if self.place.token is not None:
+            headers = {**headers, "Authorization": f"Bearer {self.place.token}"}
+        for pause in (*PAUSES, None):
+            if self.is_closed:
+                raise errors.ClosedError("this knowledge base was closed; connect again")
+            try:
+                status, text = self._send(method, target, body, headers)
+                return self._understood(status, text, body is not None)
+            except _BrokenError as error:
+                # The others are as old.
+                self._drop()
+                broken, is_sent = error, is_sent or error.is_sent
+            if pause is not None:
+                time.sleep(pause)
+        address = self.place.address
+        if not is_sent:
+            raise errors.StoreUnreachableError(
+                f"{address}: no connection ({broken}); nothing was written"
+            )
+        if body is None:
+            raise errors.ConnectionLostError(f"{address}: no answer ({broken}); try again")
+        raise errors.OutcomeUnknownError(
+            f"{address}: no answer to a write ({broken}): whether it was written is not known; "
+            "read what holds before you write it again"
+        )
+
+    def _send(
+        self, method: str, target: str, body: bytes | None, headers: dict[str, str]
+    ) -> tuple[int, bytes]:
+        is_sent = False
+        connection = self._idle.pop() if self._idle else self._open()
+        try:
+            if connection.sock is None:
+                connection.connect()
+            is_sent = True
+            connection.request(method, target, body, headers)
+            with connection.getresponse() as answer:
+                if answer.length is None and not answer.chunked:
+                    # Cut within its head, an answer may seem to be whole, and empty.
+                    raise http.client.HTTPException("the answer has no length")
+                text = answer.read()
+        except (OSError, http.client.HTTPException) as error:
+            connection.close()
+            raise _BrokenError(error, is_sent) from error
+        self._idle.append(connection)
+        if self.is_closed:
+            self._drop()
+        return answer.status, text
+
+    def _open(self) -> http.client.HTTPConnection:
+        place = self.place
+        kind = http.client.HTTPSConnection if place.is_secure else http.client.HTTPConnection
+        return kind(place.host, place.port, timeout=place.timeout)
+
+    def _understood(self, status: int, text: bytes, writes: bool) -> Any:
+        """Read an answer, or raise the error that it is."""
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            found = None
+        if status == 200 and isinstance(found, dict):
+            return found
+        address = self.place.address
+        said, kind = (found.get("error"), found.get("type")) if isinstance(found, dict) else (0, 0)
+        if not isinstance(said, str):
+            said = shown(errors.printable(text[:200].decode("utf-8", "replace")), 200)
+        if status in (401, 403) and kind in (0, "RefusedError"):
+            raise errors.AuthenticationError(f"{address}: {said}")
+        if status in (429, 503) and kind in (0, "HTTPException"):
+            raise errors.StoreBusyError(f"{address}: {said}")
+        made = getattr(errors, kind, None) if isinstance(kind, str) else None
+        if isinstance(made, type) and issubclass(made, KantSqlError):
+            raise _error(made, said, found.get("details"))
+        if writes and status in (404, 405):
+            raise errors.ReadOnlyStoreError(
+                f"{address} takes no writes; start it with: kant-sql serve --write"
+            )
+        raise StoreError(
+            f"{address} answers {status}, as no server of this version of kant_sql does: {said}"
+        )
+
+
+def _error(made: type[KantSqlError], message: str, details: object) -> KantSqlError:
+    error = made.__new__(made, message)
+    error.args = (message,)
+    for name, value in details.items() if isinstance(details, dict) else ():
+        error.__dict__[name] = tuple(value) if isinstance(value, list) else value
+    return error
+
+
+class _HttpDao:
+    """A DAO of a server."""
+
+    def __init__(self, factory: HttpDaoFactory) -> None:
+        self._factory = factory
+
+
+class HttpDaoFactory(DaoFactory):
+    """The family over HTTP: the DAOs of a server, with a token."""
+
+    @override
+    def __init__(
+        self,
+        url: str,
+        *,
+        knowledge_base: str = "default",
+        actor: str | None = None,
+        read_only: bool = False,
+        clock: str = COMMITTED,
+    ) -> None:
+        make_metadata(actor, None, None)
+        if clock != COMMITTED:
+            raise daos_only(self, "clocks")
+        self._is_read_only = read_only
+        self._link = _Link(_place_of(url, knowledge_base))
+        self.name, self.address = self._link.place.name, self._link.place.address
+        try:
+            own = self._link.get().get("actor")
+            if actor is not None and own is not None and actor != own:
+                raise InvalidArgumentError(
+                    f"the token writes as {shown(own)}, not as {shown(actor)}; leave out actor, or "
+                    "get a token of this actor by 'kant-sql tokens add'"
+                )
+        except BaseException:
+            self._link.close()
+            raise
+
+    @property
+    @override
+    def label(self) -> str:  # type: ignore[override]
+        return f"{self.name!r} of {self.address}{', closed' * self._link.is_closed}"
+
+    @property
+    @override
+    def revision(self) -> int:
+        return int(self._link.get()["revision"])
+
+    @override
+    def close(self) -> None:
+        self._link.close()
+
+    def call(self, kind: str, do: str, arguments: dict[str, Any]) -> Any:
+        """Call a method of a DAO of the server."""
+        if dao_calls.is_read(do):
+            given = json.dumps(dao_calls.document(arguments))
+            answer = self._link.get(kind=kind, do=do, arguments=given)
+            try:
+                return dao_calls.read(answer)
+            except (InvalidArgumentError, errors.InvalidKnowledgeError) as error:
+                raise self._unreadable() from error
+        if self._is_read_only:
+            raise errors.ReadOnlyError(
+                f"{self.label} was opened for reading only; connect without it"
+            )
+        if do in _BULK:
+            arguments = {name: _listed(value, do) for name, value in arguments.items()}
+        answer = self._link.post(
+            {"kind": kind, "do": do, "arguments": dao_calls.document(arguments)}
+        )
+        match answer.get("results"):
+            case [bool() | int() as result]:
+                return result
+            case [str() as number]:
+                return Decimal(number)
+        raise self._unreadable()
+
+    def _unreadable(self) -> StoreError:
+        return StoreError(f"{self.address}: the answer is none of this version of kant_sql")
+
+    @override
+    def create_plan_dao(self) -> PlanDao:
+        raise daos_only(self, "plans")
+
+
+def _listed(value: Any, do: str) -> Any:
+    """Make a list of any iterable, which one request takes to the server."""
+    if is_many(value) or isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        return value
+    given = [*islice(iterate(value, f"what {do} takes"), dao_calls.MOST_CHANGES + 1)]
+    if len(given) > dao_calls.MOST_CHANGES:
+        raise InvalidArgumentError(
+            f"{do} takes up to {dao_calls.MOST_CHANGES:,} elements over HTTP; call it several times"
+        )
+    return given
+
+
+def _forwarded(kind: str, interface: type, do: str) -> Callable[..., Any]:
+    method = getattr(interface, do)
+    signature = inspect.signature(method)
+
+    @wraps(method)
+    def forward(self: _HttpDao, *args: Any, **kwargs: Any) -> Any:
+        given = signature.bind(self, *args, **kwargs).arguments
+        return self._factory.call(kind, do, {name: given[name] for name in [*given][1:]})
+
+    forward.__isabstractmethod__ = False  # type: ignore[attr-defined]
+    return forward
+
+
+def _creator(kind: str, interface: Any) -> Callable[[HttpDaoFactory], Any]:
+    own = {do: _forwarded(kind, interface, do) for do in interface.__abstractmethods__}
+    made = type(f"Http{interface.__name__}", (_HttpDao, interface), own)
+    return lambda factory: made(factory)  # noqa: PLW0108  # a class would not be bound
+
+
+for _kind, _interface in dao_calls.KINDS.items():
+    _front: Any = KnowledgeBase if hasattr(KnowledgeBase, _kind) else PddlParts
+    setattr(HttpDaoFactory, getattr(_front, _kind).func.__name__, _creator(_kind, _interface))
+update_abstractmethods(HttpDaoFactory)  # type: ignore[type-abstract]

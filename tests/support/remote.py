@@ -1,0 +1,67 @@
+"""Knowledge bases whose DAOs are those of a server; all other questions go to its store."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, Never
+
+import pytest
+
+import kant_sql
+from kant_sql import DaoFactory, KnowledgeBase
+from kant_sql.web.tokens import TokenFile
+from tests.support.reading import SameStore
+from tests.support.serving import running
+
+# As the tests of DAOs write.
+ACTOR = "test"
+
+
+class Served(NamedTuple):
+    """A store that a server writes to, and where the server is."""
+
+    url: str
+    address: str
+    tokens: TokenFile
+    secret: str
+
+    def at(self, name: str, secret: str | None = None) -> str:
+        """The URL of a knowledge base, with a token."""
+        return f"{self.address.replace('://', f'://:{secret or self.secret}@')}/{name}"
+
+
+@contextmanager
+def served(url: str, folder: Path) -> Iterator[Served]:
+    """Serve a store, with a token for all of it, until the block ends."""
+    tokens = TokenFile(folder / "tokens.json")
+    secret = tokens.add(ACTOR, ["*"], ["read", "write"])
+    with running(url, tokens=tokens) as address:
+        yield Served(url, address, tokens, secret)
+
+
+class _MixedFactory(SameStore):
+    """The DAOs of a server, on its store; a test that needs what they lack is skipped."""
+
+    remote: DaoFactory
+
+    def transaction(self, **_: Any) -> Never:
+        pytest.skip("DAOs over HTTP have no transactions")
+
+    def at(self, *_: Any, **__: Any) -> Never:
+        pytest.skip("DAOs over HTTP have no past")
+
+    def close(self) -> None:
+        self.remote.close()
+
+
+for _name in DaoFactory.__abstractmethods__ - {"__init__", "create_plan_dao"}:
+    setattr(_MixedFactory, _name, lambda self, name=_name: getattr(self.remote, name)())
+
+
+def beside(server: Served, first: KnowledgeBase, name: str) -> KnowledgeBase:
+    """A knowledge base of a server; `first` is another one of the same store."""
+    mixed = _MixedFactory(first.store.factory, name, ACTOR)
+    mixed.remote = kant_sql.create_dao_factory(server.at(name.replace(" ", "%20")))
+    return KnowledgeBase(mixed)
