@@ -18,6 +18,7 @@ from kant_sql.web.registry import At, moment
 from kant_sql.web.stores import OpenStore
 from kant_sql.web.writing import WriteAnswer, apply, facts, values, write
 
+from .questions import Step
 from .server import Asking, make_tool
 
 T = TypeVar("T")
@@ -39,7 +40,6 @@ Values = Annotated[
     dict[str, int | float | str],
     Field(max_length=MOST_WRITTEN, description="Values by fluents: `{'(battery rb1)': 90}`."),
 ]
-Step = Annotated[str, Field(description="A step, such as `(move rb1 wp1 wp2)`.")]
 BranchName = Annotated[str, Field(min_length=1, description="The name of the new branch.")]
 SAID = {
     "branch": "You write to branches alone: `begin_branch`, then give its name as `kb`. A person "
