@@ -300,7 +300,8 @@ class Search:
                 return None
         if plan is not None:
             return plan
-        tried = {name for name, why in self._failures.items() if why not in MISREAD}
+        failures = self._failures.items()
+        tried = {name for name, why in failures if why.partition(" ")[0] not in MISREAD}
         for form, name in self._choices(variant, self._task.engine):
             if name in tried:
                 continue
@@ -485,14 +486,16 @@ _JAVA_ERROR = re.compile(r"(?:\w+\.)+(\w*(?:Exception|Error)\b.*)")
 def _failure(engine: str, result: PlanGenerationResult) -> str:
     """Return the status of a result without a plan."""
     status: str = result.status.name.lower()
-    if not engine.startswith("enhsp"):
-        return status
-    said = "".join(message.message for message in result.log_messages or ())
-    if error := _JAVA_ERROR.search(said):
-        status = "memout" if error[1].startswith("OutOfMemory") else "internal_error"
-        return f"{status} ({error[1]})"
-    # It also reports this when it gives up or cannot read the problem.
-    return "unsolvable_incompletely" if status == "unsolvable_proven" else status
+    said = "\n".join(message.message for message in result.log_messages or ())
+    if engine.startswith("enhsp"):
+        if error := _JAVA_ERROR.search(said):
+            status = "memout" if error[1].startswith("OutOfMemory") else "internal_error"
+            return f"{status} ({error[1]})"
+        # It also reports this when it gives up or cannot read the problem.
+        return "unsolvable_incompletely" if status == "unsolvable_proven" else status
+    # What is indented is the context, of Python or of aries.
+    lines = [line for line in said.splitlines() if line.strip() and not line[0].isspace()]
+    return f"{status} ({lines[-1][:200]})" if status == "internal_error" and lines else status
 
 
 def _decimal(value: Fraction | None) -> Decimal | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks import sizing
+from tests.benchmarks import engines, sizing
 
 SMALL = {
     "acting": ["--rounds", "2", "--backend", "sqlite"],
@@ -32,6 +32,22 @@ SMALL = {
 def test_a_benchmark_runs(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert importlib.import_module(f"tests.benchmarks.{name}").main(SMALL[name]) == 0
     assert "sqlite" in capsys.readouterr().out
+
+
+def test_engines_are_counted_by_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("unified_planning")
+    for name, condition in (("easy", ""), ("hard", "(b)")):
+        (tmp_path / f"{name}.pddl").write_text(
+            f"(define (domain d) (:predicates (a) (b)) (:action x :parameters () "
+            f":precondition (and {condition}) :effect (a)))"
+        )
+    (tmp_path / "p.pddl").write_text("(define (problem p) (:domain d) (:init) (:goal (a)))")
+    (tmp_path / "list").write_text("# one\neasy.pddl\tp.pddl\n# two\nhard.pddl\tp.pddl\n")
+    engines_run = ["--engines", "fast-downward", "echoes: echo {domain} {problem}"]
+    assert engines.main([str(tmp_path / "list"), *engines_run]) == 0
+    printed = capsys.readouterr().out
+    assert "| one | 1 solved | 1 failed |\n| two | 1 no plan | 1 failed |" in printed
+    assert "| fast-downward | no plan | unsolvable_proven | 1 |" in printed
 
 
 def test_the_needs_of_fleets_in_the_guide_follow_from_what_was_measured() -> None:

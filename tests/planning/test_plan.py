@@ -420,6 +420,17 @@ def test_constraints_are_compiled_away_where_two_static_conditions_exclude_one_o
 
 
 @pytest.mark.usefixtures("quick_start")
+def test_the_error_of_an_engine_has_its_reason() -> None:
+    given = documents(
+        predicates="(lit ?w - wp)",
+        effect="(when (and (lit ?b) (path ?b ?a)) (at ?r ?a))",
+    )
+    with pytest.raises(NoPlanError, match=r"aries: internal_error \(\w+") as caught:
+        solve_pair(given, engine="aries", timeout=60)
+    assert caught.value.status == "internal_error"
+
+
+@pytest.mark.usefixtures("quick_start")
 def test_another_engine_is_asked_where_a_plan_is_not_valid() -> None:
     asked: list[str] = []
 
