@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from .reasoning.failures import FailedCondition as FailedCondition
     from .reasoning.links import CausalLink as CausalLink
     from .reasoning.memory import KnowledgeState as KnowledgeState
+    from .reasoning.replan import PlanOptions as PlanOptions, Replanned as Replanned
     from .reasoning.rules import Verdict as Verdict, Verdicts as Verdicts
     from .reasoning.validate import (
         FailedStep as FailedStep,
@@ -106,6 +107,7 @@ _HOMES = {
     ".reasoning.failures": ["FailedCondition"],
     ".reasoning.links": ["CausalLink"],
     ".reasoning.memory": ["KnowledgeState"],
+    ".reasoning.replan": ["PlanOptions", "Replanned"],
     ".reasoning.rules": ["Verdict", "Verdicts"],
     ".reasoning.validate": ["FailedStep", "Validation", "ViolatedConstraint"],
     ".reasoning.when": ["Held", "HeldPeriods"],

@@ -26,7 +26,17 @@ from contextvars import ContextVar
 from functools import partial, update_wrapper
 from inspect import isawaitable
 from types import MethodType, TracebackType
-from typing import Any, Concatenate, Generic, Literal, ParamSpec, Self, TypeVar, overload
+from typing import (
+    Any,
+    Concatenate,
+    Generic,
+    Literal,
+    ParamSpec,
+    Self,
+    TypeVar,
+    Unpack,
+    overload,
+)
 
 from . import knowledge_base as sync
 from .acts import Execution
@@ -77,9 +87,10 @@ from .knowledge_base import (
 from .limits import PATIENCE, limited
 from .moment_text import When
 from .planning import Plan
-from .plans import PlanDao
+from .plans import PlanDao, RecordedPlan
 from .reasoning.ask import Answers, Binding
 from .reasoning.execute import Dispatch, ExecutedPlan, Executive
+from .reasoning.replan import PlanOptions, Replanned
 from .reasoning.rule_watch import watcher_of
 from .reasoning.rules import Rules, Verdict
 from .reasoning.validate import GivenPlan
@@ -986,6 +997,16 @@ class AsyncKnowledgeBase(_Part):
             memory=memory,
             strict=strict,
         )
+        return await self._search(ask)
+
+    async def replan(
+        self, plan: RecordedPlan | int | None = None, **options: Unpack[PlanOptions]
+    ) -> Replanned:
+        """Keep a plan or find another, as `KnowledgeBase.replan`; cancelled as `plan`."""
+        return await self._search(partial(self._kb.replan, plan, **options))
+
+    async def _search(self, ask: Callable[[], R]) -> R:
+        """Ask planners; when this call is cancelled, they end."""
         with limited() as limit:
             if self._door.own_block() is not None:
                 return await self._door.read(ask)
@@ -1003,6 +1024,7 @@ class AsyncKnowledgeBase(_Part):
         timeout: float | None = 0,
         speed: float = 1,
         reason: str | None = None,
+        replan: PlanOptions | None = None,
     ) -> ExecutedPlan:
         """Execute a plan, as `KnowledgeBase.execute`; `dispatch` may be a coroutine function.
 
@@ -1035,7 +1057,7 @@ class AsyncKnowledgeBase(_Part):
             if cancel is not None:
                 cancel(step)
 
-        given = plan, do, stop, timeout, speed, reason
+        given = plan, do, stop, timeout, speed, reason, replan
         executive = await self._door.write(lambda: Executive(state_of(self._kb), *given))
         return await _until_stopped(executive.run, executive.give_up)
 

@@ -269,6 +269,7 @@ class KnowledgeBase(Front):
     statistics = reviews(lambda: acts.statistics.statistics)
     execute = writes(lambda: reasoning.execute.execute)
     plan = reads(lambda: reasoning.search.plan)
+    replan = writes(lambda: reasoning.replan.replan)
     validate = reads(lambda: reasoning.validate.validate)
     state = reads(lambda: reasoning.memory.state)
     commit = writes(lambda: reasoning.memory.commit)

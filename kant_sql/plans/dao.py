@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from decimal import Decimal
 from functools import partial
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import bindparam, func, select
 from typing_extensions import override
 
 from .. import html
@@ -41,6 +41,7 @@ from ..store.store import Store
 from ..store.transaction import Transaction
 from . import Given, PlanDao, RecordedPlan
 
+_LAST = Query(select(func.max(t.PlanRow.id)).where(t.PlanRow.kb_id == KB))
 # The metric in the text that the library writes.
 _GIVEN_METRIC = re.compile(r"^  \(:metric (.*)\)$", re.MULTILINE)
 
@@ -52,6 +53,16 @@ _KEPT = Query(
 )
 # The stored texts of a plan's domain and problem; None for those that can be written again.
 Kept = tuple[str | None, str | None]
+
+
+def last_plan(store: Store) -> int | None:
+    """Return the id of the plan that was recorded last."""
+
+    def read(view: View) -> int | None:
+        row = None if view.kb_id is None else view.session.first(_LAST, kb=view.kb_id)
+        return None if row is None else row[0]
+
+    return store.read_in_snapshot(read)
 
 
 def _write_given(store: Store, revision: int) -> Given:

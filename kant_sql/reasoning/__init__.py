@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from . import kept_rules as kept_rules
     from . import links as links
     from . import memory as memory
+    from . import replan as replan
     from . import rule_watch as rule_watch
     from . import rules as rules
     from . import search as search

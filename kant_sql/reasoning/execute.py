@@ -31,6 +31,7 @@ from ..errors import (
 )
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import head_revision
+from ..limits import Limit, limited
 from ..plans import RecordedPlan
 from ..plans.dao import SqlPlanDao
 from ..sql.executions import RUNNING, SUCCEEDED, Key
@@ -45,6 +46,7 @@ from .durative import (
     refuse,
 )
 from .failures import FailedCondition
+from .replan import PlanOptions, Remaining, take_over
 from .steps import ground
 from .validate import GivenPlan, read_any_plan
 
@@ -62,22 +64,25 @@ class ExecutedPlan:
         step: the execution that ended it; None if it succeeded, or was cancelled between steps.
         unsatisfied: the conditions of that step that did not hold, each with the revision that
             broke it; none if the step failed by itself.
-        plan: the recorded plan, with the outcomes of its steps.
+        plan: the recorded plan, with the outcomes of its steps; with `replan`, the last one.
+        broken: why each plan before broke, with `replan`.
     """
 
     outcome: Outcome
     step: Execution | None
     unsatisfied: tuple[BrokenInvariant, ...]
     plan: RecordedPlan
+    broken: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         done = sum(step.outcome == SUCCEEDED for step in self.plan.steps)
         said = f"plan {self.plan.id} {self.outcome}, {done} of {len(self.plan.steps)} steps done"
-        if self.step is None:
-            return said
-        why = " ".join(each for each in (self.step.code, self.step.text) if each)
-        broken = [str(each) for each in self.unsatisfied] or [f"{self.step}: {why}".strip(": ")]
-        return "\n".join((said, *(f"  {each}" for each in broken)))
+        lines = [*self.broken, said]
+        if self.step is not None:
+            why = " ".join(each for each in (self.step.code, self.step.text) if each)
+            broken = self.unsatisfied or [f"{self.step}: {why}".strip(": ")]
+            lines += [f"  {each}" for each in broken]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return html.lines(str(self))
@@ -92,6 +97,7 @@ def execute(
     timeout: float | None = 0,
     speed: float = 1,
     reason: str | None = None,
+    replan: PlanOptions | None = None,
 ) -> ExecutedPlan:
     """Execute a plan: call `dispatch(step)` for each step, and record what comes of it.
 
@@ -116,12 +122,17 @@ def execute(
         timeout: the seconds for which a step waits for its condition; None to wait without limit.
         speed: how many time units of the plan pass in a second.
         reason: the reason of all revisions; by default what is done with which step.
+        replan: how to plan again, as arguments of `plan`: `{}`, or `{"engine": "lama"}`. What is
+            left is then validated after each change that touches what it needs, as by
+            `KnowledgeBase.replan`. When it broke, no further step begins; once none runs, the
+            execution goes on with another plan. A step that fails ends it nevertheless.
 
     Returns:
         What came of it, with the step that ended it, and what broke by whom. No error of
         `dispatch` is raised.
 
     Raises:
+        NoPlanError: with `replan`, the plan broke and there is no other; what was done is recorded.
         PlanError: there is no such plan; a step is not one of the domain, or cannot begin, as it
             runs or has failed.
         PddlError: the text is not that of a plan.
@@ -140,7 +151,7 @@ def execute(
         plan 2 refused, 0 of 1 steps done
           (unlock): (not (open)): does not hold, since revision 5 by perception
     """
-    return Executive(state, plan, dispatch, cancel, timeout, speed, reason).run()
+    return Executive(state, plan, dispatch, cancel, timeout, speed, reason, replan).run()
 
 
 class _Said(NamedTuple):
@@ -171,6 +182,7 @@ class Executive:
     timeout: float | None = 0
     speed: float = 1
     reason: str | None = None
+    replan: PlanOptions | None = None
 
     def __post_init__(self) -> None:
         expect(self.dispatch, Callable, "dispatch", InvalidArgumentError)  # type: ignore[arg-type]
@@ -183,12 +195,10 @@ class Executive:
         given = read_any_plan(self.state, self.plan)
         if not isinstance(given, RecordedPlan):
             given = SqlPlanDao(self._store).record(given)
-        self._plan_id = given.id
-        self._left = deque(_steps_left(given))
-        self.size = len(self._left)
-        # A plan that goes on does so at once.
-        is_whole = self.size == len(given.steps)
-        self._first = 0.0 if is_whole or not self._left else float(self._left[0].start or 0)
+        self._take(given)
+        self._replaced: list[str] = []
+        self._why: str | None = None
+        self._planning: Limit | None = None
         self._running: dict[Key, Execution] = {}
         self._dispatched: dict[Key, Execution] = {}
         self._threads: list[threading.Thread] = []
@@ -199,6 +209,17 @@ class Executive:
         self._waits_since: float | None = None
         self._end: tuple[Outcome, Execution | None, tuple[BrokenInvariant, ...]] | None = None
         self._error: Exception | None = None
+
+    def _take(self, plan: RecordedPlan) -> None:
+        """Execute what is left of a plan from now on."""
+        self._plan_id = plan.id
+        self._left = deque(_steps_left(plan))
+        self.size = len(self._left)
+        # A plan that goes on does so at once.
+        is_whole = self.size == len(plan.steps)
+        self._first = 0.0 if is_whole or not self._left else float(self._left[0].start or 0)
+        self._begun = time.monotonic()
+        self._remaining = Remaining(self.state, plan.id)
 
     def run(self) -> ExecutedPlan:
         """Execute the plan, in this thread and one for each step that runs."""
@@ -220,13 +241,21 @@ class Executive:
             thread.join()
         if self._error is not None:
             raise self._error
+        return ExecutedPlan(
+            *(self._end or ("succeeded", None, ())), self._plan(), (*self._replaced,)
+        )
+
+    def _plan(self) -> RecordedPlan:
         plan = SqlPlanDao(self._store).get(self._plan_id)
         assert plan is not None
-        return ExecutedPlan(*(self._end or ("succeeded", None, ())), plan)
+        return plan
 
     def give_up(self) -> None:
         """End the plan: what runs is aborted."""
         self._asked.put(partial(self._stop, None))
+        planning = self._planning
+        if planning is not None:
+            planning.cancel()
 
     def _do_what_is_asked(self) -> None:
         with suppress(Empty):
@@ -256,9 +285,29 @@ class Executive:
         """Look at what runs, begin what can; return whether the plan is over."""
         if self._running and self._end is None:
             self._look_at_running()
+        if self._end is None and self.replan is not None:
+            self._look_ahead(self.replan)
         while self._end is None and self._begins():
             pass
-        return self._end is not None or not (self._left or self._running)
+        return self._end is not None or not (self._left or self._running or self._why)
+
+    def _look_ahead(self, options: PlanOptions) -> None:
+        """Look whether what is left still works; if not, go on with another plan once none runs."""
+        if self._why is None:
+            self._why = self._remaining.look()[0]
+        if self._why is None or self._running:
+            return
+        old, why = self._plan(), self._why
+        try:
+            with limited() as self._planning:
+                made = take_over(self.state, old, why, options)
+        except Exception as error:
+            self._error = error
+            self._stop(None)
+            return
+        self._planning, self._why = None, None
+        self._replaced.append(f"plan {old.id} broke: {why}")
+        self._take(made)
 
     def _look_at_running(self) -> None:
         running = {key_of(step) for step in running_executions(self._store)}
@@ -276,7 +325,9 @@ class Executive:
     def _begins(self) -> bool:
         """Begin the next step if it can begin; else say how long to wait."""
         self._pause = None
-        if not self._left or any(_is_before(one, self._left[0]) for one in self._running.values()):
+        if self._why is not None or not self._left:
+            return False
+        if any(_is_before(one, self._left[0]) for one in self._running.values()):
             return False
         step, now = self._left[0], time.monotonic()
         if step.start is not None:
@@ -287,6 +338,10 @@ class Executive:
         try:
             begun = begin_running(self._store, step, self.reason)
         except (NotApplicableError, RuleViolatedError) as error:
+            if self.replan is not None and self._remaining.look()[0] is not None:
+                # Somebody changed it since we looked.
+                self._pause = 0
+                return False
             self._waits_since = now if self._waits_since is None else self._waits_since
             left = self._waits_since + self._patience - now
             if left > 0:

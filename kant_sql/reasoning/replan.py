@@ -1,0 +1,348 @@
+"""Keeping a plan right while the world changes.
+
+What is left of a plan is validated from the present state when a change touches what it still
+needs: a fact or a fluent that a condition, an effect or the goal reads, or a definition. It is
+planned again only when it broke.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from threading import Lock
+from typing import Literal, TypedDict, Unpack
+from weakref import WeakKeyDictionary
+
+from .. import html
+from ..acts import Execution
+from ..acts.executions import report
+from ..documents.carry import SECTIONS, name_in
+from ..documents.exchange import PlanningTask, read_task
+from ..dto import formulas as f
+from ..dto.lexical import fold
+from ..errors import PlanError
+from ..history.moments import head_revision
+from ..knowledge.definitions import KINDS
+from ..knowledge.grounding import bound, substitute
+from ..pddl.document import DURATIVE_ACTION, Action
+from ..plans import RecordedPlan
+from ..plans.dao import SqlPlanDao, last_plan
+from ..sql.changes import Change, stream_changes
+from ..sql.dialects.base import Session
+from ..sql.executions import RUNNING, SUCCEEDED
+from ..sql.rows import FACT, GOAL, VALUE
+from ..store.state import State
+from ..store.store import Store
+from . import search
+from .validate import Validation, check_validated, read_any_plan, validate_plan
+
+# A fact or a value, its predicate or function, and each argument; None for any object.
+_Need = tuple[str, str, tuple[str | None, ...]]
+_Needs = frozenset[_Need]
+_DEFINING = {*KINDS, *SECTIONS, GOAL}
+
+
+class PlanOptions(TypedDict, total=False):
+    """How to plan: the arguments of `KnowledgeBase.plan`, by name."""
+
+    engine: str | None
+    engines: Iterable[str] | None
+    keep: Literal["first", "best"]
+    costs: Literal["history"] | None
+    timeout: float | None
+    memory: int | None
+    strict: bool
+
+
+@dataclass(frozen=True)
+class Replanned:
+    """A plan to go on with.
+
+    Attributes:
+        plan: the recorded plan: the one that was given, or the new one.
+        broken: why the given plan broke; None if it is kept.
+        is_validated: whether what is left was validated; False if no change since the last call
+            touches what it needs.
+    """
+
+    plan: RecordedPlan
+    broken: str | None
+    is_validated: bool
+
+    def __str__(self) -> str:
+        if self.broken is not None:
+            return f"plan {self.plan.id}, as the one before broke: {self.broken}"
+        how = "is valid" if self.is_validated else "needs nothing that changed"
+        return f"plan {self.plan.id}, what is left of it {how}"
+
+    def _repr_html_(self) -> str:
+        return html.lines(str(self))
+
+
+def replan(
+    state: State, plan: RecordedPlan | int | None = None, **options: Unpack[PlanOptions]
+) -> Replanned:
+    """Keep a plan that still works; else find another one.
+
+    The steps of a recorded plan that have not succeeded are validated from the present state, as
+    `validate` does. If they still reach the goals, the plan is kept. If not, or if a step failed,
+    was aborted or was refused, another plan is found and recorded; the steps of the old one that
+    were not begun are aborted, in the same revision.
+
+    Call it after each change (`watch`): this process remembers what the plan needs, and validates
+    only when a change touches it: a fact or a value that a condition, an effect or the goal reads,
+    a goal, a constraint or a definition. `execute(..., replan={})` does all this for you.
+
+    Args:
+        plan: a recorded plan or its id; None for the last one that was recorded.
+        options: how to plan, as for `plan`.
+
+    Returns:
+        The plan to go on with, and why the old one broke.
+
+    Raises:
+        PlanError: there is no such plan, or it broke while a step of it runs: end or abort that
+            step first.
+        NoPlanError, PlannerMissingError, UnsupportedConstructError: as for `plan`; nothing was
+            written.
+        ReadOnlyError: this is a view of the past.
+
+    Examples:
+        >>> kb.load_domain('''(define (domain doors) (:predicates (open))
+        ...   (:action unlock :parameters () :effect (open)))''').revision
+        2
+        >>> kb.load_problem('''(define (problem enter) (:domain doors)
+        ...   (:init) (:goal (open)))''').revision
+        3
+        >>> plan = kb.plans.record(kb.plan("pyperplan"))
+        >>> print(kb.replan())
+        plan 1, what is left of it is valid
+        >>> kb.propositions.save("(open)")
+        True
+        >>> print(kb.replan(plan))
+        plan 1, what is left of it is valid
+    """
+    store = state.store
+    given = _recorded(state, plan)
+    with _LOCK:
+        kept = _KEPT.setdefault(store, {})
+        remaining = kept.get(given.id) or Remaining(state, given.id)
+        # Plans that came before are over.
+        kept.clear()
+        kept[given.id] = remaining
+    broken, is_validated = remaining.look()
+    if broken is None:
+        return Replanned(given, None, is_validated)
+    runs = [step for step in given.steps if step.outcome == RUNNING]
+    if runs:
+        raise PlanError(
+            f"plan {given.id} broke while {runs[0].place}, {runs[0]}, runs: {broken}; end or abort "
+            "that step, and plan again"
+        )
+    return Replanned(take_over(state, given, broken, options), broken, True)
+
+
+def _recorded(state: State, plan: RecordedPlan | int | None) -> RecordedPlan:
+    """Read a recorded plan as it is now."""
+    number = last_plan(state.store) if plan is None else plan
+    if number is None:
+        raise PlanError(
+            f"knowledge base {state.store.name!r} has no plan; record one with kb.plans.record"
+        )
+    given = read_any_plan(state, number.id if isinstance(number, RecordedPlan) else number)
+    if not isinstance(given, RecordedPlan):
+        raise PlanError("only what is left of a recorded plan is known; see kb.plans.record")
+    return given
+
+
+def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -> RecordedPlan:
+    """Find and record the plan that takes the place of one that broke."""
+    found, dao = search.plan(state, **options), SqlPlanDao(state.store)
+    with state.store.transaction(reason=f"plan {old.id} broke: {why}"):
+        made = dao.record(found)
+        text = f"plan {made.id} took its place"
+        for step in old.steps:
+            if step.outcome is None:
+                report(state, step, outcome="aborted", text=text)
+    return made
+
+
+class Remaining:
+    """What is left of a recorded plan, and up to which revision it is known to work."""
+
+    def __init__(self, state: State, plan_id: int) -> None:
+        self._state, self._plan_id = state, plan_id
+        self._known: int | None = None
+        self._broken: str | None = None
+        self._goal: _Needs = frozenset()
+        self._steps: dict[int | None, _Needs] = {}
+
+    def look(self) -> tuple[str | None, bool]:
+        """Return why the plan broke, if it did, and whether it was validated."""
+        store = self._state.store
+        head = head_revision(store)
+        if self._known is not None and self._known <= head:
+            plan = _recorded(self._state, self._plan_id)
+            if not any(map(_has_ended, plan.steps)) and not self._is_touched(plan, head):
+                self._known = head
+                return self._broken, False
+        plan = _recorded(self._state, self._plan_id)
+        task = read_task(self._state)
+        self._note_needs(task, plan)
+        self._broken = _why_broken(task, plan)
+        # What a transaction has not committed may never be.
+        self._known = task.revision if store.current() is None else None
+        return self._broken, True
+
+    def _is_touched(self, plan: RecordedPlan, head: int) -> bool:
+        """Return whether a change since touches what is needed."""
+        assert self._known is not None
+        left = (self._steps[step.position] for step in plan.steps if step.outcome != SUCCEEDED)
+        needed = defaultdict[tuple[str, str], list[tuple[str | None, ...]]](list)
+        for kind, name, arguments in self._goal.union(*left):
+            needed[kind, name].append(arguments)
+        low = self._known + 1
+
+        def read(session: Session, kb_id: int | None) -> bool:
+            assert kb_id is not None
+            changes = stream_changes(session, kb_id, low, head)
+            return any(_touches(change, needed) for _, change in changes)
+
+        return low <= head and self._state.store.query_in_snapshot(read)
+
+    def _note_needs(self, task: PlanningTask, plan: RecordedPlan) -> None:
+        """Find what the goal and each step that is left read."""
+        rules = defaultdict[str, list[f.Node]](list)
+        for rule in task.domain.derived:
+            rules[fold(rule.predicate)].append(rule.formula)
+        actions = {fold(one.name): one for one in task.domain.actions}
+        problem = task.problem
+        conditions = (*problem.goal, *problem.constraints, *task.domain.constraints)
+        self._goal = _needs(conditions, rules)
+        self._steps = {}
+        for step in plan.steps:
+            action = actions.get(fold(step.action))
+            needs: _Needs = frozenset()
+            if action is not None and len(action.parameters) == len(step.arguments):
+                names = bound(action.parameters, step.arguments)
+                read = (*action.duration, *action.condition, *_read_by(action.effect))
+                needs = _needs((substitute(one, names) for one in read), rules)
+            self._steps[step.position] = needs
+
+
+_KEPT: WeakKeyDictionary[Store, dict[int, Remaining]] = WeakKeyDictionary()
+_LOCK = Lock()
+
+
+def _read_by(effects: Iterable[f.Node]) -> Iterator[f.Node]:
+    """Yield what effects read: their conditions, and the fluents that give their values."""
+    stack = [*effects]
+    while stack:
+        part = stack.pop()
+        if isinstance(part, f.When):
+            yield part.condition
+            stack.append(part.effect)
+        elif isinstance(part, f.Assign):
+            yield part.value
+            yield from part.fluent.terms if part.operator == "assign" else (part.fluent,)
+        elif isinstance(part, f.Atom):
+            yield from part.terms
+        else:
+            stack += f.children(part)
+
+
+def _needs(read: Iterable[f.Node], rules: dict[str, list[f.Node]]) -> _Needs:
+    """Return the facts and fluents that nodes read, through derived predicates too."""
+    found, followed, stack = set[_Need](), set[str](), [*read]
+    while stack:
+        for part in f.walk(stack.pop()):
+            if isinstance(part, f.Atom):
+                name = fold(part.predicate)
+                found.add((FACT, name, _arguments(part.terms)))
+                if name in rules and name not in followed:
+                    followed.add(name)
+                    stack += rules[name]
+            elif isinstance(part, f.Fluent):
+                found.add((VALUE, fold(part.function), _arguments(part.terms)))
+    return frozenset(found)
+
+
+def _arguments(terms: Iterable[f.Term]) -> tuple[str | None, ...]:
+    return tuple(fold(one.name) if isinstance(one, f.Constant) else None for one in terms)
+
+
+def _touches(change: Change, needed: dict[tuple[str, str], list[tuple[str | None, ...]]]) -> bool:
+    """Return whether a change is of what is needed."""
+    kind = change.kind
+    if kind not in (FACT, VALUE):
+        return kind in _DEFINING
+    name, *objects = fold(name_in(kind, change.text)).strip("()").split()
+    return any(
+        len(arguments) == len(objects)
+        and all(one in (None, object_) for one, object_ in zip(arguments, objects, strict=True))
+        for arguments in needed.get((kind, name), ())
+    )
+
+
+def _has_ended(step: Execution) -> bool:
+    """Return whether a step ended without success."""
+    return step.outcome not in (None, RUNNING, SUCCEEDED)
+
+
+def _why_broken(task: PlanningTask, plan: RecordedPlan) -> str | None:
+    """Return why what is left of a plan does not reach the goals, or None if it does."""
+    for step in plan.steps:
+        if _has_ended(step):
+            return f"{step.place}, {step}, is {step.outcome}"
+    check_validated(task.domain)
+    left = [step for step in plan.steps if step.outcome != SUCCEEDED]
+    actions, steps = [*task.domain.actions], list[Execution]()
+    for step in left:
+        action = next((one for one in actions if fold(one.name) == fold(step.action)), None)
+        if step.outcome == RUNNING and action is not None and action.kind == DURATIVE_ACTION:
+            rest = _without_start(action)
+            if rest is None:
+                # What it does in the end was decided when it began: wait for its end.
+                return None
+            actions.append(rest)
+            step = replace(step, action=rest.name)  # noqa: PLW2901
+        steps.append(step)
+    domain = replace(task.domain, actions=tuple(actions))
+    return _said(validate_plan(domain, task.problem, replace(plan, steps=tuple(steps))), left)
+
+
+def _without_start(action: Action) -> Action | None:
+    """Return what is left of a durative action that runs; None where its start decides its end."""
+
+    def is_left(part: f.Formula) -> bool | None:
+        times = {one.time for one in f.walk(part) if isinstance(one, f.Timed)}
+        return None if f.AT_START in times and len(times) > 1 else times != {f.AT_START}
+
+    parts = [(part, is_left(part)) for part in (*action.condition, *action.effect)]
+    if any(found is None for _, found in parts):
+        return None
+    left = {id(part) for part, found in parts if found}
+    condition, effect = (
+        tuple(part for part in given if id(part) in left)
+        for given in (action.condition, action.effect)
+    )
+    # No action of a domain has a space in its name.
+    name = f"{action.name} running"
+    return replace(action, name=name, duration=(), condition=condition, effect=effect)
+
+
+def _said(found: Validation, steps: Sequence[Execution]) -> str | None:
+    """Return why a plan is not valid."""
+    if found.valid:
+        return None
+    failed = found.failed_step
+    if failed is None:
+        parts = (
+            *(f"the goal {one}" for one in found.unsatisfied_goals),
+            *found.violated_constraints,
+        )
+        return "; ".join(map(str, parts))
+    step = steps[failed.position]
+    phase = "" if failed.phase is None else f" {failed.phase}"
+    return f"{step.place}, {step},{phase} needs " + "; ".join(map(str, failed.unsatisfied))
