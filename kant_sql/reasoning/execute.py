@@ -46,7 +46,7 @@ from .durative import (
     refuse,
 )
 from .failures import FailedCondition
-from .replan import PlanOptions, Remaining, take_over
+from .replan import PlanOptions, Remaining, check_options, take_over
 from .steps import ground
 from .validate import GivenPlan, read_any_plan
 
@@ -188,6 +188,8 @@ class Executive:
         expect(self.dispatch, Callable, "dispatch", InvalidArgumentError)  # type: ignore[arg-type]
         optional_call(self.cancel, "cancel")
         optional_text(self.reason, "the reason")
+        if self.replan is not None:
+            check_options(self.replan)
         if not 0 < expect(self.speed, (int, float), "speed", InvalidArgumentError) < math.inf:
             raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
         self._patience, self._store = seconds(self.timeout), self.state.store

@@ -17,11 +17,12 @@ from weakref import WeakKeyDictionary
 from .. import html
 from ..acts import Execution
 from ..acts.executions import report
+from ..arguments import refusal
 from ..documents.carry import SECTIONS, name_in
 from ..documents.exchange import PlanningTask, read_task
 from ..dto import formulas as f
 from ..dto.lexical import fold
-from ..errors import PlanError
+from ..errors import InvalidArgumentError, PlanError
 from ..history.moments import head_revision
 from ..knowledge.definitions import KINDS
 from ..knowledge.grounding import bound, substitute
@@ -104,6 +105,7 @@ def replan(
     Raises:
         PlanError: there is no such plan, or it broke while a step of it runs: end or abort that
             step first.
+        InvalidArgumentError: an option is not one of `plan`.
         NoPlanError, PlannerMissingError, UnsupportedConstructError: as for `plan`; nothing was
             written.
         ReadOnlyError: this is a view of the past.
@@ -124,6 +126,7 @@ def replan(
         plan 1, what is left of it is valid
     """
     store = state.store
+    check_options(options)
     given = _recorded(state, plan)
     with _LOCK:
         kept = _KEPT.setdefault(store, {})
@@ -141,6 +144,14 @@ def replan(
             "that step, and plan again"
         )
     return Replanned(take_over(state, given, broken, options), broken, True)
+
+
+def check_options(options: object) -> None:
+    """Refuse what `plan` does not take, before it is needed."""
+    known = PlanOptions.__annotations__
+    expected = f"a dict of arguments of kb.plan ({', '.join(known)})"
+    if not isinstance(options, dict) or not options.keys() <= known.keys():
+        raise refusal("replan", expected, options, InvalidArgumentError)
 
 
 def _recorded(state: State, plan: RecordedPlan | int | None) -> RecordedPlan:

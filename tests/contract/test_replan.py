@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import kant_sql
 from kant_sql import Execution, KnowledgeBase, Plan, RecordedPlan, aio
-from kant_sql.errors import NoPlanError, PlanError, ReadOnlyError
+from kant_sql.errors import InvalidArgumentError, NoPlanError, PlanError, ReadOnlyError
 from kant_sql.knowledge_base import state_of
 from kant_sql.reasoning.replan import Remaining
 from tests.support.profile import PROFILE, hunting
@@ -206,6 +206,9 @@ def test_what_is_asked_of_is_a_recorded_plan(fresh_kb: KnowledgeBase) -> None:
         fresh_kb.replan(7)
     with pytest.raises(PlanError, match="recorded plan"):
         fresh_kb.replan("(go)")  # type: ignore[arg-type]
+    for options in ({"planner": "lama"}, {1: 2}, "lama"):
+        with pytest.raises(InvalidArgumentError, match=r"replan is a dict of arguments of kb\.plan"):
+            fresh_kb.execute("(go)", print, replan=options)  # type: ignore[arg-type]
     fresh_kb.types.save("room")
     with pytest.raises(ReadOnlyError):
         fresh_kb.at(1).replan()

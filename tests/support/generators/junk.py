@@ -17,7 +17,7 @@ from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, is_typeddict
 
 import kant_sql
 import kant_sql.compat
@@ -391,7 +391,8 @@ def functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
         value = getattr(module, name)
         is_class = inspect.isclass(value) and not inspect.isabstract(value)
         if (
-            is_class and not (issubclass(value, BaseException | Enum) or value is Dto)
+            is_class
+            and not (issubclass(value, BaseException | Enum) or value is Dto or is_typeddict(value))
         ) or inspect.isfunction(value):
             yield name, value
 
@@ -491,7 +492,7 @@ class Calling:
             ("PddlPredicateDto", PddlPredicateDto("idle")), ("tuple[", ()), ("Fluent", Fluent("f")),
             ("Expression", Number(1)), ("Formula", depot.IDLE), ("Atom", depot.IDLE),
             ("Term", Constant("c")), ("Number", Number(1)), ("bool", True), ("int", 1),
-            ("Sequence[", ()), ("str", "x"),
+            ("Sequence[", ()), ("Iterable[Verdict]", ()), ("str", "x"),
         ]  # fmt: skip
         return next((value for key, value in examples if key in text), None)
 
