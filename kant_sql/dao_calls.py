@@ -21,7 +21,7 @@ from . import dto as dtos
 from .arguments import shown
 from .dto import Dto, PddlEitherTypeDto, formulas
 from .dto.formulas import Checked, Node
-from .errors import InvalidArgumentError, InvalidKnowledgeError, TypeCycleError
+from .errors import InvalidArgumentError, InvalidKnowledgeError, TypeCycleError, printable
 from .json_values import JsonValue
 from .knowledge_base import KnowledgeBase, PddlParts
 
@@ -35,6 +35,8 @@ _MOST_BITS, _LONGEST_NUMBER = 4_000, 1_000
 # What a document may unfold to, beside so many times its pool: formulas nest 50 levels.
 _MOST_PARTS, _PARTS_EACH, _CHARACTERS = 1_000_000, 50, 32
 
+_PLAIN = {str, bool, int, float, type(None)}
+
 # The classes of a pool, by name.
 CLASSES: dict[str, type] = {
     name: found
@@ -42,7 +44,9 @@ CLASSES: dict[str, type] = {
     for name, found in vars(module).items()
     if isinstance(found, type) and issubclass(found, Dto | Checked) and is_dataclass(found)
 }
-_FIELDS = {name: tuple(inspect.signature(found).parameters) for name, found in CLASSES.items()}
+_FIELDS = {name: inspect.signature(found).parameters.keys() for name, found in CLASSES.items()}
+# Those whose texts have the whole texts of what they refer to.
+_UNFOLDED = {name for name, found in CLASSES.items() if issubclass(found, Node | PddlEitherTypeDto)}
 
 # The interface of each DAO, by its attribute of a knowledge base or of its `pddl`.
 KINDS: dict[str, type] = {
@@ -132,17 +136,16 @@ class _Writer:
                 fields = {field: getattr(one, field) for field in _FIELDS[name]}
             except AttributeError as error:
                 raise InvalidKnowledgeError(f"a {name} lacks a field: {error}") from error
-            if id(one) not in places:
+            inner = [part for value in fields.values() for part in _parts(value)]
+            if any(places.get(id(part), 0) is None for part in inner):
+                raise TypeCycleError(
+                    f"{name} {shown(getattr(one, 'name', ''))} would be its own ancestor: it "
+                    "refers to itself; leave out one of the references"
+                )
+            if missing := [part for part in inner if id(part) not in places]:
                 places[id(one)] = None
-                inner = [part for value in fields.values() for part in _parts(value)]
-                if any(places.get(id(part), 0) is None for part in inner):
-                    raise TypeCycleError(
-                        f"{name} {shown(getattr(one, 'name', ''))} would be its own ancestor: it "
-                        "refers to itself; leave out one of the references"
-                    )
-                if inner:
-                    stack += inner
-                    continue
+                stack += missing
+                continue
             places[id(one)] = len(self.pool)
             own = {field: self.value(value) for field, value in fields.items()}
             self.pool.append({name: own})
@@ -197,7 +200,7 @@ class _Reader:
         """Make the next item of the pool."""
         name, fields = _only(given)
         made = CLASSES.get(name)
-        if made is None or not isinstance(fields, dict) or not fields.keys() <= {*_FIELDS[name]}:
+        if made is None or not isinstance(fields, dict) or not fields.keys() <= _FIELDS[name]:
             raise _malformed(given, "a DTO or a node with its fields")
         before = self._left
         own = {field: self.value(value) for field, value in fields.items()}
@@ -205,28 +208,26 @@ class _Reader:
             item = made(**own)
         except TypeError as error:
             raise _malformed(given, f"the fields of a {name} ({error})") from error
-        weight = 1 + (before - self._left)
-        if not issubclass(made, Node | PddlEitherTypeDto):
-            # Named apart where it is referred to: only its own texts count.
-            weight = (
-                1 + sum(len(one) for one in own.values() if isinstance(one, str)) // _CHARACTERS
-            )
-        self._pool.append((item, weight))
+        unfolds = before - self._left
+        if name not in _UNFOLDED:
+            unfolds = sum(len(one) for one in own.values() if type(one) is str) // _CHARACTERS
+        self._pool.append((item, 1 + unfolds))
 
-    def value(self, given: object, level: int = _DEEPEST) -> Any:
+    def value(self, given: Any, level: int = _DEEPEST) -> Any:
         """Read a value."""
-        self._spend(1 + len(given) // _CHARACTERS if isinstance(given, str) else 1)
-        if given is None or isinstance(given, str | bool | int | float):
+        kind = type(given)
+        self._spend(1 + len(given) // _CHARACTERS if kind is str else 1)
+        if kind in _PLAIN:
             return given
-        if isinstance(given, list) and level:
+        if kind is list and level:
             return [self.value(one, level - 1) for one in given]
         tag, inner = _only(given)
-        if tag == "map" and isinstance(inner, dict) and level:
-            return {key: self.value(one, level - 1) for key, one in inner.items()}
         if tag == "ref" and type(inner) is int and 0 <= inner < len(self._pool):
             item, weight = self._pool[inner]
             self._spend(weight)
             return item
+        if tag == "map" and isinstance(inner, dict) and level:
+            return {key: self.value(one, level - 1) for key, one in inner.items()}
         make = _SCALARS.get(tag)
         made = None if make is None else make(inner)
         if made is None:
@@ -265,7 +266,7 @@ def _other(given: object) -> object:
     if not (isinstance(given, list) and len(given) == 2 and all(isinstance(p, str) for p in given)):
         return None
     name, text = given
-    return type(name[:80].replace("\0", "?"), (), {"__repr__": lambda _: text})()
+    return type(printable(name[:80]), (), {"__repr__": lambda _: text})()
 
 
 _SCALARS: Mapping[str, Callable[[object], object]] = {

@@ -116,14 +116,15 @@ def create_app(
     app.state.store = store
     app.state.live = LiveHub(store)
     app.state.added = [pages.first for pages in added]
+    app.state.writing = writing
+    # First: programs ask these most often, and the routes before a path are tried one by one.
+    app.include_router(reading)
+    if writing is not None:
+        app.include_router(WRITES.api)
     for pages in (*TOPICS, *added):
         app.include_router(pages.api)
         app.include_router(pages.html)
     app.include_router(live)
-    app.include_router(reading)
-    app.state.writing = writing
-    if writing is not None:
-        app.include_router(WRITES.api)
     describe(app)
     for name, endpoint in endpoints.items():
         app.router.routes.append(Route(f"/{name}", endpoint, methods=["POST"]))

@@ -119,6 +119,7 @@ def test_a_list_in_itself_and_what_is_no_argument_arrive_as_what_is_refused() ->
     endless.append(endless)
     assert again([object])[0].__class__.__name__ == "type"
     assert repr(again(b"x")) == "b'x'"
+    assert repr(read({"pool": [], "value": {"other": ["\ud800\0", "x"]}})) == "x"
     assert again(endless)[0][0][0]
     with pytest.raises(InvalidKnowledgeError, match="lacks a field"):
         document(object.__new__(PddlTypeDto))
