@@ -15,6 +15,7 @@ import secrets
 import time
 from abc import update_abstractmethods
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from decimal import Decimal
 from functools import wraps
 from itertools import islice
@@ -114,14 +115,23 @@ class _Link:
         self.place = place
         self.is_closed = False
         self._idle: list[http.client.HTTPConnection] = []
+        self._process = os.getpid()
 
     def close(self) -> None:
         self.is_closed = True
         self._drop()
 
     def _drop(self) -> None:
-        while self._idle:
-            self._idle.pop().close()
+        while (connection := self._taken()) is not None:
+            connection.close()
+
+    def _taken(self) -> http.client.HTTPConnection | None:
+        if self._process != os.getpid():
+            # A child would read the answers of its parent.
+            self._process, self._idle = os.getpid(), []
+        with suppress(IndexError):
+            return self._idle.pop()
+        return None
 
     def get(self, **query: str) -> Any:
         """Ask what reads."""
@@ -152,8 +162,9 @@ class _Link:
                 # The others are as old.
                 self._drop()
                 broken, is_sent = error, is_sent or error.is_sent
-            if pause is not None:
-                time.sleep(pause)
+            if pause is None or isinstance(broken.__cause__, TimeoutError):
+                break
+            time.sleep(pause)
         address = self.place.address
         if not is_sent:
             raise errors.StoreUnreachableError(
@@ -170,7 +181,7 @@ class _Link:
         self, method: str, target: str, body: bytes | None, headers: dict[str, str]
     ) -> tuple[int, bytes]:
         is_sent = False
-        connection = self._idle.pop() if self._idle else self._open()
+        connection = self._taken() or self._open()
         try:
             if connection.sock is None:
                 connection.connect()
@@ -181,8 +192,10 @@ class _Link:
                     # Cut within its head, an answer may seem to be whole, and empty.
                     raise http.client.HTTPException("the answer has no length")
                 text = answer.read()
-        except (OSError, http.client.HTTPException) as error:
+        except BaseException as error:
             connection.close()
+            if not isinstance(error, OSError | http.client.HTTPException):
+                raise
             raise _BrokenError(error, is_sent) from error
         self._idle.append(connection)
         if self.is_closed:
@@ -226,7 +239,8 @@ def _error(made: type[KantSqlError], message: str, details: object) -> KantSqlEr
     error = made.__new__(made, message)
     error.args = (message,)
     for name, value in details.items() if isinstance(details, dict) else ():
-        error.__dict__[name] = tuple(value) if isinstance(value, list) else value
+        if not name.startswith("_"):
+            error.__dict__[name] = tuple(value) if isinstance(value, list) else value
     return error
 
 
