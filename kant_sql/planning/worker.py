@@ -346,10 +346,11 @@ class Search:
 
     def _suitable(self, variant: Variant, engine: str | None) -> Iterator[str]:
         """Yield engines that support a variant."""
-        for form, name in self._choices(variant, engine):
-            with suppress(Exception):
-                if form_for(form, name, self._environment) is not None:
-                    yield name
+        with suppress(UnsupportedConstructError):
+            for form, name in self._choices(variant, engine):
+                with suppress(Exception):
+                    if form_for(form, name, self._environment) is not None:
+                        yield name
 
     def _note_fallbacks(self, name: str) -> None:
         failed = ", ".join(f"{e}: {why}" for e, why in self._failures.items() if e != name)

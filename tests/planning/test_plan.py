@@ -420,6 +420,16 @@ def test_constraints_are_compiled_away_where_two_static_conditions_exclude_one_o
 
 
 @pytest.mark.usefixtures("quick_start")
+def test_an_engine_is_refused_for_what_it_lacks_although_a_preference_cannot_be_given() -> None:
+    given = documents(
+        TAKE_TIME.replace("(length ?a ?b)", "5"),
+        more="(:constraints (preference p (always (at rb a)))) (:metric minimize (is-violated p))",
+    )
+    with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time"):
+        solve_pair(given, engine="pyperplan", timeout=60)
+
+
+@pytest.mark.usefixtures("quick_start")
 def test_the_error_of_an_engine_has_its_reason() -> None:
     given = documents(
         predicates="(lit ?w - wp)",
