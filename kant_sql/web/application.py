@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import secrets
@@ -172,8 +173,12 @@ def _error(
     request: Request, status: int, message: str, kind: str, details: JsonValue = None
 ) -> Response:
     if request.url.path.startswith(("/api/", "/static/")):
-        more = {"details": details} if details else {}
-        return VisibleJson({"error": message, "type": kind, **more}, status)
+        document = {"error": message, "type": kind}
+        if not details:
+            return VisibleJson(document, status)
+        # Details may have any character, which this escapes.
+        text = json.dumps({**document, "details": details})
+        return Response(text, status, media_type="application/json")
     page = {"status": status, "phrase": HTTPStatus(status).phrase, "message": message}
     return render(request, "error.html", page, request.query_params.get("kb"), status=status)
 

@@ -73,6 +73,8 @@ def test_a_url_opens_the_daos_of_a_server(server: Served, connect: Connect) -> N
     with pytest.raises(PddlError) as unread:
         kb.propositions.save("(at")
     assert (unread.value.line, unread.value.column) == (1, 4)
+    with pytest.raises(PddlError, match=r"\\ud800"):
+        kb.types.save("\ud800")
     with pytest.raises(TypeError, match="unexpected keyword argument 'by'"):
         kb.types.save("x", by=5)  # type: ignore[call-arg]
     kb.close()
