@@ -168,6 +168,7 @@ def check(work: dict[str, int], spare: int) -> None:
 
 
 @pytest.mark.parametrize("question", [*QUESTIONS, *ON_SQLITE])
+@pytest.mark.more
 def test_sqlite_does_not_read_the_history(sqlite_histories: str, question: str) -> None:
     sql = {**QUESTIONS, **ON_SQLITE}[question]
     url = sqlite_histories
@@ -182,6 +183,7 @@ def test_statistics_change_nothing_of_it(analysed: str, question: str) -> None:
 
 
 @pytest.mark.parametrize("question", QUESTIONS)
+@pytest.mark.more
 def test_postgresql_does_not_read_the_history(postgresql_histories: str, question: str) -> None:
     url = postgresql_histories
     check({kb: postgresql_rows(url, about(url, QUESTIONS[question], kb)) for kb in LENGTHS}, 100)

@@ -75,6 +75,7 @@ def rows_touched(url: str, statement: Statement) -> int:
 
 
 @pytest.mark.parametrize("name", ASKED)
+@pytest.mark.more
 def test_it_looks_at_the_rows_of_what_is_asked(store: str, name: str) -> None:
     call, most = ASKED[name]
     for statement in statements(store, call):

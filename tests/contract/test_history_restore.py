@@ -348,6 +348,7 @@ def test_any_state_of_any_program_is_restored(everywhere: Everywhere) -> None:
     restored()
 
 
+@pytest.mark.more
 def test_any_documents_are_restored(everywhere: Everywhere) -> None:
     @hunting(PROFILE.histories)
     @given(domains_and_problems(repeats=True), domains_and_problems())

@@ -145,6 +145,7 @@ def test_it_says_how_far_each_was_verified(shared_url: str, connect: Connect) ->
 
 
 @pytest.mark.parametrize("size", [1, 2_000])
+@pytest.mark.more
 def test_it_takes_two_statements_whatever_there_is(
     shared_url: str, connect: Connect, size: int
 ) -> None:

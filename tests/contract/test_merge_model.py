@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -142,6 +143,7 @@ class Model:
 
 @settings(max_examples=PROFILE.programs, deadline=None)
 @given(st.lists(OPS, min_size=1, max_size=3), st.sampled_from(["ours", "theirs"]))
+@pytest.mark.more
 def test_a_merge_is_that_of_the_model(rounds: list[Any], side: Literal["ours", "theirs"]) -> None:
     with kant_sql.connect("sqlite://", knowledge_base="tiago") as kb:
         kb.load_domain(DOMAIN)

@@ -167,6 +167,7 @@ def test_a_database_of_somebody_else_is_refused_and_left_as_it_is(
 
 
 @migrates
+@pytest.mark.more
 def test_the_version_table_of_the_users_own_alembic_is_left_alone(
     shared_url: str, server: Server, tmp_path: Path
 ) -> None:

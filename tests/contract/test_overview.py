@@ -43,6 +43,7 @@ def test_what_is_pending_counts(kb: KnowledgeBase) -> None:
 
 
 @pytest.mark.parametrize("ends", [(None, None), (4, None), (None, 9), (8, 14), (36, 36)])
+@pytest.mark.more
 def test_a_range_is_tallied_as_its_log_says(
     story: KnowledgeBase, ends: tuple[int | None, int | None]
 ) -> None:

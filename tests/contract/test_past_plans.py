@@ -100,6 +100,7 @@ def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
 
 
 @pytest.mark.parametrize("name", ["of one box", "of two boxes", "of one fact"])
+@pytest.mark.more
 def test_periods_are_found_by_the_objects_of_their_facts(url: str, name: str) -> None:
     periods = visited(url, lambda kb: kb.when(PERIODS[name]))
     assert periods <= visited(url, partial(answers, ALL, None))

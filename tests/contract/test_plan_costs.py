@@ -108,6 +108,7 @@ def test_without_executions_each_step_costs_the_same(
     assert [is_costed for _, _, is_costed in given] == [True, False]
 
 
+@pytest.mark.more
 def test_a_plan_keeps_its_costs(fresh_kb: KnowledgeBase, given: list[Any]) -> None:
     begin(fresh_kb)
     report(fresh_kb, "glass", "hall", "office", worked=1)

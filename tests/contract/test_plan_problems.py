@@ -197,6 +197,7 @@ def episode(kb: KnowledgeBase, states: list[Documents]) -> None:
 
 
 @pytest.mark.usefixtures("stores")
+@pytest.mark.more
 def test_nothing_that_comes_later_changes_what_a_planner_was_given() -> None:
     @hunting(PROFILE.histories)
     @given(domains_and_problems(repeats=True), domains_and_problems())

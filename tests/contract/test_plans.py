@@ -183,6 +183,7 @@ def whole_tables(plan: list[str]) -> list[str]:
 
 
 @pytest.mark.parametrize("name", [*READS, *WRITES])
+@pytest.mark.more
 def test_each_call_finds_rows_by_the_index_that_is_there_for_it(
     subject: Subject, name: str
 ) -> None:
@@ -208,6 +209,7 @@ def test_the_index_covers_what_is_read_of_versions(subject: Subject, name: str) 
 
 @pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
 @pytest.mark.parametrize("name", READS)
+@pytest.mark.more
 def test_postgresql_looks_at_no_more_rows_than_hold(subject: Subject, name: str) -> None:
     if (subject.name, name) == (BEFORE, "get_by_predicate of the past") and is_old(subject.url):
         pytest.skip("before version 17 it reads all facts that there are")

@@ -479,6 +479,7 @@ def test_reserved_words_are_all_that_a_database_would_refuse(shared_url: str) ->
 
 
 @pytest.mark.parametrize("version", ["-1", "base"])
+@pytest.mark.more
 def test_migrations_take_them_out_of_the_way(
     story_url: str, caplog: pytest.LogCaptureFixture, version: str
 ) -> None:

@@ -33,6 +33,7 @@ def test_processes_that_read_modify_and_write_lose_no_update(
     assert check_chain(shared_url) == {"tiago": PROCESSES * TIMES + 1}
 
 
+@pytest.mark.more
 def test_processes_that_read_while_others_write_see_whole_revisions(
     shared_url: str, connect: Connect
 ) -> None:

@@ -49,6 +49,7 @@ SPREAD = "(:predicates (q{0} ?x - t)) (:types u{0} - t) " + PLAIN
 
 
 @pytest.mark.parametrize("form", [PLAIN, WARNED, SPREAD], ids=["plain", "warned", "spread"])
+@pytest.mark.more
 def test_reading_many_actions(form: str) -> None:
     small, large = actions(form, 200), actions(form, 6_400)
     read_domain(actions(form, 10))
@@ -78,6 +79,7 @@ def spread(levels: int) -> tuple[str, str]:
     )
 
 
+@pytest.mark.more
 def test_facts_spread_over_a_deep_hierarchy(fresh_kb: KnowledgeBase) -> None:
     def use(levels: int) -> None:
         domain, problem = spread(levels)

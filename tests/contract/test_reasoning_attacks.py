@@ -120,6 +120,7 @@ ANSWERS: dict[str, tuple[str, Rows]] = {
 
 
 @pytest.mark.parametrize("name", ANSWERS)
+@pytest.mark.more
 def test_answers(yard: KnowledgeBase, name: str) -> None:
     condition, wanted = ANSWERS[name]
     answers = yard.query(condition)
@@ -217,6 +218,7 @@ REPEATED = {"junctions": 24, "quantifiers": 16, "negations of quantifiers": 11, 
 
 @pytest.mark.parametrize("levels", [2, 8, None])
 @pytest.mark.parametrize("name", NESTED)
+@pytest.mark.more
 def test_nested_conditions(yard: KnowledgeBase, name: str, levels: int | None) -> None:
     """SQLite parses subqueries of some ten levels only: deeper ones become tables of their own."""
     condition = NESTED[name](REPEATED.get(name, 48) if levels is None else levels)
@@ -314,6 +316,7 @@ def test_a_condition_at_the_end_of_an_effect_there(yard: KnowledgeBase) -> None:
 # At work.
 
 
+@pytest.mark.more
 def test_answers_are_of_one_state_while_others_write(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url)
     with kb.transaction():
@@ -476,6 +479,7 @@ def texts_cut_short() -> Iterator[str]:
             yield " ".join([*tokens[:place], *tokens[place + 1 :]])
 
 
+@pytest.mark.more
 def test_a_text_that_is_cut_short_is_refused_as_pddl(yard: KnowledgeBase) -> None:
     calls: tuple[Callable[[str], object], ...] = (
         *(yard.query, yard.holds, yard.when, yard.pddl.check_rules, yard.why_not, yard.unsatisfied),

@@ -283,6 +283,7 @@ def test_an_empty_state_makes_no_revision(fresh_kb: KnowledgeBase, branch_of: Br
     assert made.revision == 1
 
 
+@pytest.mark.more
 def test_many_facts_go_over_in_as_many_statements(
     fresh_kb: KnowledgeBase, branch_of: Branch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -421,6 +422,7 @@ def test_the_asynchronous_front_door_branches_and_compares(url: str) -> None:
 
 @needs_corpus
 @pytest.mark.parametrize("pair", small_pairs(8_000)[::12], ids=lambda pair: pair.name)
+@pytest.mark.more
 def test_competition_problems_go_over_whole(
     pair: Pair, connect: Connect, branch_of: Branch
 ) -> None:

@@ -9,6 +9,7 @@ from decimal import Decimal
 from fractions import Fraction
 from random import Random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -58,6 +59,7 @@ def comparison(random: Random) -> Comparison:
     return Comparison(random.choice(OPERATORS), left, right)
 
 
+@pytest.mark.more
 def test_comparisons_are_exact(fresh_kb: KnowledgeBase) -> None:
     @hunting(25)
     @given(st.integers(0, 2**32 - 1))

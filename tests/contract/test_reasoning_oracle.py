@@ -297,6 +297,7 @@ def test_answers_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> No
 
 
 @pytest.mark.parametrize("weight", [0, 10**9], ids=["looked up", "read"])
+@pytest.mark.more
 def test_the_past_has_the_same_answers_looked_up_and_read(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, weight: int
 ) -> None:
@@ -314,6 +315,7 @@ def test_the_past_has_the_same_answers_looked_up_and_read(
     same()
 
 
+@pytest.mark.more
 def test_steps_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None:
     @hunting(PROFILE.episodes)
     @given(EPISODES)
@@ -336,6 +338,7 @@ def test_statements_fit_the_stack_of_a_parser(fresh_kb: KnowledgeBase) -> None:
     assert [*kb.applicable_actions()] == kb.state().applicable_actions()
 
 
+@pytest.mark.more
 def test_deep_statements_have_the_same_answers(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,6 +9,7 @@ import itertools
 from random import Random
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -160,6 +161,7 @@ def expected(rows: list[set[tuple[str, ...]]], low: int, high: int) -> list[Peri
     return found + [(one, begin, None) for one, begin in since.items()]
 
 
+@pytest.mark.more
 def test_periods_are_those_of_the_plain_evaluator(fresh_kb: KnowledgeBase) -> None:
     counts: list[int] = []
 

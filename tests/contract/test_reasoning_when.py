@@ -388,6 +388,7 @@ def test_it_is_a_sequence(day: KnowledgeBase) -> None:
     assert str(day.when("(and (child_in hall) (child_in kitchen))")) == "at no time"
 
 
+@pytest.mark.more
 def test_many_periods_are_read_in_pages(fresh_kb: KnowledgeBase) -> None:
     kb, on = fresh_kb, PddlPropositionDto(PddlPredicateDto("on"), [])
     for _ in range(225):

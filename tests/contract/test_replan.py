@@ -347,6 +347,7 @@ ACTS = [f"({name} {one})" for name in "ab" for one in OBJECTS]
 
 @hunting(PROFILE.tasks)
 @given(steps=st.lists(st.sampled_from(ACTS), max_size=4), changes=st.lists(CHANGES, max_size=12))
+@pytest.mark.more
 def test_a_verdict_that_is_kept_is_that_of_a_new_look(
     steps: list[str], changes: list[tuple[str, int]]
 ) -> None:

@@ -219,6 +219,7 @@ ATTACKS = {
 
 
 @pytest.mark.parametrize("attack", ATTACKS.values(), ids=ATTACKS)
+@pytest.mark.more
 def test_writers_and_erasers_cannot(
     attack: str, role_store: str, role_users: Members, limited_users: Members
 ) -> None:

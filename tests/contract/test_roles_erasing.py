@@ -92,6 +92,7 @@ def test_a_target_that_grants_no_erasing_is_named(server: Server, connect: Conne
         "UPDATE replacement SET salt = NULL, commitment = repeat('0', 64)",
     ],
 )
+@pytest.mark.more
 def test_what_an_eraser_changes_without_an_erasure_is_found(
     attack: str, server: Server, connect: Connect
 ) -> None:

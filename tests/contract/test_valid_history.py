@@ -191,6 +191,7 @@ SEEDS = range(max(2, PROFILE.episodes))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.more
 def test_periods_are_those_of_the_model(fresh_kb: KnowledgeBase, seed: int) -> None:
     for judge, random in judges(fresh_kb, seed, 25):
         for condition in CONDITIONS:
@@ -199,6 +200,7 @@ def test_periods_are_those_of_the_model(fresh_kb: KnowledgeBase, seed: int) -> N
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.more
 def test_verdicts_are_those_of_the_model(fresh_kb: KnowledgeBase, seed: int) -> None:
     for judge, random in judges(fresh_kb, seed, 25):
         judge.check_rules(*pair(judge, random))

@@ -98,6 +98,7 @@ def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(tmp_path:
     missing("up_enhsp") or shutil.which("java") is None,
     reason="ENHSP, or the Java that runs it, is not installed",
 )
+@pytest.mark.more
 def test_a_leaking_tank_is_noticed_and_refilled_on_the_way(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'courier.db'}"
     done = run_example("plan_and_act_numeric.py", url)

@@ -92,6 +92,7 @@ def test_every_status_is_an_outcome(old_url: str, connect: Connect) -> None:
         "UPDATE execution SET name = 'x', action_id = NULL WHERE plan_id = 3 AND position = 4",
     ],
 )
+@pytest.mark.more
 def test_what_was_carried_is_verified(old_url: str, change: str) -> None:
     kant_sql.upgrade(old_url)
     run_script(old_url, change)
@@ -121,6 +122,7 @@ def test_what_runs_goes_on(old_url: str, connect: Connect) -> None:
     assert rows_of(old_url) == {}
 
 
+@pytest.mark.more
 def test_an_archive_and_its_store_go_on_together(
     make: Make, old_url: str, connect: Connect, tmp_path: Path
 ) -> None:

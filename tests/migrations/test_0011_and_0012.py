@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 import kant_sql
 from tests.migrations.stores import Make, answers, record, rows_of, run_script, views, written
 from tests.migrations.test_golden import dump_of
@@ -39,6 +41,7 @@ def write_0011(url: str) -> None:
     kant_sql.upgrade(url, revision="0011")
 
 
+@pytest.mark.more
 def test_views_show_what_was_said_before_they_came(make: Make) -> None:
     url = make(write_0010)
     names = views(url)
@@ -58,6 +61,7 @@ def test_views_show_what_was_said_before_they_came(make: Make) -> None:
     assert (views(url), answers(url, names)) == (names, {**said, CHANGES: changes})
 
 
+@pytest.mark.more
 def test_an_index_is_replaced_and_what_it_finds_is_the_same(make: Make) -> None:
     url = make(write_0011)
     names = views(url)

@@ -115,6 +115,7 @@ def test_data_is_carried_up_and_down(old_url: str, add: Add) -> None:
     assert (rows_of(old_url), dump_of(old_url)) == (after, whole)
 
 
+@pytest.mark.more
 def test_several_steps_at_once(old_url: str, add: Add) -> None:
     before = as_before(old_url)
     add(DEPTHS)
@@ -170,6 +171,7 @@ def test_the_library_refuses_what_a_newer_one_migrated(
     assert current(old_url) == VERSION
 
 
+@pytest.mark.more
 def test_what_an_older_version_has_no_place_for_is_not_dropped(old_url: str, add: Add) -> None:
     add(DEPTHS)
     kant_sql.upgrade(old_url)
@@ -219,6 +221,7 @@ def test_a_migration_that_fails_half_way_changes_nothing(
 
 
 @pytest.mark.parametrize("failure", FAILING)
+@pytest.mark.more
 def test_a_migration_that_fails_half_way_down_changes_nothing(
     old_url: str, add: Add, failure: str
 ) -> None:

@@ -141,6 +141,7 @@ def test_what_it_reads_does_not_grow_with_the_history(
     assert counts[0] == counts[1] > 0
 
 
+@pytest.mark.more
 def test_statements_are_built_once(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     kb.store.verify(keep=True)
@@ -190,6 +191,7 @@ def test_a_row_of_a_later_revision_is_found_and_nothing_is_kept(written: Written
     assert (again.is_intact, again.continued_from) == (False, None)
 
 
+@pytest.mark.more
 def test_a_row_of_an_earlier_revision_is_found_by_a_complete_one_alone(written: Written) -> None:
     url, kb = written
     rewrite(url, OLD)
@@ -207,6 +209,7 @@ def test_the_revision_that_was_kept_must_be_there_as_it_was(written: Written) ->
     assert any("has another hash than the verification of 2" in f.message for f in done.findings)
 
 
+@pytest.mark.more
 def test_a_history_that_was_cut_off_is_found(written: Written) -> None:
     url, kb = written
     second = kb.store.revisions()[1]
@@ -262,6 +265,7 @@ def test_an_archive_begins_again_at_revision_1(kb: KnowledgeBase, tmp_path: Path
 @pytest.mark.parametrize(
     "column", ["revision = 'x'", "revision = -1", "verified_at = 'x'", "hash = 7", "hash = x'00'"]
 )
+@pytest.mark.more
 def test_what_cannot_have_been_kept_is_passed_over(written: Written, column: str) -> None:
     url, kb = written
     change(url, f"UPDATE verification SET {column}")
@@ -411,6 +415,7 @@ def test_no_limit_of_questions_concerns_what_is_kept(written: Written) -> None:
     assert knowledge_bases(url)[0].verified_revision == 3
 
 
+@pytest.mark.more
 def test_two_at_once_keep_the_later_end(written: Written, connect: Connect) -> None:
     url, kb = written
     before = kb.store.verify(resume=True)

@@ -117,6 +117,7 @@ def test_an_index_that_leaves_a_row_out_is_a_finding(filled: str) -> None:
         assert findings(filled) == []
 
 
+@pytest.mark.more
 def test_an_anchor_does_not_make_a_lying_index_true(filled: str) -> None:
     with kant_sql.connect(filled, knowledge_base="tiago") as kb:
         anchor = kb.store.anchor()
@@ -255,6 +256,7 @@ POSTGRESQL = {
 
 
 @pytest.mark.parametrize(("sql", "message"), [*COMMON.items(), *SQLITE.items()])
+@pytest.mark.more
 def test_what_the_migrations_have_not_made_is_a_finding_on_sqlite(
     tmp_path: Path, connect: Connect, sql: str, message: str
 ) -> None:
@@ -319,6 +321,7 @@ REPLACEMENTS = {
 
 
 @pytest.mark.parametrize("sql", REPLACEMENTS.values(), ids=REPLACEMENTS)
+@pytest.mark.more
 def test_what_took_the_place_of_a_generated_view_is_a_finding(filled: str, sql: str) -> None:
     kant_sql.operations.update_views(filled)
     assert findings(filled) == []
@@ -331,6 +334,7 @@ def test_what_took_the_place_of_a_generated_view_is_a_finding(filled: str, sql: 
 @pytest.mark.parametrize(
     "table", ["proposition_version", "head", "revision", "knowledge_base", "kant_sql_version"]
 )
+@pytest.mark.more
 def test_a_view_in_place_of_a_table_is_a_finding(filled: str, table: str) -> None:
     tamper(
         filled,
@@ -344,6 +348,7 @@ def test_a_view_in_place_of_a_table_is_a_finding(filled: str, table: str) -> Non
 @pytest.mark.parametrize(
     "column", ["next_id", "revision", "definition_revision", "archived_revision"]
 )
+@pytest.mark.more
 def test_a_head_with_no_integer_is_a_finding_and_no_revision_is_made(
     tmp_path: Path, connect: Connect, column: str, value: str
 ) -> None:
@@ -376,6 +381,7 @@ def test_a_source_that_is_bytes_is_a_finding(tmp_path: Path, connect: Connect) -
     assert messages(url) == "revision: column source has 1 value that are not of its type"
 
 
+@pytest.mark.more
 def test_what_others_keep_in_the_same_database_is_theirs(filled: str) -> None:
     tamper(
         filled,
@@ -409,6 +415,7 @@ def test_a_story_with_views_an_archive_and_an_earlier_version_is_intact(
     assert findings(shared_url) == []
 
 
+@pytest.mark.more
 def test_a_store_that_was_of_an_earlier_version_is_intact(shared_url: str) -> None:
     if is_distributed(shared_url):
         pytest.skip("its migrations are tested with the plugin")
@@ -420,6 +427,7 @@ def test_a_store_that_was_of_an_earlier_version_is_intact(shared_url: str) -> No
     assert findings(shared_url) == []
 
 
+@pytest.mark.more
 def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: Any) -> None:
     url = server.new_store()
     for name in (MINE, OTHER_KB):
@@ -444,6 +452,7 @@ def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: An
 
 
 @pytest.mark.parametrize("has_statistics", [False, True])
+@pytest.mark.more
 def test_every_index_can_be_read_by_itself(
     server: Any, tmp_path: Path, has_statistics: bool
 ) -> None:

@@ -83,6 +83,7 @@ def test_acts_are_the_librarys_and_lead_to_names(filled: Filled) -> None:
         ({"since": "1", "until": "4"}, ["move"]),
     ],
 )
+@pytest.mark.more
 def test_acts_are_found_as_at_the_prompt(
     filled: Filled, query: dict[str, str], acts_found: list[str]
 ) -> None:
@@ -104,12 +105,14 @@ def test_acts_are_found_as_at_the_prompt(
         ("/act?id=one", 400, "is not the id of an execution"),
     ],
 )
+@pytest.mark.more
 def test_what_never_was_done_is_said(client: TestClient, path: str, status: int, said: str) -> None:
     for prefix in ("/api", ""):
         answer = client.get(f"{prefix}{path}&kb=courier")
         assert (answer.status_code, said in answer.text) == (status, True), answer.text
 
 
+@pytest.mark.more
 def test_pages_go_on_and_cost_the_same_with_more_rows(
     filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,6 +93,7 @@ def test_names_are_completed(client: TestClient) -> None:
     assert client.get(f"/api/names?{query}&at=0").json()["names"] == []
 
 
+@pytest.mark.more
 def test_the_description_links_every_document(client: TestClient) -> None:
     page = client.get("/api").text
     assert "/api/ask" in page

@@ -7,6 +7,8 @@ from typing import NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 from xml.etree import ElementTree
 
+import pytest
+
 from kant_sql import KnowledgeBase
 from kant_sql.web.cause_graph import GAP, WIDTH
 from kant_sql.web.pages.elements import CAUSES
@@ -136,6 +138,7 @@ def test_boxes_stand_by_how_far_they_are_and_lead_to_their_pages(filled: Filled)
     assert dict(parse_qsl(urlsplit(led.links[absent]).query))["text"] == absent[7:-1]
 
 
+@pytest.mark.more
 def test_a_line_comes_from_the_version_that_was_used(filled: Filled) -> None:
     """The robot was in the laboratory twice; each time it went on because of that."""
     kb, _ = filled
@@ -155,6 +158,7 @@ def test_a_line_comes_from_the_version_that_was_used(filled: Filled) -> None:
     }
 
 
+@pytest.mark.more
 def test_it_is_bounded_and_text_is_but_text(filled: Filled) -> None:
     kb, client = filled
     work(kb)

@@ -40,6 +40,7 @@ def plan_id(client: TestClient) -> int:
     "text",
     ["(robot_at rb1 t1)", "(ROBOT_AT  rb1 t1)", "(battery rb1)", "rb1 - robot", "(served t1)"],
 )
+@pytest.mark.more
 def test_the_history_of_an_element_is_the_librarys(
     client: TestClient, story_url: str, text: str
 ) -> None:
@@ -102,6 +103,7 @@ def test_the_first_line_of_a_fact_says_who_when_and_why(client: TestClient) -> N
     assert {(one["kind"], one["until"]) for one in goal} == {("fact", None), ("goal", None)}
 
 
+@pytest.mark.more
 def test_a_fact_leads_to_its_objects_and_to_steps_of_plans(client: TestClient) -> None:
     data = get(client, "/fact", text="(robot_at rb1 t1)")
     assert (data["head"], data["objects"]) == ("robot_at", ["rb1", "t1"])
@@ -137,6 +139,7 @@ def test_an_object_has_everything_that_involves_it(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("most", [20_000, 3])
+@pytest.mark.more
 def test_the_pages_of_an_object_have_each_change_once(
     client: TestClient, story_url: str, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
@@ -228,6 +231,7 @@ def test_a_plan_shows_who_wrote_while_a_step_ran(
     assert meanwhile()[0] == ([begun + 1, begun + 2], 3)
 
 
+@pytest.mark.more
 def test_what_a_planner_was_given_is_shown_and_downloaded(client: TestClient) -> None:
     id_ = plan_id(client)
     data = get(client, "/given", id=id_)
@@ -251,6 +255,7 @@ def test_what_a_planner_was_given_is_shown_and_downloaded(client: TestClient) ->
         ("%", None),
     ],
 )
+@pytest.mark.more
 def test_a_search_leads_to_what_is_meant(
     client: TestClient, q: str, first: tuple[str, str] | None
 ) -> None:
@@ -262,6 +267,7 @@ def test_a_search_leads_to_what_is_meant(
         assert client.get(place.path, params={"kb": "courier", **place.query}).status_code == 200
 
 
+@pytest.mark.more
 def test_the_name_itself_is_found_among_thousands_that_begin_so(filled: Filled) -> None:
     kb, client = filled
     kb.load_domain(
@@ -288,6 +294,7 @@ def test_the_name_itself_is_found_among_thousands_that_begin_so(filled: Filled) 
     assert get(client, "/search", q="full box-1")["matches"][0]["text"] == "(full Box-1)"
 
 
+@pytest.mark.more
 def test_a_search_knows_revisions_and_times(client: TestClient) -> None:
     assert get(client, "/search", q="12")["revision"] == 12
     assert get(client, "/search", q="37")["revision"] is None
@@ -296,6 +303,7 @@ def test_a_search_knows_revisions_and_times(client: TestClient) -> None:
     assert get(client, "/search")["matches"] == []
 
 
+@pytest.mark.more
 def test_the_history_of_a_fact_is_read_page_by_page(filled: Filled) -> None:
     kb, client = filled
     fill(kb, 3)
@@ -344,6 +352,7 @@ def test_pages_take_as_many_statements_however_much_is_stored(
     assert all(len({*counts}) == 1 and max(counts) <= 24 for counts in taken.values()), taken
 
 
+@pytest.mark.more
 def test_an_archive_is_named(filled: Filled, tmp_path: Path) -> None:
     kb, client = filled
     archive_some(kb, tmp_path)
@@ -354,6 +363,7 @@ def test_an_archive_is_named(filled: Filled, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["a&b=c", "50%", "a+b", "é ü", "“quoted”", "x" * 10_000, "#?/"])
+@pytest.mark.more
 def test_names_survive_addresses(filled: Filled, text: str) -> None:
     kb, client = filled
     with kb.transaction(actor=text, reason=text):

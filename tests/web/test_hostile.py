@@ -66,6 +66,7 @@ def test_every_link_leads_somewhere(client: TestClient) -> None:
     assert [each for each in visited if each[0] != 200] == []
 
 
+@pytest.mark.more
 def test_every_page_of_a_hostile_store_is_made_by_its_template(hostile: TestClient) -> None:
     seen: set[str] = set()
     for page in walk(hostile):

@@ -95,6 +95,7 @@ def test_a_new_revision_is_told_with_who_and_why(shared_url: str, kb: KnowledgeB
         assert stream.next().data["message"] == "Revision 3 by perception"
 
 
+@pytest.mark.more
 def test_who_connects_again_misses_nothing(shared_url: str, kb: KnowledgeBase) -> None:
     write(kb, 7)
     with running(shared_url) as address:
@@ -133,6 +134,7 @@ def watchers() -> int:
     return sum(thread.name == live.THREAD for thread in threading.enumerate())
 
 
+@pytest.mark.more
 def test_all_readers_share_one_thread_which_ends_after_the_last(
     shared_url: str, kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:

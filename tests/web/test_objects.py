@@ -80,6 +80,7 @@ def test_a_row_has_what_is_said_of_an_object(filled: Filled) -> None:
         assert client.get("/fact", params={"kb": "courier", "text": text}).status_code == 200
 
 
+@pytest.mark.more
 def test_a_type_has_its_subtypes_and_a_past_its_own_rows(filled: Filled) -> None:
     kb, client = filled
     fill(kb)

@@ -78,6 +78,7 @@ def test_errors_are_one_sentence_with_a_status(client: TestClient) -> None:
         ("plan", {"id": 10**30}, 404, "no plan"),
     ],
 )
+@pytest.mark.more
 def test_what_is_wrong_or_never_was_is_said(
     client: TestClient, path: str, query: dict[str, str | int], status: int, said: str
 ) -> None:

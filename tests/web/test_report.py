@@ -153,6 +153,7 @@ def drawing(text: str) -> str:
     return str(found[0])
 
 
+@pytest.mark.more
 def test_the_drawing_shows_what_the_table_lists(story: KnowledgeBase) -> None:
     text = report_html(story, verify=False)
     drawn = drawing(text)
@@ -242,6 +243,7 @@ def test_a_range_without_a_revision_says_so(story: KnowledgeBase) -> None:
     assert "Intact" in page.text
 
 
+@pytest.mark.more
 def test_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> None:
     kb = connect(record_store(new_file_store(tmp_path / "ruled.db")), knowledge_base="courier")
     for rule in RULES:
@@ -307,6 +309,7 @@ def test_names_and_reasons_are_data(connect: Connect, shared_url: str) -> None:
     assert len(text) < 2_000_000
 
 
+@pytest.mark.more
 def test_a_report_of_a_day_is_small(kb: KnowledgeBase) -> None:
     fill(kb, 2_000)
     for number in range(400):

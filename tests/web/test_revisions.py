@@ -57,6 +57,7 @@ def test_the_log_is_the_librarys(client: TestClient, story_url: str) -> None:
         ({"since": 35}, [36, 35]),
     ],
 )
+@pytest.mark.more
 def test_the_log_is_filtered(client: TestClient, query: dict[str, Any], expected: Any) -> None:
     page = log(client, **query)
     if expected == "any":
@@ -176,6 +177,7 @@ def test_a_revision_of_many_changes_is_read_page_by_page(
 
 @pytest.mark.parametrize(("a", "b"), [(9, 30), (30, 9), (0, 36), (36, 0), (22, 23), (5, 5), (2, 3)])
 @pytest.mark.parametrize("narrow", [20_000, 0])
+@pytest.mark.more
 def test_the_difference_is_the_librarys(
     client: TestClient,
     story_url: str,
@@ -243,6 +245,7 @@ def test_a_page_that_begins_nowhere_is_refused(client: TestClient) -> None:
             assert "the value of `next` of a page" in answer.text
 
 
+@pytest.mark.more
 def test_pages_take_as_many_statements_however_much_is_stored(
     filled: Filled,
 ) -> None:

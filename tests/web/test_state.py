@@ -69,6 +69,7 @@ def test_what_changed_against_the_revision_before_is_marked(client: TestClient) 
         ("text=robotXat", []),
     ],
 )
+@pytest.mark.more
 def test_a_state_is_filtered(client: TestClient, query: str, facts: list[str]) -> None:
     data = client.get(f"/api/state?kb=courier&at=9&kind=fact&{query}").json()
     assert texts(data, "fact") == facts
@@ -108,6 +109,7 @@ def test_pages_have_each_element_once(
 
 
 @pytest.mark.parametrize("bound", [10_000, 0])
+@pytest.mark.more
 def test_pages_go_on_after_their_last_element(
     filled: Filled, monkeypatch: pytest.MonkeyPatch, bound: int
 ) -> None:

@@ -202,5 +202,6 @@ def test_so_many_verifications_wait_at_most(
     assert client.post("/api/verify?kb=courier").status_code == 503
 
 
+@pytest.mark.more
 def test_a_form_with_many_fields_is_refused_before_it_is_read(client: TestClient) -> None:
     assert client.post("/verify?kb=courier", content="a=b&" * 100_000).status_code == 400
