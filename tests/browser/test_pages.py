@@ -74,7 +74,7 @@ def test_a_page_is_used_by_keyboard(sqlite_served: Serving, visit: Visit, path: 
     visitor.page.keyboard.press("Enter")
     expect(visitor.page.locator("#content")).to_be_focused()
     visitor.open(path)
-    visited, expected = visitor.tab_through(200)
+    visited, expected = visitor.tab_through(400)
     assert visited == expected
 
 

@@ -42,7 +42,7 @@ def test_links_and_keys_change_the_window_and_the_address(
     assert asked(visitor)["since"] == "2026-03-02T14:07:30.000000Z"
     assert window(visitor) == "2026-03-02 14:07:30 to 14:22:30 UTC"
     with visitor.page.expect_navigation():
-        visitor.page.get_by_role("link", name="Later").click()
+        visitor.page.get_by_role("link", name="Later →").click()
     assert window(visitor) == "2026-03-02 14:15:00 to 14:30:00 UTC"
     visitor.page.go_back()
     assert window(visitor) == "2026-03-02 14:07:30 to 14:22:30 UTC"

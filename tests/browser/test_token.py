@@ -34,4 +34,8 @@ def test_a_reader_gives_the_token_once(sqlite_story: str, serve: Serve, visit: V
     assert running.token not in visitor.page.evaluate("document.cookie + location.href")
     visitor.page.reload()
     expect(visitor.page.get_by_role("heading", name="Revision 9")).to_be_visible()
-    assert running.log() == ""
+    log = running.log()
+    assert running.token not in log
+    lines = log.splitlines()
+    assert len(lines) == len(LOOKS) + 2
+    assert all(" 401, it" in line for line in lines)

@@ -40,7 +40,7 @@ def renew_roles(url: str) -> None:
 
 def migrate(url: str) -> None:
     """Change tables."""
-    kant_sql.operations.downgrade(url, revision="0001")
+    kant_sql.operations.downgrade(url, revision="0010")
     kant_sql.upgrade(url)
 
 
