@@ -30,7 +30,7 @@ test-rest: $(VENV)/test-ready browser
 	@set -e; for programs in $(POSTGRESQL); do \
 	  echo "PostgreSQL of $$programs"; \
 	  KANT_SQL_TEST_POSTGRESQL="$$programs" $(PYTEST) \
-	    tests/contract tests/verify tests/audit tests/migrations --on-server; \
+	    tests/contract tests/verify tests/audit tests/migrations --most --on-server; \
 	done
 
 test-all: test test-rest

@@ -69,11 +69,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect what an option leaves out; begin with the longest tests."""
     option = config.option
+    # First: of what is chosen, each test that has a server runs there.
+    if option.on_server:
+        keep(config, items, selection.is_on_server)
     if option.most or option.rest:
         most = selection.in_make_test(items)
         keep(config, items, lambda item: (item in most) == option.most)
-    if option.on_server:
-        keep(config, items, selection.is_on_server)
     # A long test that begins last keeps one worker busy while the other has nothing to do.
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
