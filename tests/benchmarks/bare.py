@@ -8,6 +8,7 @@ it checks nothing, redefines nothing, retries nothing, and its reads give PDDL t
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import cache
@@ -114,27 +115,35 @@ class Bare:
             run("ROLLBACK")
             return
         now = datetime.now(UTC).isoformat(timespec="microseconds")[:26] + "Z"
-        digest = self.digest(head[3], now, reason)
+        seed = os.urandom(16)
+        digest = self.digest(head[3], now, reason, seed)
         moment = self.driver.moment(now)
-        revision = (self.kb, self.number, moment, self.actor, reason, None, 1, digest, None)
-        run(insert("revision", 9), revision)
+        revision = (self.kb, self.number, moment, self.actor, reason, None, 2, digest, None, seed)
+        run(insert("revision", 10), revision)
         defined = self.number if self.defined else head[1]
         run(MOVE_HEAD, (self.number, defined, self.next_id, digest, moment, self.kb))
         run("COMMIT")
 
-    def digest(self, previous: str | None, now: str, reason: str | None) -> str:
-        """Hash the revision."""
+    def digest(self, previous: str | None, now: str, reason: str | None, seed: bytes) -> str:
+        """Hash the revision, in form 2 of docs/hash.md."""
+
+        def seal(label: str, text: str) -> str:
+            salt = sha256(seed + label.encode() + b"\0" + text.encode()).digest()[:16]
+            return sha256(salt + text.encode()).hexdigest()
+
         document = {
-            "actor": self.actor,
-            "changes": sorted(self.changes),
+            "actor": seal("actor", self.actor),
+            "changes": [
+                (sign, kind, seal(sign + kind, text)) for sign, kind, text in sorted(self.changes)
+            ],
             "committed_at": now,
-            "form": 1,
+            "form": 2,
             "knowledge_base": self.name,
             "number": self.number,
             "observed_at": None,
             "plan_step": None,
             "previous": previous,
-            "reason": reason,
+            "reason": None if reason is None else seal("reason", reason),
             "source": None,
         }
         text = json.dumps(document, ensure_ascii=False, sort_keys=True, separators=(",", ":"))

@@ -140,15 +140,17 @@ def test_one_may_be_confirmed_and_then_retracted(kb: KnowledgeBase) -> None:
 
 def test_the_statements_are_few_however_many_facts(kb: KnowledgeBase) -> None:
     robot = kant_sql.PddlTypeDto("robot")
-    kb.objects.save_all([kant_sql.PddlObjectDto(robot, f"r{n}") for n in range(60)])
-    facts = [f"(at r{n} hall)" for n in range(60)]
+    kb.objects.save_all([kant_sql.PddlObjectDto(robot, f"r{n}") for n in range(240)])
+    facts = [f"(at r{n} hall)" for n in range(240)]
     kb.propositions.save_all(facts)
-    counts = [
-        count(partial(kb.propositions.confirm, some, not_within=within))
-        for some, within in ((facts[:2], None), (facts, None), (facts[:2], 60), (facts, 60))
-    ]
-    assert counts[0] == counts[1]
-    assert counts[2] == counts[3] <= counts[0]
+    for within in (None, 60):
+        few, *many = (
+            count(partial(kb.propositions.confirm, some, not_within=within))
+            for some in (facts[:2], facts[:60], facts)
+        )
+        # PostgreSQL writes a few rows of several tables in one statement.
+        assert few in (many[0], many[0] - 1)
+        assert many[0] == many[1]
 
 
 def texts(found: list[Version]) -> list[str]:
