@@ -30,11 +30,9 @@ from typing import (
     Any,
     Concatenate,
     Generic,
-    Literal,
     ParamSpec,
     Self,
     TypeVar,
-    Unpack,
     overload,
 )
 
@@ -86,11 +84,10 @@ from .knowledge_base import (
 )
 from .limits import PATIENCE, limited
 from .moment_text import When
-from .planning import Plan
-from .plans import PlanDao, RecordedPlan
+from .plans import PlanDao
 from .reasoning.ask import Answers, Binding
 from .reasoning.execute import Dispatch, ExecutedPlan, Executive
-from .reasoning.replan import PlanOptions, Replanned
+from .reasoning.replan import PlanOptions
 from .reasoning.rule_watch import watcher_of
 from .reasoning.rules import Rules, Verdict
 from .reasoning.validate import GivenPlan
@@ -642,6 +639,21 @@ def _iterate(method: Callable[Concatenate[S, P], Iterable[R]]) -> _Call[P, Async
     return _Call(method, _Entries)
 
 
+async def _until_answered(door: _Door, ask: Callable[[], R]) -> R:
+    """Ask planners; when this is cancelled, they end."""
+    with limited() as limit:
+        if door.own_block() is not None:
+            return await door.read(ask)
+        door.refuse_closed()
+        if door.has_one_connection:
+            door.refuse_inherited()
+        return await _until_stopped(ask, lambda: asyncio.to_thread(limit.cancel))
+
+
+def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
+    return _Call(method, _until_answered)
+
+
 class _Beside(Generic[T]):
     """A part of a front door: that of the synchronous one at the same name, made on first use."""
 
@@ -848,6 +860,8 @@ class AsyncKnowledgeBase(_Part):
     abort = _write(KnowledgeBase.abort)
     fail = _write(KnowledgeBase.fail)
     statistics = _read(KnowledgeBase.statistics)
+    plan = _search(KnowledgeBase.plan)
+    replan = _search(KnowledgeBase.replan)
     validate = _read(KnowledgeBase.validate)
     state = _read(KnowledgeBase.state)
     commit = _write(KnowledgeBase.commit)
@@ -974,46 +988,6 @@ class AsyncKnowledgeBase(_Part):
             return found
 
         return await self._door.read(ask)
-
-    async def plan(
-        self,
-        engine: str | None = None,
-        *,
-        engines: Iterable[str] | None = None,
-        keep: Literal["first", "best"] = "first",
-        costs: Literal["history"] | None = None,
-        timeout: float | None = None,
-        memory: int | None = None,
-        strict: bool = False,
-    ) -> Plan:
-        """Find a plan, as `KnowledgeBase.plan`; when this call is cancelled, the planners end."""
-        ask = partial(
-            self._kb.plan,
-            engine,
-            engines=engines,
-            keep=keep,
-            costs=costs,
-            timeout=timeout,
-            memory=memory,
-            strict=strict,
-        )
-        return await self._search(ask)
-
-    async def replan(
-        self, plan: RecordedPlan | int | None = None, **options: Unpack[PlanOptions]
-    ) -> Replanned:
-        """Keep a plan or find another, as `KnowledgeBase.replan`; cancelled as `plan`."""
-        return await self._search(partial(self._kb.replan, plan, **options))
-
-    async def _search(self, ask: Callable[[], R]) -> R:
-        """Ask planners; when this call is cancelled, they end."""
-        with limited() as limit:
-            if self._door.own_block() is not None:
-                return await self._door.read(ask)
-            self._door.refuse_closed()
-            if self._door.has_one_connection:
-                self._door.refuse_inherited()
-            return await _until_stopped(ask, lambda: asyncio.to_thread(limit.cancel))
 
     async def execute(
         self,
