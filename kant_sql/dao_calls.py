@@ -10,6 +10,7 @@ floats; other values are `{"decimal": "0.1"}`, `{"float": "nan"}`, `{"map": {...
 from __future__ import annotations
 
 import inspect
+import ipaddress
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
@@ -25,7 +26,10 @@ from .errors import InvalidArgumentError, InvalidKnowledgeError, TypeCycleError,
 from .json_values import JsonValue
 from .knowledge_base import KnowledgeBase, PddlParts
 
+# What a server and its clients agree on.
 DAO_PATH = "/api/dao"
+TOKEN_VARIABLE = "KANT_SQL_TOKEN"
+LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 # Bytes of a request, and elements in it.
 LONGEST_BODY, MOST_CHANGES = 16 << 20, 100_000
 # Levels of lists in lists: no argument has more than three.
@@ -58,9 +62,24 @@ KINDS: dict[str, type] = {
 }
 
 
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine can reach an address."""
+    if host in LOOPBACK:
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
 def is_read(do: str) -> bool:
     """Return whether a method of a DAO only reads."""
     return do.startswith("get")
+
+
+def dao_of(kb: KnowledgeBase, kind: str) -> Any:
+    """Return a DAO, of a knowledge base or of its `pddl`."""
+    return getattr(kb if hasattr(type(kb), kind) else kb.pddl, kind)
 
 
 def call(kb: KnowledgeBase, kind: str, do: str, arguments: object, *, reads: bool) -> Any:
@@ -71,7 +90,7 @@ def call(kb: KnowledgeBase, kind: str, do: str, arguments: object, *, reads: boo
         raise InvalidArgumentError(
             f"{shown(kind)} have no method {shown(do)} that {'reads' if reads else 'writes'}"
         )
-    dao = getattr(kb if hasattr(type(kb), kind) else kb.pddl, kind)
+    dao = dao_of(kb, kind)
     try:
         given = inspect.signature(getattr(interface, do)).bind(dao, **_named(arguments))
     except TypeError as error:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import http.client
 import inspect
-import ipaddress
 import json
 import os
 import secrets
@@ -33,7 +32,6 @@ from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.knowledge_base import KnowledgeBase, PddlParts
 from kant_sql.plans import PlanDao
 
-TOKEN_VARIABLE = "KANT_SQL_TOKEN"
 TIMEOUT = 60.0
 # Seconds before each repetition of what had no answer.
 PAUSES = (0.0, 0.1, 0.5, 2.0)
@@ -80,24 +78,18 @@ def _place_of(url: str, knowledge_base: str) -> _Place:
             f"the URL names the knowledge base {shown(name)}, and knowledge_base is "
             f"{shown(knowledge_base)}; leave one of them out"
         )
-    given = os.environ.get(TOKEN_VARIABLE) if parts.password is None else unquote(parts.password)
+    own = os.environ.get(dao_calls.TOKEN_VARIABLE)
+    given = own if parts.password is None else unquote(parts.password)
     token, is_secure = given or None, parts.scheme.lower() == "https"
     if token is not None and not (token.isascii() and token.isprintable()):
         raise InvalidUrlError("the token has characters that HTTP headers cannot carry")
     host, insecure = parts.hostname, options.get("insecure") == "1"
-    if token is not None and not (is_secure or insecure or _is_loopback(host)):
+    if token is not None and not (is_secure or insecure or dao_calls.is_loopback(host)):
         raise InvalidUrlError(
             f"http://{host} would carry the token in the clear; use https://, or add ?insecure=1 on"
             " a network that you trust"
         )
     return _Place(is_secure, host, parts.port, folder, name, token, float(timeout))
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 class _BrokenError(Exception):

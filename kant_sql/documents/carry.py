@@ -33,6 +33,8 @@ Wanted = Mapping[Key, str | None]
 Find = Callable[[str, int], int]
 
 SECTIONS = (*d.DOMAIN_SECTIONS, *d.PROBLEM_SECTIONS)
+# What is part of a state; a formula's kind is its section.
+STATED = {*d.KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
 # What others can mention.
 MENTIONED = ("type", "object", "predicate", "function")
 _ONE_TYPE, _TYPES = ("parent_id", "type_id"), ("other_parent_ids", "other_type_ids", "type_ids")

@@ -18,7 +18,7 @@ from sqlalchemy import Text, cast, literal_column, select
 from ..arguments import shown
 from ..documents.carry import (
     MENTIONED,
-    SECTIONS,
+    STATED,
     Key,
     carry,
     key_of,
@@ -41,7 +41,7 @@ from ..knowledge.definitions import KINDS, Definitions
 from ..sql.changes import ASSERTED, RETRACTED, SAYING, Change, in_range, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.query import Query
-from ..sql.rows import FACT, GOAL, KB, VALUE
+from ..sql.rows import KB, VALUE
 from ..sql.tables import RevisionRow
 from ..store.head import hash_of
 from ..store.snapshot import View, refuse_archived
@@ -55,8 +55,6 @@ from .revisions import Revision, read_numbered, read_position
 
 logger = logging.getLogger("kant_sql.history")
 
-# What is part of a state, and so is merged; a formula's kind is its section.
-_MERGED = {*KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
 _SOURCE = cast(RevisionRow.source, Text)
 # Canonical JSON sorts its keys: the source of a merge begins so.
 _MERGES = Query(
@@ -124,7 +122,7 @@ def _read_side(
     for number, change in stream_changes(session, kb_id, low, high):
         if change.kind == SAYING and number > split:
             sayings.append((number, change.text))
-        if change.kind in _MERGED:
+        if change.kind in STATED:
             name = name_in(change.kind, change.text)
             key = change.kind, fold(name)
             if key not in traces:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from decimal import Decimal
 from functools import partial
 
-from sqlalchemy import bindparam, func, select
+from sqlalchemy import bindparam, select
 from typing_extensions import override
 
 from .. import html
@@ -38,10 +38,9 @@ from ..sql.rows import KB, table_of
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
-from ..store.transaction import Transaction
+from ..store.transaction import LAST_PLAN, Transaction
 from . import Given, PlanDao, RecordedPlan
 
-_LAST = Query(select(func.max(t.PlanRow.id)).where(t.PlanRow.kb_id == KB))
 # The metric in the text that the library writes.
 _GIVEN_METRIC = re.compile(r"^  \(:metric (.*)\)$", re.MULTILINE)
 
@@ -59,7 +58,7 @@ def last_plan(store: Store) -> int | None:
     """Return the id of the plan that was recorded last."""
 
     def read(view: View) -> int | None:
-        row = None if view.kb_id is None else view.session.first(_LAST, kb=view.kb_id)
+        row = None if view.kb_id is None else view.session.first(LAST_PLAN, kb=view.kb_id)
         return None if row is None else row[0]
 
     return store.read_in_snapshot(read)

@@ -74,7 +74,7 @@ _MOVE_HEAD = Query(
 SPILL_AT = 10_000
 
 _NEW_CONFIRMATION = Insert(table_of(ConfirmationRow), "kb_id", "proposition_id", "since")
-_LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
+LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
 
 _PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS = "propositions", "values", "records", "executions"
 # The order of writing: each refers to those before it only.
@@ -224,7 +224,7 @@ class Transaction:
 
     def number_plan(self) -> int:
         """Return the number of the next plan: 1, 2, 3 ..., apart from the ids of elements."""
-        (last,) = self.session.first(_LAST_PLAN, kb=self.kb_id) or (None,)
+        (last,) = self.session.first(LAST_PLAN, kb=self.kb_id) or (None,)
         number = 1 + (last or 0) + sum(change.kind == PLAN for change in self.records.pending)
         # Verification expects no id beyond the head's.
         self._context.reserve([number])

@@ -23,7 +23,7 @@ from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
 from .. import __version__
-from ..dao_calls import DAO_PATH, LONGEST_BODY
+from ..dao_calls import DAO_PATH, LONGEST_BODY, TOKEN_VARIABLE, is_loopback
 from ..errors import InvalidArgumentError, KantSqlError
 from ..json_values import JsonValue, json_value
 from ..plugins import Plugins
@@ -33,7 +33,7 @@ from .live import LiveHub, live
 from .pages import TOPICS
 from .registry import Pages, VisibleJson, status_of
 from .rendering import STATIC, render
-from .security import TOKEN_VARIABLE, Guard, Programs, allowed_hosts, is_loopback
+from .security import Guard, Programs, allowed_hosts
 from .stores import OpenStore
 from .tokens import TokenFile
 from .writing import MOST_WRITERS, WRITES

@@ -15,16 +15,15 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..dao_calls import LOOPBACK, is_loopback
 from ..errors import printable
 from ..html import visible
 from .tokens import Token, TokenFile
 
 logger = logging.getLogger("kant_sql.web")
 
-TOKEN_VARIABLE = "KANT_SQL_TOKEN"
 TOKEN_COOKIE = "kant_sql_token"
 LOGIN = "/token"
-_LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 _LONGEST_FORM = 10_000
 _WRONG = "its token is not the one of this server"
 # No inline script or style, nothing from elsewhere, in no other page's frame.
@@ -52,16 +51,6 @@ _HEADERS = {
 _NO_CACHE, _CACHE = "no-cache", "max-age=31536000, immutable"
 
 
-def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach an address."""
-    if host in _LOOPBACK:
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
     """Return the names under which a server that is bound to an address may be asked.
 
@@ -69,7 +58,7 @@ def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
     names are listed; an address in digits cannot be redirected.
     """
     own = () if is_loopback(bound) else (bound, socket.gethostname(), socket.getfqdn())
-    return frozenset(name.lower() for name in (*_LOOPBACK, *own, *others))
+    return frozenset(name.lower() for name in (*LOOPBACK, *own, *others))
 
 
 class Programs:

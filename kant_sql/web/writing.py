@@ -19,7 +19,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from starlette.exceptions import HTTPException
 
-from ..dao_calls import LONGEST_BODY, MOST_CHANGES
+from ..dao_calls import LONGEST_BODY, MOST_CHANGES, dao_of
 from ..errors import InvalidArgumentError, StaleRevisionError, StoreError
 from ..history.revisions import Revision
 from ..json_values import json_value
@@ -398,8 +398,7 @@ def _number(given: int | float | str) -> int | float | Decimal | str:
 
 
 def _call(kb: KnowledgeBase, change: DaoCall) -> Result:
-    dao = getattr(kb if hasattr(type(kb), change.kind) else kb.pddl, change.kind)
-    method = getattr(dao, change.do, None)
+    method = getattr(dao_of(kb, change.kind), change.do, None)
     known = {} if method is None else inspect.signature(method).parameters
     given = {
         name: getattr(change, name) for name in change.model_fields_set - {"kind", "do", "element"}

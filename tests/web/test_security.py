@@ -12,11 +12,12 @@ from urllib.parse import urlencode
 import pytest
 from fastapi.testclient import TestClient
 
+from kant_sql.dao_calls import is_loopback
 from kant_sql.errors import InvalidArgumentError, StoreUnreachableError, UnknownNameError
 from kant_sql.html import visible
 from kant_sql.web.application import create_app, token_for
 from kant_sql.web.rendering import Folders
-from kant_sql.web.security import TOKEN_COOKIE, is_loopback
+from kant_sql.web.security import TOKEN_COOKIE
 from tests.support.crawling import Markup
 from tests.support.statements import fill
 from tests.support.stores import Connect, new_file_store
