@@ -220,8 +220,7 @@ class Executive:
         # A plan that goes on does so at once.
         is_whole = self.size == len(plan.steps)
         self._first = 0.0 if is_whole or not self._left else float(self._left[0].start or 0)
-        self._begun = time.monotonic()
-        self._remaining = Remaining(self.state, plan.id)
+        self._remaining = Remaining(plan.id)
 
     def run(self) -> ExecutedPlan:
         """Execute the plan, in this thread and one for each step that runs."""
@@ -291,25 +290,20 @@ class Executive:
             self._look_ahead(self.replan)
         while self._end is None and self._begins():
             pass
-        return self._end is not None or not (self._left or self._running or self._why)
+        return self._end is not None or not (self._left or self._running)
 
     def _look_ahead(self, options: PlanOptions) -> None:
         """Look whether what is left still works; if not, go on with another plan once none runs."""
-        if self._why is None:
-            self._why = self._remaining.look()[0]
+        old = self._plan()
+        self._why = self._why or self._remaining.look(self.state, old)[0]
         if self._why is None or self._running:
             return
-        old, why = self._plan(), self._why
-        try:
-            with limited() as self._planning:
-                made = take_over(self.state, old, why, options)
-        except Exception as error:
-            self._error = error
-            self._stop(None)
-            return
-        self._planning, self._why = None, None
-        self._replaced.append(f"plan {old.id} broke: {why}")
+        with limited() as self._planning:
+            made = take_over(self.state, old, self._why, options)
+        self._replaced.append(f"plan {old.id} broke: {self._why}")
+        self._planning = self._why = None
         self._take(made)
+        self._begun = time.monotonic()
 
     def _look_at_running(self) -> None:
         running = {key_of(step) for step in running_executions(self._store)}
@@ -340,7 +334,7 @@ class Executive:
         try:
             begun = begin_running(self._store, step, self.reason)
         except (NotApplicableError, RuleViolatedError) as error:
-            if self.replan is not None and self._remaining.look()[0] is not None:
+            if self.replan is not None and self._remaining.look(self.state, self._plan())[0]:
                 # Somebody changed it since we looked.
                 self._pause = 0
                 return False

@@ -10,21 +10,18 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from threading import Lock
 from typing import Literal, TypedDict, Unpack
-from weakref import WeakKeyDictionary
 
 from .. import html
 from ..acts import Execution
 from ..acts.executions import report
 from ..arguments import refusal
-from ..documents.carry import SECTIONS, name_in
+from ..documents.carry import STATED, name_in
 from ..documents.exchange import PlanningTask, read_task
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, PlanError
 from ..history.moments import head_revision
-from ..knowledge.definitions import KINDS
 from ..knowledge.grounding import bound, substitute
 from ..pddl.document import DURATIVE_ACTION, Action
 from ..plans import RecordedPlan
@@ -32,7 +29,7 @@ from ..plans.dao import SqlPlanDao, last_plan
 from ..sql.changes import Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import RUNNING, SUCCEEDED
-from ..sql.rows import FACT, GOAL, VALUE
+from ..sql.rows import FACT, VALUE
 from ..store.state import State
 from ..store.store import Store
 from . import search
@@ -41,7 +38,7 @@ from .validate import Validation, check_validated, read_any_plan, validate_plan
 # A fact or a value, its predicate or function, and each argument; None for any object.
 _Need = tuple[str, str, tuple[str | None, ...]]
 _Needs = frozenset[_Need]
-_DEFINING = {*KINDS, *SECTIONS, GOAL}
+_Actions = dict[str, Action]
 
 
 class PlanOptions(TypedDict, total=False):
@@ -125,16 +122,13 @@ def replan(
         >>> print(kb.replan(plan))
         plan 1, what is left of it is valid
     """
-    store = state.store
     check_options(options)
-    given = _recorded(state, plan)
-    with _LOCK:
-        kept = _KEPT.setdefault(store, {})
-        remaining = kept.get(given.id) or Remaining(state, given.id)
+    given, remembered = _recorded(state, plan), state.store.remembered
+    remaining = remembered.get(Remaining)
+    if remaining is None or remaining.plan_id != given.id:
         # Plans that came before are over.
-        kept.clear()
-        kept[given.id] = remaining
-    broken, is_validated = remaining.look()
+        remaining = remembered[Remaining] = Remaining(given.id)
+    broken, is_validated = remaining.look(state, given)
     if broken is None:
         return Replanned(given, None, is_validated)
     runs = [step for step in given.steps if step.outcome == RUNNING]
@@ -182,52 +176,52 @@ def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -
 class Remaining:
     """What is left of a recorded plan, and up to which revision it is known to work."""
 
-    def __init__(self, state: State, plan_id: int) -> None:
-        self._state, self._plan_id = state, plan_id
+    def __init__(self, plan_id: int) -> None:
+        self.plan_id = plan_id
         self._known: int | None = None
         self._broken: str | None = None
         self._goal: _Needs = frozenset()
         self._steps: dict[int | None, _Needs] = {}
 
-    def look(self) -> tuple[str | None, bool]:
-        """Return why the plan broke, if it did, and whether it was validated."""
-        store = self._state.store
-        head = head_revision(store)
-        if self._known is not None and self._known <= head:
-            plan = _recorded(self._state, self._plan_id)
-            if not any(map(_has_ended, plan.steps)) and not self._is_touched(plan, head):
-                self._known = head
-                return self._broken, False
-        plan = _recorded(self._state, self._plan_id)
-        task = read_task(self._state)
-        self._note_needs(task, plan)
-        self._broken = _why_broken(task, plan)
-        # What a transaction has not committed may never be.
-        self._known = task.revision if store.current() is None else None
-        return self._broken, True
+    def look(self, state: State, plan: RecordedPlan) -> tuple[str | None, bool]:
+        """Return why the plan, as it is now, broke, if it did, and whether it was validated."""
+        # What a transaction has not committed is in no revision, and may never be.
+        is_committed, head = state.store.current() is None, head_revision(state.store)
+        known = self._known if is_committed else None
+        if (
+            known is not None
+            and known <= head
+            and not any(map(_has_ended, plan.steps))
+            and not self._is_touched(state.store, plan, known + 1, head)
+        ):
+            self._known = head
+            return self._broken, False
+        task = read_task(state)
+        actions = {fold(one.name): one for one in task.domain.actions}
+        self._note_needs(task, plan, actions)
+        self._broken, is_judged = _why_broken(task, plan, actions)
+        self._known = task.revision if is_committed and is_judged else None
+        return self._broken, is_judged
 
-    def _is_touched(self, plan: RecordedPlan, head: int) -> bool:
-        """Return whether a change since touches what is needed."""
-        assert self._known is not None
+    def _is_touched(self, store: Store, plan: RecordedPlan, low: int, high: int) -> bool:
+        """Return whether a change of some revisions touches what is needed."""
         left = (self._steps[step.position] for step in plan.steps if step.outcome != SUCCEEDED)
         needed = defaultdict[tuple[str, str], list[tuple[str | None, ...]]](list)
         for kind, name, arguments in self._goal.union(*left):
             needed[kind, name].append(arguments)
-        low = self._known + 1
 
         def read(session: Session, kb_id: int | None) -> bool:
             assert kb_id is not None
-            changes = stream_changes(session, kb_id, low, head)
+            changes = stream_changes(session, kb_id, low, high)
             return any(_touches(change, needed) for _, change in changes)
 
-        return low <= head and self._state.store.query_in_snapshot(read)
+        return low <= high and store.query_in_snapshot(read)
 
-    def _note_needs(self, task: PlanningTask, plan: RecordedPlan) -> None:
+    def _note_needs(self, task: PlanningTask, plan: RecordedPlan, actions: _Actions) -> None:
         """Find what the goal and each step that is left read."""
         rules = defaultdict[str, list[f.Node]](list)
         for rule in task.domain.derived:
             rules[fold(rule.predicate)].append(rule.formula)
-        actions = {fold(one.name): one for one in task.domain.actions}
         problem = task.problem
         conditions = (*problem.goal, *problem.constraints, *task.domain.constraints)
         self._goal = _needs(conditions, rules)
@@ -240,10 +234,6 @@ class Remaining:
                 read = (*action.duration, *action.condition, *_read_by(action.effect))
                 needs = _needs((substitute(one, names) for one in read), rules)
             self._steps[step.position] = needs
-
-
-_KEPT: WeakKeyDictionary[Store, dict[int, Remaining]] = WeakKeyDictionary()
-_LOCK = Lock()
 
 
 def _read_by(effects: Iterable[f.Node]) -> Iterator[f.Node]:
@@ -287,7 +277,7 @@ def _touches(change: Change, needed: dict[tuple[str, str], list[tuple[str | None
     """Return whether a change is of what is needed."""
     kind = change.kind
     if kind not in (FACT, VALUE):
-        return kind in _DEFINING
+        return kind in STATED
     name, *objects = fold(name_in(kind, change.text)).strip("()").split()
     return any(
         len(arguments) == len(objects)
@@ -301,26 +291,29 @@ def _has_ended(step: Execution) -> bool:
     return step.outcome not in (None, RUNNING, SUCCEEDED)
 
 
-def _why_broken(task: PlanningTask, plan: RecordedPlan) -> str | None:
-    """Return why what is left of a plan does not reach the goals, or None if it does."""
+def _why_broken(
+    task: PlanningTask, plan: RecordedPlan, actions: _Actions
+) -> tuple[str | None, bool]:
+    """Return why what is left of a plan does not reach the goals, if so, and if that is known."""
     for step in plan.steps:
         if _has_ended(step):
-            return f"{step.place}, {step}, is {step.outcome}"
+            return f"{step.place}, {step}, is {step.outcome}", True
     check_validated(task.domain)
     left = [step for step in plan.steps if step.outcome != SUCCEEDED]
-    actions, steps = [*task.domain.actions], list[Execution]()
+    rests, steps = dict[str, Action](), list[Execution]()
     for step in left:
-        action = next((one for one in actions if fold(one.name) == fold(step.action)), None)
+        action = actions.get(fold(step.action))
         if step.outcome == RUNNING and action is not None and action.kind == DURATIVE_ACTION:
             rest = _without_start(action)
             if rest is None:
                 # What it does in the end was decided when it began: wait for its end.
-                return None
-            actions.append(rest)
+                return None, False
+            rests[rest.name] = rest
             step = replace(step, action=rest.name)  # noqa: PLW2901
         steps.append(step)
-    domain = replace(task.domain, actions=tuple(actions))
-    return _said(validate_plan(domain, task.problem, replace(plan, steps=tuple(steps))), left)
+    domain = replace(task.domain, actions=(*task.domain.actions, *rests.values()))
+    found = validate_plan(domain, task.problem, replace(plan, steps=tuple(steps)))
+    return _said(found, left), True
 
 
 def _without_start(action: Action) -> Action | None:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from threading import Lock
-from weakref import WeakKeyDictionary
 
 from ..arguments import seconds
 from ..dto import formulas as f
@@ -175,10 +174,6 @@ def watcher_of(
     return RuleWatcher(store, begin, rules, since)
 
 
-_FOLLOWED: WeakKeyDictionary[Store, RuleWatcher] = WeakKeyDictionary()
-_LOCK = Lock()
-
-
 def standing(state: State) -> Verdicts:
     """Judge the rules that are kept, each from the revision that saved it.
 
@@ -195,8 +190,7 @@ def standing(state: State) -> Verdicts:
     """
     store, at = state
     head = head_revision(store) if at is None else at
-    with _LOCK:
-        watcher = RuleWatcher(store, 0) if at is not None else _FOLLOWED.get(store)
-        if watcher is None:
-            watcher = _FOLLOWED[store] = RuleWatcher(store, 0)
+    watcher = RuleWatcher(store, 0)
+    if at is None:
+        watcher = store.remembered.setdefault(RuleWatcher, watcher)
     return Verdicts(watcher.stand(head), first=min(head, 1), last=head)

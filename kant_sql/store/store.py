@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, suppress
 from datetime import datetime, timedelta
 from functools import partial
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from sqlalchemy import bindparam, select
 
@@ -105,6 +105,7 @@ class Store:
             which was checked before.
         write_clock: whether a transaction speaks of the time from its commit on, or of that from
             `observed_at` on.
+        remembered: what a question keeps for its next call, by the class of that.
     """
 
     def __init__(
@@ -126,6 +127,7 @@ class Store:
         self.actor = actor
         self.is_one_of_many = is_one_of_many
         self.write_clock = one_of(clock, (COMMITTED, OBSERVED), "the clock")
+        self.remembered: dict[type, Any] = {}
         self._is_closed = False
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()

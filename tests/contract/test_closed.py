@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, PddlFunctionDto, PddlTypeDto, aio
+from kant_sql import KnowledgeBase, PddlFunctionDto, PddlTypeDto, Plan, aio
 from kant_sql.errors import ClosedError
 from tests.support.generators.junk import Calling, Case, World, signature
 from tests.support.stores import Connect
@@ -269,8 +269,19 @@ def branched(url: str) -> KnowledgeBase:
         return kb.branch()
 
 
+def asked(url: str) -> KnowledgeBase:
+    """Have questions remember something for their next call."""
+    kb = opened(url)
+    kb.load_domain("(define (domain go) (:predicates (there)) (:action go :effect (there)))")
+    kb.rules.save("away", "(always (not (there)))")
+    kb.rules.standing()
+    kb.plans.record(Plan.read("(go)"))
+    kb.replan()
+    return kb
+
+
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.parametrize("make", [opened, branched])
+@pytest.mark.parametrize("make", [opened, branched, asked])
 def test_what_nobody_closed_is_freed(common_url: str, make: Callable[[str], KnowledgeBase]) -> None:
     kb: KnowledgeBase | None = make(common_url)
     assert kb is not None

@@ -78,6 +78,13 @@ def camera(kb: KnowledgeBase) -> KnowledgeBase:
     return beside(kb, store_of(kb).name, "camera")
 
 
+def look(kb: KnowledgeBase, remaining: Remaining) -> tuple[str | None, bool]:
+    """Look at a plan as it is now."""
+    plan = kb.plans.get(remaining.plan_id)
+    assert plan is not None
+    return remaining.look(state_of(kb), plan)
+
+
 def fact(text: str, holds: bool = True) -> Callable[[KnowledgeBase], object]:
     return lambda kb: kb.propositions.save(text) if holds else kb.propositions.delete(text)
 
@@ -114,8 +121,7 @@ def test_only_what_touches_the_plan_is_looked_at(change: str, kb: KnowledgeBase)
     assert (first.plan.id, first.broken, first.is_validated) == (1, None, True)
     assert not kb.replan().is_validated
     {**APART, **NEEDED}[change](camera(kb))
-    remaining = Remaining(state_of(kb), 1)
-    broken, _ = remaining.look()
+    broken, _ = look(kb, Remaining(1))
     if change not in ("a door", "where it is", "a number"):
         assert broken is None
         found = kb.replan(1)
@@ -128,12 +134,12 @@ def test_only_what_touches_the_plan_is_looked_at(change: str, kb: KnowledgeBase)
 
 
 def test_what_derived_predicates_follow_from_is_needed(kb: KnowledgeBase) -> None:
-    remaining = Remaining(state_of(kb), kb.plans.record(Plan.read("(leave)\n")).id)
-    remaining.look()
+    remaining = Remaining(kb.plans.record(Plan.read("(leave)\n")).id)
+    look(kb, remaining)
     kb.propositions.save("(counted hall)")
-    assert not remaining.look()[1]
+    assert not look(kb, remaining)[1]
     kb.propositions.save("(lit kitchen)")
-    assert remaining.look()[1]
+    assert look(kb, remaining)[1]
 
 
 def test_another_plan_takes_the_place_of_one_that_broke(
@@ -199,6 +205,26 @@ def test_a_step_that_runs_needs_what_it_needs_until_its_end(change: str, kb: Kno
             kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
 
 
+def test_what_a_start_has_decided_is_judged_after_the_end(kb: KnowledgeBase) -> None:
+    kb.load_domain(
+        HOUSE.replace(
+            "(at end (assign (visits ?r) 3))",
+            "(and (at end (assign (visits ?r) 3))"
+            " (forall (?d - door) (when (at start (open ?d)) (at end (counted ?r)))))",
+        )
+    )
+    kb.goals.delete("(at office)")
+    kb.goals.save("(lit hall)")
+    plan = kb.plans.record(Plan.read("0: (sweep hall) [5]"))
+    kb.start(plan.steps[0])
+    assert not kb.replan().is_validated
+    kb.goals.save("(lit yard)")
+    assert kb.replan().broken is None
+    kb.end(plan.steps[0])
+    with pytest.raises(NoPlanError):
+        kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
+
+
 def test_what_is_asked_of_is_a_recorded_plan(fresh_kb: KnowledgeBase) -> None:
     with pytest.raises(PlanError, match="has no plan; record one"):
         fresh_kb.replan()
@@ -215,10 +241,12 @@ def test_what_is_asked_of_is_a_recorded_plan(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_what_is_not_committed_is_not_remembered(kb: KnowledgeBase) -> None:
+    assert kb.replan().broken is None
+
     def rolled_back() -> None:
         with kb.transaction():
             kb.propositions.delete("(open d2)")
-            assert Remaining(state_of(kb), 1).look()[0] is not None
+            assert look(kb, Remaining(1))[0] is not None
             with pytest.raises(NoPlanError):
                 kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
             raise KeyError
@@ -355,11 +383,11 @@ def test_a_verdict_that_is_kept_is_that_of_a_new_look(
         kb.load_domain(WORLD)
         kb.load_problem(START)
         plan: RecordedPlan = kb.plans.record(Plan.read("\n".join(["(a o1)", *steps])))
-        remembers = Remaining(state_of(kb), plan.id)
-        remembers.look()
+        remembers = Remaining(plan.id)
+        look(kb, remembers)
         for text, change in changes:
             if text in FLUENTS:
                 kb.function_values.set(text, value=change)
             else:
                 fact(text, bool(change))(kb)
-            assert remembers.look()[0] == Remaining(state_of(kb), plan.id).look()[0]
+            assert look(kb, remembers)[0] == look(kb, Remaining(plan.id))[0]
