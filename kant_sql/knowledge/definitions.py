@@ -352,6 +352,7 @@ class Definitions:
             made of.
         derived: cache of what follows from this snapshot alone, by what computes it; a change
             within a transaction clears it.
+        revision: a committed revision of which these are the definitions, where that is known.
     """
 
     types: Elements[TypeDefinition]
@@ -362,6 +363,7 @@ class Definitions:
     formulas: Elements[FormulaDefinition]
     rules: Elements[RuleDefinition]
     documents: Elements[DocumentDefinition]
+    revision: int | None = None
 
     def __init__(self, *elements: Elements[Any]) -> None:
         self._ancestry: Ancestry[int] | None = None

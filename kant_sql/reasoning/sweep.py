@@ -9,6 +9,7 @@ variable ranges over objects, all objects are.
 from __future__ import annotations
 
 import re
+from bisect import bisect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from itertools import groupby
@@ -244,7 +245,7 @@ class Sweep:
         self._session = session
         self._kb_id = kb_id
         self._range = span
-        self._definitions = definitions
+        self._definitions = self._given = definitions
         nodes = [*f.walk(*formulas)]
         facts, values = self._patterns(nodes)
         _, rules = read_meanings(session, kb_id, [], span.low, span.high)
@@ -310,22 +311,41 @@ class Sweep:
         """
         session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
         base = low if low == archived else low - 1
+        self._redefined = self._read_redefined(base)
         before, self._before = self._before, None
         if before is not None and before._patterns_found == self._patterns_found:
             self._definitions, self._world = before._definitions, before._world
             self._last = before._last
         else:
-            self._definitions = load_at(session, kb_id, base) if base else Definitions()
+            known = self._given_at(base) or load_at(session, kb_id, base) if base else None
+            self._definitions = known or Definitions()
             self._world = world_of(self._definitions)
             self._last = base
             for touch in state_of(session, kb_id, self._subjects, base) if base else ():
                 self._apply(self._world, touch)
-        self._redefined = iter(read_redefinitions(session, kb_id, self._meaning, base, high))
-        self._next_redefined = next(self._redefined, None)
+        self._following_redefined = iter([one for one in self._redefined if base < one <= high])
+        self._next_redefined = next(self._following_redefined, None)
         touches = stream_touches(session, kb_id, self._subjects, base, high)
         self._touches = groupby(touches, key=lambda touch: touch.revision)
         self._next_touched = next(self._touches, None)
         return Visit(low - 1, self._world, self._definitions) if base else None
+
+    def _read_redefined(self, base: int) -> list[int]:
+        """Read where definitions that matter changed, in the range and up to the given ones."""
+        high, given = self._range.high, self._given.revision
+        low, high = (base, high) if given is None else (min(base, given), max(high, given))
+        return read_redefinitions(self._session, self._kb_id, self._meaning, low, high)
+
+    def _given_at(self, revision: int) -> Definitions | None:
+        """Return the given definitions if all that matters was defined alike at a revision.
+
+        Those of another revision take long to read when thousands of objects are defined.
+        """
+        given, redefined = self._given, self._redefined
+        if given.revision is None:
+            return None
+        is_alike = bisect(redefined, revision) == bisect(redefined, given.revision)
+        return given if is_alike else None
 
     @property
     def following(self) -> int | None:
@@ -338,11 +358,11 @@ class Sweep:
         revision = self.following
         assert revision is not None
         if self._next_redefined == revision:
-            self._definitions = advance(
+            self._definitions = self._given_at(revision) or advance(
                 self._session, self._kb_id, self._definitions, self._last, revision
             )
             self._world, self._last = moved(self._world, self._definitions), revision
-            self._next_redefined = next(self._redefined, None)
+            self._next_redefined = next(self._following_redefined, None)
         if self._next_touched is not None and self._next_touched[0] == revision:
             for touch in self._next_touched[1]:
                 self._apply(self._world, touch)

@@ -326,7 +326,9 @@ def load(session: Session, kb_id: int) -> tuple[int, Definitions]:
 
 def load_at(session: Session, kb_id: int, at: int) -> Definitions:
     """Read all that was defined at a revision."""
-    return evolve(Definitions(), session.rows(_AT, kb=kb_id, at=at))
+    definitions = evolve(Definitions(), session.rows(_AT, kb=kb_id, at=at))
+    definitions.revision = at
+    return definitions
 
 
 def advance(

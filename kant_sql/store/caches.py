@@ -336,6 +336,7 @@ class DefinitionCache:
 
     def keep(self, definition_revision: int, definitions: Definitions) -> None:
         """Keep definitions, unless newer ones are kept already."""
+        definitions.revision = definition_revision
         known = self._snapshot
         if known is None or known.definition_revision < definition_revision:
             self._snapshot = Snapshot(definition_revision, definitions)

@@ -25,7 +25,7 @@ from kant_sql import (
 from kant_sql.dto.formulas import And, Atom, Constant, Not, Variable
 from kant_sql.errors import ArchivedError
 from tests.support.reading import undone
-from tests.support.statements import count
+from tests.support.statements import count, recorded
 from tests.support.stores import Connect
 from tests.support.worlds.depot import DOMAIN
 
@@ -419,6 +419,22 @@ def test_a_conjunction_takes_as_many_statements_however_long_the_past(day: Knowl
         step(day, "driver", ("+", at(RB1, KITCHEN)), ("-", at(RB1, HALL)))
     assert count(join) == joined
     assert count(sweep) == swept
+
+
+def test_definitions_that_matter_as_now_are_not_read_again(day: KnowledgeBase) -> None:
+    def reads() -> int:
+        with recorded() as statements:
+            assert numbers(day.when("(not (child_in kitchen))", since=4, until=9)) == [(6, 7)]
+        return sum("action_version" in sql for sql in statements)
+
+    day.objects.save("elsewhere - room")
+    day.objects.save("nowhere - room")
+    reads()
+    assert reads() == 0
+    # A type may be another for all that is mentioned.
+    day.types.save("door")
+    reads()
+    assert reads() == 1
 
 
 # Archives.
