@@ -5,6 +5,7 @@ It runs under `guard.py`, which ends it with the processes that engines start.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import os
 import pickle
@@ -18,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
@@ -206,6 +208,27 @@ def forms(
 
 
 _PLACES = 6
+
+
+class _Spared(ModuleType):
+    """Takes the place of ConfigSpace until an engine uses more of it than its main class."""
+
+    ConfigurationSpace = object
+
+    def __getattr__(self, name: str) -> object:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if sys.modules[self.__name__] is self:
+            del sys.modules[self.__name__]
+        return getattr(importlib.import_module(self.__name__), name)
+
+
+def _spare_scipy() -> None:
+    """Save two seconds: unified-planning imports ConfigSpace, and so scipy, for an annotation."""
+    found = importlib.util.find_spec("ConfigSpace")
+    if found is not None:
+        spared = sys.modules[found.name] = _Spared(found.name)
+        spared.__path__ = found.submodule_search_locations or []
 
 
 def _mend_grounder() -> None:
@@ -511,6 +534,7 @@ def main(directory: str) -> None:
     task: Task = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | KantSqlError
     fallbacks: list[str] = []
+    _spare_scipy()
     try:
         search = Search(task)
         outcome, fallbacks = search.run(), search.fallbacks

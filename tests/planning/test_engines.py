@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -336,3 +337,21 @@ def test_fast_downward_reads_what_unified_planning_cannot_express(kb: KnowledgeB
     plan = kb.plan(timeout=60)
     assert (plan.engine, str(plan)) == ("fast-downward", "(shine A c)\n")
     assert Plan.read(str(plan)).steps == plan.steps
+
+
+def test_a_planner_does_not_wait_for_scipy() -> None:
+    pytest.importorskip("unified_planning")
+    code = """
+import subprocess
+import sys
+from kant_sql.planning import worker
+worker._spare_scipy()
+import unified_planning.shortcuts
+from ConfigSpace import ConfigurationSpace
+assert "scipy" not in sys.modules
+import ConfigSpace.hyperparameters
+from ConfigSpace import Float
+import ConfigSpace
+assert ConfigSpace.ConfigurationSpace({"x": (1, 2)})["x"].upper == 2
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
