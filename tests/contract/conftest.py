@@ -6,7 +6,8 @@ import itertools
 import re
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
+from functools import cache
 
 import pytest
 from sqlalchemy.sql.expression import Executable
@@ -102,8 +103,8 @@ AIO = {
     "aio-postgresql": ("test_dao_propositions", "test_dao_function_values"),
     "aio-sqlite-memory": ("test_dao_propositions",),
 }
-# A backend as the DAO family over HTTP sees it, which the tests of the DAOs go through.
-HTTP = "http-sqlite-file"
+# Backends as the DAO family over HTTP sees them, which the tests of the DAOs go through.
+HTTP = ("http-sqlite-file", "http-postgresql")
 # A test of what they lack; of the words for a field that was overwritten, which the constructor
 # refuses there; and of one that writes while a request is made of what it yields.
 NOT_HTTP = re.compile(
@@ -121,7 +122,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def _is_wanted(item: pytest.Item) -> bool:
     backend = getattr(item, "callspec", None) and item.callspec.params.get("common_url")  # type: ignore[attr-defined]
-    if backend == HTTP:
+    if backend in HTTP:
         is_dao = item.path.name.startswith("test_dao_")
         return is_dao and not NOT_HTTP.search(f"{item.path.name} {item.name}")
     if backend not in AIO:
@@ -133,7 +134,7 @@ def _is_wanted(item: pytest.Item) -> bool:
 
 
 @pytest.fixture(
-    params=[*BACKENDS, *CITUS, *AIO, HTTP, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))]
+    params=[*BACKENDS, *CITUS, *AIO, *HTTP, *(f"extra-{n}" for n, _ in enumerate(extra_urls()))]
 )
 def common_url(request: pytest.FixtureRequest) -> str:
     """The URL of a store that other tests may have used, on each backend in turn."""
@@ -166,10 +167,15 @@ def event_loop_thread() -> Iterator[async_facade.Loop]:
 
 
 @pytest.fixture(scope="session")
-def file_server(one_file: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A server of the file that tests share."""
-    with remote.served(one_file, tmp_path_factory.mktemp("tokens")) as server:
-        yield server
+def http_servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Served]]:
+    """Servers of the stores that tests share."""
+    with ExitStack() as running:
+
+        @cache
+        def serve(url: str) -> Served:
+            return running.enter_context(remote.served(url, tmp_path_factory.mktemp("tokens")))
+
+        yield serve
 
 
 @pytest.fixture
@@ -185,8 +191,8 @@ def fresh_kb(
         kb = async_facade.beside(loop, first_kbs[common_url], name)
         yield kb
         kb.close()
-    elif request.node.callspec.params["common_url"] == HTTP:
-        server = request.getfixturevalue("file_server")
+    elif request.node.callspec.params["common_url"] in HTTP:
+        server = request.getfixturevalue("http_servers")(common_url)
         with remote.beside(server, first_kbs[common_url], name) as over_http:
             yield over_http
     else:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import shutil
 import socket
+import ssl
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -227,6 +230,68 @@ def test_what_is_no_server_of_ours_is_named(
     ):
         kb.types.get_all()
     assert type(caught.value) is error
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> Path:
+    """A certificate of this machine that nobody else knows, with its key."""
+    program = shutil.which("openssl")
+    if program is None:
+        pytest.skip("needs the program openssl")
+    path = tmp_path / "own.pem"
+    words = [program, "req", "-x509", "-nodes", "-newkey", "rsa:2048", "-subj", "/CN=localhost"]
+    words += ["-addext", "subjectAltName=IP:127.0.0.1", "-out", path.name, "-keyout", path.name]
+    subprocess.run(words, cwd=tmp_path, check=True, capture_output=True)
+    return path
+
+
+@contextmanager
+def secured(address: str, certificate: Path) -> Iterator[str]:
+    """A TLS proxy before a server; give its address."""
+    host, _, port = address.rpartition("/")[2].partition(":")
+
+    async def copy(source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
+        with suppress(OSError):
+            while data := await source.read(1 << 16):
+                target.write(data)
+                await target.drain()
+        target.close()
+
+    async def lead(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        back, forth = await asyncio.open_connection(host, int(port))
+        await asyncio.gather(copy(reader, forth), copy(back, writer))
+
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    context.load_cert_chain(certificate)
+    loop = asyncio.new_event_loop()
+    proxy = loop.run_until_complete(asyncio.start_server(lead, "127.0.0.1", 0, ssl=context))
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    try:
+        yield f"https://127.0.0.1:{proxy.sockets[0].getsockname()[1]}"
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        proxy.close()
+        for task in asyncio.all_tasks(loop):
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                loop.run_until_complete(task)
+        loop.close()
+
+
+def test_over_tls_a_certificate_of_ones_own_is_trusted_by_name(
+    server: Served, certificate: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with secured(server.address, certificate) as address:
+        url = server._replace(address=address).at("tiago")
+        with pytest.raises(StoreUnreachableError, match="certificate"):
+            connect(url).types.get_all()
+        monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+        kb = connect(url)
+        assert kb.types.save("robot") is True
+        assert kb.types.get("robot") == PddlTypeDto("robot")
+        kb.close()
 
 
 def change(kb: KnowledgeBase, **place: Any) -> None:
