@@ -22,22 +22,8 @@ from typing import Any, NamedTuple
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
+from ..knowledge import resolved as r
 from ..knowledge.grounding import Binding, bound, substitute
-from ..knowledge.resolved import (
-    FALSE,
-    TRUE,
-    FluentIs,
-    HoldsFact,
-    Known,
-    NumberOf,
-    Operation,
-    Part,
-    Place,
-    Quantity,
-    Slot,
-    Witness,
-    parts_of,
-)
 from ..knowledge.rules import rules_of
 from ..pddl.cursor import hint
 from ..pddl.document import Action
@@ -79,10 +65,10 @@ class _CompiledEffect:
         self._row = compiler.picker(item.terms)
         self._value = _value(compiler, item.value)
         self._lacking: Search | None = None
-        if item.lacking != FALSE:
+        if item.lacking != r.FALSE:
             self._lacking = compiler.search(item.around, item.lacking)
         self._early: Rows | None = None
-        if item.earlier != TRUE:
+        if item.earlier != r.TRUE:
             self._early = compiler.rows(item.around, item.earlier)
 
     def remember(self, arguments: Sequence[int], duration: Decimal | None) -> set[Row] | None:
@@ -143,11 +129,11 @@ def _compiler(world: World, action: PreparedAction) -> Compiler:
     return Compiler(world, [each.slot for each in action.parameters])
 
 
-def _value(compiler: Compiler, value: Quantity | Place | None) -> Callable[[Env], Any]:
+def _value(compiler: Compiler, value: r.Quantity | r.Place | None) -> Callable[[Env], Any]:
     """Compile the right-hand side of an assignment."""
     if value is None:
         return lambda env: None
-    if isinstance(value, Slot | Known):
+    if isinstance(value, r.Slot | r.Known):
         at = compiler.at(value)
         return lambda env: env[at]
     number = compiler.number(value)
@@ -166,12 +152,12 @@ class Phase:
         self.effects = [_CompiledEffect(world, action, item) for item in items]
         self._limits = [*self._durations()]
         self._preferences = [*self._preferred()]
-        self.reads: list[Part | Quantity] = [self.condition]
+        self.reads: list[r.Part | r.Quantity] = [self.condition]
         self.reads += [each for limit in self._limits for each in limit.reads]
         self.reads += [each.part for each in self._preferences]
         for item in items:
             self.reads.append(item.condition)
-            if not isinstance(item.value, Slot | Known | None):
+            if not isinstance(item.value, r.Slot | r.Known | None):
                 self.reads.append(item.value)
         if time == f.AT_START and action.is_durative:
             # What an effect at the end depends on at the start is read then.
@@ -219,14 +205,14 @@ class _Limit(NamedTuple):
     constraint: f.Comparison
     left: Callable[..., Any]
     right: Callable[..., Any]
-    reads: list[Part | Quantity]
+    reads: list[r.Part | r.Quantity]
 
 
 class _Preference(NamedTuple):
     """A preference, and what finds the objects for which it is violated."""
 
     name: str | None
-    part: Part
+    part: r.Part
     rows: Rows
 
 
@@ -234,7 +220,7 @@ class _Continuous:
     """A continuous effect: the rate at which fluents change while an action runs."""
 
     def __init__(self, world: World, action: PreparedAction, item: EffectItem) -> None:
-        assert isinstance(item.value, Operation)
+        assert isinstance(item.value, r.Operation)
         self._item = item
         compiler = self._compiler = _compiler(world, action)
         self._search = compiler.search(item.bound, item.condition)
@@ -276,7 +262,7 @@ class Schema:
         items = action.items(CONTINUOUS) if action.is_durative else ()
         self.continuous = [_Continuous(world, action, item) for item in items]
         self._compiler = _compiler(world, action)
-        always = action.condition(f.OVER_ALL) if action.is_durative else TRUE
+        always = action.condition(f.OVER_ALL) if action.is_durative else r.TRUE
         self._is_kept = self._compiler.test(always)
 
     def broken(self, snap: Snap) -> list[FailedCondition]:
@@ -417,27 +403,27 @@ def _matches(row: Row, pattern: _Pattern) -> bool:
 
 
 def _patterns(
-    world: World, parts: Sequence[Part | Quantity], objects: Mapping[Slot, frozenset[int]]
+    world: World, parts: Sequence[r.Part | r.Quantity], objects: Mapping[r.Slot, frozenset[int]]
 ) -> Iterator[tuple[Head, _Pattern]]:
     """Yield what parts read: what it is about, with the objects that each argument may be."""
     rules, everything = rules_of(world.definitions), world.members(())
     derived: set[tuple[int, _Pattern]] = set()
-    stack: list[tuple[Any, dict[Slot, frozenset[int]]]] = [(one, dict(objects)) for one in parts]
+    stack: list[tuple[Any, dict[r.Slot, frozenset[int]]]] = [(one, dict(objects)) for one in parts]
     while stack:
         whole, known = stack.pop()
         # A witness comes before what it is about.
-        for part in parts_of(whole):
-            if isinstance(part, Witness):
+        for part in r.parts_of(whole):
+            if isinstance(part, r.Witness):
                 known.update((each.slot, world.members(each.types)) for each in part.bound)
-            if not isinstance(part, HoldsFact | FluentIs | NumberOf):
+            if not isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
                 continue
             pattern = tuple(
                 [
-                    frozenset((one.id,)) if isinstance(one, Known) else known.get(one, everything)
+                    frozenset((one.id,)) if isinstance(one, r.Known) else known.get(one, everything)
                     for one in part.terms
                 ]
             )
-            if not isinstance(part, HoldsFact):
+            if not isinstance(part, r.HoldsFact):
                 yield (False, part.function), pattern
                 continue
             yield (True, part.predicate), pattern

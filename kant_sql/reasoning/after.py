@@ -15,33 +15,8 @@ from math import prod
 
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import fold
+from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
-from ..knowledge.resolved import (
-    FALSE,
-    TRUE,
-    AllOf,
-    Bound,
-    Compares,
-    FluentIs,
-    HasType,
-    HoldsFact,
-    Known,
-    Lacks,
-    NumberOf,
-    OneOf,
-    Operation,
-    Part,
-    Place,
-    Quantity,
-    Slot,
-    Witness,
-    all_of,
-    any_of,
-    negate,
-    parts_of,
-    replaced,
-    same,
-)
 from ..knowledge.rules import DerivationRules, rules_of
 from .arithmetic import CHANGES
 from .steps import EffectItem
@@ -55,37 +30,37 @@ class OpaqueError(Exception):
     """No condition on the state before says what holds after."""
 
 
-def mapped(part: Part, of: Callable[[Part, bool], Part], is_negated: bool = False) -> Part:
+def mapped(part: r.Part, of: Callable[[r.Part, bool], r.Part], is_negated: bool = False) -> r.Part:
     """Replace what has no parts of its own; `of` knows whether it stands below a negation."""
     match part:
-        case AllOf(parts):
-            return all_of(mapped(each, of, is_negated) for each in parts)
-        case OneOf(parts):
-            return any_of(mapped(each, of, is_negated) for each in parts)
-        case Lacks(inner):
-            return negate(mapped(inner, of, not is_negated))
-        case Witness(bound, inner):
+        case r.AllOf(parts):
+            return r.all_of(mapped(each, of, is_negated) for each in parts)
+        case r.OneOf(parts):
+            return r.any_of(mapped(each, of, is_negated) for each in parts)
+        case r.Lacks(inner):
+            return r.negate(mapped(inner, of, not is_negated))
+        case r.Witness(bound, inner):
             within = mapped(inner, of, is_negated)
-            return FALSE if within == FALSE else Witness(bound, within)
+            return r.FALSE if within == r.FALSE else r.Witness(bound, within)
     return of(part, is_negated)
 
 
-def with_quantities(quantity: Quantity, values: Mapping[Quantity, Quantity]) -> Quantity:
+def with_quantities(quantity: r.Quantity, values: Mapping[r.Quantity, r.Quantity]) -> r.Quantity:
     """Replace numbers within a number."""
     if quantity in values:
         return values[quantity]
-    if isinstance(quantity, Operation):
+    if isinstance(quantity, r.Operation):
         operands = tuple(with_quantities(each, values) for each in quantity.operands)
-        return Operation(quantity.operator, operands)
+        return r.Operation(quantity.operator, operands)
     return quantity
 
 
-def heads_of(rules: DerivationRules, *parts: Part | Quantity) -> set[Head]:
+def heads_of(rules: DerivationRules, *parts: r.Part | r.Quantity) -> set[Head]:
     """Return what parts depend on, through rules, too."""
     found: set[Head] = set()
-    pending: list[Part | Quantity] = list(parts)
+    pending: list[r.Part | r.Quantity] = list(parts)
     while pending:
-        for each in parts_of(pending.pop()):
+        for each in r.parts_of(pending.pop()):
             head = head_of(each)
             if head is not None and head not in found:
                 found.add(head)
@@ -94,12 +69,12 @@ def heads_of(rules: DerivationRules, *parts: Part | Quantity) -> set[Head]:
     return found
 
 
-def head_of(part: Part | Quantity) -> Head | None:
+def head_of(part: r.Part | r.Quantity) -> Head | None:
     """Return what a part without parts, or a number, is about."""
     match part:
-        case HoldsFact(predicate, _):
+        case r.HoldsFact(predicate, _):
             return True, predicate
-        case FluentIs(function, _, _) | NumberOf(function, _):
+        case r.FluentIs(function, _, _) | r.NumberOf(function, _):
             return False, function
     return None
 
@@ -135,7 +110,7 @@ class After:
         """Return the rules by which facts follow after the effects."""
         return self._rules.replaced(self.part)
 
-    def part(self, part: Part) -> Part:
+    def part(self, part: r.Part) -> r.Part:
         """Return what holds before iff a part holds after.
 
         Raises:
@@ -143,76 +118,78 @@ class After:
         """
         return mapped(part, self._leaf) if self._items else part
 
-    def _leaf(self, leaf: Part, _: bool) -> Part:
+    def _leaf(self, leaf: r.Part, _: bool) -> r.Part:
         match leaf:
-            case HoldsFact(predicate, terms):
+            case r.HoldsFact(predicate, terms):
                 if self._rules.of(predicate) and not leaf.is_stored:
                     return self._derived(leaf)
                 items = self._items.get((True, predicate), ())
                 deleted = [self._hits(each, terms) for each in items if each.operator == "delete"]
                 added = [self._hits(each, terms) for each in items if each.operator == "add"]
-                return any_of([all_of([leaf, *map(negate, deleted)]), *added])
-            case FluentIs(function, terms, value):
+                return r.any_of([r.all_of([leaf, *map(r.negate, deleted)]), *added])
+            case r.FluentIs(function, terms, value):
                 items = self._items.get((False, function), ())
                 changed = [self._hits(each, terms) for each in items]
                 assigned = [self._hits(each, terms, value) for each in items]
-                return any_of([all_of([leaf, *map(negate, changed)]), *assigned])
-            case Compares():
+                return r.any_of([r.all_of([leaf, *map(r.negate, changed)]), *assigned])
+            case r.Compares():
                 return self._compares(leaf)
         return leaf
 
-    def _derived(self, leaf: HoldsFact) -> Part:
+    def _derived(self, leaf: r.HoldsFact) -> r.Part:
         if not self._is_whole and not heads_of(self._rules, leaf).isdisjoint(self._items):
             raise OpaqueError
         return leaf
 
-    def _hits(self, item: EffectItem, terms: Sequence[Place], value: Place | None = None) -> Part:
+    def _hits(
+        self, item: EffectItem, terms: Sequence[r.Place], value: r.Place | None = None
+    ) -> r.Part:
         """Return that an effect takes place on some objects."""
         part, _, _ = self._matched(item, terms, value)
         return part
 
     def _matched(
-        self, item: EffectItem, terms: Sequence[Place], value: Place | None = None
-    ) -> tuple[Part, dict[Slot, Place], tuple[Bound, ...]]:
+        self, item: EffectItem, terms: Sequence[r.Place], value: r.Place | None = None
+    ) -> tuple[r.Part, dict[r.Slot, r.Place], tuple[r.Bound, ...]]:
         """Return that, the objects of its variables, and the variables that are left."""
         own = {each.slot: each for each in item.bound}
-        places: dict[Slot, Place] = {}
-        conditions: list[Part] = []
+        places: dict[r.Slot, r.Place] = {}
+        conditions: list[r.Part] = []
         pairs = [*zip(item.terms, terms, strict=True)]
         if value is not None:
-            assert isinstance(item.value, Slot | Known)
+            assert isinstance(item.value, r.Slot | r.Known)
             pairs.append((item.value, value))
         for its, wanted in pairs:
-            if isinstance(its, Slot) and its in own and its not in places:
+            if isinstance(its, r.Slot) and its in own and its not in places:
                 places[its] = wanted
-                conditions += [HasType(wanted, types) for types in own[its].types]
+                conditions += [r.HasType(wanted, types) for types in own[its].types]
             else:
-                conditions.append(same(its, wanted))
+                conditions.append(r.same(its, wanted))
         rest = tuple(each for each in item.bound if each.slot not in places)
-        inner = all_of([item.condition, *conditions])
-        whole = Witness(rest, inner) if rest and inner != FALSE else inner
-        return replaced(whole, places, self._numbers), places, rest
+        inner = r.all_of([item.condition, *conditions])
+        whole = r.Witness(rest, inner) if rest and inner != r.FALSE else inner
+        return r.replaced(whole, places, self._numbers), places, rest
 
-    def _compares(self, leaf: Compares) -> Part:
+    def _compares(self, leaf: r.Compares) -> r.Part:
         numbers = [
             each
-            for each in dict.fromkeys(parts_of(leaf))
-            if isinstance(each, NumberOf) and (False, each.function) in self._items
+            for each in dict.fromkeys(r.parts_of(leaf))
+            if isinstance(each, r.NumberOf) and (False, each.function) in self._items
         ]
         choices = [self._values(each) for each in numbers]
         if prod(map(len, choices)) > MOST_CASES:
             raise OpaqueError
         found = []
         for chosen in product(*choices):
-            values: dict[Quantity, Quantity] = {
+            values: dict[r.Quantity, r.Quantity] = {
                 number: value for number, (_, value) in zip(numbers, chosen, strict=True)
             }
             sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
             guards = [guard for guard, _ in chosen]
-            found.append(all_of([*guards, Compares(leaf.operator, sides[0], sides[1])]))
-        return any_of(found)
+            found.append(r.all_of([*guards, r.Compares(leaf.operator, sides[0], sides[1])]))
+        return r.any_of(found)
 
-    def _values(self, number: NumberOf) -> list[tuple[Part, Quantity]]:
+    def _values(self, number: r.NumberOf) -> list[tuple[r.Part, r.Quantity]]:
         """Return the values that a fluent may have after, each with when it has it."""
         items = self._items[False, number.function]
         is_cost = fold(self._functions.live(number.function).name) == TOTAL_COST
@@ -224,42 +201,42 @@ class After:
             raise OpaqueError
         found = []
         for hits in product((False, True), repeat=len(items)):
-            value: Quantity = number
+            value: r.Quantity = number
             guards = []
             for item, (hit, places, _), is_hit in zip(items, matched, hits, strict=True):
-                guards.append(replaced(hit if is_hit else negate(hit), {}, self._numbers))
+                guards.append(r.replaced(hit if is_hit else r.negate(hit), {}, self._numbers))
                 if is_hit:
                     by = _replaced(item.value, places, self._numbers)
                     operator = CHANGES.get(item.operator)
-                    value = by if operator is None else Operation(operator, (value, by))
-            guard = all_of(guards)
-            if guard != FALSE:
+                    value = by if operator is None else r.Operation(operator, (value, by))
+            guard = r.all_of(guards)
+            if guard != r.FALSE:
                 found.append((guard, value))
         return found
 
 
 def _replaced(
-    value: Quantity | Place | None, places: dict[Slot, Place], numbers: Iterator[int]
-) -> Quantity:
+    value: r.Quantity | r.Place | None, places: dict[r.Slot, r.Place], numbers: Iterator[int]
+) -> r.Quantity:
     assert value is not None
-    assert not isinstance(value, Slot | Known)
-    made: Quantity = replaced(value, copy(places), numbers)  # type: ignore[arg-type, assignment]
+    assert not isinstance(value, r.Slot | r.Known)
+    made: r.Quantity = r.replaced(value, copy(places), numbers)  # type: ignore[arg-type, assignment]
     return made
 
 
 def ground_item(
-    operator: str, head: int, ids: Sequence[int], value: Quantity | Place | None = None
+    operator: str, head: int, ids: Sequence[int], value: r.Quantity | r.Place | None = None
 ) -> EffectItem:
     """Make an effect that takes place once, on some objects."""
-    terms = tuple(map(Known, ids))
-    return EffectItem(operator, head, terms, value, (), TRUE, TRUE, FALSE, ())
+    terms = tuple(map(r.Known, ids))
+    return EffectItem(operator, head, terms, value, (), r.TRUE, r.TRUE, r.FALSE, ())
 
 
-def weakened(part: Part, heads: set[Head]) -> Part:
+def weakened(part: r.Part, heads: set[Head]) -> r.Part:
     """Return a condition on numbers that change, as it holds at the ends of an open interval."""
 
-    def leaf(each: Part, is_negated: bool) -> Part:
-        if not isinstance(each, Compares) or heads.isdisjoint(map(head_of, parts_of(each))):
+    def leaf(each: r.Part, is_negated: bool) -> r.Part:
+        if not isinstance(each, r.Compares) or heads.isdisjoint(map(head_of, r.parts_of(each))):
             return each
         changes = {"<=": "<", ">=": ">"} if is_negated else {"<": "<=", ">": ">="}
         return replace(each, operator=changes.get(each.operator, each.operator))
@@ -267,36 +244,38 @@ def weakened(part: Part, heads: set[Head]) -> Part:
     return mapped(part, leaf)
 
 
-def is_linear(part: Part, heads: set[Head], rules: DerivationRules, negated: bool = False) -> bool:
+def is_linear(
+    part: r.Part, heads: set[Head], rules: DerivationRules, negated: bool = False
+) -> bool:
     """Return whether a condition holds in an open interval of linear change if it does so inside.
 
     That is: at its ends, where strict comparisons count as others, and at one moment within.
     """
 
-    def depends(each: Part) -> bool:
+    def depends(each: r.Part) -> bool:
         return not heads_of(rules, each).isdisjoint(heads)
 
     if not depends(part):
         return True
     match part:
-        case AllOf(parts) | OneOf(parts):
-            is_choice = isinstance(part, OneOf) != negated
+        case r.AllOf(parts) | r.OneOf(parts):
+            is_choice = isinstance(part, r.OneOf) != negated
             return (not is_choice or sum(map(depends, parts)) < 2) and all(
                 is_linear(each, heads, rules, negated) for each in parts
             )
-        case Lacks(inner):
+        case r.Lacks(inner):
             return is_linear(inner, heads, rules, not negated)
-        case Witness(_, inner):
+        case r.Witness(_, inner):
             return negated and is_linear(inner, heads, rules, negated)
-        case Compares(operator, left, right):
+        case r.Compares(operator, left, right):
             degrees = [degree(side, heads) for side in (left, right)]
             return max(degrees) < 2 and not (negated and operator == "=")
     return False
 
 
-def degree(quantity: Quantity, heads: set[Head]) -> int:
+def degree(quantity: r.Quantity, heads: set[Head]) -> int:
     """Return how a number grows with those that change: 0 not at all, 1 linearly, 2 otherwise."""
-    if not isinstance(quantity, Operation):
+    if not isinstance(quantity, r.Operation):
         return int(head_of(quantity) in heads)
     degrees = [degree(each, heads) for each in quantity.operands]
     if quantity.operator == "/" and len(degrees) > 1 and degrees[1]:

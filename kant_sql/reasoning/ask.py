@@ -14,18 +14,8 @@ from ..dto import formulas as f
 from ..dto.formulas import Node
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
+from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions, ObjectDefinition
-from ..knowledge.resolved import (
-    Column,
-    HoldsFact,
-    ResolvedCondition,
-    Slot,
-    closure,
-    exists,
-    fits,
-    negate,
-    resolve,
-)
 from ..knowledge.rules import DerivationRules, rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
@@ -54,7 +44,7 @@ Answer = tuple[str, ...]
 class Prepared:
     """A condition that is resolved, with its statements for the present and for the past."""
 
-    def __init__(self, condition: ResolvedCondition, definitions: Definitions) -> None:
+    def __init__(self, condition: r.ResolvedCondition, definitions: Definitions) -> None:
         self.condition = condition
         self.columns = tuple([column.name for column in condition.columns])
         self.definitions = definitions
@@ -120,10 +110,10 @@ def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:
     return found
 
 
-def check_fit(definitions: Definitions, object_: ObjectDefinition, column: Column) -> None:
+def check_fit(definitions: Definitions, object_: ObjectDefinition, column: r.Column) -> None:
     """Refuse an object that a variable cannot be."""
     for types in column.bound.types:
-        if not fits(definitions, object_.id, types):
+        if not r.fits(definitions, object_.id, types):
             live = definitions.types.live
             given = either_text(live(id_).name for id_ in object_.type_ids)
             wanted = either_text(live(id_).name for id_ in sorted(types or ()))
@@ -163,7 +153,7 @@ def prepare(
                 raise InvalidArgumentError(
                     f"{other!r} and {keyword!r} are both for ?{keyword}; give one of them"
                 )
-        resolved = resolve(definitions, read, given.keys())
+        resolved = r.resolve(definitions, read, given.keys())
         for column in (*resolved.columns, *resolved.given):
             _check_possible(definitions, column)
         found = Prepared(resolved, definitions)
@@ -173,13 +163,13 @@ def prepare(
     return found
 
 
-def _check_possible(definitions: Definitions, column: Column) -> None:
+def _check_possible(definitions: Definitions, column: r.Column) -> None:
     """Refuse a variable whose atoms allow different types, so that no object fits all of them."""
     wanted = [types for types in column.bound.types if types is not None]
     if len(wanted) < 2 or frozenset.intersection(*wanted):
         return
     for object_ in definitions.objects:
-        if all(fits(definitions, object_.id, types) for types in wanted):
+        if all(r.fits(definitions, object_.id, types) for types in wanted):
             return
     live = definitions.types.live
     names = [either_text(live(id_).name for id_ in sorted(types)) for types in wanted]
@@ -268,7 +258,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
 
 
 def _truth(question: Question, prepared: Prepared) -> ConditionStatement:
-    return question.truths([exists(prepared.condition)], prepared.places)
+    return question.truths([r.exists(prepared.condition)], prepared.places)
 
 
 def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
@@ -291,7 +281,7 @@ def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None,
         object_ = definitions.objects.named(term)
         if object_ is None:
             return None, {}
-        types = closure(definitions, parameter.type_ids)
+        types = r.closure(definitions, parameter.type_ids)
         if types is not None and types.isdisjoint(object_.type_ids):
             return None, {}
         values[f"b{number}"] = object_.id
@@ -314,9 +304,11 @@ def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | Non
     if found is None:
         if rules_of(definitions).of(predicate.id):
             return None, {}
-        slots = tuple(map(Slot, range(len(atom.terms))))
-        part = HoldsFact(predicate.id, slots)
-        found = Prepared(ResolvedCondition(negate(part) if is_negative else part, ()), definitions)
+        slots = tuple(map(r.Slot, range(len(atom.terms))))
+        part = r.HoldsFact(predicate.id, slots)
+        found = Prepared(
+            r.ResolvedCondition(r.negate(part) if is_negative else part, ()), definitions
+        )
         found.places = {slot: f":b{slot.number}" for slot in slots}
         kept[key] = found
     named = definitions.objects.named

@@ -24,18 +24,8 @@ from ..errors import InvalidKnowledgeError
 from ..history.elements import Applied, Element, refuse_unknown_element, sought
 from ..history.revisions import LARGEST, Revision, at_most, read_numbered, read_position
 from ..history.versions import read_newest
+from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
-from ..knowledge.resolved import (
-    FluentIs,
-    HoldsFact,
-    Known,
-    Lacks,
-    NumberOf,
-    Part,
-    Place,
-    Slot,
-    parts_of,
-)
 from ..knowledge.rules import rules_of
 from ..pddl.document import ACTION, DURATIVE_ACTION
 from ..sql.causes import PastReader, WantedActs, changed_atoms, find_acts, find_origins
@@ -134,8 +124,8 @@ class _Dated(NamedTuple):
 class _Asked(NamedTuple):
     """A part that is evaluated, with the objects of its parameters."""
 
-    part: Part
-    parameters: Sequence[Slot] = ()
+    part: r.Part
+    parameters: Sequence[r.Slot] = ()
     arguments: Row = ()
     duration: Decimal | None = None
 
@@ -174,8 +164,8 @@ class _FactJob(NamedTuple):
         _, owner, row, holds = self.literal
         if not self.literal.is_fact or not rules_of(world.definitions).of(owner):
             return []
-        fact = HoldsFact(owner, tuple(map(Known, row)))
-        return [_Asked(fact if holds else Lacks(fact))]
+        fact = r.HoldsFact(owner, tuple(map(r.Known, row)))
+        return [_Asked(fact if holds else r.Lacks(fact))]
 
 
 class _RuleJob(NamedTuple):
@@ -191,12 +181,12 @@ class _RuleJob(NamedTuple):
             if self.head in heads_of(rules, *(rule.body for rule in rules.of(predicate))):
                 world.has(predicate, ())
                 rows = sorted(world.relation(predicate).rows)[:DERIVED] or [(0,)]
-                found += [_Asked(HoldsFact(predicate, tuple(map(Known, row)))) for row in rows]
+                found += [_Asked(r.HoldsFact(predicate, tuple(map(r.Known, row)))) for row in rows]
         return found
 
 
 _Job = _ActJob | _FactJob | _RuleJob
-_Used = list[tuple[Part, list[_Dated]]]
+_Used = list[tuple[r.Part, list[_Dated]]]
 
 
 class _Evaluation:
@@ -223,7 +213,7 @@ class _Evaluation:
                     for asked in jobs[place].asked(world):
                         self._patterns(world.definitions, asked, at, atoms, heads)
         states = self._states(atoms, heads)
-        found: list[list[tuple[Part, list[Literal]]]] = [[] for _ in jobs]
+        found: list[list[tuple[r.Part, list[Literal]]]] = [[] for _ in jobs]
         texts: dict[Literal, str] = {}
         for world, revisions in worlds:
             uses = Uses(world)
@@ -263,14 +253,14 @@ class _Evaluation:
         """Note what a part depends on: atoms, and all of what it has variables or rules for."""
         rules = rules_of(definitions)
         given = dict(zip(asked.parameters, asked.arguments, strict=True))
-        for part in parts_of(asked.part):
-            if not isinstance(part, HoldsFact | FluentIs | NumberOf):
+        for part in r.parts_of(asked.part):
+            if not isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
                 continue
             is_fact, owner = head_of(part) or (True, 0)
             if is_fact and rules.of(owner):
                 heads.update((*head, at) for head in heads_of(rules, part))
                 continue
-            row = [given.get(one) if isinstance(one, Slot) else one.id for one in part.terms]
+            row = [given.get(one) if isinstance(one, r.Slot) else one.id for one in part.terms]
             if None in row:
                 heads.add((is_fact, owner, at))
             else:
@@ -289,7 +279,7 @@ class _Evaluation:
     def _dated(
         self,
         jobs: Sequence[_Job],
-        found: list[list[tuple[Part, list[Literal]]]],
+        found: list[list[tuple[r.Part, list[Literal]]]],
         texts: dict[Literal, str],
     ) -> list[_Used]:
         """Add since when literals were so."""
@@ -502,7 +492,7 @@ class _Tracer:
                 if terms is not None and len(terms) != len(row):
                     continue
                 pairs = [] if terms is None else [*zip(terms, row, strict=True)]
-                if any(isinstance(term, Known) and term.id != id_ for term, id_ in pairs):
+                if any(isinstance(term, r.Known) and term.id != id_ for term, id_ in pairs):
                     continue
                 fixed = [(id_, places[term]) for term, id_ in pairs if term in places]
                 (one, first), (other, second) = [*fixed, (0, 0), (0, 0)][:2]
@@ -592,14 +582,14 @@ class _Tracer:
         return self._evaluation.run([job for _, job in jobs])
 
 
-def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[Place, ...] | None]]:
+def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[r.Place, ...] | None]]:
     """Return what the conditions of an action mention; through rules, of any objects."""
-    found: list[tuple[Head, tuple[Place, ...] | None]] | None = action.kept.get("mentioned")
+    found: list[tuple[Head, tuple[r.Place, ...] | None]] | None = action.kept.get("mentioned")
     if found is None:
         rules, found = rules_of(action.definitions), []
         parts = [part for time in TIMES for part in parts_used(action, time)]
-        for part in (each for one in parts for each in parts_of(one)):
-            if isinstance(part, HoldsFact | FluentIs | NumberOf):
+        for part in (each for one in parts for each in r.parts_of(one)):
+            if isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
                 head = head_of(part)
                 assert head is not None
                 found.append((head, part.terms))

@@ -15,34 +15,8 @@ from typing import Any, NamedTuple
 
 from ..dto import formulas as f
 from ..errors import UnsupportedConstructError
+from ..knowledge import resolved as r
 from ..knowledge.grounding import Binding
-from ..knowledge.resolved import (
-    COMPARE,
-    AllOf,
-    Bound,
-    Compares,
-    FluentIs,
-    HasType,
-    HoldsFact,
-    Known,
-    Lacks,
-    Needed,
-    NumberOf,
-    OneOf,
-    Operation,
-    Part,
-    Place,
-    Quantity,
-    Resolver,
-    SameObject,
-    Slot,
-    TypeSet,
-    Witness,
-    all_of,
-    closure,
-    negate,
-    slots_of,
-)
 from .arithmetic import EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
 from .world import Relation, Row, World, picker
 
@@ -54,20 +28,20 @@ Number = Callable[[Env, Numbers[Any]], Any]
 Search = Callable[[Env], Iterator[None]]
 Rows = Callable[[Env], set[Row]]
 # An atom of a conjunction that is read from other facts.
-Delta = tuple[Part, Relation] | None
+Delta = tuple[r.Part, Relation] | None
 
 _DURATION = 0
-_Types = dict[Slot, tuple[TypeSet, ...]]
+_Types = dict[r.Slot, tuple[r.TypeSet, ...]]
 
 
-def alternatives(bound: Iterable[Bound], part: Part) -> list[tuple[_Types, tuple[Part, ...]]]:
+def alternatives(bound: Iterable[r.Bound], part: r.Part) -> list[tuple[_Types, tuple[r.Part, ...]]]:
     """Return the conjunctions of a disjunction, each with its variables; one for anything else."""
     variables = {each.slot: each.types for each in bound}
-    while isinstance(part, Witness):
+    while isinstance(part, r.Witness):
         variables.update({each.slot: each.types for each in part.bound})
         part = part.part
-    if not isinstance(part, OneOf):
-        return [(variables, part.parts if isinstance(part, AllOf) else (part,))]
+    if not isinstance(part, r.OneOf):
+        return [(variables, part.parts if isinstance(part, r.AllOf) else (part,))]
     return [
         (variables | more, parts) for one in part.parts for more, parts in alternatives((), one)
     ]
@@ -76,10 +50,10 @@ def alternatives(bound: Iterable[Bound], part: Part) -> list[tuple[_Types, tuple
 class Compiler:
     """Compiles parts that share the places of variables; evaluations give `parameters` objects."""
 
-    def __init__(self, world: World, parameters: Iterable[Slot] = ()) -> None:
+    def __init__(self, world: World, parameters: Iterable[r.Slot] = ()) -> None:
         self.world = world
         self.template: Env = [None]
-        self._places: dict[Place, int] = {}
+        self._places: dict[r.Place, int] = {}
         self._parameters = [self.at(slot) for slot in parameters]
 
     def env(self, arguments: Sequence[int] = (), duration: Decimal | None = None) -> Env:
@@ -89,48 +63,48 @@ class Compiler:
         env[1 : len(arguments) + 1] = arguments
         return env
 
-    def at(self, place: Place) -> int:
+    def at(self, place: r.Place) -> int:
         """Return where an object stands in the environment."""
         found = self._places.get(place)
         if found is None:
             found = self._places[place] = len(self.template)
-            self.template.append(place.id if isinstance(place, Known) else None)
+            self.template.append(place.id if isinstance(place, r.Known) else None)
         return found
 
-    def picker(self, terms: Iterable[Place]) -> Callable[[Env], Row]:
+    def picker(self, terms: Iterable[r.Place]) -> Callable[[Env], Row]:
         """Return what picks objects from the environment."""
         return picker(tuple([self.at(term) for term in terms]))
 
     # Tests.
 
-    def test(self, part: Part) -> Test:
+    def test(self, part: r.Part) -> Test:
         """Compile a part whose variables have objects."""
         match part:
-            case HoldsFact():
+            case r.HoldsFact():
                 return self._fact(part)
-            case FluentIs(function, terms, value):
+            case r.FluentIs(function, terms, value):
                 table, pick, at = self.world.table(function), self.picker(terms), self.at(value)
                 return lambda env: table.get(pick(env)) == env[at]
-            case SameObject(left, right):
+            case r.SameObject(left, right):
                 first, second = self.at(left), self.at(right)
                 return lambda env: bool(env[first] == env[second])
-            case HasType(term, types):
+            case r.HasType(term, types):
                 members, at = self.world.members((types,)), self.at(term)
                 return lambda env: env[at] in members
-            case Compares():
+            case r.Compares():
                 return self._compares(part)
-            case Lacks(inner):
+            case r.Lacks(inner):
                 test = self.test(inner)
                 return lambda env: not test(env)
-            case AllOf(parts):
+            case r.AllOf(parts):
                 return _all([self.test(each) for each in parts])
-            case OneOf(parts):
+            case r.OneOf(parts):
                 return _any([self.test(each) for each in parts])
-            case Witness(bound, inner):
+            case r.Witness(bound, inner):
                 search = self.search(bound, inner)
                 return lambda env: next(search(env), True) is None
 
-    def _fact(self, fact: HoldsFact) -> Test:
+    def _fact(self, fact: r.HoldsFact) -> Test:
         pick, world = self.picker(fact.terms), self.world
         rows = world.relation(fact.predicate, fact.is_stored).rows
         rules = None if fact.is_stored else world.rules(fact.predicate)
@@ -145,8 +119,8 @@ class Compiler:
 
         return derived
 
-    def _compares(self, part: Compares) -> Test:
-        compare = COMPARE[part.operator]
+    def _compares(self, part: r.Compares) -> Test:
+        compare = r.COMPARE[part.operator]
         left, right = self.number(part.left), self.number(part.right)
         world = self.world
 
@@ -160,7 +134,7 @@ class Compiler:
 
     # Searches.
 
-    def search(self, bound: Iterable[Bound], part: Part, delta: Delta = None) -> Search:
+    def search(self, bound: Iterable[r.Bound], part: r.Part, delta: Delta = None) -> Search:
         """Compile a search for the objects of variables, which yields with each solution in `env`.
 
         Args:
@@ -183,22 +157,22 @@ class Compiler:
 
         return union
 
-    def rows(self, bound: Sequence[Bound], part: Part) -> Rows:
+    def rows(self, bound: Sequence[r.Bound], part: r.Part) -> Rows:
         """Compile for which objects of variables a part holds."""
         search, pick = self.search(bound, part), self.picker([each.slot for each in bound])
         return lambda env: {pick(env) for _ in search(env)}
 
     def counterexamples(
-        self, resolver: Resolver, variables: Sequence[f.TypedName], formula: f.Formula
-    ) -> tuple[Witness, Rows]:
+        self, resolver: r.Resolver, variables: Sequence[f.TypedName], formula: f.Formula
+    ) -> tuple[r.Witness, Rows]:
         """Return that a formula fails for some objects, and compile for which."""
         with resolver.within(variables) as bound:
-            part = negate(resolver.part(formula))
-        return Witness(bound, part), self.rows(bound, part)
+            part = r.negate(resolver.part(formula))
+        return r.Witness(bound, part), self.rows(bound, part)
 
-    def _join(self, unbound: _Types, parts: Sequence[Part], delta: Delta) -> Search:
+    def _join(self, unbound: _Types, parts: Sequence[r.Part], delta: Delta) -> Search:
         """Compile a nested loop over a conjunction."""
-        rest = [_Conjunct(each, slots_of(each)) for each in parts]
+        rest = [_Conjunct(each, r.slots_of(each)) for each in parts]
         steps: list[_Step] = []
         tests = self._ready(rest, unbound)
         while unbound:
@@ -221,11 +195,11 @@ class Compiler:
             if delta is not None and part is delta[0]:
                 best = (0, 0), each
                 break
-            if isinstance(part, FluentIs):
+            if isinstance(part, r.FluentIs):
                 if unbound.keys().isdisjoint(part.terms):
                     best = (0, 0), each
                     break
-            elif isinstance(part, HoldsFact):
+            elif isinstance(part, r.HoldsFact):
                 known = sum(term not in unbound for term in part.terms)
                 rank = (len(part.terms) - known, -known)
                 if best is None or rank < best[0]:
@@ -234,24 +208,24 @@ class Compiler:
             return None
         rest.remove(best[1])
         part = best[1].part
-        if isinstance(part, FluentIs):
+        if isinstance(part, r.FluentIs):
             return self._value(part, unbound)
-        assert isinstance(part, HoldsFact)
+        assert isinstance(part, r.HoldsFact)
         return self._scan(part, unbound, delta)
 
     def _all_objects(self, rest: Sequence[_Conjunct], unbound: _Types) -> _Step:
         """Loop over the objects of a variable; those of fluents are looked up if they can be."""
-        values = {each.part.value for each in rest if isinstance(each.part, FluentIs)}
+        values = {each.part.value for each in rest if isinstance(each.part, r.FluentIs)}
         members = self.world.members
         slot = min(unbound, key=lambda one: (one in values, len(members(unbound[one]))))
         rows = [(id_,) for id_ in sorted(members(unbound.pop(slot)))]
         return _Step(lambda env: rows, (0,), (self.at(slot),), ())
 
-    def _value(self, part: FluentIs, unbound: _Types) -> _Step:
+    def _value(self, part: r.FluentIs, unbound: _Types) -> _Step:
         """Look up the value of a fluent."""
-        assert isinstance(part.value, Slot)
+        assert isinstance(part.value, r.Slot)
         function = self.world.definitions.functions.live(part.function)
-        own = closure(self.world.definitions, function.type_ids)
+        own = r.closure(self.world.definitions, function.type_ids)
         members = self._misfits(unbound.pop(part.value), own)
         table, pick = self.world.table(part.function), self.picker(part.terms)
 
@@ -263,29 +237,29 @@ class Compiler:
 
         return _Step(rows, (0,), (self.at(part.value),), ())
 
-    def _misfits(self, wanted: tuple[TypeSet, ...], own: TypeSet) -> frozenset[int] | None:
+    def _misfits(self, wanted: tuple[r.TypeSet, ...], own: r.TypeSet) -> frozenset[int] | None:
         """Return the objects that fit, unless all of some types do."""
         left = tuple(
             [each for each in wanted if each is not None and (own is None or not own <= each)]
         )
         return self.world.members(left) if left else None
 
-    def _scan(self, atom: HoldsFact, unbound: _Types, delta: Delta) -> _Step:
+    def _scan(self, atom: r.HoldsFact, unbound: _Types, delta: Delta) -> _Step:
         """Compile a loop over the facts of an atom; its variables have objects from then on."""
         world, definitions = self.world, self.world.definitions
         known = tuple([at for at, term in enumerate(atom.terms) if term not in unbound])
         declared = definitions.predicates.live(atom.predicate).parameters
-        targets: dict[Slot, int] = {}
+        targets: dict[r.Slot, int] = {}
         repeated: list[tuple[int, int]] = []
         kinds: list[tuple[int, frozenset[int]]] = []
         for at, term in enumerate(atom.terms):
-            if not isinstance(term, Slot) or term not in unbound:
+            if not isinstance(term, r.Slot) or term not in unbound:
                 continue
             if term in targets:
                 repeated.append((targets[term], at))
                 continue
             targets[term] = at
-            members = self._misfits(unbound[term], closure(definitions, declared[at].type_ids))
+            members = self._misfits(unbound[term], r.closure(definitions, declared[at].type_ids))
             if members is not None:
                 kinds.append((at, members))
         for slot in targets:
@@ -307,24 +281,24 @@ class Compiler:
 
     # Numbers.
 
-    def number(self, quantity: Quantity, needed: Needed | None = None) -> Number:
+    def number(self, quantity: r.Quantity, needed: r.Needed | None = None) -> Number:
         """Compile a number, with the objects that it needs; it returns None without a value."""
         number = self._number(quantity)
         if needed is None or not needed.bound:
             return number
-        search = self.search(needed.bound, all_of(needed.needed))
+        search = self.search(needed.bound, r.all_of(needed.needed))
 
         def found(env: Env, numbers: Numbers[Any]) -> Any:
             return next((number(env, numbers) for _ in search(env)), None)
 
         return found
 
-    def _number(self, quantity: Quantity) -> Number:
+    def _number(self, quantity: r.Quantity) -> Number:
         if isinstance(quantity, Decimal):
             return lambda env, numbers: numbers.of(quantity)
-        if isinstance(quantity, NumberOf):
+        if isinstance(quantity, r.NumberOf):
             return self._fluent(quantity)
-        if isinstance(quantity, Operation):
+        if isinstance(quantity, r.Operation):
             operands = [self._number(each) for each in quantity.operands]
             symbol = quantity.operator
             return lambda env, numbers: numbers.calculate(
@@ -347,7 +321,7 @@ class Compiler:
         preference = name.partition("is-violated ")[2]
         return lambda env, numbers: numbers.of(Decimal(world.violations.get(preference, 0)))
 
-    def _fluent(self, fluent: NumberOf) -> Number:
+    def _fluent(self, fluent: r.NumberOf) -> Number:
         world, function = self.world, fluent.function
         table, pick = world.table(function), self.picker(fluent.terms)
 
@@ -368,8 +342,8 @@ class Compiler:
 class _Conjunct(NamedTuple):
     """A part of a conjunction, and its free variables."""
 
-    part: Part
-    free: set[Slot]
+    part: r.Part
+    free: set[r.Slot]
 
 
 class _Step(NamedTuple):
@@ -381,8 +355,10 @@ class _Step(NamedTuple):
     tests: tuple[Test, ...]
 
 
-def _is_slow(part: Part) -> bool:
-    return not isinstance(part.part if isinstance(part, Lacks) else part, HoldsFact | SameObject)
+def _is_slow(part: r.Part) -> bool:
+    return not isinstance(
+        part.part if isinstance(part, r.Lacks) else part, r.HoldsFact | r.SameObject
+    )
 
 
 def _all(tests: Sequence[Test]) -> Test:
@@ -480,7 +456,7 @@ def _compare_linear(world: World, operator: str, left: Number, right: Number, en
     assert difference is not None
     if difference.rate:
         world.roots.add(-difference.value / difference.rate)
-    return COMPARE[operator](difference.at(world.elapsed), Fraction(0))
+    return r.COMPARE[operator](difference.at(world.elapsed), Fraction(0))
 
 
 class Conditions:
@@ -534,7 +510,7 @@ class Conditions:
         return found[2], found[1].env([ids[name] for name in binding.values()], duration)
 
     def _compile(self, node: f.Node, names: Iterable[str]) -> tuple[Compiler, Any]:
-        resolver = Resolver(self.world.definitions)
+        resolver = r.Resolver(self.world.definitions)
         slots = {name: resolver.slot() for name in names}
         for name, slot in slots.items():
             resolver.bind(name, slot)

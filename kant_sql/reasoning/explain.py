@@ -17,23 +17,8 @@ from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
 from ..history.revisions import Revision, read_numbered
 from ..html import Listing
+from ..knowledge import resolved as r
 from ..knowledge.definitions import METRIC, Definitions
-from ..knowledge.resolved import (
-    Column,
-    HoldsFact,
-    Known,
-    Lacks,
-    Needed,
-    NumberOf,
-    Parameter,
-    Part,
-    Quantity,
-    Resolver,
-    all_of,
-    check_levels,
-    negate,
-    parts_of,
-)
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.given import read_condition, text_of
@@ -59,7 +44,7 @@ from .world import Head
 
 # Numbers of variables that no condition has.
 _FAR = 2_000_000
-_NOTHING = Needed([], [])
+_NOTHING = r.Needed([], [])
 
 
 class Changed:
@@ -84,12 +69,12 @@ class Changed:
         self.rules = self._after.rules()
         self._loosened = loosened
         self.values = {
-            NumberOf(item.head, item.terms): item.value
+            r.NumberOf(item.head, item.terms): item.value
             for item in items
             if isinstance(item.value, Decimal)
         }
 
-    def part(self, part: Part) -> Part:
+    def part(self, part: r.Part) -> r.Part:
         """Return what holds before iff a part holds after."""
         if self._loosened is not None:
             part = weakened(part, self._loosened)
@@ -116,13 +101,13 @@ class Explainer(Explaining):
         false = self.failed_nodes(formulas)
         return self._with_history(false, [self.failure(node) for node in false])
 
-    def _resolve(self, node: f.Formula) -> Part:
-        return self._checked(Resolver(self._view.definitions).part(node))
+    def _resolve(self, node: f.Formula) -> r.Part:
+        return self._checked(r.Resolver(self._view.definitions).part(node))
 
-    def _checked(self, part: Part) -> Part:
+    def _checked(self, part: r.Part) -> r.Part:
         if self._changed is not None:
             part = self._changed.part(part)
-        check_levels(part)
+        r.check_levels(part)
         return part
 
     @override
@@ -157,20 +142,20 @@ class Explainer(Explaining):
         view = self._view
         return run(view.session, statement, kb=view.kb_id, at=view.at, given=self._numbers)
 
-    def _key(self, part: Part) -> tuple[int, str] | None:
+    def _key(self, part: r.Part) -> tuple[int, str] | None:
         """Return the predicate and the arguments of a ground fact that no rule derives."""
-        if not isinstance(part, HoldsFact) or rules_of(self._view.definitions).of(part.predicate):
+        if not isinstance(part, r.HoldsFact) or rules_of(self._view.definitions).of(part.predicate):
             return None
-        ids = [str(term.id) for term in part.terms if isinstance(term, Known)]
+        ids = [str(term.id) for term in part.terms if isinstance(term, r.Known)]
         return (part.predicate, " ".join(ids)) if len(ids) == len(part.terms) else None
 
     @override
     def counterexamples(self, node: f.Forall) -> Sequence[Sequence[str]]:
-        resolver = Resolver(self._view.definitions)
+        resolver = r.Resolver(self._view.definitions)
         with resolver.within(node.variables) as bound:
-            part = self._checked(negate(resolver.part(node.formula)))
+            part = self._checked(r.negate(resolver.part(node.formula)))
         columns = [
-            Column(variable.name, each)
+            r.Column(variable.name, each)
             for variable, each in zip(node.variables, bound, strict=True)
         ]
         statement = self._question().answers(part, columns, {}, True)
@@ -218,30 +203,32 @@ def exact_number(
     view: View,
     node: f.Expression,
     numbers: Mapping[str, Decimal],
-    changed: Mapping[NumberOf, Decimal] | None = None,
+    changed: Mapping[r.NumberOf, Decimal] | None = None,
 ) -> Exact | None:
     """Evaluate a closed expression exactly, some fluents changed; None where one has no value."""
-    resolver = Resolver(view.definitions)
+    resolver = r.Resolver(view.definitions)
     quantity, needed = resolver.number(node)
-    leaves = [each for each in parts_of(quantity) if isinstance(each, NumberOf)]
+    leaves = [each for each in r.parts_of(quantity) if isinstance(each, r.NumberOf)]
     values = read_numbers(view, list(dict.fromkeys(leaves)), needed)
     return None if values is None else exact(quantity, {**values, **(changed or {})}, numbers)
 
 
 def read_numbers(
-    view: View, leaves: Sequence[NumberOf], needed: Needed = _NOTHING
-) -> Mapping[NumberOf, Decimal] | None:
+    view: View, leaves: Sequence[r.NumberOf], needed: r.Needed = _NOTHING
+) -> Mapping[r.NumberOf, Decimal] | None:
     """Read the numbers of fluents that have a value; None where an object in them has none."""
     if not leaves and not needed.bound:
         return {}
-    statement = question(view).effects(all_of(needed.needed), needed.bound, leaves, {})
+    statement = question(view).effects(r.all_of(needed.needed), needed.bound, leaves, {})
     rows = run(view.session, statement, kb=view.kb_id, at=view.at, given={})
     if len(rows) != 1:
         return None
     return decimals(leaves, rows[0][len(needed.bound) :] if leaves else ())
 
 
-def decimals(numbers: Sequence[NumberOf], texts: Sequence[str | None]) -> dict[NumberOf, Decimal]:
+def decimals(
+    numbers: Sequence[r.NumberOf], texts: Sequence[str | None]
+) -> dict[r.NumberOf, Decimal]:
     """Return the numbers of fluents that have a value."""
     return {
         number: Decimal(text)
@@ -251,14 +238,14 @@ def decimals(numbers: Sequence[NumberOf], texts: Sequence[str | None]) -> dict[N
 
 
 def exact(
-    quantity: Quantity, values: Mapping[NumberOf, Decimal], numbers: Mapping[str, Decimal]
+    quantity: r.Quantity, values: Mapping[r.NumberOf, Decimal], numbers: Mapping[str, Decimal]
 ) -> Exact | None:
     """Calculate a number exactly; None without a value, and for a division by zero."""
     if isinstance(quantity, Decimal):
         return quantity
-    if isinstance(quantity, NumberOf):
+    if isinstance(quantity, r.NumberOf):
         return values.get(quantity)
-    if isinstance(quantity, Parameter):
+    if isinstance(quantity, r.Parameter):
         return numbers.get(quantity.name)
     operands = [exact(each, values, numbers) for each in quantity.operands]
     return EXACT.calculate(quantity.operator, operands)
@@ -316,17 +303,17 @@ def is_goal_reached(state: State) -> bool:
     """
 
     def work(view: View) -> bool:
-        resolver = Resolver(view.definitions)
-        [holds] = _truths(view, [all_of(resolver.part(goal) for goal in hard_goals(view))])
+        resolver = r.Resolver(view.definitions)
+        [holds] = _truths(view, [r.all_of(resolver.part(goal) for goal in hard_goals(view))])
         return holds
 
     return state.store.read_in_snapshot(work, state.at)
 
 
-def _truths(view: View, parts: list[Part]) -> list[bool]:
+def _truths(view: View, parts: list[r.Part]) -> list[bool]:
     """Ask in one statement which parts hold."""
     for part in parts:
-        check_levels(part)
+        r.check_levels(part)
     [row] = asked(view, question(view).truths(parts, {}), {}, OF_TRUTHS)
     return [bool(holds) for holds in row[GUARDS:]]
 
@@ -346,7 +333,7 @@ def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
     """
 
     def work(view: View) -> list[GoalStanding]:
-        resolver = Resolver(view.definitions)
+        resolver = r.Resolver(view.definitions)
         goals = [part for goal in hard_goals(view) for part in conjuncts(goal)][:most]
         truths = _truths(view, [resolver.part(goal) for goal in goals]) if goals else []
         return [GoalStanding(str(goal), holds) for goal, holds in zip(goals, truths, strict=True)]
@@ -428,11 +415,11 @@ def _violations(view: View, name: str) -> int:
         )
     count = 0
     for _, variables, formula in found:
-        resolver = Resolver(view.definitions)
+        resolver = r.Resolver(view.definitions)
         with resolver.within(variables) as bound:
             part = resolver.part(formula)
-        check_levels(part)
-        columns = [Column(str(number), each) for number, each in enumerate(bound)]
-        statement = question(view).answers(Lacks(part), columns, {}, False)
+        r.check_levels(part)
+        columns = [r.Column(str(number), each) for number, each in enumerate(bound)]
+        statement = question(view).answers(r.Lacks(part), columns, {}, False)
         count += len(asked(view, statement, {}, OF_ANSWERS)) - 1
     return count

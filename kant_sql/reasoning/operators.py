@@ -24,26 +24,8 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 from ..dao.function_value import ROUNDED_DIGITS
 from ..dto import formulas as f
 from ..dto.lexical import decimal_text, fold
+from ..knowledge import resolved as r
 from ..knowledge.definitions import KINDS, Definitions
-from ..knowledge.resolved import (
-    COMPARE,
-    AllOf,
-    Bound,
-    Compares,
-    HoldsFact,
-    Known,
-    Lacks,
-    NumberOf,
-    OneOf,
-    Operation,
-    Part,
-    Quantity,
-    Resolver,
-    Slot,
-    Witness,
-    all_of,
-    check_levels,
-)
 from ..knowledge.rules import rules_of
 from ..planning import PlanStep
 from .after import heads_of
@@ -122,16 +104,16 @@ class _Conjunction:
         is_left: whether parts of it are judged in the world.
     """
 
-    def __init__(self, task: GroundedTask, compiler: Compiler, part: Part) -> None:
-        self._task, self.is_left, fixed = task, False, list[Part]()
-        self.literals: list[Part] = []
+    def __init__(self, task: GroundedTask, compiler: Compiler, part: r.Part) -> None:
+        self._task, self.is_left, fixed = task, False, list[r.Part]()
+        self.literals: list[r.Part] = []
         self._bits: list[tuple[bool, int, Callable[[Env], Row]]] = []
         self._tests: list[tuple[bool, Callable[[Env], Judge]]] = []
-        for each in part.parts if isinstance(part, AllOf) else (part,):
-            inner = each.part if isinstance(each, Lacks) else each
+        for each in part.parts if isinstance(part, r.AllOf) else (part,):
+            inner = each.part if isinstance(each, r.Lacks) else each
             if not task.changes(each):
                 fixed.append(each)
-            elif isinstance(inner, HoldsFact) and not task.rules.of(inner.predicate):
+            elif isinstance(inner, r.HoldsFact) and not task.rules.of(inner.predicate):
                 self.literals.append(each)
                 row = compiler.picker(inner.terms)
                 self._bits.append((inner is each, inner.predicate, row))
@@ -139,7 +121,7 @@ class _Conjunction:
                 ground = _grounder(task, compiler, inner)
                 self.is_left |= ground is None
                 self._tests.append((inner is each, ground or _in_world(task, compiler, inner)))
-        self.fixed = all_of(fixed)
+        self.fixed = r.all_of(fixed)
         self._is_possible = compiler.test(self.fixed)
 
     def ground(self, env: Env) -> _Needs:
@@ -155,7 +137,7 @@ class _Conjunction:
         return _Needs(want | against, _NEVER if want & against else want, _every(tests))
 
 
-def _in_world(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge]:
+def _in_world(task: GroundedTask, compiler: Compiler, part: r.Part) -> Callable[[Env], Judge]:
     """Compile what grounds a test in the world of a task."""
     test = compiler.test(part)
 
@@ -172,18 +154,20 @@ def _in_world(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[E
     return ground
 
 
-def _grounder(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge] | None:
+def _grounder(
+    task: GroundedTask, compiler: Compiler, part: r.Part
+) -> Callable[[Env], Judge] | None:
     """Compile what grounds a test of bits and values; None if the world has to judge it."""
-    if isinstance(part, Compares):
+    if isinstance(part, r.Compares):
         left, right = (_number(task, compiler, side) for side in (part.left, part.right))
         # What equals itself has a value.
         is_value = part.operator == "=" and part.left == part.right
-        compare = None if is_value else COMPARE[part.operator]
+        compare = None if is_value else r.COMPARE[part.operator]
         return lambda env: _compared(compare, left(env), right(env))
-    return _choice(task, compiler, part) if isinstance(part, OneOf | Witness) else None
+    return _choice(task, compiler, part) if isinstance(part, r.OneOf | r.Witness) else None
 
 
-def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env], Judge] | None:
+def _choice(task: GroundedTask, compiler: Compiler, part: r.Part) -> Callable[[Env], Judge] | None:
     """Compile what grounds a disjunction or a quantifier, as `_grounder`."""
     ways, whole = _ways(task, compiler, (), part), _in_world(task, compiler, part)
     if any(each.is_left for _, each in ways):
@@ -206,13 +190,13 @@ def _choice(task: GroundedTask, compiler: Compiler, part: Part) -> Callable[[Env
 
 
 def _ways(
-    task: GroundedTask, compiler: Compiler, bound: Iterable[Bound], part: Part
+    task: GroundedTask, compiler: Compiler, bound: Iterable[r.Bound], part: r.Part
 ) -> list[tuple[Search, _Conjunction]]:
     """Take alternatives apart, each with the search for objects for which what is fixed holds."""
     found = []
     for variables, parts in alternatives(bound, part):
-        condition = _Conjunction(task, compiler, all_of(parts))
-        slots = [Bound(*each) for each in variables.items()]
+        condition = _Conjunction(task, compiler, r.all_of(parts))
+        slots = [r.Bound(*each) for each in variables.items()]
         found.append((compiler.search(slots, condition.fixed), condition))
     return found
 
@@ -238,17 +222,17 @@ def _compared(by: Callable[[Any, Any], bool] | None, left: NumberIn, right: Numb
 
 
 def _number(
-    task: GroundedTask, compiler: Compiler, quantity: Quantity
+    task: GroundedTask, compiler: Compiler, quantity: r.Quantity
 ) -> Callable[[Env], NumberIn]:
     """Compile what grounds a number."""
-    if isinstance(quantity, NumberOf) and (False, quantity.function) in task.changing:
+    if isinstance(quantity, r.NumberOf) and (False, quantity.function) in task.changing:
         pick, function = compiler.picker(quantity.terms), quantity.function
 
         def fluent(env: Env) -> NumberIn:
             return methodcaller("get", (function, pick(env)))
 
         return fluent
-    if isinstance(quantity, Operation):
+    if isinstance(quantity, r.Operation):
         operands = [_number(task, compiler, each) for each in quantity.operands]
 
         def operation(env: Env) -> NumberIn:
@@ -283,7 +267,7 @@ class _Effect:
         self._row = compiler.picker(item.terms)
         self.is_plain = not (item.needs_values or any(each.is_left for _, each in self._ways))
         self._value: Callable[[Env], NumberIn | int] | None = None
-        if isinstance(item.value, Slot | Known):
+        if isinstance(item.value, r.Slot | r.Known):
             at = compiler.at(item.value)
             self._value = lambda env: int(env[at])
         elif item.value is not None:
@@ -397,10 +381,10 @@ class _Schema:
         self._searches: list[tuple[int, Row | None, Relation, Search]] = []
         fixed = self.condition.fixed
         for literal in self.condition.literals:
-            fact = literal.part if isinstance(literal, Lacks) else literal
-            assert isinstance(fact, HoldsFact)
-            only = tuple([term.id for term in fact.terms if isinstance(term, Known)])
-            relation, part, row = Relation(), all_of([fact, fixed]), None
+            fact = literal.part if isinstance(literal, r.Lacks) else literal
+            assert isinstance(fact, r.HoldsFact)
+            only = tuple([term.id for term in fact.terms if isinstance(term, r.Known)])
+            relation, part, row = Relation(), r.all_of([fact, fixed]), None
             if len(only) == len(fact.terms):
                 # A search without a variable for the fact looks nothing up.
                 part, row = fixed, only
@@ -408,7 +392,7 @@ class _Schema:
             search = compiler.search(action.parameters, part, delta)
             self._searches.append((fact.predicate, row, relation, search))
         # Finds the steps whose literals hold where the world is.
-        self.all = compiler.search(action.parameters, all_of([*self.condition.literals, fixed]))
+        self.all = compiler.search(action.parameters, r.all_of([*self.condition.literals, fixed]))
 
     def of_fact(self, predicate: int, row: Row) -> list[Operator]:
         """Return the steps that a fact matters to, whether it holds or not."""
@@ -472,7 +456,7 @@ class GroundedTask:
         # The steps that a fact matters to, by its bit.
         self._of_bit: dict[int, list[Operator]] = {}
 
-    def changes(self, part: Part) -> bool:
+    def changes(self, part: r.Part) -> bool:
         """Return whether a part depends on what steps change."""
         return not heads_of(self.rules, part).isdisjoint(self.changing)
 
@@ -581,9 +565,9 @@ class GroundedTask:
         return needs.holds(*at)
 
     def _goals_needs(self) -> _Needs:
-        resolver, compiler = Resolver(self.definitions), Compiler(self.world)
-        part = all_of(resolver.part(goal) for goal in self.goals)
-        check_levels(part)
+        resolver, compiler = r.Resolver(self.definitions), Compiler(self.world)
+        part = r.all_of(resolver.part(goal) for goal in self.goals)
+        r.check_levels(part)
         return _Conjunction(self, compiler, part).ground(compiler.env())
 
 

@@ -15,34 +15,8 @@ from ..dto import formulas as f
 from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
 from ..dto.lexical import fold
 from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstructError
+from ..knowledge import resolved as r
 from ..knowledge.grounding import bound, substitute
-from ..knowledge.resolved import (
-    FALSE,
-    TRUE,
-    Bound,
-    Compares,
-    HasType,
-    Known,
-    Lacks,
-    Needed,
-    NumberOf,
-    Operation,
-    Parameter,
-    Part,
-    Place,
-    Quantity,
-    Slot,
-    TypeSet,
-    Witness,
-    all_of,
-    check_levels,
-    closure,
-    fits,
-    negate,
-    parts_of,
-    replaced,
-    same,
-)
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
 from ..sql.relations import ConditionStatement
@@ -59,7 +33,7 @@ from .world import Head
 
 AFTER_START = "right after the start"
 _ADDITIVE, _SCALING = ("increase", "decrease"), ("scale-up", "scale-down")
-_LASTING = Parameter(f.DURATION)
+_LASTING = r.Parameter(f.DURATION)
 _HALF = Decimal("0.5")
 Numbers = dict[str, Decimal]
 
@@ -75,10 +49,10 @@ class Promise:
         listed: the condition of these, that of their duration included.
     """
 
-    part: Part
+    part: r.Part
     is_whole: bool
     is_listed: bool
-    listed: Part
+    listed: r.Part
 
 
 def promise_of(action: PreparedAction) -> Promise:
@@ -101,109 +75,111 @@ def _promise(action: PreparedAction) -> Promise:
     if action.is_durative:
         try:
             kept = After(action.definitions, items, action.numbers).part(action.condition(OVER_ALL))
-            check_levels(kept)
+            r.check_levels(kept)
             parts.append(kept)
         except (OpaqueError, UnsupportedConstructError):
             is_whole = False
-    part = all_of(parts)
+    part = r.all_of(parts)
     is_listed, listed = True, part
     if action.is_durative:
         is_listed, listed = _with_duration(action, part)
     return Promise(part, is_whole, is_listed, listed)
 
 
-def _fresh(action: PreparedAction, bound: Sequence[Bound], part: Part) -> Part:
+def _fresh(action: PreparedAction, bound: Sequence[r.Bound], part: r.Part) -> r.Part:
     """Return that there are objects, with variables that no other part has."""
-    whole = Witness(tuple(bound), part) if bound and part != FALSE else part
-    return replaced(whole, {}, action.numbers)
+    whole = r.Witness(tuple(bound), part) if bound and part != r.FALSE else part
+    return r.replaced(whole, {}, action.numbers)
 
 
-def _has_result(action: PreparedAction, item: EffectItem) -> Part:
+def _has_result(action: PreparedAction, item: EffectItem) -> r.Part:
     """Return that an effect has a result wherever it takes place."""
     lacking = _fresh(action, item.around, item.lacking)
-    wanted = all_of([*_types_fit(action, item), *_is_defined(action, item)])
-    if wanted == TRUE:
-        return negate(lacking)
-    wrong = _fresh(action, item.bound, all_of([item.condition, negate(wanted)]))
-    return all_of([negate(lacking), negate(wrong)])
+    wanted = r.all_of([*_types_fit(action, item), *_is_defined(action, item)])
+    if wanted == r.TRUE:
+        return r.negate(lacking)
+    wrong = _fresh(action, item.bound, r.all_of([item.condition, r.negate(wanted)]))
+    return r.all_of([r.negate(lacking), r.negate(wrong)])
 
 
-def _types_fit(action: PreparedAction, item: EffectItem) -> Iterator[Part]:
+def _types_fit(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
     """Yield that objects fit, where their variables have wider types."""
     definitions = action.definitions
     declared = definitions.predicates, definitions.functions
     head = declared[item.operator not in ("add", "delete")].live(item.head)
-    places: list[tuple[Place, TypeSet]] = [
-        (term, closure(definitions, parameter.type_ids))
+    places: list[tuple[r.Place, r.TypeSet]] = [
+        (term, r.closure(definitions, parameter.type_ids))
         for term, parameter in zip(item.terms, head.parameters, strict=True)
     ]
-    if isinstance(item.value, Slot | Known):
+    if isinstance(item.value, r.Slot | r.Known):
         wanted_ids = definitions.functions.live(item.head).type_ids
-        places.append((item.value, closure(definitions, wanted_ids)))
+        places.append((item.value, r.closure(definitions, wanted_ids)))
     types = {each.slot: each.types for each in (*action.parameters, *item.bound)}
     for term, wanted in places:
         if wanted is None:
             continue
-        if isinstance(term, Known):
-            if not fits(definitions, term.id, wanted):
-                yield FALSE
+        if isinstance(term, r.Known):
+            if not r.fits(definitions, term.id, wanted):
+                yield r.FALSE
         elif not any(own is not None and own <= wanted for own in types[term]):
-            yield HasType(term, wanted)
+            yield r.HasType(term, wanted)
 
 
-def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[Part]:
+def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
     """Yield that a number and the fluent that it changes have values."""
     value = item.value
-    if value is None or isinstance(value, Slot | Known):
+    if value is None or isinstance(value, r.Slot | r.Known):
         return
-    if any(not isinstance(each, Decimal) for each in parts_of(value)):
-        yield Compares("=", value, value)
+    if any(not isinstance(each, Decimal) for each in r.parts_of(value)):
+        yield r.Compares("=", value, value)
     function = action.definitions.functions.live(item.head)
     if item.operator != "assign" and fold(function.name) != TOTAL_COST:
-        own = NumberOf(item.head, item.terms)
-        yield Compares("=", own, own)
+        own = r.NumberOf(item.head, item.terms)
+        yield r.Compares("=", own, own)
     if item.operator == "scale-down":
-        yield Lacks(Compares("=", value, Decimal(0)))
+        yield r.Lacks(r.Compares("=", value, Decimal(0)))
 
 
-def _conflict(action: PreparedAction, one: EffectItem, other: EffectItem) -> Part:
+def _conflict(action: PreparedAction, one: EffectItem, other: EffectItem) -> r.Part:
     """Return that two effects do not change one fluent in ways that contradict each other."""
     operators = {one.operator, other.operator}
     is_same_kind = any(operators <= set(group) for group in (_ADDITIVE, _SCALING))
     is_other = one.head != other.head or not operators.isdisjoint(("add", "delete"))
     if is_other or is_same_kind or (one is other and not one.bound):
-        return TRUE
-    places: dict[Slot, Place] = {each.slot: Slot(next(action.numbers)) for each in other.bound}
-    copied = tuple(Bound(places[each.slot], each.types) for each in other.bound)  # type: ignore[arg-type]
-    terms = [places.get(each, each) if isinstance(each, Slot) else each for each in other.terms]
-    hit = [same(left, right) for left, right in zip(one.terms, terms, strict=True)]
-    differ: Part = TRUE
+        return r.TRUE
+    places: dict[r.Slot, r.Place] = {
+        each.slot: r.Slot(next(action.numbers)) for each in other.bound
+    }
+    copied = tuple(r.Bound(places[each.slot], each.types) for each in other.bound)  # type: ignore[arg-type]
+    terms = [places.get(each, each) if isinstance(each, r.Slot) else each for each in other.terms]
+    hit = [r.same(left, right) for left, right in zip(one.terms, terms, strict=True)]
+    differ: r.Part = r.TRUE
     if operators == {"assign"}:
-        differ = negate(_equal(one.value, other.value, places, action.numbers))
-    inner = [one.condition, replaced(other.condition, dict(places), action.numbers), *hit, differ]
-    return negate(_fresh(action, (*one.bound, *copied), all_of(inner)))
+        differ = r.negate(_equal(one.value, other.value, places, action.numbers))
+    inner = [one.condition, r.replaced(other.condition, dict(places), action.numbers), *hit, differ]
+    return r.negate(_fresh(action, (*one.bound, *copied), r.all_of(inner)))
 
 
 def _equal(
-    left: Quantity | Place | None,
-    right: Quantity | Place | None,
-    places: dict[Slot, Place],
+    left: r.Quantity | r.Place | None,
+    right: r.Quantity | r.Place | None,
+    places: dict[r.Slot, r.Place],
     numbers: Iterator[int],
-) -> Part:
+) -> r.Part:
     """Return that two assigned values are the same."""
     assert left is not None
     assert right is not None
-    if isinstance(left, Slot | Known) and isinstance(right, Slot | Known):
-        return same(left, places.get(right, right) if isinstance(right, Slot) else right)
-    moved: Quantity = replaced(right, dict(places), numbers)  # type: ignore[arg-type, assignment]
-    assert not isinstance(left, Slot | Known)
-    return Compares("=", left, moved)
+    if isinstance(left, r.Slot | r.Known) and isinstance(right, r.Slot | r.Known):
+        return r.same(left, places.get(right, right) if isinstance(right, r.Slot) else right)
+    moved: r.Quantity = r.replaced(right, dict(places), numbers)  # type: ignore[arg-type, assignment]
+    assert not isinstance(left, r.Slot | r.Known)
+    return r.Compares("=", left, moved)
 
 
 # Durations.
 
 
-def limits_of(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
+def limits_of(action: PreparedAction) -> list[tuple[str, r.Quantity, r.Needed]]:
     """Return the constraints on the duration at the start, each with its limit and its needs."""
     found = []
     for constraint in action.constraints(AT_START):
@@ -218,15 +194,15 @@ def limits_of(action: PreparedAction) -> list[tuple[str, Quantity, Needed]]:
 _MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
 
 
-def _with_duration(action: PreparedAction, part: Part) -> tuple[bool, Part]:
+def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
     """Return whether steps can begin without a duration, and their condition."""
     limits = limits_of(action)
     fixed = next((limit for operator, limit, _ in limits if operator == "="), None)
     if fixed is None and action.needs_duration:
-        return False, FALSE
+        return False, r.FALSE
     parts = [part, *(each for _, limit, _ in limits for each in _has_value(limit))]
     if fixed is not None:
-        values: dict[Quantity, Quantity] = {_LASTING: fixed}
+        values: dict[r.Quantity, r.Quantity] = {_LASTING: fixed}
         parts[0] = mapped(part, lambda leaf, _: _with_numbers(leaf, values))
         parts += [
             each
@@ -242,29 +218,31 @@ def _with_duration(action: PreparedAction, part: Part) -> tuple[bool, Part]:
             for least in lower:
                 parts += _within("<=", least, most, 2 * TOLERANCE)
     variables = tuple(each for _, _, needed in limits for each in needed.bound)
-    inner = all_of([*(each for _, _, needed in limits for each in needed.needed), *parts])
-    return True, Witness(variables, inner) if variables and inner != FALSE else inner
+    inner = r.all_of([*(each for _, _, needed in limits for each in needed.needed), *parts])
+    return True, r.Witness(variables, inner) if variables and inner != r.FALSE else inner
 
 
-def _has_value(quantity: Quantity) -> list[Part]:
+def _has_value(quantity: r.Quantity) -> list[r.Part]:
     is_constant = isinstance(quantity, Decimal)
-    return [] if is_constant else [Compares("=", quantity, quantity)]
+    return [] if is_constant else [r.Compares("=", quantity, quantity)]
 
 
-def _with_numbers(leaf: Part, values: dict[Quantity, Quantity]) -> Part:
-    if not isinstance(leaf, Compares):
+def _with_numbers(leaf: r.Part, values: dict[r.Quantity, r.Quantity]) -> r.Part:
+    if not isinstance(leaf, r.Compares):
         return leaf
     sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
-    return Compares(leaf.operator, sides[0], sides[1])
+    return r.Compares(leaf.operator, sides[0], sides[1])
 
 
-def _within(operator: str, left: Quantity, right: Quantity, tolerance: Decimal) -> Iterator[Part]:
+def _within(
+    operator: str, left: r.Quantity, right: r.Quantity, tolerance: Decimal
+) -> Iterator[r.Part]:
     """Yield that a comparison holds within a tolerance."""
-    difference = Operation("-", (left, right))
+    difference = r.Operation("-", (left, right))
     if operator in ("<", "<=", "="):
-        yield Compares("<" if operator == "<" else "<=", difference, tolerance)
+        yield r.Compares("<" if operator == "<" else "<=", difference, tolerance)
     if operator in (">", ">=", "="):
-        yield Compares(">" if operator == ">" else ">=", difference, -tolerance)
+        yield r.Compares(">" if operator == ">" else ">=", difference, -tolerance)
 
 
 def duration_of(

@@ -15,29 +15,9 @@ from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import either_text
 from ..errors import InvalidKnowledgeError, PlanError, UnsupportedConstructError
+from ..knowledge import resolved as r
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..knowledge.formulas import action_of
-from ..knowledge.resolved import (
-    FALSE,
-    AllOf,
-    Bound,
-    Column,
-    Known,
-    NumberOf,
-    Operation,
-    Parameter,
-    Part,
-    Place,
-    Quantity,
-    ResolvedCondition,
-    Resolver,
-    Slot,
-    Witness,
-    all_of,
-    check_levels,
-    negate,
-    parts_of,
-)
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action
@@ -66,8 +46,8 @@ _TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+
 # The time of effects that last as long as their step.
 CONTINUOUS = "continuously"
 _DURATION = f.Variable(f.DURATION)
-_LASTING = Parameter(f.DURATION)
-_TIME = Parameter("#t")
+_LASTING = r.Parameter(f.DURATION)
+_TIME = r.Parameter("#t")
 
 
 @dataclass(frozen=True)
@@ -89,7 +69,7 @@ class GroundStep:
         return {f"b{number}": id_ for number, id_ in enumerate(self.ids)}
 
     @property
-    def places(self) -> dict[Slot, str]:
+    def places(self) -> dict[r.Slot, str]:
         """The parameters in statements."""
         return {bound.slot: f":b{number}" for number, bound in enumerate(self.action.parameters)}
 
@@ -119,31 +99,31 @@ class EffectItem:
 
     operator: str
     head: int
-    terms: tuple[Place, ...]
-    value: Quantity | Place | None
-    bound: tuple[Bound, ...]
-    condition: Part
-    earlier: Part
-    lacking: Part
-    around: tuple[Bound, ...]
+    terms: tuple[r.Place, ...]
+    value: r.Quantity | r.Place | None
+    bound: tuple[r.Bound, ...]
+    condition: r.Part
+    earlier: r.Part
+    lacking: r.Part
+    around: tuple[r.Bound, ...]
     node: f.Node | None = None
 
     @cached_property
     def is_certain(self) -> bool:
         """Whether it happens once, whatever holds."""
-        return not self.bound and self.condition == AllOf(()) == self.earlier
+        return not self.bound and self.condition == r.AllOf(()) == self.earlier
 
     @cached_property
     def needs_values(self) -> bool:
         """Whether an object fluent in its terms or its value may have no value."""
-        return self.lacking != FALSE
+        return self.lacking != r.FALSE
 
     @cached_property
-    def numbers(self) -> list[NumberOf]:
+    def numbers(self) -> list[r.NumberOf]:
         """The fluents that its number is calculated from."""
-        if self.value is None or isinstance(self.value, Slot | Known):
+        if self.value is None or isinstance(self.value, r.Slot | r.Known):
             return []
-        found = (each for each in parts_of(self.value) if isinstance(each, NumberOf))
+        found = (each for each in r.parts_of(self.value) if isinstance(each, r.NumberOf))
         return list(dict.fromkeys(found))
 
 
@@ -169,18 +149,18 @@ class PreparedAction:
         self.is_durative = node.kind == DURATIVE_ACTION
         self.variables = node.parameters
         self.numbers = count()
-        self.resolver = Resolver(definitions, self.numbers)
+        self.resolver = r.Resolver(definitions, self.numbers)
         self.parameters = self.resolver.variables(self.variables)
         self.positions = {each.slot.number: n for n, each in enumerate(self.parameters)}
-        self._parts: dict[str, Part] = {}
+        self._parts: dict[str, r.Part] = {}
         self._items: dict[str, tuple[EffectItem, ...]] = {}
         self.kept: dict[Any, Any] = {}
 
     @property
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[r.Column, ...]:
         """The parameters as columns."""
         return tuple(
-            Column(variable.name, bound)
+            r.Column(variable.name, bound)
             for variable, bound in zip(self.variables, self.parameters, strict=True)
         )
 
@@ -206,18 +186,18 @@ class PreparedAction:
         parts = (part for node in nodes if node is not None for part in flatten(node))
         return [part for part in parts if isinstance(part, f.Comparison)]
 
-    def condition(self, time: str) -> Part:
+    def condition(self, time: str) -> r.Part:
         """Return the conjunction of the hard conditions of a time."""
         found = self._parts.get(time)
         if found is None:
-            found = all_of(self.resolver.part(node) for node in self.nodes(time))
-            check_levels(found)
+            found = r.all_of(self.resolver.part(node) for node in self.nodes(time))
+            r.check_levels(found)
             self._parts[time] = found
         return found
 
-    def resolved(self, time: str) -> ResolvedCondition:
+    def resolved(self, time: str) -> r.ResolvedCondition:
         """Return the conditions of a time with the parameters as columns."""
-        return ResolvedCondition(self.condition(time), self.columns)
+        return r.ResolvedCondition(self.condition(time), self.columns)
 
     @property
     def needs_duration(self) -> bool:
@@ -237,7 +217,7 @@ class PreparedAction:
             found = tuple(
                 item
                 for node in self.node.effect
-                for item in self._effect(node, _Around((), AllOf(()), AllOf(())), wanted)
+                for item in self._effect(node, _Around((), r.AllOf(()), r.AllOf(())), wanted)
             )
             self._items[time] = found
         return found
@@ -276,13 +256,13 @@ class PreparedAction:
     def _continuous(self, node: f.Assign, around: _Around) -> EffectItem:
         _check_continuous(self.name, node, False)
         item = self._leaf(node, around)
-        assert not isinstance(item.value, Slot | Known)
+        assert not isinstance(item.value, r.Slot | r.Known)
         rate = None if item.value is None else _rate(item.value)
         if rate is None:
             raise UnsupportedConstructError(
                 f"the continuous effect {node} is not a multiple of #t; write it as (* #t rate)"
             )
-        return replace(item, value=Operation("*", (rate, _LASTING)))
+        return replace(item, value=r.Operation("*", (rate, _LASTING)))
 
     def _when(self, condition: f.Formula, around: _Around, time: str | None) -> _Around:
         if time is None:
@@ -323,27 +303,29 @@ class PreparedAction:
 class _Around:
     """What is around an effect: variables, conditions, and conditions at the start."""
 
-    bound: tuple[Bound, ...]
-    condition: Part
-    earlier: Part
+    bound: tuple[r.Bound, ...]
+    condition: r.Part
+    earlier: r.Part
 
-    def binding(self, bound: Sequence[Bound]) -> _Around:
+    def binding(self, bound: Sequence[r.Bound]) -> _Around:
         return _Around((*self.bound, *bound), self.condition, self.earlier)
 
-    def holding(self, part: Part) -> _Around:
-        return _Around(self.bound, all_of([self.condition, part]), self.earlier)
+    def holding(self, part: r.Part) -> _Around:
+        return _Around(self.bound, r.all_of([self.condition, part]), self.earlier)
 
-    def after(self, part: Part) -> _Around:
-        return _Around(self.bound, self.condition, all_of([self.earlier, part]))
+    def after(self, part: r.Part) -> _Around:
+        return _Around(self.bound, self.condition, r.all_of([self.earlier, part]))
 
     def needing(
-        self, bound: Sequence[Bound], needed: Sequence[Part]
-    ) -> tuple[tuple[Bound, ...], Part, Part, Part, tuple[Bound, ...]]:
+        self, bound: Sequence[r.Bound], needed: Sequence[r.Part]
+    ) -> tuple[tuple[r.Bound, ...], r.Part, r.Part, r.Part, tuple[r.Bound, ...]]:
         """Return the parts of an effect that needs the values of object fluents."""
-        within = self.binding(bound).holding(all_of(needed))
-        lacking: Part = FALSE
+        within = self.binding(bound).holding(r.all_of(needed))
+        lacking: r.Part = r.FALSE
         if needed:
-            lacking = all_of([self.condition, negate(Witness(tuple(bound), all_of(needed)))])
+            lacking = r.all_of(
+                [self.condition, r.negate(r.Witness(tuple(bound), r.all_of(needed)))]
+            )
         return within.bound, within.condition, within.earlier, lacking, self.bound
 
 
@@ -363,11 +345,11 @@ def _check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> No
         )
 
 
-def _rate(quantity: Quantity) -> Quantity | None:
+def _rate(quantity: r.Quantity) -> r.Quantity | None:
     """Return the factor of `#t`, or None if the expression is not a multiple of it."""
     if quantity == _TIME:
         return Decimal(1)
-    if not isinstance(quantity, Operation):
+    if not isinstance(quantity, r.Operation):
         return None
     rates = [_rate(each) for each in quantity.operands]
     found = tuple(each for each in rates if each is not None)
@@ -378,8 +360,8 @@ def _rate(quantity: Quantity) -> Quantity | None:
         is_whole = len(found) == 1 and (quantity.operator == "*" or rates[0] is not None)
         others = zip(quantity.operands, rates, strict=True)
         found = tuple(each if rate is None else rate for each, rate in others)
-        is_whole &= not any(_TIME in parts_of(each) for each in found)
-    return Operation(quantity.operator, found) if is_whole else None
+        is_whole &= not any(_TIME in r.parts_of(each) for each in found)
+    return r.Operation(quantity.operator, found) if is_whole else None
 
 
 def _has_effect(effect: f.Formula, time: str | None) -> bool:

@@ -15,23 +15,7 @@ from decimal import Decimal
 from itertools import product
 from typing import NamedTuple
 
-from ..knowledge.resolved import (
-    TRUE,
-    AllOf,
-    Bound,
-    Compares,
-    FluentIs,
-    HoldsFact,
-    Lacks,
-    NumberOf,
-    OneOf,
-    Part,
-    Slot,
-    Witness,
-    all_of,
-    closure,
-    parts_of,
-)
+from ..knowledge import resolved as r
 from ..knowledge.rules import rules_of
 from .evaluate import Compiler, Env, Rows, Test
 from .steps import PreparedAction
@@ -47,34 +31,34 @@ class Literal(NamedTuple):
     holds: bool
 
 
-def parts_used(action: PreparedAction, time: str) -> list[Part]:
+def parts_used(action: PreparedAction, time: str) -> list[r.Part]:
     """Return the conditions of a time, and of its effects, with the numbers that these read."""
     key = "parts used", time
-    found: list[Part] | None = action.kept.get(key)
+    found: list[r.Part] | None = action.kept.get(key)
     if found is None:
         found = action.kept[key] = [action.condition(time)]
         for item in action.items(time):
             part = item.condition
             if item.numbers:
                 # It holds if the fluents have values.
-                part = all_of([part, *(Compares("=", one, one) for one in item.numbers)])
-            if part != TRUE:
-                found.append(Witness(item.bound, part) if item.bound else part)
+                part = r.all_of([part, *(r.Compares("=", one, one) for one in item.numbers)])
+            if part != r.TRUE:
+                found.append(r.Witness(item.bound, part) if item.bound else part)
     return found
 
 
 class _Compiled:
     """A part, with tests of all parts within it and searches for the objects of its variables."""
 
-    def __init__(self, world: World, part: Part, parameters: Iterable[Slot]) -> None:
+    def __init__(self, world: World, part: r.Part, parameters: Iterable[r.Slot]) -> None:
         self.part = part
         self.compiler = Compiler(world, parameters)
         self.tests: dict[int, Test] = {}
         self.rows: dict[int, Rows] = {}
-        for inner in parts_of(part):
-            if isinstance(inner, Witness):
+        for inner in r.parts_of(part):
+            if isinstance(inner, r.Witness):
                 self.rows[id(inner)] = self.compiler.rows(inner.bound, inner.part)
-            if isinstance(inner, Part):
+            if isinstance(inner, r.Part):
                 self.tests[id(inner)] = self.compiler.test(inner)
 
 
@@ -89,12 +73,12 @@ class Uses:
         self._world = world
         # With the parts: an id is used again once its object is gone.
         self._compiled: dict[int, _Compiled] = {}
-        self._bodies: dict[int, list[tuple[_Compiled, tuple[Bound, ...]]]] = {}
+        self._bodies: dict[int, list[tuple[_Compiled, tuple[r.Bound, ...]]]] = {}
 
     def of(
         self,
-        part: Part,
-        parameters: Sequence[Slot] = (),
+        part: r.Part,
+        parameters: Sequence[r.Slot] = (),
         arguments: Row = (),
         duration: Decimal | None = None,
     ) -> Iterator[Literal]:
@@ -102,7 +86,7 @@ class Uses:
         compiled = self._compile(part, parameters)
         env = compiled.compiler.env(arguments, duration)
         pending: _Pending = []
-        conjuncts = part.parts if isinstance(part, AllOf) else (part,)
+        conjuncts = part.parts if isinstance(part, r.AllOf) else (part,)
         for one in conjuncts:
             if compiled.tests[id(one)](env):
                 yield from _walk(compiled, one, env, True, pending)
@@ -119,13 +103,13 @@ class Uses:
                 pending += [one for one in dict.fromkeys(found) if one not in seen]
                 seen.update(found)
 
-    def _compile(self, part: Part, parameters: Sequence[Slot]) -> _Compiled:
+    def _compile(self, part: r.Part, parameters: Sequence[r.Slot]) -> _Compiled:
         found = self._compiled.get(id(part))
         if found is None:
             found = self._compiled[id(part)] = _Compiled(self._world, part, parameters)
         return found
 
-    def _rules(self, predicate: int) -> list[tuple[_Compiled, tuple[Bound, ...]]]:
+    def _rules(self, predicate: int) -> list[tuple[_Compiled, tuple[r.Bound, ...]]]:
         """Return the bodies of the rules of a predicate, with what fits their parameters."""
         found = self._bodies.get(predicate)
         if found is None:
@@ -133,7 +117,7 @@ class Uses:
             for rule in rules_of(definitions).of(predicate):
                 declared = definitions.predicates.live(predicate).parameters
                 own = tuple(
-                    Bound(one.slot, (*one.types, closure(definitions, parameter.type_ids)))
+                    r.Bound(one.slot, (*one.types, r.closure(definitions, parameter.type_ids)))
                     for one, parameter in zip(rule.parameters, declared, strict=True)
                 )
                 found.append((_Compiled(self._world, rule.body, [one.slot for one in own]), own))
@@ -142,17 +126,17 @@ class Uses:
 
 
 def _walk(
-    compiled: _Compiled, part: Part, env: Env, holds: bool, pending: _Pending
+    compiled: _Compiled, part: r.Part, env: Env, holds: bool, pending: _Pending
 ) -> Iterator[Literal]:
     """Yield the literals by which a part holds, or fails; note atoms that rules may derive."""
     match part:
-        case Lacks(inner):
+        case r.Lacks(inner):
             yield from _walk(compiled, inner, env, not holds, pending)
-        case AllOf(parts) | OneOf(parts):
+        case r.AllOf(parts) | r.OneOf(parts):
             for one in parts:
                 if compiled.tests[id(one)](env) == holds:
                     yield from _walk(compiled, one, env, holds, pending)
-        case Witness(bound, inner):
+        case r.Witness(bound, inner):
             # Inner searches set places of the environment, too.
             members = compiled.compiler.world.members
             every = product(*(members(one.types) for one in bound))
@@ -167,14 +151,14 @@ def _walk(
 
 
 def _leaf(
-    compiled: _Compiled, part: Part, env: Env, holds: bool, pending: _Pending
+    compiled: _Compiled, part: r.Part, env: Env, holds: bool, pending: _Pending
 ) -> Iterator[Literal]:
     """Yield the literals of a part without parts."""
-    for one in parts_of(part):
-        if not isinstance(one, HoldsFact | NumberOf | FluentIs):
+    for one in r.parts_of(part):
+        if not isinstance(one, r.HoldsFact | r.NumberOf | r.FluentIs):
             continue
         row = compiled.compiler.picker(one.terms)(env)
-        if isinstance(one, HoldsFact):
+        if isinstance(one, r.HoldsFact):
             yield Literal(True, one.predicate, row, holds)
             if not one.is_stored:
                 pending.append((one.predicate, row, holds))
