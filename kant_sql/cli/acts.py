@@ -20,7 +20,7 @@ from .common import (
     parse_optional,
     parse_state,
 )
-from .output import Printer, json_text, write_json
+from .output import Printer, json_text, write_each
 
 if TYPE_CHECKING:
     from ..acts import Execution
@@ -36,18 +36,16 @@ def acts(
     limit: Annotated[int | None, most("Show only the N newest.")] = None,
     since: Since = None,
     until: Until = None,
-    actor: Annotated[
-        str | None, option("Show only what this actor began.", "--actor", metavar="NAME")
-    ] = None,
+    actor: Annotated[str | None, option("Show only what this actor began.", metavar="NAME")] = None,
     action: Annotated[
-        str | None, option("Show only executions of this action.", "--action", metavar="NAME")
+        str | None, option("Show only executions of this action.", metavar="NAME")
     ] = None,
     object_: Annotated[
         str | None, option("Show only what names this object.", "--object", metavar="NAME")
     ] = None,
     outcome: Annotated[
         str | None,
-        option(f"Show only this outcome: {', '.join(OUTCOMES)}.", "--outcome", metavar="WORD"),
+        option(f"Show only this outcome: {', '.join(OUTCOMES)}.", metavar="WORD"),
     ] = None,
     as_json: Annotated[bool, json_lines("execution")] = False,
 ) -> None:
@@ -61,13 +59,8 @@ def acts(
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     given: Any = {"action": action, "object": object_, "outcome": outcome, "actor": actor}
     with open_to_read(url, kb) as (name, knowledge_base):
-        printer = Printer()
         found = knowledge_base.executions.get_all(since=first, until=last, limit=limit, **given)
-        for execution in found:
-            if as_json:
-                write_json(execution, knowledge_base=name)
-            else:
-                _write(printer, execution)
+        write_each(found, as_json, _write, knowledge_base=name)
 
 
 _GROUPINGS = ("action", "argument", "arguments", "actor")
@@ -80,7 +73,6 @@ def statistics(
         list[str] | None,
         option(
             f"Group by this: {', '.join(_GROUPINGS)}; repeat it. Default: action.",
-            "--by",
             metavar="WORD",
         ),
     ] = None,
@@ -88,7 +80,7 @@ def statistics(
     since: Since = None,
     until: Until = None,
     actor: Annotated[
-        str | None, option("Count only what this actor began.", "--actor", metavar="NAME")
+        str | None, option("Count only what this actor began.", metavar="NAME")
     ] = None,
     as_json: Annotated[bool, json_lines("group")] = False,
 ) -> None:
@@ -103,12 +95,8 @@ def statistics(
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     given: Any = {"by": by or ["action"], "actor": actor, "limit": limit}
     with open_to_read(url, kb) as (name, knowledge_base):
-        printer = Printer()
-        for group in knowledge_base.statistics(since=first, until=last, **given):
-            if as_json:
-                write_json(group, knowledge_base=name)
-            else:
-                _write_figures(printer, group)
+        groups = knowledge_base.statistics(since=first, until=last, **given)
+        write_each(groups, as_json, _write_figures, knowledge_base=name)
 
 
 def _write_figures(printer: Printer, group: Statistics) -> None:

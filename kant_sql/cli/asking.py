@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -38,7 +39,7 @@ from .common import (
 )
 from .documents import STANDARD_INPUT, read_bytes
 from .history import metadata
-from .output import FAILED, NOT_JUDGED, Printer, write_json
+from .output import FAILED, NOT_JUDGED, Printer, write_each, write_json
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -267,19 +268,12 @@ def when(
     with open_state(url, kb, at) as (_, state):
         given = {"clock": clock, **fixed}
         periods = state.when(condition, since=first, until=last, parameters=parameters, **given)
-        printer = Printer()
-        for position, held in enumerate(periods):
-            if as_json:
-                write_json(held)
-                continue
-            if position:
-                printer.line()
-            _write_held(printer, condition, held)
+        write_each(periods, as_json, partial(_write_held, condition), is_spaced=True)
         if not periods and not as_json:
-            printer.line("at no time")
+            Printer().line("at no time")
 
 
-def _write_held(printer: Printer, condition: str, held: Held) -> None:
+def _write_held(condition: str, printer: Printer, held: Held) -> None:
     """Write a period: its objects, its beginning and its end."""
     names = " ".join(f"?{name}={object_}" for name, object_ in held.binding.items())
     printer.line(names or condition, "bold")

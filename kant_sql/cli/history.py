@@ -6,7 +6,7 @@ import math
 import select
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,18 +37,19 @@ from .common import (
     unknown_element,
     words_argument,
 )
-from .output import Printer, json_text, write_json
+from .output import Printer, json_text, write_each, write_json
 
 if TYPE_CHECKING:
+    from ..history.corrections import Correction
     from ..history.revisions import LogEntry, Revision, Version
     from ..knowledge_base import KnowledgeBase
-    from ..reasoning.because import CauseLinks
+    from ..reasoning.because import CauseLink, CauseLinks
     from ..sql.changes import Change
 
 _STYLES = {"+": "green", "-": "red"}
 
 
-def _write_entry(printer: Printer, entry: LogEntry) -> None:
+def write_entry(printer: Printer, entry: LogEntry) -> None:
     """Write a revision with its changes."""
     revision = entry.revision
     printer.line(f"revision {revision.number}  {time_text(revision.committed_at)}", "bold")
@@ -129,35 +130,14 @@ def log(
     """Show the revisions, newest first: when, who, why and what."""
     first, last = parse_optional(since, "--since"), parse_state(until, "--until")
     with open_to_read(url, kb) as (name, knowledge_base):
-        writer, is_empty = EntryWriter(as_json), True
-        for entry in knowledge_base.log(
+        found = knowledge_base.log(
             since=first, until=last, actor=actor, element=element, limit=limit
-        ):
-            writer.write(entry)
-            is_empty = False
-        if is_empty and element is not None and not any(knowledge_base.log(element=element)):
+        )
+        count = write_each(found, as_json, write_entry, is_spaced=True)
+        if not count and element is not None and not any(knowledge_base.log(element=element)):
             raise unknown_element(
                 knowledge_base, name, element, "has never been there; see: kant-sql log"
             )
-
-
-class EntryWriter:
-    """Writes revisions, as JSON Lines or as paragraphs."""
-
-    def __init__(self, as_json: bool) -> None:
-        self._as_json = as_json
-        self._printer = Printer()
-        self._is_first = True
-
-    def write(self, entry: LogEntry) -> None:
-        """Write a revision."""
-        if self._as_json:
-            write_json(entry)
-            return
-        if not self._is_first:
-            self._printer.line()
-        self._is_first = False
-        _write_entry(self._printer, entry)
 
 
 _USAGE = "[URL] NAME|PDDL"
@@ -182,14 +162,7 @@ def history(
         versions = state.history(element)
         if not versions:
             raise unknown_element(state, name, element, "has never been there; see: kant-sql log")
-        printer = Printer()
-        for position, version in enumerate(versions):
-            if as_json:
-                write_json(version)
-                continue
-            if position:
-                printer.line()
-            _write_version(printer, version)
+        write_each(versions, as_json, _write_version, is_spaced=True)
 
 
 def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False) -> None:
@@ -218,12 +191,7 @@ def unconfirmed(
     """Show the effects of acts that nobody else has confirmed."""
     with open_state(url, kb, at) as (_, state):
         found = state.contradicted() if contradicted else state.unconfirmed(older_than=older_than)
-        printer = Printer()
-        for version in found:
-            if as_json:
-                write_json(version)
-            else:
-                _write_version(printer, version)
+        write_each(found, as_json, _write_version)
 
 
 def corrections(
@@ -236,19 +204,17 @@ def corrections(
 ) -> None:
     """Show what was later said differently of a time."""
     with open_state(url, kb, None) as (_, state):
-        printer = Printer()
-        for one in state.corrections(since=since, until=until, limit=limit):
-            if as_json:
-                write_json(one)
-                continue
-            period = f"{time_text(one.valid_from)} to {time_text(one.valid_until)}"
-            printer.line(f"{period}  {one.text}")
-            for verb, belief in (("believed", one.believed), ("said", one.said)):
-                revision = belief.revision
-                who = (
-                    "" if revision is None else f"  r{revision.number} {' '.join(revision.said())}"
-                )
-                printer.line(f"  {verb}: {belief.content}{who}")
+        found = state.corrections(since=since, until=until, limit=limit)
+        write_each(found, as_json, _write_correction)
+
+
+def _write_correction(printer: Printer, one: Correction) -> None:
+    period = f"{time_text(one.valid_from)} to {time_text(one.valid_until)}"
+    printer.line(f"{period}  {one.text}")
+    for verb, belief in (("believed", one.believed), ("said", one.said)):
+        revision = belief.revision
+        who = "" if revision is None else f"  r{revision.number} {' '.join(revision.said())}"
+        printer.line(f"  {verb}: {belief.content}{who}")
 
 
 _Depth = Annotated[int, option("Follow so many links.", "--depth", metavar="N", min=1)]
@@ -285,24 +251,23 @@ def origins(
 
 
 def _write_links(found: CauseLinks, as_json: bool) -> None:
-    printer = Printer()
-    for link in found:
-        if as_json:
-            write_json(link)
-            continue
-        indent = "  " * (link.depth - 1)
-        what = " ".join(filter(None, (link.kind, link.id, printable(link.text))))
-        printer.line(f"{indent}{what}", "bold")
-        if link.revision is not None:
-            said = ", ".join(map(printable, link.revision.said()))
-            printer.line(f"{indent}  revision {link.revision.number}{': ' if said else ''}{said}")
-        for name, texts in (("used", link.used), ("made", link.made)):
-            if texts:
-                printer.line(f"{indent}  {name}: {' '.join(map(printable, texts))}")
+    write_each(found, as_json, _write_link)
     if found.searched is not None and not as_json:
-        printer.line(f"searched back to revision {found.searched}")
+        Printer().line(f"searched back to revision {found.searched}")
     if found.has_more and not as_json:
-        printer.line("there are more; see --limit")
+        Printer().line("there are more; see --limit")
+
+
+def _write_link(printer: Printer, link: CauseLink) -> None:
+    indent = "  " * (link.depth - 1)
+    what = " ".join(filter(None, (link.kind, link.id, printable(link.text))))
+    printer.line(f"{indent}{what}", "bold")
+    if link.revision is not None:
+        said = ", ".join(map(printable, link.revision.said()))
+        printer.line(f"{indent}  revision {link.revision.number}{': ' if said else ''}{said}")
+    for name, texts in (("used", link.used), ("made", link.made)):
+        if texts:
+            printer.line(f"{indent}  {name}: {' '.join(map(printable, texts))}")
 
 
 _DIFF_USAGE = "[URL] A[..B] [B]"
@@ -444,23 +409,22 @@ def watch(
     """Show revisions as they are committed: who, when, why, what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     with open_to_read(url, kb) as (_, knowledge_base):
-        writer = EntryWriter(as_json)
         seen = knowledge_base.revision if after is None else after
-        while True:
-            seen = _write_new(knowledge_base, seen, writer)
-            if _wait(knowledge_base, seen, deadline) is None:
-                return
+        news = _news(knowledge_base, seen, deadline)
+        write_each(news, as_json, write_entry, is_spaced=True)
 
 
-def _write_new(kb: KnowledgeBase, seen: int, writer: EntryWriter) -> int:
-    """Write new revisions and return the last; an unreachable server may come back."""
-    with suppress(*_GONE):
-        for entry in kb.changes(seen):
-            writer.write(entry)
-            # The reader of a pipe gets each revision at once.
-            sys.stdout.flush()
-            seen = entry.revision.number
-    return seen
+def _news(kb: KnowledgeBase, seen: int, deadline: float) -> Iterator[LogEntry]:
+    """Yield new revisions until the deadline; an unreachable server may come back."""
+    is_over = False
+    while not is_over:
+        with suppress(*_GONE):
+            for entry in kb.changes(seen):
+                yield entry
+                # The reader of a pipe gets each revision at once.
+                sys.stdout.flush()
+                seen = entry.revision.number
+        is_over = _wait(kb, seen, deadline) is None
 
 
 def _wait(kb: KnowledgeBase, seen: int, deadline: float) -> int | None:

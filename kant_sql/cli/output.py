@@ -11,15 +11,17 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, TextIO, cast
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar, cast
 
 from ..errors import printable
 from ..json_values import json_value
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+T = TypeVar("T")
 
 FAILED = 1
 # No rule is violated, but one could not be judged.
@@ -262,6 +264,26 @@ class Printer:
         for row in rows:
             table.add_row(*(Text(cell.replace("\t", _TAB)) for cell in row))
         self._console.print(table)
+
+
+def write_each(
+    found: Iterable[T],
+    as_json: bool,
+    write: Callable[[Printer, T], None],
+    *,
+    is_spaced: bool = False,
+    **header: object,
+) -> int:
+    """Write each result, as JSON Lines or for people; return how many there are."""
+    printer, count = Printer(), 0
+    for count, one in enumerate(found, 1):
+        if as_json:
+            write_json(one, **header)
+            continue
+        if is_spaced and count > 1:
+            printer.line()
+        write(printer, one)
+    return count
 
 
 def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

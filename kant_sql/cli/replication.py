@@ -83,7 +83,7 @@ def push(
         ),
     ],
     kb: Annotated[
-        str | None, option("Push only this knowledge base; default: all.", "--kb", metavar="NAME")
+        str | None, option("Push only this knowledge base; default: all.", metavar="NAME")
     ] = None,
     follow: Annotated[
         bool,

@@ -27,8 +27,8 @@ from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
 from .common import AsJson, At, Name, Valid, open_state, option, split_url, words_argument
-from .history import EntryWriter
-from .output import Document, Printer, write_json
+from .history import write_entry
+from .output import Document, Printer, write_each, write_json
 
 if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
@@ -113,8 +113,7 @@ def _show_revision(url: str, kb: str | None, when: str, as_json: bool) -> None:
     with open_state(url, kb, when) as (name, state):
         if state.revision == 0:
             raise KantSqlError(f"there was no revision of knowledge base {name!r} yet")
-        for entry in state.log(state.revision):
-            EntryWriter(as_json).write(entry)
+        write_each(state.log(state.revision), as_json, write_entry, is_spaced=True)
 
 
 def _committed_at(state: KnowledgeBase) -> str | None:

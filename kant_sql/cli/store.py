@@ -156,7 +156,6 @@ def roles(
         str | None,
         option(
             "Create four more roles that see and write only this knowledge base.",
-            "--kb",
             metavar="NAME",
         ),
     ] = None,
@@ -355,9 +354,7 @@ def _write_archived(printer: Printer, name: str, done: Archived, dry_run: bool) 
 
 def views(
     url: Url,
-    kb: Annotated[
-        str | None, option("The knowledge base; default: all.", "--kb", metavar="NAME")
-    ] = None,
+    kb: Annotated[str | None, option("The knowledge base; default: all.", metavar="NAME")] = None,
     drop: Annotated[bool, option("Drop the views that this command created.", "--drop")] = False,
     dry_run: Annotated[
         bool, option("Only write the SQL; change nothing.", "--sql", "--dry-run")
@@ -411,9 +408,7 @@ def export(
             metavar="FORMAT",
         ),
     ] = _FORMATS[0],
-    kb: Annotated[
-        str | None, option("The knowledge base; default: all.", "--kb", metavar="NAME")
-    ] = None,
+    kb: Annotated[str | None, option("The knowledge base; default: all.", metavar="NAME")] = None,
     view: Annotated[
         list[str] | None,
         option("Write only this view, such as fact; you can repeat this.", metavar="NAME"),

@@ -23,16 +23,14 @@ TokensPath = Annotated[
 @tokens.command()
 def add(
     file: TokensPath,
-    actor: Annotated[str, option("Who writes with it.", "--actor", metavar="NAME")],
+    actor: Annotated[str, option("Who writes with it.", metavar="NAME")],
     kb: Annotated[
         list[str],
-        option("The knowledge base that it is for, * for all; repeatable.", "--kb", metavar="NAME"),
+        option("The knowledge base that it is for, * for all; repeatable.", metavar="NAME"),
     ],
     scope: Annotated[
         list[str],
-        option(
-            "What it may do: read, write, apply or verify; repeatable.", "--scope", metavar="SCOPE"
-        ),
+        option("What it may do: read, write, apply or verify; repeatable.", metavar="SCOPE"),
     ],
 ) -> None:
     """Make a token, and write it to standard output. Nothing shows it again."""

@@ -49,9 +49,7 @@ def verify(
     verify_all: Annotated[
         bool, option("Verify all knowledge bases, each from where it was last verified.", "--all")
     ] = False,
-    jobs: Annotated[
-        int, option("With --all: use so many processes.", "--jobs", metavar="N", min=1)
-    ] = 1,
+    jobs: Annotated[int, option("With --all: use so many processes.", metavar="N", min=1)] = 1,
     is_continued: Annotated[
         bool | None,
         option(

@@ -87,25 +87,19 @@ def serve(
 
 def report(
     url: Url,
-    out: Annotated[
-        Path,
-        option("The file to write (- is standard output).", "--out", metavar="FILE"),
-    ],
+    out: Annotated[Path, option("The file to write (- is standard output).", metavar="FILE")],
     kb: Name = None,
     since: Since = None,
     until: Until = None,
     clock: Clock = "committed",
     object: Annotated[
         list[str] | None,
-        option(
-            "Report what involved this object; you can repeat this.", "--object", metavar="NAME"
-        ),
+        option("Report what involved this object; you can repeat this.", metavar="NAME"),
     ] = None,
     fact: Annotated[
         list[str] | None,
         option(
             "Report what used this fact, and where it comes from; you can repeat this.",
-            "--fact",
             metavar="PDDL",
         ),
     ] = None,
@@ -114,7 +108,6 @@ def report(
         option(
             "Judge the range by these rules: a file of constraints (- is standard input), or "
             "PDDL; default: those of the domain and the problem.",
-            "--rules",
             metavar="FILE|PDDL",
         ),
     ] = None,

@@ -16,7 +16,6 @@ def distribute(
         int | None,
         option(
             "How many shards each table has; otherwise as the server sets citus.shard_count.",
-            "--shards",
             metavar="N",
             min=1,
         ),

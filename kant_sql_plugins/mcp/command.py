@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from kant_sql.cli.common import Name, Url, option
 from kant_sql.errors import ExtraMissingError
@@ -12,20 +13,34 @@ from kant_sql.errors import ExtraMissingError
 MISSING = "this needs the SDK of the Model Context Protocol; run: pip install 'kant-sql[mcp]'"
 
 
-def mcp(
+class _Command(TyperCommand):
+    """Its `--write` alone means `--write checked`: Typer has no option with a word or without."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of the command line."""
+        words = []
+        for word, following in zip(args, [*args[1:], "--"], strict=True):
+            words += [word, "checked"] if word == "--write" and following[:1] == "-" else [word]
+        return super().parse_args(ctx, words)
+
+
+mcp = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@mcp.command(cls=_Command)
+def answer_models(
     url: Url,
     write: Annotated[
         str | None,
         option(
-            "Where to write: 'branch', to branches that it begins itself; 'checked', to a "
-            "knowledge base that keeps a rule that refuses.",
-            "--write",
+            "Where to write: 'branch', to branches that it begins itself; 'checked' (the default "
+            "of the option alone), to a knowledge base that keeps a rule that refuses.",
             metavar="WHERE",
         ),
     ] = None,
     kb: Name = None,
     actor: Annotated[
-        str, option("With --write: the actor of all revisions.", "--actor", metavar="NAME")
+        str, option("With --write: the actor of all revisions.", metavar="NAME")
     ] = "mcp",
 ) -> None:
     """Answer programs with language models, by standard input.

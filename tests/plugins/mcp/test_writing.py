@@ -142,6 +142,8 @@ def test_a_rule_that_goes_ends_writing(url: str) -> None:
 
 REFUSED: list[tuple[list[str], int, str]] = [
     (["--write", "checked"], 1, "keeps no rule that refuses"),
+    (["--write"], 1, "keeps no rule that refuses"),
+    (["--write", "--kb", "nobody"], 1, "has no knowledge base 'nobody'"),
     (["--write", "checked", "--kb", "nobody"], 1, "has no knowledge base 'nobody'"),
     (["--write", "everything"], 2, "expected branch or checked"),
     (["--kb", "ward"], 2, "goes with --write checked"),
