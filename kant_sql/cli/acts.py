@@ -8,18 +8,7 @@ import typer
 
 from ..errors import printable
 from ..knowledge.canonical import time_text
-from .common import (
-    Name,
-    Since,
-    Until,
-    Url,
-    json_lines,
-    most,
-    open_to_read,
-    option,
-    parse_optional,
-    parse_state,
-)
+from . import common as c
 from .output import Printer, json_text, write_each
 
 if TYPE_CHECKING:
@@ -31,23 +20,25 @@ OUTCOMES = ("running", *_STYLES)
 
 
 def acts(
-    url: Url,
-    kb: Name = None,
-    limit: Annotated[int | None, most("Show only the N newest.")] = None,
-    since: Since = None,
-    until: Until = None,
-    actor: Annotated[str | None, option("Show only what this actor began.", metavar="NAME")] = None,
+    url: c.Url,
+    kb: c.Name = None,
+    limit: Annotated[int | None, c.most("Show only the N newest.")] = None,
+    since: c.Since = None,
+    until: c.Until = None,
+    actor: Annotated[
+        str | None, c.option("Show only what this actor began.", metavar="NAME")
+    ] = None,
     action: Annotated[
-        str | None, option("Show only executions of this action.", metavar="NAME")
+        str | None, c.option("Show only executions of this action.", metavar="NAME")
     ] = None,
     object_: Annotated[
-        str | None, option("Show only what names this object.", "--object", metavar="NAME")
+        str | None, c.option("Show only what names this object.", "--object", metavar="NAME")
     ] = None,
     outcome: Annotated[
         str | None,
-        option(f"Show only this outcome: {', '.join(OUTCOMES)}.", metavar="WORD"),
+        c.option(f"Show only this outcome: {', '.join(OUTCOMES)}.", metavar="WORD"),
     ] = None,
-    as_json: Annotated[bool, json_lines("execution")] = False,
+    as_json: Annotated[bool, c.json_lines("execution")] = False,
 ) -> None:
     """Show what was done: by whom, why, and what came of it.
 
@@ -56,9 +47,9 @@ def acts(
     if outcome is not None and outcome not in OUTCOMES:
         hint = f"{outcome!r}: expected one of {', '.join(OUTCOMES)}"
         raise typer.BadParameter(hint, param_hint="--outcome")
-    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
     given: Any = {"action": action, "object": object_, "outcome": outcome, "actor": actor}
-    with open_to_read(url, kb) as (name, knowledge_base):
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         found = knowledge_base.executions.get_all(since=first, until=last, limit=limit, **given)
         write_each(found, as_json, _write, knowledge_base=name)
 
@@ -67,22 +58,22 @@ _GROUPINGS = ("action", "argument", "arguments", "actor")
 
 
 def statistics(
-    url: Url,
-    kb: Name = None,
+    url: c.Url,
+    kb: c.Name = None,
     by: Annotated[
         list[str] | None,
-        option(
+        c.option(
             f"Group by this: {', '.join(_GROUPINGS)}; repeat it. Default: action.",
             metavar="WORD",
         ),
     ] = None,
-    limit: Annotated[int | None, most("Show only the N largest groups.")] = None,
-    since: Since = None,
-    until: Until = None,
+    limit: Annotated[int | None, c.most("Show only the N largest groups.")] = None,
+    since: c.Since = None,
+    until: c.Until = None,
     actor: Annotated[
-        str | None, option("Count only what this actor began.", metavar="NAME")
+        str | None, c.option("Count only what this actor began.", metavar="NAME")
     ] = None,
-    as_json: Annotated[bool, json_lines("group")] = False,
+    as_json: Annotated[bool, c.json_lines("group")] = False,
 ) -> None:
     """Show how often actions succeeded, and how long they took.
 
@@ -92,9 +83,9 @@ def statistics(
         if word not in _GROUPINGS:
             hint = f"{word!r}: expected one of {', '.join(_GROUPINGS)}"
             raise typer.BadParameter(hint, param_hint="--by")
-    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
+    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
     given: Any = {"by": by or ["action"], "actor": actor, "limit": limit}
-    with open_to_read(url, kb) as (name, knowledge_base):
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         groups = knowledge_base.statistics(since=first, until=last, **given)
         write_each(groups, as_json, _write_figures, knowledge_base=name)
 

@@ -14,29 +14,7 @@ from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode, load
-from .common import (
-    Actor,
-    AsJson,
-    At,
-    Clock,
-    Fixed,
-    Name,
-    Since,
-    Until,
-    Url,
-    Valid,
-    ask_state,
-    json_lines,
-    most,
-    open_state,
-    open_to_read,
-    option,
-    parse_fixed,
-    parse_optional,
-    parse_state,
-    split_url,
-    words_argument,
-)
+from . import common as c
 from .documents import STANDARD_INPUT, read_bytes
 from .history import metadata
 from .output import FAILED, NOT_JUDGED, Printer, write_each, write_json
@@ -54,11 +32,11 @@ if TYPE_CHECKING:
 _USAGE = "[URL] CONDITION"
 _EXAMPLE = "sqlite:///robot.db '(robot_at ?r wp1)'"
 _Words = Annotated[
-    list[str], words_argument(_USAGE, "a condition in PDDL, such as '(robot_at ?r wp1)'.")
+    list[str], c.words_argument(_USAGE, "a condition in PDDL, such as '(robot_at ?r wp1)'.")
 ]
 _Parameters = Annotated[
     str | None,
-    option(
+    c.option(
         "Types of the variables, such as '(?r - robot ?w - wp)'; default: what the atoms allow.",
         metavar="PDDL",
     ),
@@ -67,23 +45,23 @@ _Parameters = Annotated[
 
 def query(
     words: _Words,
-    kb: Name = None,
-    at: At = None,
-    valid: Valid = None,
+    kb: c.Name = None,
+    at: c.At = None,
+    valid: c.Valid = None,
     parameters: _Parameters = None,
-    fix: Fixed = None,
-    limit: Annotated[int | None, most("Show only the first N.", 0)] = None,
+    fix: c.Fixed = None,
+    limit: Annotated[int | None, c.most("Show only the first N.", 0)] = None,
     sql: Annotated[
-        bool, option("Write the SQL statement with its values instead.", "--sql")
+        bool, c.option("Write the SQL statement with its values instead.", "--sql")
     ] = False,
-    as_json: Annotated[bool, json_lines("answer")] = False,
+    as_json: Annotated[bool, c.json_lines("answer")] = False,
 ) -> None:
     """Find the objects for which a condition holds.
 
     Its free variables are the columns.
     """
-    url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
-    fixed = parse_fixed(fix)
+    url, (condition,) = c.split_url(words, _USAGE, _EXAMPLE)
+    fixed = c.parse_fixed(fix)
 
     def find(state: KnowledgeBase) -> Answers | str:
         answers = state.query(condition, parameters=parameters, limit=limit, **fixed)
@@ -93,7 +71,7 @@ def query(
         len(answers)
         return answers
 
-    name, _, found = ask_state(url, kb, at, valid, find)
+    name, _, found = c.ask_state(url, kb, at, valid, find)
     if isinstance(found, str):
         _write_sql(name, found, as_json)
     elif as_json:
@@ -114,19 +92,19 @@ def _write_sql(name: str, statement: str, as_json: bool) -> None:
 
 def holds(
     words: _Words,
-    kb: Name = None,
-    at: At = None,
-    valid: Valid = None,
-    fix: Fixed = None,
-    as_json: AsJson = False,
+    kb: c.Name = None,
+    at: c.At = None,
+    valid: c.Valid = None,
+    fix: c.Fixed = None,
+    as_json: c.AsJson = False,
 ) -> int:
     """Exit with 0 if a condition holds, and with 1 if not.
 
     With free variables, it holds if it holds for some objects.
     """
-    url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
-    fixed = parse_fixed(fix)
-    name, revision, does_hold = ask_state(
+    url, (condition,) = c.split_url(words, _USAGE, _EXAMPLE)
+    fixed = c.parse_fixed(fix)
+    name, revision, does_hold = c.ask_state(
         url, kb, at, valid, lambda state: state.holds(condition, **fixed)
     )
     if as_json:
@@ -146,13 +124,13 @@ class _Goal(NamedTuple):
 
 
 def goals(
-    url: Url, kb: Name = None, at: At = None, valid: Valid = None, as_json: AsJson = False
+    url: c.Url, kb: c.Name = None, at: c.At = None, valid: c.Valid = None, as_json: c.AsJson = False
 ) -> int:
     """Show which goals hold; exit with 1 if one does not.
 
     Preferences do not count. The value of the metric is shown, too.
     """
-    name, revision, answer = ask_state(
+    name, revision, answer = c.ask_state(
         url,
         kb,
         at,
@@ -249,23 +227,23 @@ def _write_end(
 
 def when(
     words: _Words,
-    kb: Name = None,
-    at: At = None,
-    since: Since = None,
-    until: Until = None,
+    kb: c.Name = None,
+    at: c.At = None,
+    since: c.Since = None,
+    until: c.Until = None,
     parameters: _Parameters = None,
-    fix: Fixed = None,
-    clock: Clock = "committed",
-    as_json: Annotated[bool, json_lines("period")] = False,
+    fix: c.Fixed = None,
+    clock: c.Clock = "committed",
+    as_json: Annotated[bool, c.json_lines("period")] = False,
 ) -> None:
     """Show when a condition held, and the revisions at both ends.
 
     There are periods for all objects of its free variables; the earliest comes first.
     """
-    url, (condition,) = split_url(words, _USAGE, _EXAMPLE)
-    fixed = parse_fixed(fix)
-    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
-    with open_state(url, kb, at) as (_, state):
+    url, (condition,) = c.split_url(words, _USAGE, _EXAMPLE)
+    fixed = c.parse_fixed(fix)
+    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    with c.open_state(url, kb, at) as (_, state):
         given = {"clock": clock, **fixed}
         periods = state.when(condition, since=first, until=last, parameters=parameters, **given)
         write_each(periods, as_json, partial(_write_held, condition), is_spaced=True)
@@ -293,34 +271,34 @@ _RULES_USAGE = "[URL] [FILE|PDDL]"
 def rules(
     words: Annotated[
         list[str] | None,
-        words_argument(
+        c.words_argument(
             _RULES_USAGE,
             "a file of constraints (- is standard input), or one such as "
             "'(always (robot_at rb1 wp1))'; default: those of the domain and the problem.",
         ),
     ] = None,
     kept: Annotated[
-        bool, option("Judge the rules that are kept in the store instead.", "--kept")
+        bool, c.option("Judge the rules that are kept in the store instead.", "--kept")
     ] = False,
-    save: Annotated[str | None, option("Keep the rule, by this name.", metavar="NAME")] = None,
+    save: Annotated[str | None, c.option("Keep the rule, by this name.", metavar="NAME")] = None,
     refuse: Annotated[
-        bool, option("With --save: refuse each transaction that would violate it.", "--refuse")
+        bool, c.option("With --save: refuse each transaction that would violate it.", "--refuse")
     ] = False,
-    delete: Annotated[str | None, option("Delete the kept rule NAME.", metavar="NAME")] = None,
-    actor: Actor = None,
-    kb: Name = None,
-    at: At = None,
-    since: Since = None,
-    until: Until = None,
+    delete: Annotated[str | None, c.option("Delete the kept rule NAME.", metavar="NAME")] = None,
+    actor: c.Actor = None,
+    kb: c.Name = None,
+    at: c.At = None,
+    since: c.Since = None,
+    until: c.Until = None,
     clock: Annotated[
         str,
-        option(
+        c.option(
             "Judge by the time 'committed' (default), by 'observed' where it is known, or by "
             "'valid': what was true, as it is known.",
             metavar="CLOCK",
         ),
     ] = "committed",
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> int:
     """Judge the past by rules; exit with 1 if one is violated.
 
@@ -328,13 +306,13 @@ def rules(
     Rules are trajectory constraints of PDDL 3.0. Preferences do not count.
     """
     example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
-    url, given = split_url(words or (), _RULES_USAGE, example)
+    url, given = c.split_url(words or (), _RULES_USAGE, example)
     source = next(map(rules_source, given), None)
     if save is not None or delete is not None:
-        with open_to_read(url, kb, actor) as (_, knowledge_base):
+        with c.open_to_read(url, kb, actor) as (_, knowledge_base):
             return _change_kept(knowledge_base, save, delete, source, refuse)
-    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
-    with open_state(url, kb, at) as (name, state):
+    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    with c.open_state(url, kb, at) as (name, state):
         if kept:
             found = state.rules.standing()
         else:

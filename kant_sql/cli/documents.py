@@ -20,23 +20,7 @@ from ..pddl.forms import DOMAIN, PROBLEM, Form, Scanner
 from ..pddl.lexer import Text, decode, read_file
 from ..pddl.reader import CheckedDocument, CheckReport, Diagnostic
 from ..pddl.reader import check as check_files
-from .common import (
-    DEFAULT_NAME,
-    Actor,
-    AsJson,
-    At,
-    Name,
-    Reason,
-    Target,
-    Url,
-    Valid,
-    choose,
-    leaving_nothing,
-    open_state,
-    option,
-    split_url,
-    words_argument,
-)
+from . import common as c
 from .output import Document, Printer, bar, is_terminal, plural, printable_lines, write_json
 
 if TYPE_CHECKING:
@@ -76,9 +60,9 @@ def check(
         ),
     ],
     strict: Annotated[
-        bool, option("Treat deviations from the standard as errors.", "--strict")
+        bool, c.option("Treat deviations from the standard as errors.", "--strict")
     ] = False,
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Report all errors and warnings in PDDL files.
 
@@ -152,36 +136,36 @@ _LABELS = {
 def load(
     words: Annotated[
         list[str],
-        words_argument(
+        c.words_argument(
             _USAGE,
             "the PDDL files: a domain, in one file or several, a problem, or both; - is standard "
             "input.",
         ),
     ],
-    kb: Target = DEFAULT_NAME,
+    kb: c.Target = c.DEFAULT_NAME,
     merge: Annotated[
         bool,
-        option(
+        c.option(
             "Keep elements that the files do not mention, instead of retracting them.", "--merge"
         ),
     ] = False,
     strict: Annotated[
-        bool, option("Refuse deviations from the standard, instead of warning.", "--strict")
+        bool, c.option("Refuse deviations from the standard, instead of warning.", "--strict")
     ] = False,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Load a domain, a problem or both, in one revision or none."""
     from ..knowledge_base import connect
 
-    url, paths = split_url(words, _USAGE, _EXAMPLE)
+    url, paths = c.split_url(words, _USAGE, _EXAMPLE)
     inputs = read_inputs(paths)
     if not inputs.domains:
         # A problem needs a domain: without one, no store is created for it.
         _require_domain(kb, url, paths)
     mode: Mode = "merge" if merge else "replace"
-    with leaving_nothing(url), connect(url, knowledge_base=kb) as knowledge_base:
+    with c.leaving_nothing(url), connect(url, knowledge_base=kb) as knowledge_base:
         warnings, made = _store(knowledge_base, inputs, mode, strict, actor, reason)
         if as_json:
             write_json(_load_document(kb, knowledge_base, made, warnings))
@@ -243,7 +227,7 @@ def _require_domain(kb: str, url: str, paths: Sequence[str]) -> None:
         raise KantSqlError(f"a problem needs its domain: {remedy}; {error}") from error
     if not names:
         raise KantSqlError(f"a problem needs its domain, and the store has none: {remedy}")
-    choose(kb, names)
+    c.choose(kb, names)
 
 
 def _store(
@@ -330,19 +314,19 @@ def _part(progress: Progress | None, begin: int, end: int, whole: int) -> Progre
 
 
 def dump(
-    url: Url,
-    kb: Name = None,
-    at: At = None,
-    valid: Valid = None,
-    domain: Annotated[bool, option("Write only the domain.", "--domain")] = False,
-    problem: Annotated[bool, option("Write only the problem.", "--problem")] = False,
-    as_json: AsJson = False,
+    url: c.Url,
+    kb: c.Name = None,
+    at: c.At = None,
+    valid: c.Valid = None,
+    domain: Annotated[bool, c.option("Write only the domain.", "--domain")] = False,
+    problem: Annotated[bool, c.option("Write only the problem.", "--problem")] = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Write the domain and the problem as PDDL.
 
     'kant-sql load' accepts both in one file.
     """
-    with open_state(url, kb, at, valid) as (name, state):
+    with c.open_state(url, kb, at, valid) as (name, state):
         if at is not None and not state.revision:
             raise UnknownRevisionError(
                 f"--at {at} is before the first revision of knowledge base {name!r}, so there is "

@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..knowledge.canonical import SAID
-from .common import (
-    Actor,
-    AsJson,
-    Name,
-    Reason,
-    Stop,
-    open_to_read,
-    option,
-    split_url,
-    words_argument,
-)
+from . import common as c
 from .output import Printer, complain, plural, write_json
 
 if TYPE_CHECKING:
@@ -29,34 +19,34 @@ _ERASE_USAGE, _RETENTION_USAGE = "[URL] OBJECT", "[URL]"
 
 
 def erase(
-    words: Annotated[list[str], words_argument(_ERASE_USAGE, "the name of an object.")],
-    kb: Name = None,
-    actor: Actor = None,
-    reason: Reason = None,
+    words: Annotated[list[str], c.words_argument(_ERASE_USAGE, "the name of an object.")],
+    kb: c.Name = None,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
     also: Annotated[
         list[str] | None,
-        option(
+        c.option(
             f"Also erase what revisions say that contains the name: {', '.join(SAID)}; repeatable.",
             metavar="PART",
         ),
     ] = None,
     form_1: Annotated[
         bool,
-        option(
+        c.option(
             "Also erase in revisions of form 1 of the hash, from which the name can be guessed.",
             "--form-1",
         ),
     ] = False,
-    yes: Annotated[bool, option("Erase; without it, this is a dry run.", "--yes")] = False,
-    as_json: AsJson = False,
+    yes: Annotated[bool, c.option("Erase; without it, this is a dry run.", "--yes")] = False,
+    as_json: c.AsJson = False,
 ) -> int:
     """Erase the name of an object and all that mentions it.
 
     Without --yes, nothing is changed: it lists what would be erased, and what else may name the
     same person. Exits with 1 if bytes of the name may remain in the database.
     """
-    url, (element,) = split_url(words, _ERASE_USAGE, "sqlite:///robot.db maria")
-    with open_to_read(url, kb) as (name, knowledge_base):
+    url, (element,) = c.split_url(words, _ERASE_USAGE, "sqlite:///robot.db maria")
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         if not yes:
             found = knowledge_base.erasure_preview(element)
             if as_json:
@@ -97,37 +87,38 @@ def _write_preview(found: ErasurePreview, name: str) -> None:
 
 
 def retention(
-    words: Annotated[list[str] | None, words_argument(_RETENTION_USAGE, "none.")] = None,
+    words: Annotated[list[str] | None, c.words_argument(_RETENTION_USAGE, "none.")] = None,
     after: Annotated[
-        str | None, option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE")
+        str | None,
+        c.option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE"),
     ] = None,
     parts: Annotated[
-        str, option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")
+        str, c.option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")
     ] = "reason,source",
     of_actor: Annotated[
-        str | None, option("Only in revisions of this actor.", "--of", metavar="ACTOR")
+        str | None, c.option("Only in revisions of this actor.", "--of", metavar="ACTOR")
     ] = None,
     rules: Annotated[
         str | None,
-        option(
+        c.option(
             "A file of rules, one a line, as 'camera 30d reason,source'; * is any actor.",
             metavar="FILE",
         ),
     ] = None,
     every: Annotated[
         float | None,
-        option("Keep running, and look again after so many seconds.", metavar="SECONDS", min=1),
+        c.option("Keep running, and look again after so many seconds.", metavar="SECONDS", min=1),
     ] = None,
-    kb: Name = None,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    kb: c.Name = None,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> int:
     """Erase what old revisions say of who wrote them and why.
 
     Each run is at most one revision; where nothing is old enough there is none.
     """
-    url, _ = split_url(words or [], _RETENTION_USAGE, "sqlite:///robot.db --after 30d")
+    url, _ = c.split_url(words or [], _RETENTION_USAGE, "sqlite:///robot.db --after 30d")
     from ..history.erasure.retention import read_rules
 
     lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]
@@ -137,7 +128,7 @@ def retention(
     wanted = read_rules(lines)
     if every is None:
         return _retain(url, kb, wanted, actor, reason, as_json)
-    stop = Stop()
+    stop = c.Stop()
     with stop.on_signals():
         while not stop.number:
             _retain(url, kb, wanted, actor, reason, as_json)
@@ -155,7 +146,7 @@ def _retain(
     as_json: bool,
 ) -> int:
     """Erase once, by rules."""
-    with open_to_read(url, kb) as (name, knowledge_base):
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         done = knowledge_base.store.retain(rules, reason=reason, actor=actor)
     if as_json:
         write_json(knowledge_base=name, revision=done.revision, parts=done.parts)

@@ -14,29 +14,7 @@ import typer
 
 from ..errors import ConnectionLostError, StoreUnreachableError, printable
 from ..knowledge.canonical import time_text
-from .common import (
-    Actor,
-    AsJson,
-    At,
-    Clock,
-    Name,
-    Reason,
-    Since,
-    Until,
-    Url,
-    json_lines,
-    leaving_nothing,
-    most,
-    open_state,
-    open_to_read,
-    option,
-    parse_optional,
-    parse_state,
-    seconds,
-    split_url,
-    unknown_element,
-    words_argument,
-)
+from . import common as c
 from .output import Printer, json_text, write_each, write_json
 
 if TYPE_CHECKING:
@@ -104,11 +82,11 @@ def metadata(revision: Revision) -> Iterable[str]:
 
 
 _OfActor = Annotated[
-    str | None, option("Show only revisions of this actor.", "--actor", metavar="NAME")
+    str | None, c.option("Show only revisions of this actor.", "--actor", metavar="NAME")
 ]
 _OfElement = Annotated[
     str | None,
-    option(
+    c.option(
         "Only changes of this element: a name, or PDDL such as '(robot_at rb1 wp1)'; of an object, "
         "of all that involves it.",
         "--element",
@@ -118,24 +96,24 @@ _OfElement = Annotated[
 
 
 def log(
-    url: Url,
-    kb: Name = None,
-    limit: Annotated[int | None, most("Show only the N newest.")] = None,
-    since: Since = None,
-    until: Until = None,
+    url: c.Url,
+    kb: c.Name = None,
+    limit: Annotated[int | None, c.most("Show only the N newest.")] = None,
+    since: c.Since = None,
+    until: c.Until = None,
     actor: _OfActor = None,
     element: _OfElement = None,
-    as_json: Annotated[bool, json_lines("revision")] = False,
+    as_json: Annotated[bool, c.json_lines("revision")] = False,
 ) -> None:
     """Show the revisions, newest first: when, who, why and what."""
-    first, last = parse_optional(since, "--since"), parse_state(until, "--until")
-    with open_to_read(url, kb) as (name, knowledge_base):
+    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         found = knowledge_base.log(
             since=first, until=last, actor=actor, element=element, limit=limit
         )
         count = write_each(found, as_json, write_entry, is_spaced=True)
         if not count and element is not None and not any(knowledge_base.log(element=element)):
-            raise unknown_element(
+            raise c.unknown_element(
                 knowledge_base, name, element, "has never been there; see: kant-sql log"
             )
 
@@ -143,35 +121,35 @@ def log(
 _USAGE = "[URL] NAME|PDDL"
 _EXAMPLE = "sqlite:///robot.db '(robot_at rb1 wp1)'"
 _Words = Annotated[
-    list[str], words_argument(_USAGE, "a name, or PDDL such as '(robot_at rb1 wp1)'.")
+    list[str], c.words_argument(_USAGE, "a name, or PDDL such as '(robot_at rb1 wp1)'.")
 ]
 
 
 def history(
     words: _Words,
-    kb: Name = None,
-    at: At = None,
-    as_json: Annotated[bool, json_lines("version")] = False,
+    kb: c.Name = None,
+    at: c.At = None,
+    as_json: Annotated[bool, c.json_lines("version")] = False,
 ) -> None:
     """Show when an element held, and the revisions at both ends.
 
     The oldest version comes first.
     """
-    url, (element,) = split_url(words, _USAGE, _EXAMPLE)
-    with open_state(url, kb, at) as (name, state):
+    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    with c.open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
-            raise unknown_element(state, name, element, "has never been there; see: kant-sql log")
+            raise c.unknown_element(state, name, element, "has never been there; see: kant-sql log")
         write_each(versions, as_json, _write_version, is_spaced=True)
 
 
-def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False) -> None:
+def blame(words: _Words, kb: c.Name = None, at: c.At = None, as_json: c.AsJson = False) -> None:
     """Show who asserted a fact or another element, when and why."""
-    url, (element,) = split_url(words, _USAGE, _EXAMPLE)
-    with open_state(url, kb, at) as (name, state):
+    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    with c.open_state(url, kb, at) as (name, state):
         version = state.blame(element)
         if version is None:
-            raise unknown_element(state, name, element, "does not hold; see: kant-sql history")
+            raise c.unknown_element(state, name, element, "does not hold; see: kant-sql history")
         if as_json:
             write_json(version)
         else:
@@ -179,31 +157,31 @@ def blame(words: _Words, kb: Name = None, at: At = None, as_json: AsJson = False
 
 
 def unconfirmed(
-    url: Url,
-    kb: Name = None,
-    at: At = None,
-    older_than: Annotated[float | None, seconds("Show only what is older than this.")] = None,
+    url: c.Url,
+    kb: c.Name = None,
+    at: c.At = None,
+    older_than: Annotated[float | None, c.seconds("Show only what is older than this.")] = None,
     contradicted: Annotated[
-        bool, option("Show what another actor retracted unseen.", "--contradicted")
+        bool, c.option("Show what another actor retracted unseen.", "--contradicted")
     ] = False,
-    as_json: Annotated[bool, json_lines("fact")] = False,
+    as_json: Annotated[bool, c.json_lines("fact")] = False,
 ) -> None:
     """Show the effects of acts that nobody else has confirmed."""
-    with open_state(url, kb, at) as (_, state):
+    with c.open_state(url, kb, at) as (_, state):
         found = state.contradicted() if contradicted else state.unconfirmed(older_than=older_than)
         write_each(found, as_json, _write_version)
 
 
 def corrections(
-    url: Url,
-    kb: Name = None,
-    since: Since = None,
-    until: Until = None,
-    limit: Annotated[int | None, most("Show at most N corrections.")] = None,
-    as_json: Annotated[bool, json_lines("correction")] = False,
+    url: c.Url,
+    kb: c.Name = None,
+    since: c.Since = None,
+    until: c.Until = None,
+    limit: Annotated[int | None, c.most("Show at most N corrections.")] = None,
+    as_json: Annotated[bool, c.json_lines("correction")] = False,
 ) -> None:
     """Show what was later said differently of a time."""
-    with open_state(url, kb, None) as (_, state):
+    with c.open_state(url, kb, None) as (_, state):
         found = state.corrections(since=since, until=until, limit=limit)
         write_each(found, as_json, _write_correction)
 
@@ -217,36 +195,36 @@ def _write_correction(printer: Printer, one: Correction) -> None:
         printer.line(f"  {verb}: {belief.content}{who}")
 
 
-_Depth = Annotated[int, option("Follow so many links.", "--depth", metavar="N", min=1)]
-_Most = Annotated[int, most("Show at most N links.")]
-_LinkLines = Annotated[bool, json_lines("link")]
+_Depth = Annotated[int, c.option("Follow so many links.", "--depth", metavar="N", min=1)]
+_Most = Annotated[int, c.most("Show at most N links.")]
+_LinkLines = Annotated[bool, c.json_lines("link")]
 
 
 def consequences(
     words: _Words,
-    kb: Name = None,
-    at: At = None,
+    kb: c.Name = None,
+    at: c.At = None,
     depth: _Depth = 1,
     limit: _Most = 50,
     as_json: _LinkLines = False,
 ) -> None:
     """Show which acts, plans and derived facts used a fact."""
-    url, (element,) = split_url(words, _USAGE, _EXAMPLE)
-    with open_state(url, kb, at) as (_, state):
+    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    with c.open_state(url, kb, at) as (_, state):
         _write_links(state.consequences(element, depth=depth, limit=limit), as_json)
 
 
 def origins(
     words: _Words,
-    kb: Name = None,
-    at: At = None,
+    kb: c.Name = None,
+    at: c.At = None,
     depth: _Depth = 10,
     limit: _Most = 100,
     as_json: _LinkLines = False,
 ) -> None:
     """Show which acts, observations and files a fact goes back to."""
-    url, (element,) = split_url(words, _USAGE, _EXAMPLE)
-    with open_state(url, kb, at) as (_, state):
+    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    with c.open_state(url, kb, at) as (_, state):
         _write_links(state.origins(element, depth=depth, limit=limit), as_json)
 
 
@@ -276,24 +254,24 @@ _DIFF_USAGE = "[URL] A[..B] [B]"
 def diff(
     words: Annotated[
         list[str],
-        words_argument(
+        c.words_argument(
             _DIFF_USAGE,
             "two moments, as A B or A..B, each a revision's number, a time in ISO 8601, or such as "
             "'yesterday'; a moment that is left out is now.",
         ),
     ],
-    kb: Name = None,
-    clock: Clock = "committed",
-    as_json: AsJson = False,
+    kb: c.Name = None,
+    clock: c.Clock = "committed",
+    as_json: c.AsJson = False,
 ) -> None:
     """Show what holds at B and not at A (+), and the reverse (-)."""
-    url, (a, *rest) = split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
+    url, (a, *rest) = c.split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
     a, dots, b = a.partition("..")
     if rest and dots:
         raise typer.BadParameter("give A B or A..B, not both", param_hint=_DIFF_USAGE)
     b = rest[0] if rest else b
-    moments = parse_state(a or None, "A"), parse_state(b or None, "B")
-    with open_to_read(url, kb) as (name, knowledge_base):
+    moments = c.parse_state(a or None, "A"), c.parse_state(b or None, "B")
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         head = knowledge_base.revision
         first, second = (head if moment is None else moment for moment in moments)
         changes = knowledge_base.diff(first, second, clock=clock)
@@ -310,22 +288,22 @@ _RESTORE_USAGE = "[URL] REV|TIME"
 def restore(
     words: Annotated[
         list[str],
-        words_argument(
+        c.words_argument(
             _RESTORE_USAGE, "a revision's number, a time in ISO 8601, or such as '2 hours ago'."
         ),
     ],
-    kb: Name = None,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    kb: c.Name = None,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Restore a past state, as a new revision.
 
     A restore can be undone by another.
     """
-    url, (when,) = split_url(words, _RESTORE_USAGE, "sqlite:///robot.db 12")
-    moment = parse_state(when, "REV|TIME")
-    with open_to_read(url, kb) as (name, knowledge_base):
+    url, (when,) = c.split_url(words, _RESTORE_USAGE, "sqlite:///robot.db 12")
+    moment = c.parse_state(when, "REV|TIME")
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         restored = knowledge_base.revision
         if moment is not None:
             restored = knowledge_base.at(moment).revision
@@ -348,31 +326,31 @@ _BRANCH_USAGE = "[URL] [NAME]"
 def branch(
     words: Annotated[
         list[str] | None,
-        words_argument(
+        c.words_argument(
             _BRANCH_USAGE, "the name of the branch; default with --url: the knowledge base's own."
         ),
     ] = None,
-    kb: Name = None,
-    at: At = None,
+    kb: c.Name = None,
+    at: c.At = None,
     target: Annotated[
         str | None,
-        option(
+        c.option(
             "The store of the branch; default: the same. A missing SQLite file is created.",
             "--url",
             metavar="URL",
         ),
     ] = None,
-    actor: Actor = None,
-    as_json: AsJson = False,
+    actor: c.Actor = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Begin a knowledge base with a state of another, as a trial."""
-    url, names = split_url(words or (), _BRANCH_USAGE, "sqlite:///robot.db monday")
+    url, names = c.split_url(words or (), _BRANCH_USAGE, "sqlite:///robot.db monday")
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
-    moment = parse_state(at)
+    moment = c.parse_state(at)
     with (
-        open_to_read(url, kb, actor) as (name, knowledge_base),
-        nullcontext() if target is None else leaving_nothing(target),
+        c.open_to_read(url, kb, actor) as (name, knowledge_base),
+        nullcontext() if target is None else c.leaving_nothing(target),
         knowledge_base.branch(*names, at=moment, url=target) as made,
     ):
         branched = names[0] if names else name
@@ -393,22 +371,22 @@ _GONE = ConnectionLostError, StoreUnreachableError
 
 
 def watch(
-    url: Url,
-    kb: Name = None,
+    url: c.Url,
+    kb: c.Name = None,
     after: Annotated[
         int | None,
-        option(
+        c.option(
             "Begin with the revision after this one; default: with the next one.",
             metavar="REV",
             min=0,
         ),
     ] = None,
-    timeout: Annotated[float | None, seconds("Stop after so long; default: at Ctrl-C.")] = None,
-    as_json: Annotated[bool, json_lines("revision")] = False,
+    timeout: Annotated[float | None, c.seconds("Stop after so long; default: at Ctrl-C.")] = None,
+    as_json: Annotated[bool, c.json_lines("revision")] = False,
 ) -> None:
     """Show revisions as they are committed: who, when, why, what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
-    with open_to_read(url, kb) as (_, knowledge_base):
+    with c.open_to_read(url, kb) as (_, knowledge_base):
         seen = knowledge_base.revision if after is None else after
         news = _news(knowledge_base, seen, deadline)
         write_each(news, as_json, write_entry, is_spaced=True)

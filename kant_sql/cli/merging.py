@@ -6,18 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import (
-    Actor,
-    AsJson,
-    At,
-    Name,
-    Reason,
-    open_state,
-    open_to_read,
-    option,
-    split_url,
-    words_argument,
-)
+from . import common as c
 from .history import write_changes
 from .output import Printer, plural, write_json
 
@@ -30,34 +19,34 @@ _USAGE = "[URL] [BRANCH]"
 def merge(
     words: Annotated[
         list[str] | None,
-        words_argument(
+        c.words_argument(
             _USAGE, "the name of the branch; default with --url: the knowledge base's own."
         ),
     ] = None,
-    kb: Name = None,
+    kb: c.Name = None,
     target: Annotated[
-        str | None, option("The store of the branch; default: the same.", "--url", metavar="URL")
+        str | None, c.option("The store of the branch; default: the same.", "--url", metavar="URL")
     ] = None,
-    at: At = None,
+    at: c.At = None,
     ours: Annotated[
         list[str] | None,
-        option("Of this conflict, keep what is here; repeatable.", metavar="ELEMENT"),
+        c.option("Of this conflict, keep what is here; repeatable.", metavar="ELEMENT"),
     ] = None,
     theirs: Annotated[
         list[str] | None,
-        option("Of this conflict, take what the branch has; repeatable.", metavar="ELEMENT"),
+        c.option("Of this conflict, take what the branch has; repeatable.", metavar="ELEMENT"),
     ] = None,
-    yes: Annotated[bool, option("Merge; without it, this is a dry run.", "--yes")] = False,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    yes: Annotated[bool, c.option("Merge; without it, this is a dry run.", "--yes")] = False,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> int:
     """Merge a branch: its changes, as one revision.
 
     Without --yes, nothing is changed: it lists what would change, and the conflicts, with who, when
     and why on both sides. Exits with 1 if a merge would be refused. --at is of the branch.
     """
-    url, names = split_url(words or (), _USAGE, "sqlite:///robot.db trial")
+    url, names = c.split_url(words or (), _USAGE, "sqlite:///robot.db trial")
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="BRANCH")
     both = sorted({*(ours or ())} & {*(theirs or ())})
@@ -66,8 +55,8 @@ def merge(
     decide: dict[str, Decision] = dict.fromkeys(ours or (), "ours")
     decide |= dict.fromkeys(theirs or (), "theirs")
     with (
-        open_to_read(url, kb, actor) as (name, knowledge_base),
-        open_state(target or url, names[0] if names else name, at) as (_, branch),
+        c.open_to_read(url, kb, actor) as (name, knowledge_base),
+        c.open_state(target or url, names[0] if names else name, at) as (_, branch),
     ):
         if yes:
             made = knowledge_base.merge(branch, decide=decide, reason=reason)

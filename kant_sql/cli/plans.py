@@ -11,27 +11,8 @@ import typer
 
 from ..errors import KantSqlError, printable
 from ..planning import Plan
+from . import common as c
 from .asking import write_failed
-from .common import (
-    Actor,
-    AsJson,
-    At,
-    Fixed,
-    Name,
-    Reason,
-    Url,
-    Valid,
-    ask_state,
-    json_lines,
-    most,
-    open_state,
-    open_to_read,
-    option,
-    parse_fixed,
-    seconds,
-    split_url,
-    words_argument,
-)
 from .documents import STANDARD_INPUT, read_bytes
 from .history import write_changes
 from .output import FAILED, Document, Printer, write_json
@@ -46,7 +27,7 @@ _NOT_STARTED = "not started"
 
 _Engine = Annotated[
     list[str] | None,
-    option(
+    c.option(
         "The engine: a name of unified-planning, for example pyperplan, a name of the file of "
         "engines, or a planner's command line with a name; default: each installed one in turn. "
         "Repeat it to run several side by side.",
@@ -54,18 +35,18 @@ _Engine = Annotated[
     ),
 ]
 _Best = Annotated[
-    bool, option("Wait for all engines, and take the best plan, not the first.", "--best")
+    bool, c.option("Wait for all engines, and take the best plan, not the first.", "--best")
 ]
 _Memory = Annotated[
-    int | None, option("The most megabytes of a planner's process.", metavar="MB", min=1)
+    int | None, c.option("The most megabytes of a planner's process.", metavar="MB", min=1)
 ]
-_Timeout = Annotated[float | None, seconds("Stop planning after so long.")]
+_Timeout = Annotated[float | None, c.seconds("Stop planning after so long.")]
 _Strict = Annotated[
-    bool, option("Fail rather than ignore a part of the metric or a preference.", "--strict")
+    bool, c.option("Fail rather than ignore a part of the metric or a preference.", "--strict")
 ]
 _Costs = Annotated[
     str | None,
-    option(
+    c.option(
         "history: what became of executions decides which steps cost how much, in place of the "
         "metric.",
         metavar="WORD",
@@ -73,26 +54,26 @@ _Costs = Annotated[
 ]
 _Read = Annotated[
     Path | None,
-    option(
+    c.option(
         "Read the plan from a file that another planner wrote (- is standard input), instead of "
         "planning.",
         "--read",
         metavar="FILE",
     ),
 ]
-_Record = Annotated[bool, option("Record the plan, as a new revision.", "--record")]
+_Record = Annotated[bool, c.option("Record the plan, as a new revision.", "--record")]
 _RecordActor = Annotated[
-    str | None, option("With --record: the actor of the revision.", "--actor", metavar="NAME")
+    str | None, c.option("With --record: the actor of the revision.", "--actor", metavar="NAME")
 ]
 _RecordReason = Annotated[
-    str | None, option("With --record: the reason for the revision.", "--reason", metavar="TEXT")
+    str | None, c.option("With --record: the reason for the revision.", "--reason", metavar="TEXT")
 ]
 
 
 def plan(
-    url: Url,
-    kb: Name = None,
-    at: At = None,
+    url: c.Url,
+    kb: c.Name = None,
+    at: c.At = None,
     engine: _Engine = None,
     best: _Best = False,
     timeout: _Timeout = None,
@@ -103,7 +84,7 @@ def plan(
     record: _Record = False,
     actor: _RecordActor = None,
     reason: _RecordReason = None,
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Find a plan from the state to the goal.
 
@@ -116,7 +97,7 @@ def plan(
     if read is not None and (engine or best or costs or (timeout or memory) is not None or strict):
         hint = "--engine, --best, --costs, --timeout, --memory and --strict"
         raise typer.BadParameter("these do not go with --read", param_hint=hint)
-    with open_state(url, kb, at) as (name, state):
+    with c.open_state(url, kb, at) as (name, state):
         if read is not None:
             found = replace(read_plan(read), revision=state.revision)
         else:
@@ -193,20 +174,22 @@ _PLANS_USAGE = "[URL] [ID]"
 def plans(
     words: Annotated[
         list[str] | None,
-        words_argument(_PLANS_USAGE, "the number of a plan, which is shown with its steps."),
+        c.words_argument(_PLANS_USAGE, "the number of a plan, which is shown with its steps."),
     ] = None,
-    kb: Name = None,
-    at: At = None,
-    id_: Annotated[int | None, option("The same as ID.", "--plan", metavar="ID")] = None,
-    links: Annotated[bool, option("Show what supports the conditions of a plan's steps.")] = False,
-    as_json: Annotated[bool, json_lines("plan")] = False,
+    kb: c.Name = None,
+    at: c.At = None,
+    id_: Annotated[int | None, c.option("The same as ID.", "--plan", metavar="ID")] = None,
+    links: Annotated[
+        bool, c.option("Show what supports the conditions of a plan's steps.")
+    ] = False,
+    as_json: Annotated[bool, c.json_lines("plan")] = False,
 ) -> None:
     """List the recorded plans and the status of their steps."""
-    url, ids = split_url(words or (), _PLANS_USAGE, "sqlite:///robot.db 57")
+    url, ids = c.split_url(words or (), _PLANS_USAGE, "sqlite:///robot.db 57")
     id_ = _parse_id(ids[0], id_) if ids else id_
     if links and id_ is None:
         raise typer.BadParameter("needs the number of a plan", param_hint="--links")
-    with open_state(url, kb, at) as (name, state):
+    with c.open_state(url, kb, at) as (name, state):
         found = state.plans.get_all() if id_ is None else [get_recorded(state, name, id_)]
         supports = state.pddl.causal_links(found[0]) if links else []
         if as_json:
@@ -272,18 +255,22 @@ def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
 
 _STEP_USAGE = "[URL] STEP"
 _STEP_EXAMPLE = "sqlite:///robot.db '(move rb1 wp1 wp2)'"
-_Step = Annotated[list[str], words_argument(_STEP_USAGE, "a step, such as '(move rb1 wp1 wp2)'.")]
+_Step = Annotated[list[str], c.words_argument(_STEP_USAGE, "a step, such as '(move rb1 wp1 wp2)'.")]
 
 
 def why_not(
-    words: _Step, kb: Name = None, at: At = None, valid: Valid = None, as_json: AsJson = False
+    words: _Step,
+    kb: c.Name = None,
+    at: c.At = None,
+    valid: c.Valid = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Show which conditions of a step do not hold.
 
     Of a durative action, its start counts, and what is over all right after it.
     """
-    url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
-    name, revision, failed = ask_state(url, kb, at, valid, lambda state: state.why_not(step))
+    url, (step,) = c.split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
+    name, revision, failed = c.ask_state(url, kb, at, valid, lambda state: state.why_not(step))
     if as_json:
         asked = {"knowledge_base": name, "revision": revision, "step": step}
         write_json(**asked, is_applicable=not failed, unsatisfied=failed)
@@ -301,22 +288,22 @@ _APPLICABLE_USAGE = "[URL] [ACTION]"
 def applicable(
     words: Annotated[
         list[str] | None,
-        words_argument(_APPLICABLE_USAGE, "the name of an action; default: all actions."),
+        c.words_argument(_APPLICABLE_USAGE, "the name of an action; default: all actions."),
     ] = None,
-    kb: Name = None,
-    at: At = None,
-    valid: Valid = None,
-    fix: Fixed = None,
-    limit: Annotated[int | None, most("Show only the first N.", 0)] = None,
-    as_json: Annotated[bool, json_lines("step")] = False,
+    kb: c.Name = None,
+    at: c.At = None,
+    valid: c.Valid = None,
+    fix: c.Fixed = None,
+    limit: Annotated[int | None, c.most("Show only the first N.", 0)] = None,
+    as_json: Annotated[bool, c.json_lines("step")] = False,
 ) -> None:
     """List the steps that you can execute in a state.
 
     With --fix, actions that lack such a parameter are left out.
     """
-    url, names = split_url(words or (), _APPLICABLE_USAGE, "sqlite:///robot.db move")
-    fixed = parse_fixed(fix)
-    _, _, steps = ask_state(
+    url, names = c.split_url(words or (), _APPLICABLE_USAGE, "sqlite:///robot.db move")
+    fixed = c.parse_fixed(fix)
+    _, _, steps = c.ask_state(
         url,
         kb,
         at,
@@ -334,22 +321,22 @@ def applicable(
 def apply(
     words: Annotated[
         list[str],
-        words_argument(
+        c.words_argument(
             _STEP_USAGE, "a step, such as '(move rb1 wp1 wp2)', with its duration in brackets."
         ),
     ],
-    kb: Name = None,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    kb: c.Name = None,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Execute a step, as a new revision.
 
     Its conditions are checked, and its effects written. If a condition does not hold, nothing is
     written, and the exit code is 1.
     """
-    url, (step,) = split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
-    with open_to_read(url, kb, actor) as (name, knowledge_base):
+    url, (step,) = c.split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
+    with c.open_to_read(url, kb, actor) as (name, knowledge_base):
         made = knowledge_base.apply(step, reason=reason)
         # Within no transaction, each act is a revision.
         assert made is not None
@@ -369,23 +356,24 @@ _PLAN_USAGE = "[URL] [FILE]"
 def validate(
     words: Annotated[
         list[str] | None,
-        words_argument(_PLAN_USAGE, "the file of a plan of any planner; - is standard input."),
+        c.words_argument(_PLAN_USAGE, "the file of a plan of any planner; - is standard input."),
     ] = None,
-    kb: Name = None,
-    at: At = None,
+    kb: c.Name = None,
+    at: c.At = None,
     id_: Annotated[
-        int | None, option("Validate this recorded plan instead of a file.", "--plan", metavar="ID")
+        int | None,
+        c.option("Validate this recorded plan instead of a file.", "--plan", metavar="ID"),
     ] = None,
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> int:
     """Execute a plan in memory; exit with 1 if it is not valid.
 
     Nothing is written.
     """
-    url, files = split_url(words or (), _PLAN_USAGE, "sqlite:///robot.db sas_plan")
+    url, files = c.split_url(words or (), _PLAN_USAGE, "sqlite:///robot.db sas_plan")
     if bool(files) == (id_ is not None):
         raise typer.BadParameter("give a file or --plan", param_hint="FILE")
-    with open_state(url, kb, at) as (name, state):
+    with c.open_state(url, kb, at) as (name, state):
         plan = read_plan(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
         found = state.validate(plan)
         if as_json:

@@ -21,20 +21,7 @@ from ..errors import (
     printable,
 )
 from ..knowledge.canonical import time_text
-from .common import (
-    Actor,
-    AsJson,
-    Name,
-    Reason,
-    ServiceError,
-    Stop,
-    Url,
-    choose,
-    json_lines,
-    leaving_nothing,
-    open_to_read,
-    option,
-)
+from . import common as c
 from .output import FAILED, Document, Printer, bar, complain, plural, write_json
 
 if TYPE_CHECKING:
@@ -83,34 +70,34 @@ def push(
         ),
     ],
     kb: Annotated[
-        str | None, option("Push only this knowledge base; default: all.", metavar="NAME")
+        str | None, c.option("Push only this knowledge base; default: all.", metavar="NAME")
     ] = None,
     follow: Annotated[
         bool,
-        option("Keep running, and push each new revision until SIGTERM or Ctrl-C.", "--follow"),
+        c.option("Keep running, and push each new revision until SIGTERM or Ctrl-C.", "--follow"),
     ] = False,
     interval: Annotated[
         float,
-        option(
+        c.option(
             f"With --follow: wait at least this long between two pushes; default: {_INTERVAL:g}.",
             metavar="SECONDS",
         ),
     ] = _INTERVAL,
     archive: Annotated[
         str | None,
-        option(
+        c.option(
             "The archive with the rest of SOURCE's history; default: the one that SOURCE names.",
             metavar="URL",
         ),
     ] = None,
     adopt: Annotated[
         bool,
-        option(
+        c.option(
             "Turn a knowledge base in TARGET that is not a replica into one, if its history fits.",
             "--adopt",
         ),
     ] = False,
-    as_json: Annotated[bool, json_lines("push")] = False,
+    as_json: Annotated[bool, c.json_lines("push")] = False,
 ) -> int:
     """Send the revisions that another store lacks.
 
@@ -127,7 +114,7 @@ def push(
             f"expected 0 to {_LONGEST_INTERVAL:g} seconds", param_hint="--interval"
         )
     terms = Terms(archive, adopt, is_patient=not follow)
-    stop = Stop()
+    stop = c.Stop()
     report = _reporter(as_json, follow)
     service = PushService(
         source, target, name=kb, terms=terms, report=report, is_stopped=lambda: stop.number != 0
@@ -137,12 +124,12 @@ def push(
             _follow(service, interval, stop)
         else:
             _once(service, source, target, kb, is_said=not as_json)
-    except ServiceError as error:
+    except c.ServiceError as error:
         if not error.is_said:
             raise
         return error.code
     except KantSqlError as error:
-        raise ServiceError(error, _code(error)) from error
+        raise c.ServiceError(error, _code(error)) from error
     return stop.code
 
 
@@ -152,21 +139,21 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
 
     names = written_names(source)
     if name is not None or not names:
-        choose(name, names)
-    with leaving_nothing(target):
+        c.choose(name, names)
+    with c.leaving_nothing(target):
         errors = service.once(bar)
         if errors:
             # Another attempt is worth it as long as one of them may pass.
             passing = (error for error in errors if isinstance(error, PASSING))
             error = next(passing, errors[0])
-            raise ServiceError(error, _code(error), is_said)
+            raise c.ServiceError(error, _code(error), is_said)
 
 
-def _follow(service: PushService, interval: float, stop: Stop) -> None:
+def _follow(service: PushService, interval: float, stop: c.Stop) -> None:
     with stop.on_signals():
         errors = service.follow(interval)
     if errors:
-        raise ServiceError(errors[0], _code(errors[0]))
+        raise c.ServiceError(errors[0], _code(errors[0]))
 
 
 def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
@@ -233,17 +220,17 @@ def _pushed_text(pushed: Pushed) -> str:
 
 
 def promote(
-    url: Url,
-    kb: Name = None,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    url: c.Url,
+    kb: c.Name = None,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Turn a replica into a knowledge base that you can write to.
 
     It can be written to from then on, and its origin's later revisions are refused.
     """
-    with open_to_read(url, kb) as (name, knowledge_base):
+    with c.open_to_read(url, kb) as (name, knowledge_base):
         made = knowledge_base.store.promote(reason=reason, actor=actor)
     if as_json:
         write_json(knowledge_base=name, revision=made)

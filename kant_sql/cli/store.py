@@ -12,27 +12,7 @@ import typer
 
 from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
-from .common import (
-    DEFAULT_NAME,
-    JSON_OPTION,
-    Actor,
-    AsJson,
-    Clock,
-    Name,
-    Reason,
-    Since,
-    Until,
-    Url,
-    command_group,
-    leaving_nothing,
-    open_to_read,
-    option,
-    parse_optional,
-    parse_when,
-    signals_raise,
-    split_url,
-    words_argument,
-)
+from . import common as c
 from .output import Document, Printer, bar, json_text, plural, write_json
 
 if TYPE_CHECKING:
@@ -44,18 +24,18 @@ if TYPE_CHECKING:
 _NAMES_SHOWN = 10
 
 
-db = command_group("kant_sql.commands.db", "Create, migrate and check the tables.")
+db = c.command_group("kant_sql.commands.db", "Create, migrate and check the tables.")
 
 
 @db.command()
-def upgrade(url: Url, as_json: AsJson = False) -> None:
+def upgrade(url: c.Url, as_json: c.AsJson = False) -> None:
     """Create the tables, or migrate them to the newest version.
 
     Your data stays.
     """
     from ..sql import schema
 
-    with leaving_nothing(url):
+    with c.leaving_nothing(url):
         schema.upgrade(url)
     _write_version(url, as_json)
 
@@ -67,14 +47,14 @@ _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE = "[URL] REV", "sqlite:///robot.db base"
 def downgrade(
     words: Annotated[
         list[str],
-        words_argument(
+        c.words_argument(
             _DOWNGRADE_USAGE,
             "the version to go back to: its number, -1 for one back, or base, which drops the "
             "tables with all data.",
         ),
     ],
-    yes: Annotated[bool, option("Do not ask before revisions are lost.", "--yes")] = False,
-    as_json: AsJson = False,
+    yes: Annotated[bool, c.option("Do not ask before revisions are lost.", "--yes")] = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Migrate the tables back to an earlier version.
 
@@ -83,7 +63,7 @@ def downgrade(
     from ..sql import schema
     from ..sql.catalog import revision_counts
 
-    url, (revision,) = split_url(words, _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE)
+    url, (revision,) = c.split_url(words, _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE)
     if schema.current(url) is None:
         # Raises the error that names the remedy.
         schema.check(url)
@@ -115,7 +95,7 @@ def _ask_to_lose(lost: dict[str, int], as_json: bool) -> None:
 
 
 @db.command()
-def current(url: Url, as_json: AsJson = False) -> None:
+def current(url: c.Url, as_json: c.AsJson = False) -> None:
     """Show the version of the tables, or "none"."""
     from ..sql import schema
 
@@ -124,7 +104,7 @@ def current(url: Url, as_json: AsJson = False) -> None:
 
 
 @db.command()
-def check(url: Url, as_json: AsJson = False) -> None:
+def check(url: c.Url, as_json: c.AsJson = False) -> None:
     """Exit with 1 if tables are missing, outdated or misplaced."""
     from ..sql import schema
 
@@ -134,7 +114,7 @@ def check(url: Url, as_json: AsJson = False) -> None:
 
 
 @db.command()
-def sql(url: Url, as_json: AsJson = False) -> None:
+def sql(url: c.Url, as_json: c.AsJson = False) -> None:
     """Write the SQL that creates the tables.
 
     Only the URL's dialect matters; nothing is connected.
@@ -151,16 +131,16 @@ def sql(url: Url, as_json: AsJson = False) -> None:
 
 @db.command()
 def roles(
-    url: Url,
+    url: c.Url,
     kb: Annotated[
         str | None,
-        option(
+        c.option(
             "Create four more roles that see and write only this knowledge base.",
             metavar="NAME",
         ),
     ] = None,
-    dry_run: Annotated[bool, option("Only write the SQL; change nothing.", "--dry-run")] = False,
-    as_json: AsJson = False,
+    dry_run: Annotated[bool, c.option("Only write the SQL; change nothing.", "--dry-run")] = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Create the PostgreSQL roles, or update them."""
     from ..sql.schema import create_roles
@@ -200,7 +180,7 @@ def _write_version(url: str, as_json: bool, more: Mapping[str, object] | None = 
         typer.echo(version or "none")
 
 
-def kbs(url: Url, as_json: AsJson = False) -> None:
+def kbs(url: c.Url, as_json: c.AsJson = False) -> None:
     """List the knowledge bases: last revisions, facts, origins."""
     from ..sql.inventory import knowledge_bases
 
@@ -251,8 +231,8 @@ def _goals(one: Inventory) -> str:
 
 
 def anchor(
-    url: Url,
-    as_json: Annotated[bool, option("Same output: one JSON document.", JSON_OPTION)] = False,
+    url: c.Url,
+    as_json: Annotated[bool, c.option("Same output: one JSON document.", c.JSON_OPTION)] = False,
 ) -> None:
     """Write the head of every knowledge base, to keep elsewhere.
 
@@ -263,7 +243,7 @@ def anchor(
 
     # Raises if the store is missing, where connecting would create it.
     names = written_names(url)
-    with connect(url, knowledge_base=names[0] if names else DEFAULT_NAME) as knowledge_base:
+    with connect(url, knowledge_base=names[0] if names else c.DEFAULT_NAME) as knowledge_base:
         typer.echo(knowledge_base.store.anchor().text())
 
 
@@ -273,9 +253,9 @@ _BACKUP_USAGE = "[URL] FILE"
 def backup(
     words: Annotated[
         list[str],
-        words_argument(_BACKUP_USAGE, "the new file; an existing one is never overwritten."),
+        c.words_argument(_BACKUP_USAGE, "the new file; an existing one is never overwritten."),
     ],
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Copy an SQLite store into a file, while others write.
 
@@ -283,8 +263,8 @@ def backup(
     """
     from ..sql.catalog import backup as backup_store
 
-    url, (file,) = split_url(words, _BACKUP_USAGE, "sqlite:///robot.db monday.db")
-    with signals_raise(), bar("backup") as progress:
+    url, (file,) = c.split_url(words, _BACKUP_USAGE, "sqlite:///robot.db monday.db")
+    with c.signals_raise(), bar("backup") as progress:
         made = backup_store(url, file, progress=progress)
     if as_json:
         write_json(made)
@@ -295,35 +275,35 @@ def backup(
 
 _Before = Annotated[
     str,
-    option(
+    c.option(
         "Move versions that ended before this: a time in ISO 8601 (UTC unless a zone is given), "
         "such as '90 days ago', or a revision's number.",
         metavar="REV|TIME",
     ),
 ]
 _Target = Annotated[
-    str, option("The other store; a missing SQLite file is created.", metavar="URL")
+    str, c.option("The other store; a missing SQLite file is created.", metavar="URL")
 ]
 
 
 def archive(
-    url: Url,
+    url: c.Url,
     before: _Before,
     to: _Target,
-    kb: Name = None,
-    dry_run: Annotated[bool, option("Count only; change nothing.", "--dry-run")] = False,
-    actor: Actor = None,
-    reason: Reason = None,
-    as_json: AsJson = False,
+    kb: c.Name = None,
+    dry_run: Annotated[bool, c.option("Count only; change nothing.", "--dry-run")] = False,
+    actor: c.Actor = None,
+    reason: c.Reason = None,
+    as_json: c.AsJson = False,
 ) -> None:
     """Move versions that ended before a time to another store.
 
     That store then answers questions about them.
     """
-    when = parse_when(before, "--before")
+    when = c.parse_when(before, "--before")
     with (
-        open_to_read(url, kb) as (name, knowledge_base),
-        leaving_nothing(to),
+        c.open_to_read(url, kb) as (name, knowledge_base),
+        c.leaving_nothing(to),
         bar(name) as progress,
     ):
         done = knowledge_base.store.archive(
@@ -353,13 +333,13 @@ def _write_archived(printer: Printer, name: str, done: Archived, dry_run: bool) 
 
 
 def views(
-    url: Url,
-    kb: Annotated[str | None, option("The knowledge base; default: all.", metavar="NAME")] = None,
-    drop: Annotated[bool, option("Drop the views that this command created.", "--drop")] = False,
+    url: c.Url,
+    kb: Annotated[str | None, c.option("The knowledge base; default: all.", metavar="NAME")] = None,
+    drop: Annotated[bool, c.option("Drop the views that this command created.", "--drop")] = False,
     dry_run: Annotated[
-        bool, option("Only write the SQL; change nothing.", "--sql", "--dry-run")
+        bool, c.option("Only write the SQL; change nothing.", "--sql", "--dry-run")
     ] = False,
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Create a view per predicate, or update the views."""
     from ..sql.predicate_views import drop_views, update_views
@@ -398,43 +378,43 @@ _FORMATS = ("parquet", "csv", "jsonl")
 
 
 def export(
-    url: Url,
-    to: Annotated[Path, option("The folder to write; created if it is missing.", metavar="DIR")],
+    url: c.Url,
+    to: Annotated[Path, c.option("The folder to write; created if it is missing.", metavar="DIR")],
     format: Annotated[
         str,
-        option(
+        c.option(
             "parquet, csv or jsonl: the views for auditors; one that a plugin adds: facts and "
             "values over time.",
             metavar="FORMAT",
         ),
     ] = _FORMATS[0],
-    kb: Annotated[str | None, option("The knowledge base; default: all.", metavar="NAME")] = None,
+    kb: Annotated[str | None, c.option("The knowledge base; default: all.", metavar="NAME")] = None,
     view: Annotated[
         list[str] | None,
-        option("Write only this view, such as fact; you can repeat this.", metavar="NAME"),
+        c.option("Write only this view, such as fact; you can repeat this.", metavar="NAME"),
     ] = None,
     predicate: Annotated[
         list[str] | None,
-        option(
+        c.option(
             "Of a plugin's format: only this predicate or function; you can repeat this.",
             metavar="NAME",
         ),
     ] = None,
     element: Annotated[
         list[str] | None,
-        option(
+        c.option(
             "Of a plugin's format: only this fact or fluent, as '(robot_at rb1 wp1)'; may be given "
             "several times.",
             metavar="TEXT",
         ),
     ] = None,
-    since: Since = None,
-    until: Until = None,
-    clock: Clock = "committed",
+    since: c.Since = None,
+    until: c.Until = None,
+    clock: c.Clock = "committed",
     replace: Annotated[
-        bool, option("Replace an earlier export in the folder.", "--replace")
+        bool, c.option("Replace an earlier export in the folder.", "--replace")
     ] = False,
-    as_json: AsJson = False,
+    as_json: c.AsJson = False,
 ) -> None:
     """Write audit views, or facts and values over time, to files.
 
@@ -454,8 +434,8 @@ def export(
     common: dict[str, Any] = {
         "to": to,
         "knowledge_base": kb,
-        "since": parse_optional(since, "--since"),
-        "until": parse_optional(until, "--until"),
+        "since": c.parse_optional(since, "--since"),
+        "until": c.parse_optional(until, "--until"),
         "replace": replace,
     }
     with bar(f"export {kb or ''}".strip()) as progress:
