@@ -10,16 +10,8 @@ from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
 from ..pddl.document import DURATIVE_ACTION, PROCESS, Domain, Problem
 from ..pddl.requirements import is_function
+from . import names as n
 from .metrics import hinted, is_sum_of_costs, refusal, static_functions, variants
-from .names import (
-    FUNCTION,
-    OBJECT,
-    PREDICATE,
-    SHARED_MODALS,
-    UpNames,
-    require_unified_planning,
-    too_deep,
-)
 from .solving import check_documents
 from .up_actions import SingleEffect, UpActions, UpEffects
 from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
@@ -40,7 +32,7 @@ class UpConversion:
         from unified_planning.model import Problem as UpProblem
 
         self._domain, self._document = domain, problem
-        names = UpNames(domain, problem)
+        names = n.UpNames(domain, problem)
         manager = environment.expression_manager
         # The state that all parts share; its `problem` is the result.
         self.context = ConversionContext(
@@ -88,14 +80,14 @@ class UpConversion:
             if fold(predicate.name) not in context.rules:
                 with context.at(f"predicate {predicate.name}"):
                     self._fluent(
-                        PREDICATE, predicate.name, manager.BoolType(), predicate.parameters
+                        n.PREDICATE, predicate.name, manager.BoolType(), predicate.parameters
                     )
         number = manager.IntType() if context.integers else manager.RealType()
         for function in self._domain.functions:
             if not (context.costed and fold(function.name) == f.TOTAL_COST):
                 with context.at(f"function {function.name}"):
                     value = context.types.widest(function.types) if function.types else number
-                    self._fluent(FUNCTION, function.name, value, function.parameters)
+                    self._fluent(n.FUNCTION, function.name, value, function.parameters)
         for item in (*self._domain.constants, *self._document.objects):
             with context.at(f"object {item.name}"):
                 self._object(item)
@@ -124,7 +116,7 @@ class UpConversion:
             raise context.unsupported(
                 f"{item.name} - {item.type_text}", "an object has one type there; give it one"
             )
-        made = Object(context.names.of(OBJECT, item.name), branches[0], context.environment)
+        made = Object(context.names.of(n.OBJECT, item.name), branches[0], context.environment)
         known = context.objects.setdefault(fold(item.name), made)
         if known is not made and known.type != made.type:
             raise context.unsupported(item.name, f"it is of {known.type.name} as well")
@@ -196,7 +188,7 @@ class UpConversion:
 
     def _modal(self, node: f.Modal, scope: Bindings) -> FNode:
         manager = self.context.environment.expression_manager
-        if node.operator not in SHARED_MODALS:
+        if node.operator not in n.SHARED_MODALS:
             raise self.context.unsupported(node, f"{node.operator} has no counterpart")
         build = getattr(manager, node.operator.title().replace("-", ""))
         return build(*(self._formulas.formula(part, scope) for part in node.formulas))
@@ -235,7 +227,7 @@ def convert(
     try:
         return UpConversion(domain, problem, environment, integers).context
     except RecursionError as error:
-        raise too_deep(problem) from error
+        raise n.too_deep(problem) from error
 
 
 def convert_whole(domain: Domain, problem: Problem, environment: Environment) -> UpProblem:
@@ -295,7 +287,7 @@ def to_unified_planning(
             its place.
     """
     check_documents(domain, problem)
-    require_unified_planning()
+    n.require_unified_planning()
     from unified_planning.environment import Environment, get_environment
 
     if environment is not None:

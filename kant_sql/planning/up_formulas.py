@@ -14,16 +14,8 @@ from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem, typed_names
+from . import names as n
 from .metrics import ONE, NotLinearError, linear
-from .names import (
-    FUNCTION,
-    PREDICATE,
-    TYPE,
-    UP_ARITHMETIC,
-    UP_COMPARISONS,
-    UpNames,
-    unsupported,
-)
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
@@ -42,7 +34,7 @@ class UpTypes:
     """
 
     def __init__(
-        self, domain: Domain, problem: Problem, names: UpNames, environment: Environment
+        self, domain: Domain, problem: Problem, names: n.UpNames, environment: Environment
     ) -> None:
         self._names, self._manager = names, environment.type_manager
         self._spelling = {ROOT_TYPE: ROOT_TYPE}
@@ -81,7 +73,7 @@ class UpTypes:
             above = None
             if father is not None and (father != ROOT_TYPE or self._rooted):
                 above = self._type(father)
-            name = self._names.of(TYPE, self._spelling[key])
+            name = self._names.of(n.TYPE, self._spelling[key])
             self._types[key] = self._manager.UserType(name, above)
         return self._types[key]
 
@@ -143,7 +135,7 @@ class ConversionContext:
 
     environment: Environment
     problem: UpProblem  # the resulting problem
-    names: UpNames
+    names: n.UpNames
     types: UpTypes
     # Predicates and functions, by category and folded name.
     fluents: dict[tuple[str, str], UpFluent] = field(default_factory=dict)
@@ -173,7 +165,7 @@ class ConversionContext:
 
     def unsupported(self, construct: object, reason: str) -> UnsupportedConstructError:
         """Make the error for a construct without a counterpart."""
-        return unsupported("unified-planning", construct, self.where, reason)
+        return n.unsupported("unified-planning", construct, self.where, reason)
 
 
 class UpConverter:
@@ -231,7 +223,7 @@ class UpFormulas(UpConverter):
 
     def fluent(self, node: f.Fluent, scope: Bindings) -> FNode:
         """Convert a function applied to terms."""
-        return self._applied(FUNCTION, node.function, node, node.terms, scope)
+        return self._applied(n.FUNCTION, node.function, node, node.terms, scope)
 
     def expression(self, node: f.Expression, scope: Bindings) -> FNode:
         """Convert a numeric expression."""
@@ -292,7 +284,7 @@ class UpFormulas(UpConverter):
         return self._manager.Equals(left, right)
 
     def _comparison(self, node: f.Comparison, scope: Bindings) -> FNode:
-        compare = getattr(self._manager, UP_COMPARISONS[node.operator])
+        compare = getattr(self._manager, n.UP_COMPARISONS[node.operator])
         return compare(self.expression(node.left, scope), self.expression(node.right, scope))
 
     def _arithmetic(self, node: f.Arithmetic, scope: Bindings) -> FNode:
@@ -303,13 +295,13 @@ class UpFormulas(UpConverter):
             divisor.is_constant() and divisor.constant_value() == 0 for divisor in operands[1:]
         ):
             raise self._unsupported(node, "it divides by zero")
-        join = getattr(self._manager, UP_ARITHMETIC[node.operator])
+        join = getattr(self._manager, n.UP_ARITHMETIC[node.operator])
         return join(operands) if node.operator in {"+", "*"} else reduce(join, operands)
 
     def _atom(self, node: f.Atom, scope: Bindings) -> FNode:
         if fold(node.predicate) in self._context.rules:
             return self._derived(node, scope)
-        return self._applied(PREDICATE, node.predicate, node, node.terms, scope)
+        return self._applied(n.PREDICATE, node.predicate, node, node.terms, scope)
 
     def _applied(
         self, category: str, name: str, node: object, terms: Sequence[f.Term], scope: Bindings

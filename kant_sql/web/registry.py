@@ -11,31 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
-from ..errors import (
-    ArchivedError,
-    ConflictError,
-    ConnectionLostError,
-    DependantsError,
-    InvalidArgumentError,
-    InvalidKnowledgeError,
-    KantSqlError,
-    NotApplicableError,
-    OutcomeUnknownError,
-    PlanError,
-    QuestionCancelledError,
-    ReadOnlyError,
-    ReplicaError,
-    RuleViolatedError,
-    StaleRevisionError,
-    StatementTimeoutError,
-    StoreBusyError,
-    StoreFullError,
-    StoreReplacedError,
-    StoreUnreachableError,
-    UnknownNameError,
-    UnknownRevisionError,
-    UnsupportedConstructError,
-)
+from .. import errors
 from ..html import visible
 from ..json_values import JsonValue, json_value
 from ..knowledge_base import KnowledgeBase
@@ -53,37 +29,37 @@ KB_DESCRIPTION = "The knowledge base's name; not needed in a store of one."
 # Of a form: what it is asked with is wrong, or never was.
 WRONG_INPUT = 400, 404
 # The first that fits; another error of the library is the server's.
-_STATUS: tuple[tuple[type[KantSqlError], int], ...] = (
-    (UnknownNameError, 404),
-    (ArchivedError, 410),
-    (UnknownRevisionError, 404),
-    (InvalidArgumentError, 400),
-    (InvalidKnowledgeError, 400),
-    (UnsupportedConstructError, 400),
-    (StoreBusyError, 503),
-    (StoreUnreachableError, 503),
-    (QuestionCancelledError, 503),
-    (StatementTimeoutError, 504),
+_STATUS: tuple[tuple[type[errors.KantSqlError], int], ...] = (
+    (errors.UnknownNameError, 404),
+    (errors.ArchivedError, 410),
+    (errors.UnknownRevisionError, 404),
+    (errors.InvalidArgumentError, 400),
+    (errors.InvalidKnowledgeError, 400),
+    (errors.UnsupportedConstructError, 400),
+    (errors.StoreBusyError, 503),
+    (errors.StoreUnreachableError, 503),
+    (errors.QuestionCancelledError, 503),
+    (errors.StatementTimeoutError, 504),
     # What writers alone meet.
-    (StaleRevisionError, 412),
-    (ReadOnlyError, 403),
-    (ConflictError, 409),
-    (DependantsError, 409),
-    (NotApplicableError, 409),
-    (PlanError, 409),
-    (ReplicaError, 409),
-    (RuleViolatedError, 409),
-    (ConnectionLostError, 503),
-    (OutcomeUnknownError, 503),
-    (StoreReplacedError, 503),
-    (StoreFullError, 507),
+    (errors.StaleRevisionError, 412),
+    (errors.ReadOnlyError, 403),
+    (errors.ConflictError, 409),
+    (errors.DependantsError, 409),
+    (errors.NotApplicableError, 409),
+    (errors.PlanError, 409),
+    (errors.ReplicaError, 409),
+    (errors.RuleViolatedError, 409),
+    (errors.ConnectionLostError, 503),
+    (errors.OutcomeUnknownError, 503),
+    (errors.StoreReplacedError, 503),
+    (errors.StoreFullError, 507),
 )
 # PostgreSQL keeps no text with a NUL, and refuses to look for one.
 NO_NUL = r"^[^\x00]*$"
 KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION, pattern=NO_NUL)]
 
 
-def status_of(error: KantSqlError | type[KantSqlError]) -> int:
+def status_of(error: errors.KantSqlError | type[errors.KantSqlError]) -> int:
     """Return the HTTP status that says whose error it is."""
     raised = error if isinstance(error, type) else type(error)
     return next((status for kind, status in _STATUS if issubclass(raised, kind)), 500)
@@ -191,7 +167,7 @@ async def _csv(request: Request, found: _Answer, rows: Sequence[str]) -> Respons
     return Response(csv_text(found.data, rows), media_type="text/csv", headers=headers)
 
 
-async def _form(request: Request, error: KantSqlError, template: str) -> HTMLResponse:
+async def _form(request: Request, error: errors.KantSqlError, template: str) -> HTMLResponse:
     kb = request.query_params.get("kb")
     said = request.app.state.store.folders.said(error)
     return render(request, template, None, kb, status=status_of(error), error=said)
@@ -200,13 +176,13 @@ async def _form(request: Request, error: KantSqlError, template: str) -> HTMLRes
 def _check_texts(query: Mapping[str, object]) -> None:
     for name, value in query.items():
         if isinstance(value, str) and "\0" in value:
-            raise InvalidArgumentError(f"{name} has a NUL character, which no text can have")
+            raise errors.InvalidArgumentError(f"{name} has a NUL character, which no text can have")
 
 
 def _endpoint(
     function: Callable[..., Any],
     respond: Callable[[Request, _Answer], Awaitable[Any]],
-    refuse: Callable[[Request, KantSqlError], Awaitable[Any]] | None = None,
+    refuse: Callable[[Request, errors.KantSqlError], Awaitable[Any]] | None = None,
     draw: Draw | None = None,
 ) -> Callable[..., Awaitable[Any]]:
     """Make an endpoint of a data function: its parameters, the request and the name of a store."""
@@ -242,7 +218,7 @@ def _endpoint(
         try:
             _check_texts(query)
             found = await answer(request, work)
-        except KantSqlError as error:
+        except errors.KantSqlError as error:
             if refuse is None or not is_asked or status_of(error) not in WRONG_INPUT:
                 raise
             return await refuse(request, error)
