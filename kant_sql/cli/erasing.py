@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from ..history.erasure.preview import ErasurePreview
     from ..history.erasure.retention import RetentionRule
 
+Archive = Annotated[
+    str | None,
+    c.option("The archive that has a part of the history; it is erased there, too.", metavar="URL"),
+]
 _ERASE_USAGE, _RETENTION_USAGE = "[URL] OBJECT", "[URL]"
 
 
@@ -37,6 +41,7 @@ def erase(
             "--form-1",
         ),
     ] = False,
+    archive: Archive = None,
     yes: Annotated[bool, c.option("Erase; without it, this is a dry run.", "--yes")] = False,
     as_json: c.AsJson = False,
 ) -> int:
@@ -48,7 +53,7 @@ def erase(
     url, (element,) = c.split_url(words, _ERASE_USAGE, "sqlite:///robot.db maria")
     with c.open_to_read(url, kb) as (name, knowledge_base):
         if not yes:
-            found = knowledge_base.erasure_preview(element)
+            found = knowledge_base.erasure_preview(element, archive=archive)
             if as_json:
                 write_json(knowledge_base=name, **found._asdict())
             else:
@@ -57,7 +62,12 @@ def erase(
         if reason is None:
             raise typer.BadParameter("say why, without the name", param_hint="--reason")
         done = knowledge_base.erase(
-            element, reason=reason, actor=actor, also=also or (), form_1=form_1
+            element,
+            reason=reason,
+            actor=actor,
+            also=also or (),
+            form_1=form_1,
+            archive=archive,
         )
         if as_json:
             write_json(knowledge_base=name, **done._asdict())
@@ -109,6 +119,7 @@ def retention(
         float | None,
         c.option("Keep running, and look again after so many seconds.", metavar="SECONDS", min=1),
     ] = None,
+    archive: Archive = None,
     kb: c.Name = None,
     actor: c.Actor = None,
     reason: c.Reason = None,
@@ -127,11 +138,11 @@ def retention(
             lines += file.read().splitlines()
     wanted = read_rules(lines)
     if every is None:
-        return _retain(url, kb, wanted, actor, reason, as_json)
+        return _retain(url, kb, wanted, archive, actor, reason, as_json)
     stop = c.Stop()
     with stop.on_signals():
         while not stop.number:
-            _retain(url, kb, wanted, actor, reason, as_json)
+            _retain(url, kb, wanted, archive, actor, reason, as_json)
             sys.stdout.flush()
             stop.wait(every)
     return stop.code
@@ -141,13 +152,14 @@ def _retain(
     url: str,
     kb: str | None,
     rules: list[RetentionRule],
+    archive: str | None,
     actor: str | None,
     reason: str | None,
     as_json: bool,
 ) -> int:
     """Erase once, by rules."""
     with c.open_to_read(url, kb) as (name, knowledge_base):
-        done = knowledge_base.store.retain(rules, reason=reason, actor=actor)
+        done = knowledge_base.store.retain(rules, reason=reason, archive=archive, actor=actor)
     if as_json:
         write_json(knowledge_base=name, revision=done.revision, parts=done.parts)
     elif done.revision is None:

@@ -24,7 +24,7 @@ _REVISION = Query(select(HeadRow.revision).where(HeadRow.kb_id == KB))
 _ARCHIVE = Query(
     select(ArchiveRow.target)
     .where(ArchiveRow.kb_id == KB, ArchiveRow.revision > bindparam("at", type_=BigInteger))
-    .order_by(ArchiveRow.revision)
+    .order_by(ArchiveRow.revision, ArchiveRow.id.desc())
 )
 
 

@@ -360,9 +360,8 @@ def test_what_was_erased_can_be_archived(tmp_path: Path, connect: Connect) -> No
         kb.erase("bob", reason="asked")
 
 
-def test_revisions_of_form_1_are_erased_when_asked(tmp_path: Path, connect: Connect) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    fill(connect(url, knowledge_base="tiago")).close()
+def rehash(url: str) -> None:
+    """Make a file one that was written in form 1 of the hash."""
     hashes: list[tuple[str, int]] = []
     with closing(create_backend(url)) as backend, backend.open_session() as session:
         for step in stream_chain(session, 1):
@@ -371,10 +370,16 @@ def test_revisions_of_form_1_are_erased_when_asked(tmp_path: Path, connect: Conn
             previous = hashes[-1][0] if hashes else None
             digest = revision_hash(previous, "tiago", *said, step.changes, None, 1)
             hashes.append((digest, step.link.number))
-    with closing(sqlite3.connect(tmp_path / "store.db")) as driver, driver:
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as driver, driver:
         change = "UPDATE revision SET hash = ?, seed = NULL, form = 1 WHERE number = ?"
         driver.executemany(change, hashes)
         driver.execute("UPDATE head SET hash = ?", hashes[-1][:1])
+
+
+def test_revisions_of_form_1_are_erased_when_asked(tmp_path: Path, connect: Connect) -> None:
+    url = f"sqlite:///{tmp_path / 'store.db'}"
+    fill(connect(url, knowledge_base="tiago")).close()
+    rehash(url)
     kb = connect(url, knowledge_base="tiago")
     anchor = kb.store.anchor()
     with pytest.raises(ConflictError, match="9 revisions of form 1"):

@@ -10,8 +10,8 @@ from functools import partial
 import pytest
 
 import kant_sql
-from kant_sql.history.erasure.parts import Destroyer
-from kant_sql.history.erasure.texts import Renaming, TextWriter
+from kant_sql.history.rewriting.parts import Destroyer
+from kant_sql.history.rewriting.texts import Renaming, TextWriter
 from kant_sql.history.verify.chain import read_links
 from kant_sql.history.verify.parts import Part, kept_parts
 from kant_sql.knowledge.canonical import erasure_text

@@ -24,10 +24,9 @@ from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
-from ..erasure.parts import leave_commitments, standing_commitments
 from ..moments import revision_at
-from ..replication.batch import BatchSize, CopyRange, OriginHead, copy_batch
-from ..replication.copy import Stores
+from ..replication.batch import BatchSize, OriginHead, copy_batch, wipe
+from ..replication.copy import Copied, CopyRange, Stores
 from ..replication.target import (
     ReplicationSide,
     Target,
@@ -38,8 +37,9 @@ from ..replication.target import (
     reading,
 )
 from ..revisions import read_position
+from ..rewriting.parts import leave_commitments, standing_commitments
 from ..verify.chain import rest_digest
-from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
+from .remove import Leaving, compare, count, first_of, refuse_session_without_right, remove
 
 
 def check_archive(stores: Stores, name: str, at: int) -> None:
@@ -61,22 +61,28 @@ def replicate(
     target: Target,
     upto: int,
     progress: Callable[[int, int], None] | None = None,
-) -> None:
+) -> tuple[str, ...]:
     """Replicate revisions up to one, resuming where an earlier call ended.
 
-    Each of several transactions leaves the target complete at some revision.
+    Each of several transactions leaves the target complete at some revision. Returns where bytes
+    may remain of what was erased there.
     """
-    size = BatchSize()
-    at = -1
+    size, at, erasures = BatchSize(), -1, 0
     while at < upto:
-        at, rows = retrying(target.backend, lambda: _advance(source, target, upto, size.revisions))
+        at, copied = retrying(
+            target.backend, lambda: _advance(source, target, upto, size.revisions)
+        )
         if progress is not None:
             progress(min(at, upto), upto)
-        size.learn(rows)
+        size.learn(copied.rows)
+        erasures += copied.erasures
+    return wipe(target.backend) if erasures else ()
 
 
-def _advance(source: ReplicationSide, target: Target, upto: int, revisions: int) -> tuple[int, int]:
-    """Copy some revisions; return the target's last one and how many versions were copied."""
+def _advance(
+    source: ReplicationSide, target: Target, upto: int, revisions: int
+) -> tuple[int, Copied]:
+    """Copy some revisions; return the target's last one and what was copied."""
     with (
         target.locked(durable=True) as (session, target_kb, head),
         reading(source.backend) as reader,
@@ -89,13 +95,13 @@ def _advance(source: ReplicationSide, target: Target, upto: int, revisions: int)
         stores = Stores(reader, kb_id, session, target_kb)
         check_archive(stores, source.name, head.revision)
         if head.revision >= upto:
-            return head.revision, 0
+            return head.revision, Copied(0, 0, 0)
         high = min(upto, max(head.revision + revisions, state.erased))
         redefined = state.definition_revision > head.revision
         may_return = state.archived_revision > 0
         bounds = CopyRange(head.revision + 1, high, may_return, redefined, state.erased)
         origin = OriginHead(source.backend.label, state.revision, state.committed_at, state.next_id)
-        return high, copy_batch(stores, source.name, head, bounds, origin).rows
+        return high, copy_batch(stores, source.name, head, bounds, origin)
 
 
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.
@@ -195,7 +201,7 @@ def _archive(
     leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
     if dry_run or not leaving.versions:
         return Archived(upto, leaving.versions, _label(to), None)
-    _refuse_without_right(store)
+    refuse_without_right(store)
     with open_target(to, store.name, store.backend, "an archive") as target:
         _replicate(store, target, upto, progress)
         return Archived(upto, *_move_all(store, target, upto, actor, reason))
@@ -223,11 +229,12 @@ def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
     return count(session, kb_id, archived + 1, upto)
 
 
-def _refuse_without_right(store: Store) -> None:
+def refuse_without_right(store: Store) -> None:
+    """Refuse early who may not archive."""
     with store.backend.open_session() as session:
         session.begin(write=True)
         try:
-            refuse_without_right(session)
+            refuse_session_without_right(session)
         finally:
             session.rollback()
 
@@ -278,7 +285,7 @@ def _move(
                 before = standing_commitments(*where)
                 remove(*where[:2], leaving)
                 leave_commitments(*where, before)
-                _record(transaction, leaving, rest, target.backend.label)
+                record_archive(transaction, leaving, rest, target.backend.label)
     made = transaction.committed
     return (None if made is None else made.number), leaving
 
@@ -289,7 +296,8 @@ _NEW_ARCHIVE = Insert(
 )
 
 
-def _record(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
+def record_archive(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
+    """Record that versions were moved, and the hash of what is left of their revisions."""
     versions = leaving.total
     id_ = transaction.allocate()
     text = archive_text(id_, leaving.high, target, versions, rest)

@@ -218,7 +218,7 @@ def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
     )
 
 
-def refuse_without_right(session: Session) -> None:
+def refuse_session_without_right(session: Session) -> None:
     """Check early that this user may archive."""
     session.run(_SET, kb=_NONE, upto=0)
 

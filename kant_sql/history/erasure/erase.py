@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, bindparam, cast, select, union_all
@@ -31,9 +31,10 @@ from ...store.snapshot import archive_of
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
+from ..rewriting.parts import Destroyer, said_in_place
+from ..rewriting.texts import ChangeKey, Renaming, TextWriter
 from ..verify.chain import read_links
-from .parts import Destroyer, said_in_place
-from .texts import ChangeKey, Renaming, TextWriter
+from .archived import ArchiveDestroyer, ArchivedPart, open_archive
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -103,6 +104,7 @@ def erase(
     revisions: Collection[int] = (),
     parts: Collection[str] = (),
     form_1: bool = False,
+    archive: str | None = None,
     actor: str | None = None,
 ) -> Erased:
     """Erase the name of an object with all that mentions it, or what some revisions say.
@@ -122,6 +124,8 @@ def erase(
         parts: of `actor`, `reason` and `source`, what to erase there.
         form_1: whether to erase in revisions of form 1 of the hash, too: who has a backup, or
             guesses, can find the name from their hashes.
+        archive: the URL of the archive that has a part of the history, where it is erased as well.
+            It is verified first.
         actor: who erases; by default the knowledge base's actor.
 
     Returns:
@@ -131,8 +135,10 @@ def erase(
         UnknownNameError: there never was such an object.
         UnknownRevisionError: there is no such revision.
         InvalidArgumentError: the reason or the actor contains what is erased.
-        ConflictError: revisions of form 1 mention it; or a part of the history is in an archive.
-        StoreIntegrityError: a revision differs from what was hashed.
+        ConflictError: revisions of form 1 mention it; or a part of the history is in an archive
+            that was not given, or is not the given one.
+        StoreIntegrityError: a revision differs from what was hashed, here or in the archive.
+        DivergedError: the archive has another history.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
         ReplicaError: this is a replica: erase where it is replicated from.
 
@@ -146,27 +152,47 @@ def erase(
     """
     wanted = make_wanted(element, also, revisions, parts)
     flag(form_1, "form_1", InvalidArgumentError)
-    return run_erasure(state.store, wanted, form_1, actor, reason)
+    return run_erasure(state.store, wanted, form_1, actor, reason, archive)
 
 
 def run_erasure(
-    store: Store, wanted: Wanted, form_1: bool, actor: str | None, reason: str | None
+    store: Store,
+    wanted: Wanted,
+    form_1: bool,
+    actor: str | None,
+    reason: str | None,
+    archive: str | None,
 ) -> Erased:
     """Erase in a revision of its own, and remove the bytes; without a part, there is none."""
-    refuse_open(store)
-    done = None
-    with suppress(NothingErasedError), store.transaction(actor, reason) as transaction:
-        done = Eraser(transaction, wanted, form_1).run()
+    with opened(store, archive) as moved:
+        done = None
+        with suppress(NothingErasedError), begun(store, moved, actor, reason) as transaction:
+            done = Eraser(transaction, wanted, form_1, moved).run()
+            if not done.parts:
+                raise NothingErasedError
+        assert done is not None
         if not done.parts:
-            raise NothingErasedError
-    assert done is not None
-    if not done.parts:
-        return done._replace(revision=None)
-    logger.info(
-        "knowledge base %r: revision %s erased %d texts of %d revisions",
-        *(store.name, done.revision, done.parts, done.revisions),
-    )
-    return done._replace(remaining=store.backend.wipe())
+            return done._replace(revision=None)
+        logger.info(
+            "knowledge base %r: revision %s erased %d texts of %d revisions",
+            *(store.name, done.revision, done.parts, done.revisions),
+        )
+        # Here first: it is on disk before the archive follows, which cannot be ahead.
+        remaining = store.backend.wipe()
+        return done._replace(remaining=remaining + (moved.follow(done.revision) if moved else ()))
+
+
+def opened(store: Store, archive: str | None) -> AbstractContextManager[ArchivedPart | None]:
+    """Open the archive that an erasure reaches, if one is given."""
+    refuse_open(store)
+    return nullcontext() if archive is None else open_archive(store, archive)
+
+
+def begun(
+    store: Store, moved: ArchivedPart | None, actor: str | None, reason: str | None
+) -> AbstractContextManager[Transaction]:
+    """Begin the transaction of an erasure."""
+    return store.transaction(actor, reason) if moved is None else moved.begin(actor, reason)
 
 
 def make_wanted(
@@ -210,28 +236,33 @@ class NothingErasedError(Exception):
 class Eraser:
     """One erasure, in its transaction."""
 
-    def __init__(self, transaction: Transaction, wanted: Wanted, form_1: bool) -> None:
+    def __init__(
+        self, transaction: Transaction, wanted: Wanted, form_1: bool, moved: ArchivedPart | None
+    ) -> None:
         self._transaction = transaction
         self._session = transaction.session
         self._kb = transaction.kb_id
         self._wanted = wanted
         self._form_1 = form_1
+        self._moved = moved
 
     def run(self) -> Erased:
         """Erase, and record it."""
-        transaction, wanted = self._transaction, self._wanted
-        self._refuse_archived()
+        transaction, wanted, moved = self._transaction, self._wanted, self._moved
+        if moved is None:
+            self._refuse_archived()
         self._session.replan()
         self._session.overwrite_deleted()
         transaction.erases = True
         pseudonym = next_pseudonym(self._session, self._kb)
-        destroyer = Destroyer(self._session, self._kb, transaction.name)
+        where = self._session, self._kb, transaction.name
+        destroyer = Destroyer(*where) if moved is None else ArchiveDestroyer(where[2], moved)
         found = None if wanted.name is None else self._find(wanted.name)
+        renaming = None if found is None else Renaming(*found, pseudonym)
         old: dict[ChangeKey, str] = {}
-        if found is not None:
-            renaming = Renaming(*found, pseudonym)
+        if renaming is not None:
             self._refuse_telling(renaming.name)
-            writer = TextWriter(self._session, self._kb, transaction.name, renaming)
+            writer = TextWriter(*where, renaming) if moved is None else moved.writer(renaming)
             writer.run()
             old = writer.old
         said = self._said(pseudonym, None if found is None else found[1])
@@ -246,6 +277,8 @@ class Eraser:
         element_id = None if found is None else found[0]
         record_erasure(transaction, destroyer, id_, element_id, pseudonym)
         destroyer.write(id_, said)
+        if moved is not None:
+            moved.finish(transaction, renaming, id_)
         counts = destroyer.parts, destroyer.revisions, destroyer.form_1
         return Erased(transaction.number, element_id, pseudonym, *counts)
 
@@ -255,7 +288,8 @@ class Eraser:
             place = archive_of(self._session, self._kb, 0)
             raise ConflictError(
                 f"what ended up to revision {head.archived_revision} was moved to the archive "
-                f"{place}, where the name would stay; nothing was erased"
+                f"{place}, where the name would stay; nothing was erased: give its URL, with its "
+                "password, as archive= (--archive URL)"
             )
 
     def _find(self, name: str) -> tuple[int, str]:

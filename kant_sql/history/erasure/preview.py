@@ -19,7 +19,7 @@ from ...sql.dialects.containing import contains, is_in, pattern_of
 from ...sql.query import Query, first_rows
 from ...sql.rows import KB, KIND_TABLES, table_of
 from ...store.state import State
-from .erase import Eraser, NothingErasedError, make_wanted, refuse_open
+from .erase import Eraser, NothingErasedError, begun, make_wanted, opened
 
 # Texts of one place that are listed.
 LISTED = 100
@@ -102,13 +102,17 @@ _NAMES = {
 }
 
 
-def erasure_preview(state: State, element: PddlObjectDto | str) -> ErasurePreview:
+def erasure_preview(
+    state: State, element: PddlObjectDto | str, *, archive: str | None = None
+) -> ErasurePreview:
     """Count what an erasure of an object would destroy, and list what else may name the person.
 
     It erases in a transaction, counts, and rolls that back: nothing is changed.
 
     Args:
         element: the object, or its name.
+        archive: the URL of the archive that has a part of the history. It is verified, and gets the
+            revisions that it lacks.
 
     Returns:
         The counts; the texts that contain the name and would stay; names that are similar.
@@ -116,7 +120,8 @@ def erasure_preview(state: State, element: PddlObjectDto | str) -> ErasurePrevie
     Raises:
         UnknownNameError: there never was such an object.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
-        ConflictError: a part of the history is in an archive.
+        ConflictError: a part of the history is in an archive that was not given, or is not the
+            given one.
 
     Examples:
         >>> found = kb.erasure_preview("rb1")
@@ -124,13 +129,17 @@ def erasure_preview(state: State, element: PddlObjectDto | str) -> ErasurePrevie
         (2, 1, ())
     """
     store, wanted = state.store, make_wanted(element, (), (), ())
-    refuse_open(store)
     found = None
-    with suppress(NothingErasedError), store.transaction(None, None) as transaction:
-        done = Eraser(transaction, wanted, form_1=True).run()
-        session, name = transaction.session, wanted.name or ""
-        mentions = tuple(_mentioned(session, transaction.kb_id, name))
-        similar = tuple(sorted(_similar(session, transaction.kb_id, name)))
+    with (
+        opened(store, archive) as moved,
+        suppress(NothingErasedError),
+        begun(store, moved, None, None) as transaction,
+    ):
+        done = Eraser(transaction, wanted, True, moved).run()
+        own = transaction.session, transaction.kb_id
+        name = wanted.name or ""
+        mentions = tuple(_mentioned(*(own if moved is None else moved.stores[:2]), name))
+        similar = tuple(sorted(_similar(*own, name)))
         found = ErasurePreview(*done[1:6], mentions, similar)
         raise NothingErasedError
     assert found is not None

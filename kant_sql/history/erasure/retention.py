@@ -100,6 +100,7 @@ def retain(
     rules: Iterable[RetentionRule],
     *,
     reason: str | None = None,
+    archive: str | None = None,
     actor: str | None = None,
 ) -> Erased:
     """Erase what rules say that old revisions forget, in one revision; without any there is none.
@@ -109,6 +110,7 @@ def retain(
     Args:
         rules: by `kant_sql.history.erasure.retention.read_rules`.
         reason: the reason for the revision; by default, that these are rules.
+        archive: as for `erase`.
         actor: who erases; by default the knowledge base's actor.
 
     Returns:
@@ -143,4 +145,4 @@ def retain(
     if not said:
         return Erased(None, None, "", 0, 0, 0)
     wanted = Wanted(None, (), said, is_by_rule=True)
-    return run_erasure(store, wanted, False, actor, reason or "rules of retention")
+    return run_erasure(store, wanted, False, actor, reason or "rules of retention", archive)

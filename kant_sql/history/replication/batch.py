@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -13,13 +14,15 @@ from sqlalchemy import bindparam, update
 from ...errors import StoreIntegrityError, reading_rows
 from ...knowledge.canonical import text_time, time_text
 from ...sql.changes import FEW, few_change_rows
-from ...sql.dialects.base import Row, Session
+from ...sql.dialects.base import Backend, Row, Session
 from ...sql.query import Query, integer
 from ...sql.tables import HeadRow
 from ...store.head import Head
 from ..verify.chain import Link, Step, stream_chain
-from .copy import Copied, Copy, Stores
+from .copy import Copied, Copy, CopyRange, Stores
 from .erasures import Followed
+
+logger = logging.getLogger("kant_sql.history")
 
 # Versions per transaction, as far as whole revisions allow.
 ROWS = 20_000
@@ -40,6 +43,14 @@ class BatchSize:
             self.revisions = max(1, self.revisions * ROWS // rows)
 
 
+def wipe(backend: Backend) -> tuple[str, ...]:
+    """Remove bytes of what a target erased; return where some may remain."""
+    remaining = backend.wipe()
+    for place in remaining:
+        logger.warning("%s: bytes of what was erased may remain in %s", backend.label, place)
+    return remaining
+
+
 class OriginHead(NamedTuple):
     """What the head of a replica says of the store that it is replicated from."""
 
@@ -47,16 +58,6 @@ class OriginHead(NamedTuple):
     revision: int  # its last revision
     committed_at: datetime | None  # the time of that one
     next_id: int  # the id that its next element gets
-
-
-class CopyRange(NamedTuple):
-    """The revisions to copy."""
-
-    low: int  # the first
-    high: int  # the last
-    may_return: bool  # whether atoms may have other ids in the target, because of an archive
-    redefined: bool  # whether they may change definitions
-    erased: int  # the last erasure in the store that they come from; 0: there is none
 
 
 _MOVE = Query(
@@ -84,10 +85,10 @@ def copy_batch(
     A batch with a wrong hash raises, and nothing of it is written.
     """
     place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
-    followed = Followed(stores, name, bounds.low, bounds.high, bounds.erased)
+    followed = Followed(stores, name, bounds)
     with _naming_both(stores, name, bounds), reading_rows("revision", place):
         followed.erase()
-        copied = Copy(stores, *bounds).run()
+        copied = Copy(stores, bounds).run()
     with reading_rows("revision", place):
         last = _check(stores, name, head, bounds, copied)
         followed.check()

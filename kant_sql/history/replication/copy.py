@@ -234,25 +234,38 @@ class Identities:
         facts, fluents = (self._ids[table] for table in ATOMS)
         return facts.get(id_) or fluents.get(id_) or id_
 
+    def find_ids(self, table: Table, ids: set[int]) -> Mapping[int, int]:
+        """Find some identities in the target; nothing is written."""
+        self._find(table, sorted(ids - self._ids[table].keys()))
+        return self._ids[table]
+
     def _bring(self, table: Table, ids: list[int]) -> None:
+        rows = self._find(table, ids)
+        known = self._ids[table]
+        lost = {*ids} - known.keys() - {row[1] for row in rows}
+        if lost:
+            raise StoreIntegrityError(
+                f"{self._stores.source.backend.label}: {table.name} {min(lost)} is missing, "
+                "although others refer to it; verify the store; nothing of these revisions was "
+                "written"
+            )
+        self._write(table, rows)
+
+    def _find(self, table: Table, ids: list[int]) -> list[Row]:
+        """Find identities in the target; return the rows of those that it lacks."""
+        if not ids:
+            return []
         source, source_kb, target, target_kb = self._stores
         known = self._ids[table]
         there = target.rows(_which_are_there(table), kb=target_kb, ids=target.list_value(ids))
         known.update((id_, id_) for (id_,) in there)
         missing = [id_ for id_ in ids if id_ not in known]
         if not missing:
-            return
+            return []
         rows = source.rows(_by_ids(table), kb=source_kb, ids=source.list_value(missing))
-        if len(rows) < len(missing):
-            lost = min(set(missing) - {row[1] for row in rows})
-            raise StoreIntegrityError(
-                f"{source.backend.label}: {table.name} {lost} is missing, although others "
-                "refer to it; "
-                "verify the store; nothing of these revisions was written"
-            )
         if table in ATOMS and self._may_return:
             rows = self._recognise(ATOMS[table], rows)
-        self._write(table, rows)
+        return rows
 
     def _recognise(self, atoms: AtomTables, rows: list[Row]) -> list[Row]:
         """Map atoms that the target knows by another id; return the others."""
@@ -306,6 +319,16 @@ def _adapted(
             with reading_rows(table.name, f"{name.removesuffix('_id')} {row[1]!r}"):
                 adapt(row)
         raise
+
+
+class CopyRange(NamedTuple):
+    """The revisions to copy."""
+
+    low: int  # the first
+    high: int  # the last
+    may_return: bool  # whether atoms may have other ids in the target, because of an archive
+    redefined: bool  # whether they may change definitions
+    erased: int  # the last erasure in the store that they come from; 0: there is none
 
 
 class Copied(NamedTuple):
@@ -393,9 +416,8 @@ _REPLACEMENTS = _all_of(REPLACEMENT, in_range(REPLACEMENT.c.number))
 class Copy:
     """Copies one range of revisions."""
 
-    def __init__(
-        self, stores: Stores, low: int, high: int, may_return: bool, redefined: bool, erased: int
-    ) -> None:
+    def __init__(self, stores: Stores, bounds: CopyRange) -> None:
+        low, high, may_return, redefined, erased = bounds
         self._reader = stores.source
         self._stores = stores
         self._range = {"kb": stores.source_kb, "low": low, "high": high}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import NamedTuple, TypeVar
@@ -20,13 +19,11 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
 from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
-from .batch import BatchSize, CopyRange, OriginHead, copy_batch, move
-from .copy import Stores
+from .batch import BatchSize, OriginHead, copy_batch, move, wipe
+from .copy import CopyRange, Stores
 from .target import HeadState, ReplicationSide, Target, diverged, last_archive, read_state, reading
 
 T = TypeVar("T")
-
-logger = logging.getLogger("kant_sql.history")
 
 Progress = Callable[[int, int], None]
 
@@ -105,8 +102,8 @@ class _Push:
             if progress is not None:
                 progress(min(at, here.revision), here.revision)
         label = self._target.backend.label
-        for remaining in self._target.backend.wipe() if self._erasures else ():
-            logger.warning("%s: bytes of what was erased may remain in %s", label, remaining)
+        if self._erasures:
+            wipe(self._target.backend)
         return Pushed(label, before, at, here.revision, self._versions)
 
     def _retrying(self, work: Callable[[], T]) -> T:
@@ -234,8 +231,9 @@ class _Push:
             state = read_state(reader, archive.find(reader))
             whole = stores._replace(source=reader, source_kb=archive.kb_id or 0)
             self._check_archive(stores, whole, here, head, state)
-            # Beyond these revisions, the source is newer.
-            yield whole, state._replace(revision=min(state.revision, here.archived_revision))
+            # Beyond these revisions, the source is newer. What later erasures left comes with them.
+            last = max(here.archived_revision, state.erased)
+            yield whole, state._replace(revision=min(state.revision, last))
 
     def _find_archive(self, stores: Stores, here: HeadState, head: Head) -> ReplicationSide:
         if self._archive is None:

@@ -488,6 +488,8 @@ def _check_anchor(check: Check, number: int, digest: str, place: str, chain: Cha
 
 
 def _archive_words(archive: Archive) -> str:
+    if not archive.versions:
+        return f"revision {archive.since} erased in the archive {archive.target} as well"
     return (
         f"{archive.versions} versions that ended up to revision {archive.revision} were moved to "
         f"{archive.target} in revision {archive.since}: verify that store as well, because this "

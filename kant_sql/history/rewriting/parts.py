@@ -1,7 +1,7 @@
 """Destroys texts and salts of revisions, and keeps the commitments that their hashes cover.
 
-Whatever takes the place of an erased text is bound by a commitment with a random salt of its own:
-the digest of the erasure covers it, and gives nothing away that a later erasure destroys.
+Whatever takes the place of an erased text is bound by a commitment with a salt of its own: the
+digest of the erasure covers it, and gives nothing away that a later erasure destroys.
 """
 
 from __future__ import annotations
@@ -59,10 +59,18 @@ class Taken(NamedTuple):
 
     number: int
     part: Part  # as it is kept from now on, but for the erasure
-    salt: bytes  # of what takes its place
+    salt: bytes | None  # of what takes its place; None if that is in an archive
     replacement: str  # the commitment to that
     is_new: bool  # whether the revision had no parts before
     superseded: str | None  # the commitment to what was there, if that was a replacement
+
+
+def next_salt(salt: bytes | None) -> bytes:
+    """Derive the salt of what takes a place from that of what was there, which is destroyed.
+
+    A store that was not erased in yet derives it as well. Form 1 has no salt to derive one from.
+    """
+    return os.urandom(SEED) if salt is None else sha256(b"replacement" + salt).digest()[:SEED]
 
 
 class Destroyer:
@@ -77,10 +85,13 @@ class Destroyer:
         session: Session,
         kb_id: int,
         name: str,
-        salt_of: Callable[[int, int], bytes] = lambda number, position: os.urandom(SEED),
+        salt_of: Callable[[bytes | None], bytes] = next_salt,
+        into: tuple[Session, int] | None = None,
     ) -> None:
         self._session = session
         self._kb = kb_id
+        # Where what is left is written.
+        self._into = (session, kb_id) if into is None else into
         self._name = name
         self._salt_of = salt_of
         self._taken: list[Taken] = []
@@ -140,17 +151,18 @@ class Destroyer:
         wanted = {("", label, 0, 0): getattr(link.metadata, label) for label in new} | old
         texts = {("", label, 0, 0): text for label, text in new.items()} | now
         kept = []
+        session, kb = self._into
         for part in parts:
             if part.key in wanted:
                 key = part.key
                 self._take(link.number, part, wanted.pop(key), texts[key], is_new, standing)
             elif is_new:
-                kept.append((self._kb, link.number, *part))
+                kept.append((kb, link.number, *self._own(part)))
         if wanted:
             raise self._damaged(link)
-        self._session.insert(whole_rows(_PARTS), kept)
+        session.insert(whole_rows(_PARTS), kept)
         if is_new:
-            self._session.run(_UNSEED, kb=self._kb, own_number=link.number)
+            session.run(_UNSEED, kb=kb, own_number=link.number)
 
     def _destroy_whole(
         self,
@@ -187,11 +199,22 @@ class Destroyer:
     ) -> None:
         place = number, part.position
         before = standing.get(place)
+        salt = self._salt_of(before or part.salt)
         if part.salt is not None:
             part = part._replace(salt=None, commitment=commit_to(part.salt, old))
-        salt = self._salt_of(*place)
         superseded = None if before is None else commit_to(before, old)
-        self._taken.append(Taken(number, part, salt, commit_to(salt, new), is_new, superseded))
+        replacement = commit_to(salt, new)
+        part = self._own(part)
+        left = salt if self._has(number, part) else None
+        self._taken.append(Taken(number, part, left, replacement, is_new, superseded))
+
+    def _own(self, part: Part) -> Part:
+        """Return a part as it is written."""
+        return part
+
+    def _has(self, number: int, part: Part) -> bool:
+        """Return whether what takes the place of a part is where what is left is written."""
+        return True
 
     def _damaged(self, link: Link) -> StoreIntegrityError:
         return StoreIntegrityError(
@@ -219,9 +242,9 @@ class Destroyer:
 
     def write(self, erasure_id: int, said: Mapping[int, Mapping[str, str]]) -> None:
         """Write the commitments, once the erasure has its row."""
-        session, kb = self._session, self._kb
+        session, kb = self._into
         new, updated, superseded, replaced = [], [], [], []
-        for number, part, salt, _, is_new, before in self._taken:
+        for number, part, salt, replacement, is_new, before in self._taken:
             place = {"kb": kb, "own_number": number, "own_position": part.position}
             if is_new:
                 new.append((kb, number, *part._replace(erasure_id=erasure_id)))
@@ -229,7 +252,8 @@ class Destroyer:
                 updated.append({**place, "digest": part.commitment, "erasure": erasure_id})
             if before is not None:
                 superseded.append({**place, "digest": before})
-            replaced.append((kb, number, part.position, erasure_id, salt, None))
+            left = replacement if salt is None else None
+            replaced.append((kb, number, part.position, erasure_id, salt, left))
         session.insert(whole_rows(_PARTS), new)
         for query, rows in ((_ERASE, updated), (_SUPERSEDE, superseded)):
             if rows:

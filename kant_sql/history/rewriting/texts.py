@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from hashlib import sha256
@@ -133,11 +133,20 @@ class TextWriter:
         old: the texts that changes had before, of those whose texts are others now.
     """
 
-    def __init__(self, session: Session, kb_id: int, name: str, renaming: Renaming) -> None:
+    def __init__(
+        self,
+        session: Session,
+        kb_id: int,
+        name: str,
+        renaming: Renaming,
+        also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None,
+    ) -> None:
         self._session = session
         self._kb = kb_id
         self._name = name
         self._to = renaming
+        # Called with all that is set, and with the statement.
+        self._also = also
         self.old: dict[ChangeKey, str] = {}
         # What places of documents say: of a formula its hash, of a ground goal its text.
         self._items: dict[str, str] = {}
@@ -162,6 +171,11 @@ class TextWriter:
             self._values(dict(self._rows(_of(_FLUENTS, "id", "id", "text"), ids)))
         self._documents(names)
         self._plans(self._executions(names))
+
+    def run_atoms(self) -> None:
+        """Write the texts of facts and fluents again, also of those that have no version."""
+        for tables in ((_FACTS, _ARGUMENTS, "predicate"), (_FLUENTS, _PLACES, "function")):
+            deque(self._atoms(*tables), maxlen=0)
 
     def _rows(self, query: Query, ids: Iterable[int]) -> list[Row]:
         listed = [*ids]
@@ -194,7 +208,10 @@ class TextWriter:
             }
             for own, new in rows
         ]
-        self._session.run_many(_set(table, tuple(key), *values), given)
+        query = _set(table, tuple(key), *values)
+        self._session.run_many(query, given)
+        if self._also is not None:
+            self._also(table, query, given)
 
     def _note(
         self, since: int, until: int | None, kind: str, old: str, owner: int, place: int = 0

@@ -1,0 +1,211 @@
+"""Erases where a part of the history is in an archive: it is found there, and recorded here.
+
+The archive has all versions, so the erasure is made there first, and taken back: what it writes is
+written here as well, as far as it is here. Then the archive follows, as any replica.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from typing import Any
+
+from sqlalchemy import Table
+
+from ...arguments import expect
+from ...errors import (
+    ConflictError,
+    InvalidArgumentError,
+    InvalidUrlError,
+    KantSqlError,
+    StoreBusyError,
+    StoreIntegrityError,
+)
+from ...sql.changes import keyed_changes_of
+from ...sql.dialects import create_backend
+from ...sql.dialects.base import Row
+from ...sql.query import Query
+from ...store.store import Store
+from ...store.transaction import Transaction
+from ..archive.archive import check_archive, record_archive, refuse_without_right, replicate
+from ..archive.remove import Leaving
+from ..replication.copy import ATOMS, Identities, Stores, references
+from ..replication.erasures import first_fault, touched_by
+from ..replication.target import ReplicationSide, Target, open_target, read_state, reading
+from ..rewriting.parts import Destroyer
+from ..rewriting.texts import Renaming, TextWriter
+from ..verify.chain import SIGNS, rest_digest
+from ..verify.head import read_archives
+from ..verify.parts import WHOLE, Part
+from ..verify.sides import Check, Report
+from ..verify.verify import verify_session
+
+# How often it is tried to have the archive at the store's last revision, while others write.
+_ATTEMPTS = 20
+
+
+@contextmanager
+def open_archive(store: Store, url: str) -> Iterator[ArchivedPart]:
+    """Open the archive of a knowledge base for an erasure; refuse what is not its whole archive."""
+    expect(url, str, "the URL of the archive", InvalidUrlError)
+    store.refuse_read_only()
+    refuse_without_right(store)
+    with closing(create_backend(url)) as backend:
+        if not backend.exists():
+            raise ConflictError(f"{backend.label}: there is no such archive; nothing was erased")
+    with open_target(url, store.name, store.backend, "an archive") as target:
+        found = ArchivedPart(store, target)
+        found.check()
+        yield found
+
+
+class ArchivedPart:
+    """The archive that an erasure reaches.
+
+    Attributes:
+        stores: the archive and the store, within a transaction: the former's is rolled back.
+        upto: what ended up to this revision was moved there.
+    """
+
+    stores: Stores
+
+    def __init__(self, store: Store, target: Target) -> None:
+        self._store = store
+        self._target = target
+        self._source = ReplicationSide(store.backend, store.name)
+        self.upto = 0
+
+    def check(self) -> None:
+        """Check that the archive is intact, and has all of this history up to some revision."""
+        label, name = self._target.backend.label, self._store.name
+        with reading(self._target.backend) as there, reading(self._source.backend) as here:
+            kb_id, own_id = self._target.find(there), self._source.find(here)
+            if not read_state(here, own_id).archived_revision:
+                raise InvalidArgumentError(
+                    f"nothing of knowledge base {name!r} was moved to an archive; leave archive= "
+                    "(--archive) out: 'kant-sql push' erases in replicas"
+                )
+            state = read_state(there, kb_id)
+            check_archive(Stores(here, own_id or 0, there, kb_id or 0), name, state.revision)
+            if state.archived_revision or state.origin is None:
+                raise ConflictError(
+                    f"{label}: knowledge base {name!r} is not an archive there, which is a replica "
+                    "with all versions; nothing was erased: name the archive, or a copy of it"
+                )
+            found = verify_session(there, kb_id, name).findings
+        for _, _, message in found[:1]:
+            raise StoreIntegrityError(
+                f"{label}: the archive of knowledge base {name!r} was altered: {message}; nothing "
+                "was erased: 'kant-sql verify' shows all of it, name an intact copy"
+            )
+
+    @contextmanager
+    def begin(self, actor: str | None, reason: str | None) -> Iterator[Transaction]:
+        """Begin the transaction of the erasure, with the archive locked at the same revision."""
+        for _ in range(_ATTEMPTS):
+            last = self._store.query_in_snapshot(read_state).revision
+            replicate(self._source, self._target, last)
+            with ExitStack() as stack:
+                # The target's lock comes first, as when versions are moved there.
+                there, kb_id, head = stack.enter_context(self._target.locked())
+                transaction = stack.enter_context(self._store.transaction(actor, reason))
+                if head.hash == transaction.head.hash:
+                    self.stores = Stores(there, kb_id, transaction.session, transaction.kb_id)
+                    self.upto = transaction.head.archived_revision
+                    self._rest = self._check_rest()
+                    yield transaction
+                    return
+        raise StoreBusyError(
+            f"{self._source.backend.label}: others write to knowledge base {self._store.name!r} "
+            "faster than its archive follows; nothing was erased: try again"
+        )
+
+    def _check_rest(self) -> str:
+        """Check what is left here of the archived revisions: another hash of it is recorded."""
+        *_, session, kb_id = self.stores
+        rest = rest_digest(session, kb_id, self.upto)
+        records = read_archives(Check(session, kb_id, Report()))
+        if [(one.revision, one.rest) for one in records[-1:]] != [(self.upto, rest)]:
+            raise StoreIntegrityError(
+                f"{self._source.backend.label}: what is left of the revisions of knowledge base "
+                f"{self._store.name!r} up to {self.upto} differs from that when versions were "
+                "moved to an archive; nothing was erased: 'kant-sql verify' shows more"
+            )
+        return rest
+
+    def writer(self, renaming: Renaming) -> TextWriter:
+        """Return what renames an object in the archive, and here."""
+        there, kb_id, session, own_id = self.stores
+        identities = Identities(self.stores, may_return=True)
+
+        def also(table: Table, query: Query, rows: list[dict[str, Any]]) -> None:
+            to = {f"own_{table.columns[at].name}": atoms for at, atoms in references(table)}
+            owner = {"own_id": table} if table in ATOMS else to
+            for key, atoms in owner.items():
+                if atoms in ATOMS and key in rows[0]:
+                    ids = identities.find_ids(atoms, {row[key] for row in rows})
+                    rows = [{**row, key: ids[row[key]]} for row in rows if row[key] in ids]
+                    break
+            if rows:
+                session.run_many(query, [{**row, "kb": own_id} for row in rows])
+
+        return TextWriter(there, kb_id, self._store.name, renaming, also)
+
+    def finish(self, transaction: Transaction, renaming: Renaming | None, erasure_id: int) -> None:
+        """Rename what is here alone, record what is left, and check all of it."""
+        *_, session, kb_id = self.stores
+        name = self._store.name
+        if renaming is not None:
+            TextWriter(session, kb_id, name, renaming).run_atoms()
+        rest = rest_digest(session, kb_id, self.upto)
+        if rest != self._rest:
+            label = self._target.backend.label
+            record_archive(transaction, Leaving(self.upto, self.upto, {}), rest, label)
+        fault = first_fault(session, kb_id, name, {*touched_by(session, kb_id, [erasure_id])})
+        if fault is not None:
+            raise StoreIntegrityError(
+                f"{self._source.backend.label} and {self._target.backend.label} differ in what "
+                f"they have of knowledge base {name!r}: {fault}; nothing was erased: "
+                "'kant-sql verify' of both shows which was changed by hand"
+            )
+
+    def follow(self, revision: int | None) -> tuple[str, ...]:
+        """Erase in the archive; say where bytes of it may remain."""
+        backend = self._target.backend
+        try:
+            return replicate(self._source, self._target, revision or 0)
+        except KantSqlError as error:
+            here = self._source.backend.label
+            return (f"{backend.label} ({error}); run 'kant-sql push {here} {backend.label}'",)
+
+
+class ArchiveDestroyer(Destroyer):
+    """Destroys parts that are in an archive; what is left is written where versions lack."""
+
+    def __init__(self, name: str, moved: ArchivedPart) -> None:
+        there, kb_id, *_ = moved.stores
+        super().__init__(there, kb_id, name, into=(moved.stores.target, moved.stores.target_kb))
+        self._moved = moved
+        self._identities = Identities(moved.stores, may_return=True)
+        self._here: set[tuple[Any, ...]] = set()
+
+    def _changes(self, numbers: list[int]) -> list[Row]:
+        rows = super()._changes(numbers)
+        for atoms in ATOMS:
+            self._identities.find_ids(atoms, {row[4] for row in rows})
+        here = keyed_changes_of(*self._into, numbers)
+        self._here = {(number, SIGNS[sign], kind, *key) for number, sign, kind, _, *key in here}
+        return rows
+
+    def _own(self, part: Part) -> Part:
+        return part._replace(owner_id=self._identities.known_id(part.owner_id))
+
+    def _has(self, number: int, part: Part) -> bool:
+        if number > self._moved.upto:
+            return True
+        if part.kind == WHOLE:
+            raise ConflictError(
+                f"revision {number} is of form 1, whose hash covers the texts themselves, and a "
+                "part of it was moved to the archive; nothing was erased"
+            )
+        return part.position < 0 or (number, *part.key) in self._here
