@@ -19,7 +19,7 @@ from kant_sql.knowledge.canonical import revision_hash
 from kant_sql.sql.schema import current
 from kant_sql.sql.tables.base import VERSION_TABLE
 from kant_sql.store import transaction
-from tests.migrations.test_golden import FOLDER, connected, dump_of
+from tests.migrations.test_golden import connected, digests, dump_of
 from tests.support.pages import ask
 
 HERE = Path(__file__).parent
@@ -149,9 +149,8 @@ def answers(url: str, names: set[str]) -> dict[str, list[str]]:
 
 
 def record(version: str, url: str) -> str:
-    """The schema of a version, as it is on record."""
-    name = f"{make_url(url).get_backend_name()}-{version}.sql"
-    return (FOLDER / name).read_text(encoding="utf-8")
+    """The digest of the schema of a version, as it is on record."""
+    return digests()[f"{make_url(url).get_backend_name()}-{version}"]
 
 
 def refusal(url: str, revision: str) -> str:

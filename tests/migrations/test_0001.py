@@ -24,7 +24,7 @@ from tests.migrations.stores import (
     write_migrated_story,
     write_story,
 )
-from tests.migrations.test_golden import connected, dump_of
+from tests.migrations.test_golden import connected, digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
 from tests.support.reading import findings
@@ -55,15 +55,15 @@ def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
 def test_every_row_survives_each_step_up_and_down(old_url: str) -> None:
     before = as_before(old_url)
     assert len(before) > 25
-    assert dump_of(old_url) == record("0001", old_url)
+    assert digest_of(old_url) == record("0001", old_url)
     for version in VERSIONS[1:]:
         kant_sql.upgrade(old_url, revision=version)
         assert as_before(old_url) == before
-        assert dump_of(old_url) == record(version, old_url)
+        assert digest_of(old_url) == record(version, old_url)
     for version in VERSIONS[-2::-1]:
         kant_sql.operations.downgrade(old_url, revision=version)
         assert as_before(old_url) == before
-        assert dump_of(old_url) == record(version, old_url)
+        assert digest_of(old_url) == record(version, old_url)
 
 
 def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Connect) -> None:

@@ -25,7 +25,7 @@ from tests.migrations.stores import (
     without,
     written,
 )
-from tests.migrations.test_golden import dump_of
+from tests.migrations.test_golden import digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
 from tests.support.reading import findings
@@ -62,13 +62,13 @@ def unchanged(url: str, change: Callable[[], None]) -> bool:
 
 
 def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
-    assert dump_of(old_url) == record("0001", old_url)
+    assert digest_of(old_url) == record("0001", old_url)
     assert views(old_url) == VIEWS
     assert unchanged(old_url, lambda: kant_sql.upgrade(old_url, revision="0002"))
     assert views(old_url) == {*VIEWS, NEW}
-    assert dump_of(old_url) == record("0002", old_url)
+    assert digest_of(old_url) == record("0002", old_url)
     assert unchanged(old_url, lambda: kant_sql.operations.downgrade(old_url, revision="0001"))
-    assert dump_of(old_url) == record("0001", old_url)
+    assert digest_of(old_url) == record("0001", old_url)
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     assert len(answers(old_url, VIEWS)["audit_change"]) > 20

@@ -11,7 +11,7 @@ from sqlalchemy import Connection, text
 import kant_sql
 from kant_sql import KnowledgeBase
 from tests.migrations.stores import ADDED, Make, as_before, in_form_1, record, rows_of, write_story
-from tests.migrations.test_golden import connected, dump_of
+from tests.migrations.test_golden import connected, digest_of
 from tests.support.atoms import Atoms
 from tests.support.chain import check_chain
 from tests.support.reading import findings
@@ -81,9 +81,9 @@ def arguments(url: str) -> list[Any]:
 def test_facts_and_goals_of_each_arity_are_carried_up_and_down(old_url: str) -> None:
     before = rows_of(old_url)
     assert ADDED[0] not in before[TABLE][0]
-    assert dump_of(old_url) == record("0002", old_url)
+    assert digest_of(old_url) == record("0002", old_url)
     kant_sql.upgrade(old_url, revision="0003")
-    assert dump_of(old_url) == record("0003", old_url)
+    assert digest_of(old_url) == record("0003", old_url)
     assert as_before(old_url) == before
     found = arguments(old_url)
     assert {(said, *own) for said, _, _, *own in found} == {
@@ -95,7 +95,7 @@ def test_facts_and_goals_of_each_arity_are_carried_up_and_down(old_url: str) -> 
     assert findings(old_url) == []
     check_chain(old_url)
     kant_sql.operations.downgrade(old_url, revision="0002")
-    assert (rows_of(old_url), dump_of(old_url)) == (before, record("0002", old_url))
+    assert (rows_of(old_url), digest_of(old_url)) == (before, record("0002", old_url))
 
 
 def test_the_library_writes_what_the_migration_writes(old_url: str, connect: Connect) -> None:

@@ -24,7 +24,7 @@ from tests.migrations.stores import (
     without,
     write_story,
 )
-from tests.migrations.test_golden import connected, dump_of
+from tests.migrations.test_golden import connected, digest_of, dump_of
 from tests.support.pages import ask
 from tests.support.reading import findings
 
@@ -64,10 +64,10 @@ def test_rows_and_answers_are_carried_up_and_down(make: Make, version: str) -> N
     assert names | NEW_VIEWS == AUDIT_VIEWS.keys()
     columns = {name: columns_of(url, name) for name in names}
     said = answers(url, names)
-    assert dump_of(url) == record(older, url)
+    assert digest_of(url) == record(older, url)
 
     kant_sql.upgrade(url, revision=version)
-    assert dump_of(url) == record(version, url)
+    assert digest_of(url) == record(version, url)
     after = rows_of(url)
     if version == "0006":
         assert {row[name] for row in after["head"] for name in ORIGIN} == {None}
@@ -79,7 +79,7 @@ def test_rows_and_answers_are_carried_up_and_down(make: Make, version: str) -> N
     assert findings(url) == []
 
     kant_sql.operations.downgrade(url, revision=older)
-    assert (rows_of(url), dump_of(url)) == (rows, record(older, url))
+    assert (rows_of(url), digest_of(url)) == (rows, record(older, url))
     assert answers(url, names) == said
 
 

@@ -21,7 +21,7 @@ from tests.migrations.stores import (
     views,
     written,
 )
-from tests.migrations.test_golden import dump_of
+from tests.migrations.test_golden import digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
 from tests.support.reading import findings
@@ -45,13 +45,13 @@ def test_rows_and_hashes_are_carried_up_and_down(old_url: str) -> None:
     before, said = rows_of(old_url), answers(old_url, {"audit_revision", "audit_change"})
     rows = as_before(old_url)
     kant_sql.upgrade(old_url, revision="0008")
-    assert dump_of(old_url) == record("0008", old_url)
+    assert digest_of(old_url) == record("0008", old_url)
     assert as_before(old_url) == rows
     assert answers(old_url, {"audit_revision", "audit_change"}) == said
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     kant_sql.operations.downgrade(old_url, revision="0007")
-    assert (rows_of(old_url), dump_of(old_url)) == (before, record("0007", old_url))
+    assert (rows_of(old_url), digest_of(old_url)) == (before, record("0007", old_url))
     assert "audit_execution" not in views(old_url)
 
 

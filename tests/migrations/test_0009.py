@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import kant_sql
 from tests.migrations.stores import Make, answers, record, rows_of, run_script, views, written
-from tests.migrations.test_golden import dump_of
+from tests.migrations.test_golden import digest_of
 from tests.support.pages import ask
 from tests.support.reading import findings
 from tests.support.stores import Connect
@@ -25,10 +25,10 @@ def test_the_view_changes_and_nothing_else(make: Make, connect: Connect) -> None
     assert ask(url, "SELECT * FROM own") == own
     run_script(url, "DROP VIEW own")
     assert (rows_of(url), answers(url, others)) == (before, said)
-    assert dump_of(url) == record("0009", url)
+    assert digest_of(url) == record("0009", url)
     kant_sql.operations.downgrade(url, revision="0008")
     assert (rows_of(url), answers(url, others)) == (before, said)
-    assert (dump_of(url), answers(url, {VIEW})) == (record("0008", url), counted)
+    assert (digest_of(url), answers(url, {VIEW})) == (record("0008", url), counted)
     kant_sql.upgrade(url)
     assert findings(url) == []
     kb = connect(url, knowledge_base="rounds", actor="test")

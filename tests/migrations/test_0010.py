@@ -7,7 +7,7 @@ from kant_sql.operations import downgrade
 from tests.contract.test_hash import last_hash
 from tests.migrations.stores import Make, as_before, record, refusal, rows_of, run_script, written
 from tests.migrations.test_0008 import NAME, open_rounds
-from tests.migrations.test_golden import dump_of
+from tests.migrations.test_golden import digest_of
 from tests.support.reading import findings
 from tests.support.stores import Connect
 
@@ -29,13 +29,13 @@ def test_rows_and_hashes_are_carried_up_and_down(make: Make) -> None:
     url = make(write_0009)
     before, said = rows_of(url), as_before(url)
     kant_sql.upgrade(url, revision="0010")
-    assert dump_of(url) == record("0010", url)
+    assert digest_of(url) == record("0010", url)
     assert {(row["form"], row["seed"]) for row in rows_of(url)["revision"]} == {(1, None)}
     assert as_before(url) == said
     kant_sql.upgrade(url)
     assert findings(url) == []
     downgrade(url, revision="0009")
-    assert (rows_of(url), dump_of(url)) == (before, record("0009", url))
+    assert (rows_of(url), digest_of(url)) == (before, record("0009", url))
 
 
 def test_form_2_follows_form_1(make: Make, connect: Connect) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 import kant_sql
 from tests.migrations.stores import Make, answers, record, rows_of, run_script, views, written
-from tests.migrations.test_golden import dump_of
+from tests.migrations.test_golden import digest_of
 from tests.support.pages import ask
 
 CHANGES = "audit_change"
@@ -51,13 +51,13 @@ def test_views_show_what_was_said_before_they_came(make: Make) -> None:
     # A view of a user is still there, and reads the new one.
     assert {*ask(url, "SELECT * FROM own")} >= {"saying | it was busy", "saying | it was not"}
     run_script(url, "DROP VIEW own")
-    assert (rows_of(url), dump_of(url)) == (before, record("0011", url))
+    assert (rows_of(url), digest_of(url)) == (before, record("0011", url))
     after = answers(url, names)
     new = {*after.pop(CHANGES)} - {*(changes := said.pop(CHANGES))}
     assert (after, len(new)) == (said, 2)
     assert ask(url, RECTANGLES) == [f"{START} | {HALF} | 12 | NULL", f"{HALF} | {END} | 12 | 16"]
     kant_sql.operations.downgrade(url, revision="0010")
-    assert (rows_of(url), dump_of(url)) == (before, record("0010", url))
+    assert (rows_of(url), digest_of(url)) == (before, record("0010", url))
     assert (views(url), answers(url, names)) == (names, {**said, CHANGES: changes})
 
 
@@ -68,5 +68,5 @@ def test_an_index_is_replaced_and_what_it_finds_is_the_same(make: Make) -> None:
     before, said = rows_of(url), answers(url, names)
     for version, move in (("0012", kant_sql.upgrade), ("0011", kant_sql.operations.downgrade)):
         move(url, revision=version)
-        assert dump_of(url) == record(version, url)
+        assert digest_of(url) == record(version, url)
         assert (rows_of(url), answers(url, names)) == (before, said)
