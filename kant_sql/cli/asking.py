@@ -165,7 +165,7 @@ def _goals(state: KnowledgeBase) -> Iterator[_Goal]:
     pending = [(goal, ()) for goal in reversed(state.goals.get_all())]
     while pending:
         node, variables = pending.pop()
-        has_preference = any(isinstance(one, f.Preference) for one in f.walk(node))
+        has_preference = f.mentions(f.Preference, node)
         if isinstance(node, f.And):
             pending += [(one, variables) for one in reversed(node.formulas)]
         elif isinstance(node, f.Forall) and has_preference:

@@ -410,8 +410,8 @@ class FormulaChecker:
             self._assign_object(formula, types, context)
         else:
             self._expression(formula.value, context)
-        if context.symbol is Symbol.TIMED_EFFECT and not any(
-            isinstance(part, f.ContinuousTime) for part in f.walk(formula.value)
+        if context.symbol is Symbol.TIMED_EFFECT and not f.mentions(
+            f.ContinuousTime, formula.value
         ):
             self._expect(formula, context, Symbol.EFFECT)
         return ()

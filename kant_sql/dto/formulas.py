@@ -133,6 +133,11 @@ def walk(*nodes: Node) -> Iterator[Node]:
         stack.extend(reversed(children(node)))
 
 
+def mentions(kind: type[Node], *nodes: Node) -> bool:
+    """Return whether nodes contain a node of a class."""
+    return any(isinstance(node, kind) for node in walk(*nodes))
+
+
 def check_nesting(*nodes: Node) -> None:
     """Refuse formulas that are nested too deeply."""
     level = list(nodes)

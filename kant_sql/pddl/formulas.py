@@ -387,7 +387,7 @@ class FormulaReader(Cursor):
         signature, fluent = self.assigned_fluent(None if operator == "assign" else True)
         value = self.assigned(signature)
         self.expect(")", f"')' after the value of {operator}")
-        if context & TIMED and not any(isinstance(one, f.ContinuousTime) for one in f.walk(value)):
+        if context & TIMED and not f.mentions(f.ContinuousTime, value):
             self.fail(_TIMED_EFFECT, at=start)
         return f.Assign(operator, fluent, value)
 

@@ -217,7 +217,7 @@ def _of_problem(problem: Problem) -> Iterator[str]:
     yield from _of_condition(f.walk(*problem.goal))
     for constraint in problem.constraints:
         yield from _of_constraint(constraint)
-    if problem.metric and any(isinstance(n, f.IsViolated) for n in f.walk(problem.metric)):
+    if problem.metric and f.mentions(f.IsViolated, problem.metric):
         yield ":preferences"
 
 

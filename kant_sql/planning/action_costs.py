@@ -10,16 +10,7 @@ from typing import Any, TypeVar
 
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
-from ..pddl.document import (
-    DURATIVE_ACTION,
-    Action,
-    Domain,
-    Function,
-    FunctionValue,
-    Predicate,
-    Problem,
-    formulas,
-)
+from ..pddl import document as pddl
 from ..pddl.requirements import used_requirements
 from .names import number, unused_name
 
@@ -32,7 +23,7 @@ N = TypeVar("N", bound=f.Node)
 class Objects:
     """The objects and constants of documents, by type."""
 
-    def __init__(self, domain: Domain, problem: Problem) -> None:
+    def __init__(self, domain: pddl.Domain, problem: pddl.Problem) -> None:
         self._above = {fold(part.name): tuple(map(fold, part.types)) for part in domain.types}
         given = {fold(part.name): part for part in (*domain.constants, *problem.objects)}
         self._objects = [(part.name, self._ancestors(part.types)) for part in given.values()]
@@ -60,7 +51,7 @@ class Objects:
 class UnusedNames:
     """Makes names that no element of documents has."""
 
-    def __init__(self, domain: Domain, problem: Problem) -> None:
+    def __init__(self, domain: pddl.Domain, problem: pddl.Problem) -> None:
         named = (domain.types, domain.constants, problem.objects, domain.predicates)
         self._taken = {f.TOTAL_COST, f.TOTAL_TIME}
         for parts in (*named, domain.functions, domain.actions):
@@ -105,18 +96,18 @@ class CostedAction:
         amount: what it adds besides `cost`.
     """
 
-    action: Action
+    action: pddl.Action
     cost: ActionCost = field(default_factory=ActionCost)
     amount: Fraction = Fraction(0)
 
 
 def write_costs(
-    domain: Domain,
-    problem: Problem,
+    domain: pddl.Domain,
+    problem: pddl.Problem,
     actions: Sequence[CostedAction],
     free: frozenset[str],
     unused: Callable[[str], str],
-) -> tuple[Domain, Problem]:
+) -> tuple[pddl.Domain, pddl.Problem]:
     """Write the costs of actions into documents, as whole numbers.
 
     Args:
@@ -136,8 +127,8 @@ def write_costs(
     domain = replace(domain, actions=made, predicates=(*domain.predicates, *writer.predicates))
     problem = replace(problem, facts=(*problem.facts, *writer.facts), requirements=())
     if writer.is_used:
-        functions = (*domain.functions, *writer.functions, Function(f.TOTAL_COST))
-        values = (*problem.values, *writer.values, FunctionValue(TOTAL_COST, f.Number(0)))
+        functions = (*domain.functions, *writer.functions, pddl.Function(f.TOTAL_COST))
+        values = (*problem.values, *writer.values, pddl.FunctionValue(TOTAL_COST, f.Number(0)))
         domain = replace(domain, functions=functions)
         metric = f.Metric("minimize", TOTAL_COST)
         problem = replace(problem, values=values, metric=metric)
@@ -153,13 +144,13 @@ class _Writer:
 
     def __init__(self, unused: Callable[[str], str], scale: Fraction) -> None:
         self._unused, self._scale = unused, scale
-        self.functions: list[Function] = []
-        self.values: list[FunctionValue] = []
-        self.predicates: list[Predicate] = []
+        self.functions: list[pddl.Function] = []
+        self.values: list[pddl.FunctionValue] = []
+        self.predicates: list[pddl.Predicate] = []
         self.facts: list[f.Atom] = []
         self.is_used = False
 
-    def costed(self, action: Action, cost: ActionCost, table: Values) -> Action:
+    def costed(self, action: pddl.Action, cost: ActionCost, table: Values) -> pddl.Action:
         """Return an action that costs what a table says."""
         amounts = set(table.values())
         variables = tuple(f.Variable(part.name) for part in cost.parameters)
@@ -170,11 +161,11 @@ class _Writer:
         value: f.Expression = number(next(iter(amounts)) * self._scale)
         if len(amounts) > 1:
             name = self._unused(f"cost-of-{action.name}")
-            self.functions.append(Function(name, cost.parameters))
+            self.functions.append(pddl.Function(name, cost.parameters))
             # Planners want a value for all objects.
             values = {**table, **dict.fromkeys(cost.undefined, Fraction(0))}
             self.values += [
-                FunctionValue(
+                pddl.FunctionValue(
                     f.Fluent(name, tuple(map(f.Constant, objects))),
                     f.Number(int(amount * self._scale)),
                 )
@@ -183,26 +174,26 @@ class _Writer:
             value = f.Fluent(name, variables)
         self.is_used = True
         effect: f.Formula = f.Assign("increase", TOTAL_COST, value)
-        if action.kind == DURATIVE_ACTION:
+        if action.kind == pddl.DURATIVE_ACTION:
             effect = f.Timed(f.AT_END, effect)
         return replace(action, effect=(*action.effect, effect))
 
     def _restricted(
-        self, action: Action, cost: ActionCost, variables: tuple[f.Variable, ...]
-    ) -> Action:
+        self, action: pddl.Action, cost: ActionCost, variables: tuple[f.Variable, ...]
+    ) -> pddl.Action:
         """Restrict an action to the objects for which its cost is defined."""
         name = self._unused(f"costs-{action.name}")
-        self.predicates.append(Predicate(name, cost.parameters))
+        self.predicates.append(pddl.Predicate(name, cost.parameters))
         self.facts += [
             f.Atom(name, tuple(map(f.Constant, objects))) for objects in cost.values or {}
         ]
         condition: f.Formula = f.Atom(name, variables)
-        if action.kind == DURATIVE_ACTION:
+        if action.kind == pddl.DURATIVE_ACTION:
             condition = f.Timed(f.AT_START, condition)
         return replace(action, condition=(*action.condition, condition))
 
 
-def _without(action: Action, free: frozenset[str]) -> Action:
+def _without(action: pddl.Action, free: frozenset[str]) -> pddl.Action:
     return replace(action, effect=tuple(_kept(action.effect, free)))
 
 
@@ -220,9 +211,9 @@ def _kept(effects: Iterable[f.Formula], free: frozenset[str]) -> Iterator[f.Form
                 yield effect
 
 
-def _pruned(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
+def _pruned(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Domain, pddl.Problem]:
     """Leave out the numeric functions that nothing mentions."""
-    nodes = [*formulas(domain, problem), *problem.timed]
+    nodes = [*pddl.formulas(domain, problem), *problem.timed]
     mentioned = {fold(n.function) for n in f.walk(*nodes) if isinstance(n, f.Fluent)}
     mentioned |= {fold(one.name) for one in domain.functions if one.types}
     functions = tuple(one for one in domain.functions if fold(one.name) in mentioned)
@@ -231,10 +222,10 @@ def _pruned(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
 
 
 def _renamed(
-    domain: Domain, problem: Problem, unused: Callable[[str], str]
-) -> tuple[Domain, Problem]:
+    domain: pddl.Domain, problem: pddl.Problem, unused: Callable[[str], str]
+) -> tuple[pddl.Domain, pddl.Problem]:
     """Rename what is called like the costs, if it is needed."""
-    nodes = [*formulas(domain, problem), *problem.timed]
+    nodes = [*pddl.formulas(domain, problem), *problem.timed]
     if not any(_is_named_total(node) for node in f.walk(*nodes)):
         return domain, problem
     name = unused(f.TOTAL_COST)
@@ -250,7 +241,7 @@ def _renamed(
         for one in domain.functions
     )
     values = tuple(
-        FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
+        pddl.FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
         if _is_named_total(value.fluent)
         else value
         for value in problem.values
@@ -266,7 +257,7 @@ def _renamed(
 _OF_ACTION = ("duration", "condition", "effect")
 _OF_DOMAIN = ("constraints", "derived")
 _OF_PROBLEM = ("timed", "goal", "constraints")
-D = TypeVar("D", Action, Domain, Problem)
+D = TypeVar("D", pddl.Action, pddl.Domain, pddl.Problem)
 
 
 def _changed(document: D, change: Callable[[f.Node], f.Node], names: Sequence[str]) -> D:
@@ -279,7 +270,7 @@ def _is_named_total(node: f.Node) -> bool:
     return isinstance(node, f.Fluent) and fold(node.function) == f.TOTAL_COST
 
 
-def functions_read(domain: Domain, problem: Problem) -> set[str]:
+def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
     """Return the folded names of the functions that decide what is possible."""
     effects = [effect for action in domain.actions for effect in action.effect]
     pending: list[f.Node] = [*domain.derived, *domain.constraints, *problem.goal]

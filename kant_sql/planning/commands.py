@@ -197,11 +197,10 @@ def _fits(domain: Domain, problem: Problem, is_optimal: bool) -> bool:
         return False
     # Its translator knows no cost within a condition or a quantifier.
     return not any(
-        isinstance(node, f.Assign)
+        f.mentions(f.Assign, effect)
         for action in domain.actions
         for effect in unconditional(action.effect)
         if not isinstance(effect, f.Assign)
-        for node in f.walk(effect)
     )
 
 

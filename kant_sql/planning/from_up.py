@@ -12,18 +12,7 @@ from ..arguments import expect
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, UnsupportedConstructError
-from ..pddl.document import (
-    ACTION,
-    DURATIVE_ACTION,
-    PROCESS,
-    Action,
-    Domain,
-    Function,
-    FunctionValue,
-    Predicate,
-    Problem,
-    formulas,
-)
+from ..pddl import document as pddl
 from ..pddl.requirements import used_requirements
 from . import names as n
 
@@ -160,15 +149,15 @@ class PddlExpressions:
 class PddlActions(PddlExpressions):
     """Converts the actions of one problem, too."""
 
-    def action(self, action: up.Transition, cost: up.FNode | None) -> Action:
+    def action(self, action: up.Transition, cost: up.FNode | None) -> pddl.Action:
         """Convert an action, a process or an event."""
         self.where = f"action {action.name}"
         kind = _KINDS.get(type(action).__name__)
         if kind is None:
             raise self.unsupported(type(action).__name__, "PDDL has no such action")
-        timed = kind == DURATIVE_ACTION
+        timed = kind == pddl.DURATIVE_ACTION
         simulated = "simulated_effects" if timed else "simulated_effect"
-        if getattr(action, simulated, None) if kind != PROCESS else None:
+        if getattr(action, simulated, None) if kind != pddl.PROCESS else None:
             raise self.unsupported("a simulated effect", "its meaning is a program")
         bound = bind({}, action.parameters)
         effects = [*(self._durative_effects if timed else self._effects)(action, bound)]
@@ -176,7 +165,7 @@ class PddlActions(PddlExpressions):
             value = self.expression(cost, bound)
             increase = f.Assign("increase", f.Fluent(f.TOTAL_COST), value)
             effects.append(f.Timed(f.AT_END, increase) if timed else increase)
-        return Action(
+        return pddl.Action(
             kind,
             self.names.of(kind, action.name),
             self.typed(action.parameters, bound),
@@ -278,7 +267,7 @@ class PddlActions(PddlExpressions):
         yield (), f.Assign(operator, fluent, amount)
 
 
-def from_unified_planning(problem: UpProblem) -> tuple[Domain, Problem]:
+def from_unified_planning(problem: UpProblem) -> tuple[pddl.Domain, pddl.Problem]:
     """Convert a problem of unified-planning to a domain and a problem of the same meaning.
 
     Names become names that the grammar of PDDL allows: `left arm` is `left_arm`. Predicates,
@@ -330,11 +319,11 @@ class PddlDocuments(PddlActions):
         if len(problem.quality_metrics) > 1:
             raise unsupported("several metrics", "a problem has one")
 
-    def documents(self) -> tuple[Domain, Problem]:
+    def documents(self) -> tuple[pddl.Domain, pddl.Problem]:
         """Return the domain and the problem."""
         name = n.pddl_name("problem", self._problem.name or "problem")
         domain = self._domain(f"{name}-domain")
-        nodes = f.walk(*formulas(domain))
+        nodes = f.walk(*pddl.formulas(domain))
         constants = {node.name for node in nodes if isinstance(node, f.Constant)}
         objects = [
             f.TypedName(self.names.of(n.OBJECT, item.name), self._type(item.type))
@@ -342,8 +331,8 @@ class PddlDocuments(PddlActions):
         ]
         facts, values = self._initial_state()
         if self._costs():
-            values = (*values, FunctionValue(f.Fluent(f.TOTAL_COST), f.Number(0)))
-        problem = Problem(
+            values = (*values, pddl.FunctionValue(f.Fluent(f.TOTAL_COST), f.Number(0)))
+        problem = pddl.Problem(
             name,
             domain.name,
             objects=tuple(item for item in objects if item.name not in constants),
@@ -360,26 +349,26 @@ class PddlDocuments(PddlActions):
         )
         return domain, problem
 
-    def _domain(self, name: str) -> Domain:
+    def _domain(self, name: str) -> pddl.Domain:
         names, problem, predicates, functions = self.names, self._problem, [], []
         for fluent in problem.fluents:
             self.where = f"fluent {fluent.name}"
             called = names.of(category_of(fluent), fluent.name)
             parameters = self.typed(fluent.signature, bind({}, fluent.signature))
             if fluent.type.is_bool_type():
-                predicates.append(Predicate(called, parameters))
+                predicates.append(pddl.Predicate(called, parameters))
             elif fluent.type.is_user_type():
-                functions.append(Function(called, parameters, self._type(fluent.type)))
+                functions.append(pddl.Function(called, parameters, self._type(fluent.type)))
             elif fluent.type.lower_bound is None and fluent.type.upper_bound is None:
-                functions.append(Function(called, parameters))
+                functions.append(pddl.Function(called, parameters))
             else:
                 raise self.unsupported(
                     fluent, "a number has no bounds; compile with BOUNDED_TYPES_REMOVING first"
                 )
         costs = self._costs()
         if costs:
-            functions.append(Function(f.TOTAL_COST))
-        return Domain(
+            functions.append(pddl.Function(f.TOTAL_COST))
+        return pddl.Domain(
             name,
             types=tuple(
                 f.TypedName(
@@ -429,7 +418,7 @@ class PddlDocuments(PddlActions):
                         raise self.unsupported(effect, "it is no single literal")
                     yield f.TimedLiteral(time, change)
 
-    def _with_goals(self, problem: Problem) -> Problem:
+    def _with_goals(self, problem: pddl.Problem) -> pddl.Problem:
         up_problem = self._problem
         self.where = "the goals"
         goals = list(self.conjuncts(up_problem.goals, {}))
@@ -473,7 +462,7 @@ class PddlDocuments(PddlActions):
             return f.Metric(sense, self.expression(metric.expression, {}))
         return None
 
-    def _initial_state(self) -> tuple[tuple[f.Atom, ...], tuple[FunctionValue, ...]]:
+    def _initial_state(self) -> tuple[tuple[f.Atom, ...], tuple[pddl.FunctionValue, ...]]:
         self.where = "the initial state"
         facts, values = [], []
         for fluent in self._problem.fluents:
@@ -483,7 +472,9 @@ class PddlDocuments(PddlActions):
                     if value.is_true() and isinstance(fact, f.Atom):
                         facts.append(fact)
                     continue
-                values.append(FunctionValue(self.fluent(target, {}), self._value(value, fluent)))
+                values.append(
+                    pddl.FunctionValue(self.fluent(target, {}), self._value(value, fluent))
+                )
         return tuple(facts), tuple(values)
 
     def _value(self, value: up.FNode, fluent: up.Fluent) -> f.Number | f.Constant:
@@ -526,6 +517,6 @@ def _elements(problem: up.Problem) -> Iterator[tuple[str, str]]:
     """Yield the category and the name of each element."""
     yield from ((n.OBJECT, item.name) for item in problem.all_objects)
     for action in (*problem.actions, *problem.processes, *problem.events):
-        yield _KINDS.get(type(action).__name__, ACTION), action.name
+        yield _KINDS.get(type(action).__name__, pddl.ACTION), action.name
     yield from ((category_of(fluent), fluent.name) for fluent in problem.fluents)
     yield from ((n.TYPE, type_.name) for type_ in _types(problem))

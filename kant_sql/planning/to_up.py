@@ -14,7 +14,7 @@ from . import names as n
 from .metrics import hinted, is_sum_of_costs, refusal, static_functions, variants
 from .solving import check_documents
 from .up_actions import SingleEffect, UpActions, UpEffects
-from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes, mentions
+from .up_formulas import Bindings, ConversionContext, UpFormulas, UpPreferences, UpTypes
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
@@ -211,7 +211,7 @@ class UpConversion:
             made = kind(environment)
         elif self._preferences.counted:
             made = model.Oversubscription(self._preferences.gains, environment)
-        elif not mentions(f.IsViolated, metric.expression):
+        elif not f.mentions(f.IsViolated, metric.expression):
             optimization = "Minimize" if minimize else "Maximize"
             kind = getattr(model, f"{optimization}ExpressionOnFinalState")
             made = kind(self._formulas.expression(metric.expression, Bindings()), environment)

@@ -181,7 +181,7 @@ class UpEffects(UpConverter):
         """Convert the fluent that an effect changes."""
         change = effect.change
         fluent = change.fluent if isinstance(change, f.Assign) else _atom(change)
-        if any(isinstance(node, f.Fluent) for term in fluent.terms for node in f.walk(term)):
+        if f.mentions(f.Fluent, *fluent.terms):
             reason = "an effect on what another fluent denotes has no counterpart"
             raise self._unsupported(change, reason)
         if isinstance(fluent, f.Atom):
@@ -239,7 +239,7 @@ class UpEffects(UpConverter):
             case f.ContinuousTime():
                 return self._manager.Int(1)
             case f.Arithmetic("*", operands):
-                timed = [part for part in operands if _has_time(part)]
+                timed = [part for part in operands if f.mentions(f.ContinuousTime, part)]
                 if len(timed) == 1:
                     factors = [
                         self._formulas.expression(part, effect.scope)
@@ -249,9 +249,9 @@ class UpEffects(UpConverter):
                     if isinstance(timed[0], f.ContinuousTime):
                         return self._manager.Times(factors)
                     return self._manager.Times(self._rate(timed[0], effect), *factors)
-            case f.Arithmetic("/", (dividend, divisor)) if not _has_time(divisor):
+            case f.Arithmetic("/", (dividend, by)) if not f.mentions(f.ContinuousTime, by):
                 return self._manager.Div(
-                    self._rate(dividend, effect), self._formulas.expression(divisor, effect.scope)
+                    self._rate(dividend, effect), self._formulas.expression(by, effect.scope)
                 )
         raise self._unsupported(effect.change, "it is not a multiple of #t")
 
@@ -272,13 +272,7 @@ def _atom(change: f.Atom | f.Not | None) -> f.Atom:
 def is_continuous(effect: SingleEffect) -> bool:
     """Return whether an effect is continuous."""
     change = effect.change
-    if not isinstance(change, f.Assign) or isinstance(change.value, f.Constant):
-        return False
-    return _has_time(change.value)
-
-
-def _has_time(node: f.Expression) -> bool:
-    return any(isinstance(part, f.ContinuousTime) for part in f.walk(node))
+    return isinstance(change, f.Assign) and f.mentions(f.ContinuousTime, change.value)
 
 
 class UpActions(UpConverter):

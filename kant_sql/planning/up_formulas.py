@@ -365,7 +365,7 @@ class UpPreferences(UpConverter):
         self._formulas = formulas
         self._weights: dict[str, Fraction] = {}
         self.gains: dict[FNode, Fraction] = {}
-        if metric is not None and mentions(f.IsViolated, metric.expression):
+        if metric is not None and f.mentions(f.IsViolated, metric.expression):
             with context.at("the metric"):
                 sign = 1 if metric.optimization == "minimize" else -1
                 self._weights = {
@@ -392,7 +392,7 @@ class UpPreferences(UpConverter):
     def without(self, nodes: Iterable[f.Formula]) -> Iterator[f.Formula]:
         """Drop the preferences that the metric does not count."""
         for node in nodes:
-            if not mentions(f.Preference, node):
+            if not f.mentions(f.Preference, node):
                 yield node
                 continue
             match node:
@@ -420,7 +420,7 @@ class UpPreferences(UpConverter):
                         self.gains[goal] = self.gains.get(goal, Fraction(0)) + weight
                 case f.And(parts):
                     yield from self.goals(parts, scope)
-                case f.Forall(variables, inner) if mentions(f.Preference, inner):
+                case f.Forall(variables, inner) if f.mentions(f.Preference, inner):
                     for within in self._instances(variables, scope):
                         yield from self.goals([inner], within)
                 case _:
@@ -440,8 +440,3 @@ class UpPreferences(UpConverter):
 
     def _weight(self, name: str | None) -> Fraction:
         return self._weights.get(fold(name), Fraction(0)) if name else Fraction(0)
-
-
-def mentions(kind: type[f.Node], *nodes: f.Node) -> bool:
-    """Return whether nodes contain a node of a class."""
-    return any(isinstance(node, kind) for node in f.walk(*nodes))

@@ -331,9 +331,7 @@ class _Around:
 
 def _is_continuous(node: f.Node) -> bool:
     """Return whether an effect changes a number while time passes."""
-    return isinstance(node, f.Assign) and any(
-        isinstance(part, f.ContinuousTime) for part in f.walk(node.value)
-    )
+    return isinstance(node, f.Assign) and f.mentions(f.ContinuousTime, node.value)
 
 
 def _check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> None:

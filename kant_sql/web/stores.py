@@ -141,14 +141,15 @@ async def answer(request: Request, work: Callable[[], T]) -> T:
     with limited(seconds=STATEMENT_SECONDS) as limit, store.asking(limit):
         leaving = asyncio.create_task(_cancel_when_left(request, limit))
         try:
-            return await anyio.to_thread.run_sync(_persistent, work, limiter=limiter)
+            return await anyio.to_thread.run_sync(persistent, work, limiter=limiter)
         finally:
             leaving.cancel()
             with suppress(asyncio.CancelledError):
                 await leaving
 
 
-def _persistent(work: Callable[[], T]) -> T:
+def persistent(work: Callable[[], T]) -> T:
+    """Ask again where another store took the place of this one."""
     try:
         return work()
     except StoreReplacedError:

@@ -30,12 +30,7 @@ from pydantic import ConfigDict, Field, ValidationError
 
 from kant_sql import __version__, history
 from kant_sql.arguments import shown
-from kant_sql.errors import (
-    InvalidArgumentError,
-    KantSqlError,
-    StoreBusyError,
-    StoreReplacedError,
-)
+from kant_sql.errors import InvalidArgumentError, KantSqlError, StoreBusyError
 from kant_sql.history.overview import read_overview
 from kant_sql.html import visible
 from kant_sql.json_values import json_value
@@ -46,7 +41,7 @@ from kant_sql.web.application import MOST_QUESTIONS
 from kant_sql.web.pages import acts, ask, elements, home, overview, plans, revisions, rules
 from kant_sql.web.pages.statistics import statistics
 from kant_sql.web.registry import NO_NUL, SinceMoment, UntilMoment, past
-from kant_sql.web.stores import MOST_WAITING, STATEMENT_SECONDS, OpenStore
+from kant_sql.web.stores import MOST_WAITING, STATEMENT_SECONDS, OpenStore, persistent
 
 from .questions import QUESTIONS
 
@@ -102,7 +97,7 @@ class Asking:
         with limited(seconds=STATEMENT_SECONDS) as limit, self.store.asking(limit):
             try:
                 return await anyio.to_thread.run_sync(
-                    _persistent, work, abandon_on_cancel=True, limiter=self._limiter
+                    persistent, work, abandon_on_cancel=True, limiter=self._limiter
                 )
             except anyio.get_cancelled_exc_class():
                 with anyio.CancelScope(shield=True):
@@ -113,14 +108,6 @@ class Asking:
         """Ask a knowledge base by its name, or the only one."""
         with self.store.knowledge_base(self.store.choose(name)) as kb:
             return question(kb)
-
-
-def _persistent(work: Callable[[], T]) -> T:
-    try:
-        return work()
-    except StoreReplacedError:
-        # The second time, the file that is there now is opened.
-        return work()
 
 
 class _Arguments(FuncMetadata):

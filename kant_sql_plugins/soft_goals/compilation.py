@@ -21,17 +21,7 @@ from itertools import product
 
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import fold
-from kant_sql.pddl.document import (
-    ACTION,
-    DURATIVE_ACTION,
-    EVENT,
-    PROCESS,
-    Action,
-    Domain,
-    Predicate,
-    Problem,
-    formulas,
-)
+from kant_sql.pddl import document as pddl
 from kant_sql.pddl.requirements import is_function
 from kant_sql.planning.action_costs import CostedAction, Objects, UnusedNames, write_costs
 from kant_sql.planning.metrics import ONE, NotLinearError, Variant, linear
@@ -47,7 +37,7 @@ MOST_CHOICES = 6
 MOST_INSTANCES = 5_000
 
 
-def compile_soft_goals(domain: Domain, problem: Problem) -> Iterator[Variant]:
+def compile_soft_goals(domain: pddl.Domain, problem: pddl.Problem) -> Iterator[Variant]:
     """Yield stand-ins for documents: with costs, then without the metric and all preferences."""
     soft_goals = SoftGoals(domain, problem)
     compiled = soft_goals.compiled()
@@ -92,18 +82,23 @@ class SoftGoals:
     """
 
     def __init__(
-        self, domain: Domain, problem: Problem, *, measured: bool = True, chained: bool = False
+        self,
+        domain: pddl.Domain,
+        problem: pddl.Problem,
+        *,
+        measured: bool = True,
+        chained: bool = False,
     ) -> None:
         self._domain, self._problem = domain, problem
         self._measured, self._chained = measured, chained
         self._objects = Objects(domain, problem)
         self._unused = UnusedNames(domain, problem)
         kinds = {action.kind for action in domain.actions}
-        self._changes_by_itself = bool(problem.timed) or bool(kinds & {PROCESS, EVENT})
-        self._takes_time = self._changes_by_itself or DURATIVE_ACTION in kinds
+        self._changes_by_itself = bool(problem.timed) or bool(kinds & {pddl.PROCESS, pddl.EVENT})
+        self._takes_time = self._changes_by_itself or pddl.DURATIVE_ACTION in kinds
         self._ignored: dict[str, None] = {}
         self._steps: dict[str, str | None] = {}
-        self._predicates: list[Predicate] = []
+        self._predicates: list[pddl.Predicate] = []
         self._initial: list[f.Atom] = []
         # The effects of observing a state.
         self._observed: list[f.Formula] = []
@@ -233,12 +228,12 @@ class SoftGoals:
                         self._ignore(where, node, str(error))
                 case f.And(parts):
                     yield from self._without_preferences(parts, where, found, known)
-                case f.Timed(time, inner) if _mentions_preference(inner):
+                case f.Timed(time, inner) if f.mentions(f.Preference, inner):
                     own: list[_Preference] = []
                     for rest in self._without_preferences([inner], where, own, known):
                         yield f.Timed(time, rest)
                     found += [replace(one, formula=f.Timed(time, one.formula)) for one in own]
-                case f.Forall(variables, inner) if _mentions_preference(inner):
+                case f.Forall(variables, inner) if f.mentions(f.Preference, inner):
                     yield from self._instances(variables, inner, where, found, known)
                 case _:
                     yield node
@@ -289,13 +284,13 @@ class SoftGoals:
             match node:
                 case f.Preference():
                     continue
-                case f.And(parts) if _mentions_preference(node):
+                case f.And(parts) if f.mentions(f.Preference, node):
                     yield from SoftGoals.hard(parts)
-                case f.Forall(variables, inner) if _mentions_preference(inner):
+                case f.Forall(variables, inner) if f.mentions(f.Preference, inner):
                     rest = tuple(SoftGoals.hard([inner]))
                     if rest:
                         yield f.Forall(variables, f.And(rest))
-                case f.Timed(time, inner) if _mentions_preference(inner):
+                case f.Timed(time, inner) if f.mentions(f.Preference, inner):
                     yield from (f.Timed(time, rest) for rest in SoftGoals.hard([inner]))
                 case _:
                     yield node
@@ -366,7 +361,7 @@ class SoftGoals:
     def _atom(self, word: str, *, initially: bool = True) -> f.Atom:
         """Declare a proposition."""
         name = self._unused(word)
-        self._predicates.append(Predicate(name))
+        self._predicates.append(pddl.Predicate(name))
         atom = f.Atom(name)
         if initially:
             self._initial.append(atom)
@@ -375,15 +370,16 @@ class SoftGoals:
     # Actions.
 
     def _copies(
-        self, action: Action, acting: f.Atom | None, observing: f.Atom | None
+        self, action: pddl.Action, acting: f.Atom | None, observing: f.Atom | None
     ) -> Iterator[CostedAction]:
         """Yield an action once for each set of its preferences that is violated."""
         where = f"{action.kind} {action.name}"
         softened: list[_Preference] = []
         condition = tuple(self._without_preferences(action.condition, where, softened))
-        if action.kind in {PROCESS, EVENT}:
+        if action.kind in {pddl.PROCESS, pddl.EVENT}:
+            kind = f"{'an' if action.kind == pddl.EVENT else 'a'} {action.kind}"
             for one in softened:
-                self._ignore(where, one, f"{_article(action.kind)} happens by itself")
+                self._ignore(where, one, f"{kind} happens by itself")
             yield CostedAction(replace(action, condition=condition))
             return
         cost, chosen = self._costs.of(action), self._choices(softened, where)
@@ -454,12 +450,12 @@ class SoftGoals:
         """Make an action that is left out of plans."""
         chosen = self._unused(name)
         self._steps[fold(chosen)] = None
-        return CostedAction(Action(ACTION, chosen, (), (), condition, effect))
+        return CostedAction(pddl.Action(pddl.ACTION, chosen, (), (), condition, effect))
 
 
-def _with_constants(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
+def _with_constants(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Domain, pddl.Problem]:
     """Make constants of the objects that the domain mentions."""
-    nodes = f.walk(*formulas(domain))
+    nodes = f.walk(*pddl.formulas(domain))
     mentioned = {fold(node.name) for node in nodes if isinstance(node, f.Constant)}
     mentioned -= {fold(part.name) for part in domain.constants}
     constants = [part for part in problem.objects if fold(part.name) in mentioned]
@@ -468,22 +464,14 @@ def _with_constants(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
     return domain, replace(problem, objects=objects)
 
 
-def _in_turn(action: Action, acting: f.Atom | None, observing: f.Atom | None) -> Action:
+def _in_turn(action: pddl.Action, acting: f.Atom | None, observing: f.Atom | None) -> pddl.Action:
     """Allow an action before the end of the plan only, and each after an observation."""
     if acting is None:
         return action
-    if action.kind == DURATIVE_ACTION:
+    if action.kind == pddl.DURATIVE_ACTION:
         turn = tuple(f.Timed(time, acting) for time in f.TIMES)
         return replace(action, condition=(*action.condition, *turn))
     effect = action.effect
     if observing is not None:
         effect = (*effect, f.Not(acting), observing)
     return replace(action, condition=(*action.condition, acting), effect=effect)
-
-
-def _mentions_preference(node: f.Node) -> bool:
-    return any(isinstance(part, f.Preference) for part in f.walk(node))
-
-
-def _article(kind: str) -> str:
-    return f"{'an' if kind == EVENT else 'a'} {kind}"

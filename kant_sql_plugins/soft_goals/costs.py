@@ -6,7 +6,7 @@ numeric fluent that actions only increase, by amounts that never change, is such
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -24,7 +24,7 @@ from kant_sql.planning.action_costs import (
     functions_read,
     rebuilt,
 )
-from kant_sql.planning.metrics import folded, static_functions
+from kant_sql.planning.metrics import folded, static_functions, unconditional
 
 N = TypeVar("N", bound=f.Node)
 
@@ -116,7 +116,7 @@ class Costs:
         return [*known, *found]
 
     def _of_action(self, action: Action, function: str) -> Iterator[_Increase]:
-        for effect in _flat(action.effect):
+        for effect in unconditional(action.effect):
             changed = effect.fluent if isinstance(effect, f.Assign) else None
             if changed is None or fold(changed.function) != function:
                 if any(_changes(node, function) for node in f.walk(effect)):
@@ -193,16 +193,6 @@ class Costs:
                 known = [value for value in values if value is not None]
                 return _calculate(operator, known) if len(known) == len(values) else None
         raise NoCostError(f"the amount in action {action.name} depends on the state")
-
-
-def _flat(effects: Iterable[f.Formula]) -> Iterator[f.Formula]:
-    for effect in effects:
-        if isinstance(effect, f.And):
-            yield from _flat(effect.formulas)
-        elif isinstance(effect, f.Timed):
-            yield from _flat((effect.formula,))
-        else:
-            yield effect
 
 
 def _changes(node: f.Node, function: str) -> bool:
