@@ -16,7 +16,6 @@ from ..html import Feed, Listing
 from ..knowledge.definitions import ActionDefinition, Definitions
 from ..pddl.cursor import hint
 from ..planning import PlanStep
-from ..sql.relations import ConditionStatement
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
@@ -223,11 +222,10 @@ def _instances(
         return []
     is_limited = most is not None and promise.is_whole
     key = ("instances", *sorted(places), is_limited, *statement_key(view, ()))
-    statement: ConditionStatement | None = action.kept.get(key)
-    if statement is None:
-        slots = {action.parameters[n].slot: place for n, place in places.items()}
-        statement = question(view).answers(promise.listed, free, slots, is_limited)
-        action.kept[key] = statement
+    slots = {action.parameters[n].slot: place for n, place in places.items()}
+    statement = action.kept(
+        key, lambda: question(view).answers(promise.listed, free, slots, is_limited)
+    )
     rows = asked(view, statement, given, OF_ANSWERS)[1:]
     live = definitions.objects.live
     chosen = {n: live(given[f"b{n}"]).name for n in places}

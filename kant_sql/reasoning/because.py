@@ -584,19 +584,19 @@ class _Tracer:
 
 def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[r.Place, ...] | None]]:
     """Return what the conditions of an action mention; through rules, of any objects."""
-    found: list[tuple[Head, tuple[r.Place, ...] | None]] | None = action.kept.get("mentioned")
-    if found is None:
-        rules, found = rules_of(action.definitions), []
-        parts = [part for time in TIMES for part in parts_used(action, time)]
-        for part in (each for one in parts for each in r.parts_of(one)):
-            if isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
-                head = head_of(part)
-                assert head is not None
-                found.append((head, part.terms))
-                if head[0] and rules.of(head[1]):
-                    found += [(each, None) for each in heads_of(rules, part) - {head}]
-        action.kept["mentioned"] = found
-    return found
+    return action.kept("mentioned", lambda: list(_occurrences(action)))
+
+
+def _occurrences(action: PreparedAction) -> Iterator[tuple[Head, tuple[r.Place, ...] | None]]:
+    rules = rules_of(action.definitions)
+    parts = [part for time in TIMES for part in parts_used(action, time)]
+    for part in (each for one in parts for each in r.parts_of(one)):
+        if isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
+            head = head_of(part)
+            assert head is not None
+            yield head, part.terms
+            if head[0] and rules.of(head[1]):
+                yield from ((each, None) for each in heads_of(rules, part) - {head})
 
 
 def consequences(

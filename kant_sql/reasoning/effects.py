@@ -7,7 +7,7 @@ fluent add up; other assignments of one fluent must agree. Numbers are calculate
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
@@ -18,9 +18,8 @@ from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
 from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
-from ..knowledge.resolved import AllOf, Known, NumberOf, Place, Slot, closure, fits
+from ..knowledge.resolved import AllOf, Bound, Known, NumberOf, Part, Place, Slot, closure, fits
 from ..sql.answers import run
-from ..sql.relations import ConditionStatement
 from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
@@ -93,16 +92,9 @@ class EffectReader:
 
     def _numbers_of(self, items: Sequence[EffectItem]) -> Mapping[NumberOf, Decimal]:
         """Return the numbers that effects without a condition need, by one statement."""
-        action, view = self._step.action, self._view
         numbers = list(dict.fromkeys(number for item in items for number in item.numbers))
-        key = ("numbers", *map(id, items), *statement_key(view, self._numbers))
-        statement: ConditionStatement | None = action.kept.get(key)
-        if statement is None:
-            asking = question(view, self._numbers)
-            statement = asking.effects(AllOf(()), (), numbers, self._step.places)
-            action.kept[key] = statement
-        given = self._step.values
-        [texts] = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+        key = "numbers", *map(id, items)
+        [texts] = self._asked(key, AllOf(()), (), numbers, self._step.values)
         return decimals(numbers, texts)
 
     def _check_values(self, item: EffectItem) -> None:
@@ -140,23 +132,32 @@ class EffectReader:
         }
 
     def _run(self, item: EffectItem, which: str) -> list[Any]:
-        action, view = self._step.action, self._view
-        key = (which, id(item), *statement_key(view, self._numbers))
-        statement: ConditionStatement | None = action.kept.get(key)
-        if statement is None:
-            condition, bound, numbers = item.condition, item.bound, item.numbers
-            if which == "earlier":
-                condition, numbers = item.earlier, []
-            elif which == "lacking":
-                condition, bound, numbers = item.lacking, item.around, []
-            asking = question(view, self._numbers)
-            statement = asking.effects(condition, bound, numbers, self._step.places)
-            action.kept[key] = statement
+        condition, bound, numbers = item.condition, item.bound, item.numbers
+        if which == "earlier":
+            condition, numbers = item.earlier, []
+        elif which == "lacking":
+            condition, bound, numbers = item.lacking, item.around, []
         given = {**self._step.values, **given_numbers(self._numbers)}
-        rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+        rows = self._asked((which, id(item)), condition, bound, numbers, given)
         # Without columns, a row says that the condition holds.
         has_columns = item.around if which == "lacking" else item.bound
         return rows if has_columns or (item.numbers and which == "now") else [()] * len(rows)
+
+    def _asked(
+        self,
+        key: tuple[Hashable, ...],
+        condition: Part,
+        bound: Sequence[Bound],
+        numbers: Sequence[NumberOf],
+        given: Mapping[str, Any],
+    ) -> list[Any]:
+        """Run a statement, which is made once of each action."""
+        view, step = self._view, self._step
+        statement = step.action.kept(
+            (*key, *statement_key(view, self._numbers)),
+            lambda: question(view, self._numbers).effects(condition, bound, numbers, step.places),
+        )
+        return run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
 
     def _apply(
         self, item: EffectItem, objects: Mapping[Slot, int], values: Mapping[NumberOf, Decimal]

@@ -19,7 +19,6 @@ from ..knowledge import resolved as r
 from ..knowledge.grounding import bound, substitute
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
-from ..sql.relations import ConditionStatement
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, OpaqueError, heads_of, is_linear, mapped, with_quantities
@@ -57,10 +56,7 @@ class Promise:
 
 def promise_of(action: PreparedAction) -> Promise:
     """Return what must hold so that steps of an action can begin."""
-    found: Promise | None = action.kept.get(Promise)
-    if found is None:
-        found = action.kept[Promise] = _promise(action)
-    return found
+    return action.kept(Promise, lambda: _promise(action))
 
 
 def _promise(action: PreparedAction) -> Promise:
@@ -335,11 +331,8 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
     """Return whether a step can begin, or with a time, whether its conditions of then hold."""
     action = step.action
     key = ("truth", time, *statement_key(view, numbers))
-    statement: ConditionStatement | None = action.kept.get(key)
-    if statement is None:
-        part = promise_of(action).part if time is None else action.condition(time)
-        statement = question(view, numbers).truths([part], step.places)
-        action.kept[key] = statement
+    part = promise_of(action).part if time is None else action.condition(time)
+    statement = action.kept(key, lambda: question(view, numbers).truths([part], step.places))
     given = {**step.values, **given_numbers(numbers)} if numbers else step.values
     [row] = asked(view, statement, given, OF_TRUTHS)
     return bool(row[GUARDS])

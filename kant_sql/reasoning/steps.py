@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import cached_property
 from itertools import count
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from ..acts import Execution
 from ..arguments import shown
@@ -25,6 +25,8 @@ from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import Plan, PlanStep
 from .failures import FailedCondition
+
+T = TypeVar("T")
 
 
 class UpActionInstance(Protocol):
@@ -139,7 +141,6 @@ class PreparedAction:
         positions: the place of each of these among them, by its number.
         numbers: gives the numbers of new variables.
         resolver: resolves names, those of parameters included.
-        kept: cache of its statements.
     """
 
     def __init__(self, definitions: Definitions, node: Action) -> None:
@@ -152,9 +153,14 @@ class PreparedAction:
         self.resolver = r.Resolver(definitions, self.numbers)
         self.parameters = self.resolver.variables(self.variables)
         self.positions = {each.slot.number: n for n, each in enumerate(self.parameters)}
-        self._parts: dict[str, r.Part] = {}
-        self._items: dict[str, tuple[EffectItem, ...]] = {}
-        self.kept: dict[Any, Any] = {}
+        self._kept: dict[Hashable, Any] = {}
+
+    def kept(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what is made of it once, such as a statement."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        found: T = self._kept[key]
+        return found
 
     @property
     def columns(self) -> tuple[r.Column, ...]:
@@ -188,11 +194,11 @@ class PreparedAction:
 
     def condition(self, time: str) -> r.Part:
         """Return the conjunction of the hard conditions of a time."""
-        found = self._parts.get(time)
-        if found is None:
-            found = r.all_of(self.resolver.part(node) for node in self.nodes(time))
-            r.check_levels(found)
-            self._parts[time] = found
+        return self.kept(("condition", time), lambda: self._condition(time))
+
+    def _condition(self, time: str) -> r.Part:
+        found = r.all_of(self.resolver.part(node) for node in self.nodes(time))
+        r.check_levels(found)
         return found
 
     def resolved(self, time: str) -> r.ResolvedCondition:
@@ -211,16 +217,12 @@ class PreparedAction:
         Those that are continuous are as they are at the end, if nothing else changed the numbers:
         the rate times the duration.
         """
-        found = self._items.get(time)
-        if found is None:
-            wanted = time if self.is_durative or time == CONTINUOUS else None
-            found = tuple(
-                item
-                for node in self.node.effect
-                for item in self._effect(node, _Around((), r.AllOf(()), r.AllOf(())), wanted)
-            )
-            self._items[time] = found
-        return found
+        return self.kept(("items", time), lambda: tuple(self._effects(time)))
+
+    def _effects(self, time: str) -> Iterator[EffectItem]:
+        wanted = time if self.is_durative or time == CONTINUOUS else None
+        for node in self.node.effect:
+            yield from self._effect(node, _Around((), r.AllOf(()), r.AllOf(())), wanted)
 
     def _effect(self, node: f.Node, around: _Around, time: str | None) -> Iterator[EffectItem]:
         """Yield the effects within a node that happen at a time."""

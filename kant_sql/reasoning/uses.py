@@ -33,18 +33,18 @@ class Literal(NamedTuple):
 
 def parts_used(action: PreparedAction, time: str) -> list[r.Part]:
     """Return the conditions of a time, and of its effects, with the numbers that these read."""
-    key = "parts used", time
-    found: list[r.Part] | None = action.kept.get(key)
-    if found is None:
-        found = action.kept[key] = [action.condition(time)]
-        for item in action.items(time):
-            part = item.condition
-            if item.numbers:
-                # It holds if the fluents have values.
-                part = r.all_of([part, *(r.Compares("=", one, one) for one in item.numbers)])
-            if part != r.TRUE:
-                found.append(r.Witness(item.bound, part) if item.bound else part)
-    return found
+    return action.kept(("parts used", time), lambda: list(_parts_used(action, time)))
+
+
+def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
+    yield action.condition(time)
+    for item in action.items(time):
+        part = item.condition
+        if item.numbers:
+            # It holds if the fluents have values.
+            part = r.all_of([part, *(r.Compares("=", one, one) for one in item.numbers)])
+        if part != r.TRUE:
+            yield r.Witness(item.bound, part) if item.bound else part
 
 
 class _Compiled:
