@@ -15,22 +15,7 @@ from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 from ..arguments import expect
-from ..dto.formulas import (
-    Atom,
-    Checked,
-    Constant,
-    Derived,
-    Equal,
-    Fluent,
-    Formula,
-    Metric,
-    Node,
-    Not,
-    Number,
-    TimedLiteral,
-    TypedName,
-    walk,
-)
+from ..dto import formulas as f
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
 ACTION_KINDS = (ACTION, DURATIVE_ACTION, PROCESS, EVENT)
@@ -56,7 +41,7 @@ class PddlWarning(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Predicate(Checked):
+class Predicate(f.Checked):
     """A predicate's declaration.
 
     Attributes:
@@ -65,11 +50,11 @@ class Predicate(Checked):
     """
 
     name: str
-    parameters: tuple[TypedName, ...] = ()
+    parameters: tuple[f.TypedName, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Function(Checked):
+class Function(f.Checked):
     """A function's declaration.
 
     Attributes:
@@ -79,12 +64,12 @@ class Function(Checked):
     """
 
     name: str
-    parameters: tuple[TypedName, ...] = ()
+    parameters: tuple[f.TypedName, ...] = ()
     types: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Action(Checked):
+class Action(f.Checked):
     """An action, a durative action, a process or an event.
 
     Attributes:
@@ -98,14 +83,14 @@ class Action(Checked):
 
     kind: str
     name: str
-    parameters: tuple[TypedName, ...] = ()
-    duration: tuple[Formula, ...] = ()
-    condition: tuple[Formula, ...] = ()
-    effect: tuple[Formula, ...] = ()
+    parameters: tuple[f.TypedName, ...] = ()
+    duration: tuple[f.Formula, ...] = ()
+    condition: tuple[f.Formula, ...] = ()
+    effect: tuple[f.Formula, ...] = ()
 
 
 @dataclass(frozen=True)
-class Domain(Checked):
+class Domain(f.Checked):
     """A domain.
 
     Attributes:
@@ -123,12 +108,12 @@ class Domain(Checked):
 
     name: str
     requirements: tuple[str, ...] = ()
-    types: tuple[TypedName, ...] = ()
-    constants: tuple[TypedName, ...] = ()
+    types: tuple[f.TypedName, ...] = ()
+    constants: tuple[f.TypedName, ...] = ()
     predicates: tuple[Predicate, ...] = ()
     functions: tuple[Function, ...] = ()
-    constraints: tuple[Formula, ...] = ()
-    derived: tuple[Derived, ...] = ()
+    constraints: tuple[f.Formula, ...] = ()
+    derived: tuple[f.Derived, ...] = ()
     actions: tuple[Action, ...] = ()
     warnings: tuple[PddlWarning, ...] = field(default=(), compare=False)
 
@@ -141,8 +126,8 @@ class FunctionValue(NamedTuple):
         value: a number, or for an object fluent an object.
     """
 
-    fluent: Fluent
-    value: Number | Constant
+    fluent: f.Fluent
+    value: f.Number | f.Constant
 
 
 # The initial state is a set.
@@ -150,7 +135,7 @@ _UNORDERED = frozenset({"facts", "literals", "values", "timed"})
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Checked):
+class Problem(f.Checked):
     """A problem.
 
     Attributes:
@@ -171,21 +156,21 @@ class Problem(Checked):
     name: str
     domain: str
     requirements: tuple[str, ...] = ()
-    objects: tuple[TypedName, ...] = ()
-    facts: tuple[Atom, ...] = ()
-    literals: tuple[Not | Equal, ...] = ()
+    objects: tuple[f.TypedName, ...] = ()
+    facts: tuple[f.Atom, ...] = ()
+    literals: tuple[f.Not | f.Equal, ...] = ()
     values: tuple[FunctionValue, ...] = ()
-    timed: tuple[TimedLiteral, ...] = ()
-    goal: tuple[Formula, ...] = ()
-    constraints: tuple[Formula, ...] = ()
-    metric: Metric | None = None
+    timed: tuple[f.TimedLiteral, ...] = ()
+    goal: tuple[f.Formula, ...] = ()
+    constraints: tuple[f.Formula, ...] = ()
+    metric: f.Metric | None = None
     warnings: tuple[PddlWarning, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for value in self.values:
-            expect(value.fluent, Fluent, "the fluent of a FunctionValue")
-            expect(value.value, (Number, Constant), "the value of a FunctionValue")
+            expect(value.fluent, f.Fluent, "the fluent of a FunctionValue")
+            expect(value.value, (f.Number, f.Constant), "the value of a FunctionValue")
 
     def _content(self) -> tuple[object, ...]:
         own = ((one.name, getattr(self, one.name)) for one in fields(self) if one.compare)
@@ -202,7 +187,7 @@ class Problem(Checked):
 
 def formulas(
     domain: Domain, problem: Problem | None = None, *, durations: bool = True
-) -> Iterator[Node]:
+) -> Iterator[f.Node]:
     """Yield the constraints, rules, parts of actions and goals of documents."""
     yield from (*domain.constraints, *domain.derived)
     for action in domain.actions:
@@ -211,11 +196,11 @@ def formulas(
         yield from (*problem.goal, *problem.constraints)
 
 
-def typed_names(domain: Domain, problem: Problem | None = None) -> Iterator[TypedName]:
+def typed_names(domain: Domain, problem: Problem | None = None) -> Iterator[f.TypedName]:
     """Yield the constants, objects, parameters and variables of documents."""
     yield from (*domain.constants, *(problem.objects if problem else ()))
     for declarations in (domain.predicates, domain.functions, domain.actions):
         for declaration in declarations:
             yield from declaration.parameters
-    for node in walk(*formulas(domain, problem)):
+    for node in f.walk(*formulas(domain, problem)):
         yield from getattr(node, "variables", ())

@@ -44,6 +44,7 @@ from ..sql.periods import (
 )
 from ..sql.valid_periods import Instant
 from ..store.state import State
+from . import valid_sweep
 from .evaluate import Compiler
 from .sweep import (
     EXAMPLE,
@@ -56,18 +57,6 @@ from .sweep import (
     object_id,
     read_range,
     revision_text,
-)
-from .valid_sweep import (
-    ENDLESS,
-    ValidPast,
-    ValidSweep,
-    check_range,
-    common,
-    instant_at,
-    is_same_time,
-    position_of,
-    read_past,
-    read_periods,
 )
 from .world import Row, World
 
@@ -242,7 +231,7 @@ class HeldPeriods(Sequence[Held]):
     def _load(self, spans: Sequence[Span]) -> list[Held]:
         numbers = {span.since for span in spans if span.since >= self._first}
         numbers = numbers.union(span.until for span in spans if span.until)
-        said = {n: instant_at(n) for n in numbers} if self._is_valid else {}
+        said = {n: valid_sweep.instant_at(n) for n in numbers} if self._is_valid else {}
         revisions = self._read({said[n].revision for n in said} or numbers)
 
         def end(number: int | None) -> tuple[Revision | None, datetime | None]:
@@ -319,7 +308,7 @@ def when(
     """
     store, upto = state
     where = _find_range(state, since, until, clock)
-    given = where.definitions if isinstance(where, ValidPast) else None
+    given = where.definitions if isinstance(where, valid_sweep.ValidPast) else None
     text = text_of(condition, EXAMPLE)
     questions = _questions(lambda part: ask(store, part, parameters, bindings, upto, given), text)
 
@@ -343,17 +332,17 @@ def when(
         first=where.low if isinstance(where, Bounds) else 1,
         names=names,
         read=read,
-        is_valid=isinstance(where, ValidPast),
+        is_valid=isinstance(where, valid_sweep.ValidPast),
     )
 
 
 def _find_range(
     state: State, since: When | None, until: When | None, clock: str
-) -> Bounds | ValidPast:
+) -> Bounds | valid_sweep.ValidPast:
     """Find the revisions, or the times, of a question."""
     store, upto = state
     if is_valid_clock(clock):
-        return read_past(store, find_valid_range(store, since, until, upto))
+        return valid_sweep.read_past(store, find_valid_range(store, since, until, upto))
     return find_bounds(store, since, until, upto)
 
 
@@ -361,11 +350,11 @@ def _searches(
     session: Session,
     kb_id: int,
     questions: Iterable[PastQuestion],
-    where: Bounds | ValidPast,
+    where: Bounds | valid_sweep.ValidPast,
 ) -> list[_Search]:
     """Return the searches of a range; of an empty range, none."""
-    if isinstance(where, ValidPast):
-        check_range(session, kb_id, where.span)
+    if isinstance(where, valid_sweep.ValidPast):
+        valid_sweep.check_range(session, kb_id, where.span)
         return [_ValidSearch(session, kb_id, question, where) for question in questions]
     span = read_range(session, kb_id, where)
     if span.high < span.low:
@@ -488,7 +477,7 @@ class _ValidSearch(_Search):
     """The same on the valid clock: revisions are positions on it."""
 
     def __init__(
-        self, session: Session, kb_id: int, question: PastQuestion, past: ValidPast
+        self, session: Session, kb_id: int, question: PastQuestion, past: valid_sweep.ValidPast
     ) -> None:
         # Rules and meanings count that were known at any time of it.
         span = Range(past.span.before + 1, past.span.known, 0)
@@ -498,13 +487,15 @@ class _ValidSearch(_Search):
     @override
     def run(self) -> list[Span]:
         """Find the periods; those of one binding that no time parts are one, others take time."""
-        begin = position_of(Instant(self._past.span.since, 0))
+        begin = valid_sweep.position_of(Instant(self._past.span.since, 0))
         found: dict[tuple[int, ...], list[Span]] = {}
         for span in super().run():
             own = found.setdefault(span.objects, [])
-            if span.until is not None and is_same_time(max(span.since, begin), span.until):
+            if span.until is not None and valid_sweep.is_same_time(
+                max(span.since, begin), span.until
+            ):
                 continue
-            if own and is_same_time(own[-1].until or 0, span.since):
+            if own and valid_sweep.is_same_time(own[-1].until or 0, span.since):
                 own[-1] = own[-1]._replace(until=span.until)
             else:
                 own.append(span)
@@ -520,17 +511,17 @@ class _ValidSearch(_Search):
         ids = {fact.id for one, own in pairs if one.is_restricted for fact in own}
         which = Subjects(predicates=tuple(sorted(whole)), facts=tuple(sorted(ids)))
         keys = {fact.id: (True, one.owner, fact.objects) for one, own in pairs for fact in own}
-        periods = read_periods(session, kb_id, which, span)
+        periods = valid_sweep.read_periods(session, kb_id, which, span)
         relations = [_Relation(*each) for each in zip(atoms, facts, strict=True)]
         for objects, own in _combinations(
             relations, [fold(one.name) for one in self._question.free]
         ):
-            for since, until in common([periods.get(keys[id_], ()) for id_ in own]):
-                yield Span(since, objects, None if until == ENDLESS else until)
+            for since, until in valid_sweep.common([periods.get(keys[id_], ()) for id_ in own]):
+                yield Span(since, objects, None if until == valid_sweep.ENDLESS else until)
 
     @override
     def _visits(self, nodes: Sequence[f.Node], ranges: bool) -> Sweep:
-        return ValidSweep(self._session, self._kb_id, nodes, self._past, ranges)
+        return valid_sweep.ValidSweep(self._session, self._kb_id, nodes, self._past, ranges)
 
 
 Solutions = Callable[[], set[Row]]
