@@ -20,17 +20,8 @@ import typer
 from .. import __version__
 from ..errors import KantSqlError
 from ..plugins import Plugins
+from . import output
 from .common import JSON_OPTION, CommandGroup, ServiceError
-from .output import (
-    FAILED,
-    complain,
-    drop_output,
-    json_text,
-    paged,
-    to_the_end,
-    want_pager,
-    write_error,
-)
 
 WRONG_USAGE, INTERRUPTED = 2, 130
 _WRONG_USAGE = "UsageError"
@@ -54,10 +45,10 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
         code = command()
         sys.stdout.flush()
     except EndedEarlyError as end:
-        drop_output()
+        output.drop_output()
         return end.code
     except BrokenPipeError:
-        drop_output()
+        output.drop_output()
         return 0
     except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
@@ -65,12 +56,12 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
         return _complain(error.error, str(error.error), words, error.code)
     except OSError as error:
         if error.filename is not None:
-            return _complain(error, f"{error.filename}: {error.strerror}", words, FAILED)
-        drop_output()
+            return _complain(error, f"{error.filename}: {error.strerror}", words, output.FAILED)
+        output.drop_output()
         message = f"cannot write the output: {error.strerror or error}"
-        return _complain(error, message, words, FAILED)
+        return _complain(error, message, words, output.FAILED)
     except KantSqlError as error:
-        return _complain(error, str(error), words, FAILED)
+        return _complain(error, str(error), words, output.FAILED)
     except Exception as error:
         # Typer's own errors: the module of their base class depends on its version.
         if not hasattr(error, "format_message"):
@@ -98,9 +89,9 @@ def _complain(error: Exception, message: str, words: Sequence[str], code: int) -
     if _wants_json(words):
         name = _WRONG_USAGE if code == WRONG_USAGE else type(error).__name__
         document = {"error": line, "type": name, "exit_code": code}
-        write_error(json_text(document, sys.stderr))
+        output.write_error(output.json_text(document, sys.stderr))
     else:
-        complain(line)
+        output.complain(line)
     return code
 
 
@@ -117,7 +108,7 @@ def _within(
 
     @wraps(command)
     def run_within(*words: Any, **options: Any) -> object:
-        with nullcontext() if block is paged and options.get("as_json") else block():
+        with nullcontext() if block is output.paged and options.get("as_json") else block():
             return command(*words, **options)
 
     return run_within
@@ -160,9 +151,9 @@ def _find(name: str) -> Any:
     module = import_module(f".{_HOMES[name]}", __package__)
     found = getattr(module, f"{name}_" if iskeyword(name) else name.replace("-", "_"))
     if name in _PAGED:
-        return _within(paged, found)
+        return _within(output.paged, found)
     # Of those whose output nobody reads any more, the work and the exit code stay.
-    return _within(to_the_end, found) if name in _FINISHED else found
+    return _within(output.to_the_end, found) if name in _FINISHED else found
 
 
 class Commands(CommandGroup):
@@ -213,7 +204,7 @@ def _kant_sql(
     ] = False,
 ) -> None:
     """Store what a robot knows, ask it, plan and act on it, and see its history."""
-    want_pager(not no_pager)
+    output.want_pager(not no_pager)
 
 
 def run() -> None:

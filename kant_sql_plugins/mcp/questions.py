@@ -17,6 +17,7 @@ from kant_sql.planning.plan import PlanStep
 from kant_sql.reasoning import CauseLinks
 from kant_sql.reasoning.failures import FailedCondition
 from kant_sql.reasoning.validate import Validation
+from kant_sql.web import report_sections as sections
 from kant_sql.web.pages.ask import Condition, FoundPeriods, Parameters, ask
 from kant_sql.web.pages.revisions import OneKind, PredicateName
 from kant_sql.web.registry import (
@@ -31,15 +32,6 @@ from kant_sql.web.registry import (
     Valid,
     moment,
     past,
-)
-from kant_sql.web.report_sections import (
-    ReportActs,
-    ReportEffects,
-    ReportGoals,
-    ReportRange,
-    ReportReader,
-    ReportRules,
-    ReportSummary,
 )
 
 # Elements of each kind, links of causes, steps of a page, and seconds that a planner may take.
@@ -96,11 +88,11 @@ class FoundPlan(NamedTuple):
 class IncidentReport(NamedTuple):
     """What happened in a range of revisions; `errors` says what cannot be read, and why."""
 
-    summary: ReportSummary
-    acts: ReportActs | None
-    rules: ReportRules | None
-    goals: ReportGoals | None
-    effects: ReportEffects | None
+    summary: sections.ReportSummary
+    acts: sections.ReportActs | None
+    rules: sections.ReportRules | None
+    goals: sections.ReportGoals | None
+    effects: sections.ReportEffects | None
     errors: dict[str, str]
 
 
@@ -195,7 +187,7 @@ def report(
     kb: KnowledgeBase, since: SinceMoment = None, until: UntilMoment = None
 ) -> IncidentReport:
     """Report a range: who wrote how much, acts, rules, missed goals, effects not confirmed."""
-    reader = ReportReader.of(kb, ReportRange(since or None, until or None))
+    reader = sections.ReportReader.of(kb, sections.ReportRange(since or None, until or None))
     summary, errors = reader.summary(), dict[str, str]()
     if reader.is_empty:
         return IncidentReport(summary, None, None, None, None, errors)

@@ -10,22 +10,13 @@ from typing import Annotated, Any, TypeVar
 from urllib.parse import quote
 
 import anyio
+import mcp_types as types
 from mcp.server.mcpserver import MCPServer
 from mcp.server.mcpserver.exceptions import ResourceError, ResourceNotFoundError, ToolError
 from mcp.server.mcpserver.resources import ResourceSecurity
 from mcp.server.mcpserver.tools import Tool
 from mcp.server.mcpserver.utilities.func_metadata import FuncMetadata
 from mcp.shared.exceptions import MCPError
-from mcp_types import (
-    INTERNAL_ERROR,
-    INVALID_PARAMS,
-    CallToolResult,
-    Completion,
-    CompletionArgument,
-    Resource,
-    TextContent,
-    ToolAnnotations,
-)
 from pydantic import ConfigDict, Field, ValidationError
 
 from kant_sql import __version__, history
@@ -80,7 +71,7 @@ Kb = Annotated[
     Field(description="The knowledge base; not needed in a store of one.", pattern=NO_NUL),
 ]
 What = Annotated[str, Field(description="What went wrong, in your words.")]
-READS = ToolAnnotations(read_only_hint=True, idempotent_hint=True, open_world_hint=False)
+READS = types.ToolAnnotations(read_only_hint=True, idempotent_hint=True, open_world_hint=False)
 
 
 class Asking:
@@ -143,7 +134,10 @@ class _Tool(Tool):
 
 
 def make_tool(
-    asking: Asking, name: str, function: Callable[..., Any], annotations: ToolAnnotations = READS
+    asking: Asking,
+    name: str,
+    function: Callable[..., Any],
+    annotations: types.ToolAnnotations = READS,
 ) -> Tool:
     """Make a tool of a function of a knowledge base, or of the store."""
     signature = inspect.signature(function, eval_str=True)
@@ -151,10 +145,10 @@ def make_tool(
     of_store = first.annotation is OpenStore
     hide = asking.store.folders
 
-    async def call(**given: Any) -> CallToolResult:
+    async def call(**given: Any) -> types.CallToolResult:
         kb = given.pop("kb", None)
 
-        def work() -> CallToolResult:
+        def work() -> types.CallToolResult:
             if of_store:
                 return _result(hide.hide_in(json_value(function(asking.store, **given))))
             found = asking.of_kb(kb, lambda kb: json_value(function(kb, **given)))
@@ -186,7 +180,7 @@ def make_tool(
     return made.model_copy(update=checked)
 
 
-def _result(found: Any) -> CallToolResult:
+def _result(found: Any) -> types.CallToolResult:
     """Make the answer: data, and the same as JSON in which nothing is hidden."""
     text = visible(json.dumps(found, ensure_ascii=False))
     if len(text) > LONGEST_ANSWER:
@@ -194,7 +188,7 @@ def _result(found: Any) -> CallToolResult:
             f"this answer has {len(text):,} characters, more than {LONGEST_ANSWER:,}; ask for "
             "less: a part by its name, a shorter range, or a lower limit"
         )
-    return CallToolResult(content=[TextContent(text=text)], structured_content=found)
+    return types.CallToolResult(content=[types.TextContent(text=text)], structured_content=found)
 
 
 def _state(kb: KnowledgeBase) -> str:
@@ -245,11 +239,11 @@ class KantServer(MCPServer[Any]):
         said = f"{kind}; `at` is a revision or a time."
         self.resource(f"kant-sql://{{kb}}/{part}{{?at}}", name=part, description=said)(read)
 
-    async def list_resources(self) -> list[Resource]:
+    async def list_resources(self) -> list[types.Resource]:
         """List the parts of the first knowledge bases; the others are found by the templates."""
         names = await self._read_catalog(lambda one: one.first_names(MOST_LISTED))
         return [
-            Resource(
+            types.Resource(
                 uri=f"kant-sql://{quote(name, safe='')}/{part}", name=part, mime_type="text/plain"
             )
             for name in names
@@ -257,20 +251,20 @@ class KantServer(MCPServer[Any]):
         ]
 
     async def _complete(
-        self, ref: object, argument: CompletionArgument, context: object
-    ) -> Completion | None:
+        self, ref: object, argument: types.CompletionArgument, context: object
+    ) -> types.Completion | None:
         """Complete the name of a knowledge base."""
         if argument.name != "kb":
             return None
         found, has_more = await self._read_catalog(lambda one: one.overview(part=argument.value))
-        return Completion(values=[one.name for one in found], has_more=has_more)
+        return types.Completion(values=[one.name for one in found], has_more=has_more)
 
     async def _read_catalog(self, read: Callable[[Catalog], T]) -> T:
         store = self._asking.store
         try:
             return await self._asking.answer(lambda: store.read_catalog(read))
         except KantSqlError as error:
-            raise MCPError(INTERNAL_ERROR, store.folders.said(error)) from error
+            raise MCPError(types.INTERNAL_ERROR, store.folders.said(error)) from error
 
     async def get_prompt(
         self, name: str, arguments: dict[str, Any] | None = None, *others: Any, **options: Any
@@ -279,11 +273,11 @@ class KantServer(MCPServer[Any]):
         prompts = {one.name: one.arguments or () for one in await self.list_prompts()}
         if name not in prompts:
             said = f"there is no prompt {shown(name)}; these are: {', '.join(prompts)}"
-            raise MCPError(INVALID_PARAMS, said)
+            raise MCPError(types.INVALID_PARAMS, said)
         known = [one.name for one in prompts[name]]
         for unknown in {*(arguments or ())} - {*known}:
             said = f"{name} has no argument {shown(unknown)}; its arguments are: {', '.join(known)}"
-            raise MCPError(INVALID_PARAMS, said)
+            raise MCPError(types.INVALID_PARAMS, said)
         return await super().get_prompt(name, arguments, *others, **options)
 
 

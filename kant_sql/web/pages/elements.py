@@ -11,14 +11,7 @@ from typing import Annotated, Any, NamedTuple
 from fastapi import Query
 
 from ...errors import InvalidArgumentError
-from ...history.element_pages import (
-    ElementPage,
-    ObjectPage,
-    SearchMatch,
-    read_element_page,
-    read_matches,
-    read_object_page,
-)
+from ...history import element_pages
 from ...history.plan_pages import StepLine
 from ...history.revisions import Version
 from ...knowledge_base import KnowledgeBase, state_of
@@ -78,7 +71,7 @@ class FactPage:
 
     _json_ = "*element", "consequences", "origins"
 
-    element: ElementPage
+    element: element_pages.ElementPage
     consequences: CauseLinks | None
     origins: CauseLinks | None
 
@@ -93,7 +86,7 @@ def _drawn(page: FactPage, query: Mapping[str, Any]) -> str:
 @PAGES.page("/fact", "fact.html", rows=["versions"], draw=_drawn)
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
-    found = read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
+    found = element_pages.read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
     if before is not None or not {FACT, VALUE} & {one.kind for one in found.latest}:
         return FactPage(found, None, None)
     links = {"depth": CAUSES_DEPTH, "limit": CAUSES}
@@ -101,14 +94,14 @@ def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
 
 
 @PAGES.page("/object", "object.html", rows=["changes"])
-def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> ObjectPage:
+def object_(kb: KnowledgeBase, name: Name, before: Before = None) -> element_pages.ObjectPage:
     """Show everything that involves an object: now, and in the past, the newest first."""
-    return read_object_page(state_of(kb), name, before, CHANGES)
+    return element_pages.read_object_page(state_of(kb), name, before, CHANGES)
 
 
 def _add_definition_page(kind: str, name: str) -> None:
     def definition(kb: KnowledgeBase, name: Name, before: Before = None) -> DefinitionPage:
-        found = read_element_page(state_of(kb), name, kind, before, VERSIONS)
+        found = element_pages.read_element_page(state_of(kb), name, kind, before, VERSIONS)
         versions = _compared(found)
         return DefinitionPage(kind, name, versions, found.before, found.steps, found.archived)
 
@@ -126,7 +119,7 @@ for _kind, _name in (
     _add_definition_page(_kind, _name)
 
 
-def _compared(found: ElementPage) -> list[DefinitionVersion]:
+def _compared(found: element_pages.ElementPage) -> list[DefinitionVersion]:
     """Return versions, each with its difference to the one before."""
     texts = [version.text.expandtabs(2).split("\n") for version in found.versions]
     compared = []
@@ -173,7 +166,7 @@ class SearchPage(NamedTuple):
     q: str
     revision: int | None
     moment: str | None
-    matches: list[SearchMatch]
+    matches: list[element_pages.SearchMatch]
     is_cut: bool
 
 
@@ -188,7 +181,7 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchPage:
         except InvalidArgumentError:
             moment = None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
-    matches = read_matches(state_of(kb), text, MATCHES + 1) if text else []
+    matches = element_pages.read_matches(state_of(kb), text, MATCHES + 1) if text else []
     return SearchPage(
         q,
         moment if is_revision and isinstance(moment, int) else None,
