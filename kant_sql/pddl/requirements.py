@@ -19,22 +19,12 @@ from ..arguments import expect
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError
-from .document import (
-    DURATIVE_ACTION,
-    EVENT,
-    PROCESS,
-    Action,
-    Domain,
-    FunctionValue,
-    Problem,
-    formulas,
-    typed_names,
-)
+from . import document as pddl
 
 NUMERIC_FLUENTS, ACTION_COSTS = ":numeric-fluents", ":action-costs"
 
 
-def numeric_requirement(domain: Domain, problem: Problem | None = None) -> str | None:
+def numeric_requirement(domain: pddl.Domain, problem: pddl.Problem | None = None) -> str | None:
     """Return the requirement of the numbers, if there are any."""
     effects = _numeric_effects(domain)
     values = [] if problem is None else [v for v in problem.values if isinstance(v.value, f.Number)]
@@ -48,13 +38,13 @@ def numeric_requirement(domain: Domain, problem: Problem | None = None) -> str |
         for function in domain.functions
     )
     if costs and _only_costs(effects) and _starts_well(values):
-        durative = any(action.kind == DURATIVE_ACTION for action in domain.actions)
+        durative = any(action.kind == pddl.DURATIVE_ACTION for action in domain.actions)
         if metric is None or _minimizes_costs(metric, durative):
             return ACTION_COSTS
     return NUMERIC_FLUENTS
 
 
-def _numeric_effects(domain: Domain) -> list[f.Assign]:
+def _numeric_effects(domain: pddl.Domain) -> list[f.Assign]:
     objects = {fold(function.name) for function in domain.functions if function.types}
     return [
         node
@@ -64,12 +54,12 @@ def _numeric_effects(domain: Domain) -> list[f.Assign]:
     ]
 
 
-def _needs_numbers(domain: Domain, problem: Problem | None) -> bool:
+def _needs_numbers(domain: pddl.Domain, problem: pddl.Problem | None) -> bool:
     """Return whether numbers decide what is possible, or change over time (rule 1)."""
     timed = () if problem is None else problem.timed
     effects = [each.effect for each in timed if isinstance(each.effect, f.Assign)]
     durations = f.walk(*(formula for action in domain.actions for formula in action.duration))
-    others = f.walk(*formulas(domain, problem, durations=False))
+    others = f.walk(*pddl.formulas(domain, problem, durations=False))
     return (
         any(not isinstance(effect.value, f.Constant) for effect in effects)
         or any(isinstance(node, f.Comparison) for node in others)
@@ -111,7 +101,7 @@ def _is_cost(value: f.Expression | f.Term) -> bool:
     )
 
 
-def _starts_well(values: list[FunctionValue]) -> bool:
+def _starts_well(values: list[pddl.FunctionValue]) -> bool:
     """Return whether costs start at 0 and none is negative (rules 2 and 4)."""
     # No requirement allows adding to an undefined value: planners take a missing one for 0.
     numbers = [(v.fluent, v.value.value) for v in values if isinstance(v.value, f.Number)]
@@ -166,7 +156,9 @@ REQUIREMENTS = (
 )
 
 
-def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tuple[str, ...]:
+def used_requirements(
+    domain: pddl.Domain, *, problem: pddl.Problem | None = None
+) -> tuple[str, ...]:
     """Return the requirements that documents use.
 
     Numbers that only count costs require `:action-costs` instead of `:numeric-fluents`.
@@ -179,21 +171,21 @@ def used_requirements(domain: Domain, *, problem: Problem | None = None) -> tupl
     Returns:
         The requirements, in the order of the standard.
     """
-    expect(domain, Domain, "the domain", InvalidArgumentError)
+    expect(domain, pddl.Domain, "the domain", InvalidArgumentError)
     if problem is not None:
-        expect(problem, Problem, "the problem", InvalidArgumentError)
+        expect(problem, pddl.Problem, "the problem", InvalidArgumentError)
     used = {":strips", numeric_requirement(domain, problem), *_of_domain(domain)}
     if problem is not None:
         used.update(_of_problem(problem))
-    names = typed_names(domain, problem)
+    names = pddl.typed_names(domain, problem)
     if domain.types or any(name.types != (ROOT_TYPE,) for name in names):
         used.add(":typing")
-    if any(map(_takes_fluent, f.walk(*formulas(domain, problem)))):
+    if any(map(_takes_fluent, f.walk(*pddl.formulas(domain, problem)))):
         used.add(":object-fluents")
     return tuple(requirement for requirement in REQUIREMENTS if requirement in used)
 
 
-def _of_domain(domain: Domain) -> Iterator[str]:
+def _of_domain(domain: pddl.Domain) -> Iterator[str]:
     if any(function.types for function in domain.functions):
         yield ":object-fluents"
     for rule in domain.derived:
@@ -205,7 +197,7 @@ def _of_domain(domain: Domain) -> Iterator[str]:
         yield from _of_constraint(constraint)
 
 
-def _of_problem(problem: Problem) -> Iterator[str]:
+def _of_problem(problem: pddl.Problem) -> Iterator[str]:
     if any(isinstance(literal, f.Equal) for literal in problem.literals):
         yield ":equality"
     if any(isinstance(value.value, f.Constant) for value in problem.values):
@@ -221,17 +213,17 @@ def _of_problem(problem: Problem) -> Iterator[str]:
         yield ":preferences"
 
 
-def _of_action(action: Action) -> Iterator[str]:
-    if action.kind in (PROCESS, EVENT):
+def _of_action(action: pddl.Action) -> Iterator[str]:
+    if action.kind in (pddl.PROCESS, pddl.EVENT):
         yield ":time"
-    if action.kind == DURATIVE_ACTION:
+    if action.kind == pddl.DURATIVE_ACTION:
         yield ":durative-actions"
         yield from _of_duration(action)
     yield from _of_condition(f.walk(*action.condition))
     yield from _of_effects(action.effect)
 
 
-def _of_duration(action: Action) -> Iterator[str]:
+def _of_duration(action: pddl.Action) -> Iterator[str]:
     constraints = [n for n in f.walk(*action.duration) if isinstance(n, f.Comparison)]
     if len(constraints) > 1 or any(constraint.operator != "=" for constraint in constraints):
         yield ":duration-inequalities"

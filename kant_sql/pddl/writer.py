@@ -30,16 +30,7 @@ from ..dto.lexical import (
     is_requirement,
 )
 from ..errors import InvalidKnowledgeError, InvalidNameError
-from .document import (
-    ACTION_KINDS,
-    DURATIVE_ACTION,
-    Action,
-    Domain,
-    Function,
-    FunctionValue,
-    Predicate,
-    Problem,
-)
+from . import document as pddl
 
 PREFERENCE, DEFINE = "preference", "define"
 # A parenthesis after these begins a formula or a fluent of theirs, not a term.
@@ -169,7 +160,7 @@ def skeleton(name: str, parameters: Sequence[f.TypedName], explicit: bool) -> st
     return f.skeleton_text(name, parameters, explicit)
 
 
-def function_lines(functions: Sequence[Function], explicit: bool) -> Iterator[str]:
+def function_lines(functions: Sequence[pddl.Function], explicit: bool) -> Iterator[str]:
     """Write the declarations of functions, one on each line."""
     end = f.typed_end([bool(function.types) for function in functions])
     for position, function in enumerate(functions):
@@ -202,7 +193,7 @@ _INNER = "    "
 _NAME = attrgetter("name")
 
 
-def write(document: Domain | Problem) -> str:
+def write(document: pddl.Domain | pddl.Problem) -> str:
     """Write a document as PDDL.
 
     Args:
@@ -214,11 +205,11 @@ def write(document: Domain | Problem) -> str:
     Raises:
         InvalidKnowledgeError: PDDL text cannot express something in the document.
     """
-    expect(document, (Domain, Problem), "the document to write")
-    return write_domain(document) if isinstance(document, Domain) else write_problem(document)
+    expect(document, (pddl.Domain, pddl.Problem), "the document to write")
+    return write_domain(document) if isinstance(document, pddl.Domain) else write_problem(document)
 
 
-def write_domain(domain: Domain) -> str:
+def write_domain(domain: pddl.Domain) -> str:
     """Write a domain as PDDL."""
     _check_names(domain)
     lines = [f"(define (domain {domain.name})", *_requirements(domain.requirements)]
@@ -236,7 +227,7 @@ def write_domain(domain: Domain) -> str:
 
 
 def write_problem(
-    problem: Problem, facts: Iterable[str] | None = None, values: Iterable[str] | None = None
+    problem: pddl.Problem, facts: Iterable[str] | None = None, values: Iterable[str] | None = None
 ) -> str:
     """Write a problem as PDDL."""
     _check_initial_state(problem)
@@ -264,16 +255,16 @@ def write_problem(
     return "\n".join([*lines, ")\n"])
 
 
-def _check_names(document: Domain | Problem) -> None:
+def _check_names(document: pddl.Domain | pddl.Problem) -> None:
     for kind, names in _names(document):
         for name in names:
             check_name(kind, name)
 
 
-def _names(document: Domain | Problem) -> Iterator[tuple[str, Iterable[str]]]:
+def _names(document: pddl.Domain | pddl.Problem) -> Iterator[tuple[str, Iterable[str]]]:
     """Yield the kind and the names of elements; references have the name of their element."""
     roots: list[f.Node] = [*document.constraints]
-    if isinstance(document, Problem):
+    if isinstance(document, pddl.Problem):
         yield "problem", [document.name]
         yield "domain", [document.domain]
         yield "object", map(_NAME, document.objects)
@@ -292,7 +283,7 @@ def _names(document: Domain | Problem) -> Iterator[tuple[str, Iterable[str]]]:
         for action in document.actions:
             parts = [*action.duration, *action.condition, *action.effect]
             roots += parts
-            if action.kind == DURATIVE_ACTION:
+            if action.kind == pddl.DURATIVE_ACTION:
                 bound = [*action.parameters, *_variables(parts)]
                 yield "variable of a durative action", map(_NAME, bound)
         roots += document.derived
@@ -306,7 +297,7 @@ def _variables(roots: Iterable[f.Node]) -> Iterator[f.TypedName]:
         yield from getattr(node, "variables", ())
 
 
-def _check_initial_state(problem: Problem) -> None:
+def _check_initial_state(problem: pddl.Problem) -> None:
     """Refuse an initial state that contradicts itself: it would read back as another one."""
     facts = set(problem.facts) if problem.literals else set()
     for literal in problem.literals:
@@ -353,7 +344,7 @@ def _section(keyword: str, lines: Iterable[str]) -> list[str]:
     return [f"  (:{keyword}", *inner, "  )"] if inner else []
 
 
-def _predicate(predicate: Predicate, typed: bool) -> str:
+def _predicate(predicate: pddl.Predicate, typed: bool) -> str:
     check_predicate(predicate.name)
     return skeleton(predicate.name, predicate.parameters, typed)
 
@@ -381,15 +372,15 @@ def _conjunction(
     return [f"{head} (and", *inner, f"{indent}){close}"]
 
 
-def _action(action: Action, typed: bool) -> list[str]:
-    check_word("a kind of action", action.kind, ACTION_KINDS)
+def _action(action: pddl.Action, typed: bool) -> list[str]:
+    check_word("a kind of action", action.kind, pddl.ACTION_KINDS)
     check_types(action.parameters)
     lines = [
         f"  (:{action.kind} {action.name}",
         f"{_INNER}:parameters ({f.variables_text(action.parameters, typed)})",
     ]
     condition = ":precondition"
-    if action.kind == DURATIVE_ACTION:
+    if action.kind == pddl.DURATIVE_ACTION:
         condition = ":condition"
         lines += _duration(action.duration)
     elif action.duration:
@@ -406,7 +397,7 @@ def _duration(constraints: Sequence[f.Formula]) -> list[str]:
     return _conjunction(head, _INNER, constraints, typed=False)
 
 
-def _value(value: FunctionValue) -> str:
+def _value(value: pddl.FunctionValue) -> str:
     if not isinstance(value.value, f.Number | f.Constant):
         raise InvalidKnowledgeError(
             f"{shown(value.fluent)} is {shown(value.value)}, not a number or an object"
