@@ -26,15 +26,7 @@ from contextvars import ContextVar
 from functools import partial, update_wrapper
 from inspect import isawaitable
 from types import MethodType, TracebackType
-from typing import (
-    Any,
-    Concatenate,
-    Generic,
-    ParamSpec,
-    Self,
-    TypeVar,
-    overload,
-)
+from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar, overload
 
 from . import knowledge_base as sync
 from .acts import Execution

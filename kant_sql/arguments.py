@@ -13,12 +13,7 @@ from typing import Any, TypeVar
 
 from typing_extensions import TypeIs
 
-from .errors import (
-    InvalidArgumentError,
-    InvalidKnowledgeError,
-    InvalidTimeoutError,
-    KantSqlError,
-)
+from .errors import InvalidArgumentError, InvalidKnowledgeError, InvalidTimeoutError, KantSqlError
 
 T = TypeVar("T")
 

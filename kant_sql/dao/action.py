@@ -17,17 +17,7 @@ from ..dto import (
     PddlProcessDto,
     PddlTypeDto,
 )
-from ..dto.formulas import (
-    TIMES,
-    Atom,
-    Comparison,
-    Constant,
-    Node,
-    Not,
-    Number,
-    Timed,
-    Variable,
-)
+from ..dto.formulas import TIMES, Atom, Comparison, Constant, Node, Not, Number, Timed, Variable
 from ..dto.lexical import check_name, fold, number_text, with_article
 from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.canonical import with_text

@@ -8,12 +8,7 @@ from typing import Any
 from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError
-from ..knowledge.definitions import (
-    ActionDefinition,
-    Definitions,
-    FormulaDefinition,
-    RuleDefinition,
-)
+from ..knowledge.definitions import ActionDefinition, Definitions, FormulaDefinition, RuleDefinition
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value

@@ -39,13 +39,7 @@ from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import function_values_on
-from .interfaces import (
-    FunctionReference,
-    Number,
-    ObjectReference,
-    PddlFunctionValueDao,
-    ValueLike,
-)
+from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao, ValueLike
 from .proposition import Arguments
 from .signatures import FUNCTIONS
 from .text import TextReader, expect_text, refuse_unknown

@@ -9,13 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from ..dao.action import action_trees, put_action
 from ..dao.base import batches, identify
-from ..dao.dependants import (
-    Scope,
-    delete_scope,
-    function_values_on,
-    propositions_on,
-    retract,
-)
+from ..dao.dependants import Scope, delete_scope, function_values_on, propositions_on, retract
 from ..dao.formula import check_formula, is_ground, make_formula, read_formula, read_formulas
 from ..dao.interfaces import Progress
 from ..dao.signatures import same_types

@@ -6,15 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    Text,
-    bindparam,
-    cast,
-    literal_column,
-    select,
-)
+from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, literal_column, select
 
 from ..arguments import expect, expect_list, flag, shown
 from ..dao.signatures import MAX_ARITY

@@ -29,14 +29,7 @@ from ..sql.tables import (
     PropositionRow,
     PropositionVersionRow,
 )
-from ..store.caches import (
-    AtomKey,
-    FluentKey,
-    GroundAtom,
-    GroundFluent,
-    HeldValue,
-    read_value,
-)
+from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
 from ..store.head import hash_of
 from ..store.snapshot import View, read_revision
 from ..store.state import State

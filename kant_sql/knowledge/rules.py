@@ -17,17 +17,7 @@ from ..dto.formulas import Derived
 from ..errors import UNREADABLE, InvalidKnowledgeError, KantSqlError, unreadable
 from .definitions import DERIVED_PREDICATE, Definitions, FormulaDefinition
 from .formulas import TreeReader
-from .resolved import (
-    AllOf,
-    Bound,
-    HoldsFact,
-    Lacks,
-    OneOf,
-    Part,
-    Resolver,
-    Witness,
-    check_levels,
-)
+from .resolved import AllOf, Bound, HoldsFact, Lacks, OneOf, Part, Resolver, Witness, check_levels
 
 K = TypeVar("K", bound=Hashable)
 

@@ -10,14 +10,7 @@ from ..dto.formulas import TypedName
 from ..dto.lexical import ROOT_TYPE, either_text, fold, function_kind, is_name, is_requirement
 from .cursor import OBJECTS, VARIABLES, Cursor, Diagnostics, Group, Section, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Function, Predicate
-from .formulas import (
-    DURATION_VARIABLE,
-    EFFECT,
-    PREFERENCES,
-    TIMED,
-    FormulaReader,
-    flatten,
-)
+from .formulas import DURATION_VARIABLE, EFFECT, PREFERENCES, TIMED, FormulaReader, flatten
 from .symbols import Fit, SymbolTable, Types
 
 NUMBER_TYPE = "number"

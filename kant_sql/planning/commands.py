@@ -18,13 +18,7 @@ from pathlib import Path
 from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import fold
-from ..errors import (
-    InvalidArgumentError,
-    KantSqlError,
-    NoPlanError,
-    PlannerMissingError,
-    printable,
-)
+from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMissingError, printable
 from ..pddl.document import Domain, Problem, formulas, typed_names
 from ..pddl.requirements import used_requirements
 from ..pddl.writer import write

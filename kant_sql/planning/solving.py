@@ -19,13 +19,7 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ..arguments import expect, flag, one_of, optional_text, refusal, seconds, whole_number
-from ..errors import (
-    InvalidArgumentError,
-    KantSqlError,
-    NoPlanError,
-    PlannerMissingError,
-    printable,
-)
+from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMissingError, printable
 from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
 from .commands import FAST_DOWNWARD, MISREAD, WAYS_OUT, ask, ask_fast_downward, find_command

@@ -15,13 +15,7 @@ from .names import ACTION_CLASSES
 from .up_formulas import Bindings, ConversionContext, UpConverter, UpFormulas, UpPreferences
 
 if TYPE_CHECKING:
-    from unified_planning.model import (
-        DurationInterval,
-        DurativeAction,
-        FNode,
-        Timing,
-        Transition,
-    )
+    from unified_planning.model import DurationInterval, DurativeAction, FNode, Timing, Transition
     from unified_planning.model import Variable as UpVariable
     from unified_planning.model.types import Type
 

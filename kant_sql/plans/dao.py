@@ -14,13 +14,7 @@ from typing_extensions import override
 from .. import html
 from ..acts import Execution, Outcome
 from ..acts.checking import check_steps, exact_text
-from ..acts.recording import (
-    STEP_OUTCOMES,
-    ExecutionReader,
-    key_of,
-    set_outcome,
-    unstarted,
-)
+from ..acts.recording import STEP_OUTCOMES, ExecutionReader, key_of, set_outcome, unstarted
 from ..arguments import one_of, shown, storable_text, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas

@@ -13,12 +13,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from ..acts import Execution
-from ..acts.recording import (
-    key_of,
-    read_execution,
-    running_executions,
-    set_outcome,
-)
+from ..acts.recording import key_of, read_execution, running_executions, set_outcome
 from ..arguments import flag
 from ..dto import formulas as f
 from ..dto.elements import atom_text, value_text
@@ -37,14 +32,7 @@ from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
-from ..sql.executions import (
-    ABORTED,
-    REFUSED,
-    RUNNING,
-    SUCCEEDED,
-    ExecutionDefinition,
-    Key,
-)
+from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, ExecutionDefinition, Key
 from ..store.caches import AtomKey, FluentKey, FluentValue, read_value
 from ..store.snapshot import View
 from ..store.state import State

@@ -36,15 +36,7 @@ from ..plans import RecordedPlan
 from ..plans.dao import SqlPlanDao
 from ..sql.executions import RUNNING, SUCCEEDED, Key
 from ..store.state import State
-from .durative import (
-    BrokenInvariant,
-    apply,
-    begin_running,
-    broken_since,
-    end,
-    find_broken,
-    refuse,
-)
+from .durative import BrokenInvariant, apply, begin_running, broken_since, end, find_broken, refuse
 from .failures import FailedCondition
 from .replan import PlanOptions, Remaining, check_options, take_over
 from .steps import ground

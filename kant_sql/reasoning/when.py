@@ -19,12 +19,7 @@ from ..dto import formulas as f
 from ..dto.formulas import Formula
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from ..history.moments import (
-    Bounds,
-    find_bounds,
-    find_valid_range,
-    is_valid_clock,
-)
+from ..history.moments import Bounds, find_bounds, find_valid_range, is_valid_clock
 from ..history.revisions import Revision, read_numbered
 from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.resolved import resolve

@@ -20,15 +20,7 @@ from sqlalchemy import text
 from ..errors import reading_rows
 from .dialects.base import Session
 from .dialects.words import NESTED_LOOPS
-from .periods import (
-    PARTS,
-    Subjects,
-    Touch,
-    parameters_of,
-    state_of,
-    stream_timed_touches,
-    touch_of,
-)
+from .periods import PARTS, Subjects, Touch, parameters_of, state_of, stream_timed_touches, touch_of
 from .query import Query
 
 

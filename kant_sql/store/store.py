@@ -42,13 +42,7 @@ from ..sql.tables import KnowledgeBaseRow
 from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
 from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
-from .snapshot import (
-    DefinitionsMovedError,
-    View,
-    open_view,
-    read_definition_revision,
-    vanished,
-)
+from .snapshot import DefinitionsMovedError, View, open_view, read_definition_revision, vanished
 from .transaction import Transaction
 
 T = TypeVar("T")

@@ -14,11 +14,7 @@ import pytest
 
 import kant_sql
 import kant_sql.cli.state
-from kant_sql import (
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from kant_sql import PddlPredicateDto, PddlPropositionDto, PddlTypeDto
 from kant_sql.knowledge.canonical import time_text
 from tests.support.faults import change
 from tests.support.processes.commands import child, complaint, document, one_line, run

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from kant_sql import (
-    ConflictError,
-    DependantsError,
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlTypeDto,
-)
+from kant_sql import ConflictError, DependantsError, KnowledgeBase, PddlObjectDto, PddlTypeDto
 from tests.support.reading import facts, last_changes, refuses, state, versions
 from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at
 

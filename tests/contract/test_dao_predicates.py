@@ -13,11 +13,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.errors import ArityError
-from tests.support.reading import (
-    nothing_changes,
-    refuses,
-    state,
-)
+from tests.support.reading import nothing_changes, refuses, state
 from tests.support.worlds.robots import ROBOT, ROBOT_AT, WAYPOINT, robot_at
 
 Predicate = PddlPredicateDto

@@ -13,16 +13,7 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from tests.ros.running import (
-    client,
-    ended,
-    lines,
-    needs_ros,
-    node,
-    ros2,
-    running,
-    wait_for_lines,
-)
+from tests.ros.running import client, ended, lines, needs_ros, node, ros2, running, wait_for_lines
 from tests.support.processes.commands import PROGRAM
 from tests.support.processes.workers import PATIENCE, wait_for
 from tests.support.servers import MortalServer

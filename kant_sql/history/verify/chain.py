@@ -25,13 +25,7 @@ from ...knowledge.canonical import (
     sealed_hash,
     time_text,
 )
-from ...sql.changes import (
-    ASSERTED,
-    RETRACTED,
-    REVISIONS,
-    in_range,
-    stream_change_rows,
-)
+from ...sql.changes import ASSERTED, RETRACTED, REVISIONS, in_range, stream_change_rows
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_list
 from ...sql.rows import KB, table_of

@@ -80,12 +80,7 @@ from .base import (
     log_statement,
     refuse_unknown_options,
 )
-from .postgresql_roles import (
-    holders,
-    lock_schema,
-    make_roles,
-    roles_set_aside,
-)
+from .postgresql_roles import holders, lock_schema, make_roles, roles_set_aside
 from .postgresql_sharing import (
     IS_POOLED,
     OPTION,

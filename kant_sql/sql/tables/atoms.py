@@ -5,14 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import (
-    CheckConstraint,
-    Double,
-    ForeignKeyConstraint,
-    Index,
-    UniqueConstraint,
-    false,
-)
+from sqlalchemy import CheckConstraint, Double, ForeignKeyConstraint, Index, UniqueConstraint, false
 
 from .base import (
     AT_COMMIT,

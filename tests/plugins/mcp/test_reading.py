@@ -22,12 +22,7 @@ from tests.support.stores import make_store_url
 
 pytest.importorskip("mcp", reason="needs the extra mcp")
 from mcp import Client, MCPError, StdioServerParameters
-from mcp_types import (
-    INTERNAL_ERROR,
-    INVALID_PARAMS,
-    PromptReference,
-    ResourceTemplateReference,
-)
+from mcp_types import INTERNAL_ERROR, INVALID_PARAMS, PromptReference, ResourceTemplateReference
 
 from kant_sql_plugins.mcp import server as module
 from kant_sql_plugins.mcp.server import PAGES, KantServer, make_server
