@@ -53,86 +53,74 @@ class AuditView(NamedTuple):
     window: str | None
 
 
-_TEXT, _INTEGER, _DOUBLE = ColumnType.TEXT, ColumnType.INTEGER, ColumnType.DOUBLE
-_BOOLEAN, _TIME = ColumnType.BOOLEAN, ColumnType.TIME
+# A column has one type in all views: by its name, by the last word of that, or text.
+_NAMED = {
+    ColumnType.TIME: "valid_from valid_until",
+    ColumnType.BOOLEAN: "is_constant is_conditional",
+    ColumnType.INTEGER: (
+        "revision form plan_step position argument since until known_since known_until started "
+        "ended confirmed verified_revision executions running succeeded failed aborted refused "
+        "steps steps_running steps_succeeded steps_failed steps_aborted revisions versions "
+        "unconfirmed"
+    ),
+    ColumnType.DOUBLE: (
+        "delay duration number planned_start planned_duration success_rate success_low "
+        "success_high mean median percentile_95"
+    ),
+}
+_TYPES = {name: type_ for type_, names in _NAMED.items() for name in names.split()}
+_LAST_WORDS = {"at": ColumnType.TIME, "epoch": ColumnType.DOUBLE, "id": ColumnType.INTEGER}
 
-_KNOWLEDGE_BASE = {"knowledge_base": _TEXT}
-# Last: one shard has all rows of a knowledge base, which its name does not find.
-_KB_ID = {"kb_id": _INTEGER}
-_REVISION = {
-    "committed_at": _TIME,
-    "committed_epoch": _DOUBLE,
-    "committed_hour": _TEXT,
-    "observed_at": _TIME,
-    "observed_epoch": _DOUBLE,
-    "delay": _DOUBLE,
-    "actor": _TEXT,
-    "reason": _TEXT,
-    "source": _TEXT,
-    "plan_id": _INTEGER,
-    "plan_step": _INTEGER,
-}
-_BEGINNING = {
-    "since": _INTEGER,
-    "since_at": _TIME,
-    "since_epoch": _DOUBLE,
-    "since_observed_at": _TIME,
-    "asserted_by": _TEXT,
-    "asserted_reason": _TEXT,
-}
-_INTERVAL = {
-    **_BEGINNING,
-    "until": _INTEGER,
-    "until_at": _TIME,
-    "until_epoch": _DOUBLE,
-    "until_observed_at": _TIME,
-    "retracted_by": _TEXT,
-    "retracted_reason": _TEXT,
-    "duration": _DOUBLE,
-}
-_FACT = {"kind": _TEXT, "proposition_id": _INTEGER, "predicate": _TEXT}
-_ARGUMENT = {"position": _INTEGER, "parameter": _TEXT, "object": _TEXT, "object_id": _INTEGER}
-_VALUE = {"function_value_id": _INTEGER, "function": _TEXT}
-_ACTION = {"action": _TEXT, "action_id": _INTEGER, "kind": _TEXT}
-_STEP = {"plan_id": _INTEGER, "position": _INTEGER}
+
+def _type_of(name: str) -> ColumnType:
+    last_word = name.rpartition("_")[2]
+    return _TYPES.get(name) or _LAST_WORDS.get(last_word, ColumnType.TEXT)
+
+
+_REVISION = (
+    "committed_at committed_epoch committed_hour observed_at observed_epoch delay actor reason "
+    "source plan_id plan_step"
+)
+_BEGINNING = "since since_at since_epoch since_observed_at asserted_by asserted_reason"
+_INTERVAL = (
+    f"{_BEGINNING} until until_at until_epoch until_observed_at retracted_by retracted_reason "
+    "duration"
+)
+_FACT = "kind proposition_id predicate"
+_FACTS = f"{_FACT} arguments text {_INTERVAL}"
+_ARGUMENT = "position parameter object object_id"
+_VALUE = "function_value_id function"
+_VALUES = f"{_VALUE} arguments fluent value number"
+_ACTION = "action action_id kind"
+_STEP = "plan_id position"
+_BEGUN = "started started_at started_epoch started_by"
+_ENDED = "ended ended_at ended_epoch ended_by ended_reason duration"
+# What was true of a time, and as it was known.
+_VALID = (
+    "valid_from valid_from_epoch valid_until valid_until_epoch known_since known_since_at "
+    "known_since_epoch known_by known_reason known_until known_until_at known_until_epoch "
+    "corrected_by corrected_reason"
+)
 
 # An interval is in a window in which it began, held or ended.
 _HELD = "since <= :high AND COALESCE(until >= :low, TRUE)"
+_KNOWN = "known_since <= :high AND COALESCE(known_until >= :low, TRUE)"
 _BEGAN = "since BETWEEN :low AND :high"
+_MADE = "revision BETWEEN :low AND :high"
 _PLANNED = (
     "plan_id IN (SELECT p.plan_id FROM audit_plan AS p WHERE p.kb_id = :kb"
     " AND p.since BETWEEN :low AND :high)"
 )
 
 
-def _view(
-    name: str, order: str, window: str | None, *columns: Mapping[str, ColumnType]
-) -> AuditView:
-    parts = (_KNOWLEDGE_BASE, *columns, _KB_ID)
-    together = {key: type_ for part in parts for key, type_ in part.items()}
-    return AuditView(f"{PREFIX}{name}", together, tuple(order.split()), window)
+def _view(name: str, order: str, window: str | None, columns: str) -> AuditView:
+    # The id comes last, but for what was added later: one shard has all rows of a knowledge base,
+    # which its name does not find.
+    names = ("knowledge_base", *columns.split(), "kb_id")
+    types = {column: _type_of(column) for column in names}
+    return AuditView(f"{PREFIX}{name}", types, tuple(order.split()), window)
 
 
-# What was true of a time, and as it was known.
-_VALID = {
-    **{
-        f"valid_{end}{unit}": type_
-        for end in ("from", "until")
-        for unit, type_ in (("", _TIME), ("_epoch", _DOUBLE))
-    },
-    "known_since": _INTEGER,
-    "known_since_at": _TIME,
-    "known_since_epoch": _DOUBLE,
-    "known_by": _TEXT,
-    "known_reason": _TEXT,
-    "known_until": _INTEGER,
-    "known_until_at": _TIME,
-    "known_until_epoch": _DOUBLE,
-    "corrected_by": _TEXT,
-    "corrected_reason": _TEXT,
-}
-_KNOWN = "known_since <= :high AND COALESCE(known_until >= :low, TRUE)"
-_FACTS = {**_FACT, "arguments": _TEXT, "text": _TEXT}, _INTERVAL
 AUDIT_VIEWS = {
     view.name: view
     for view in (
@@ -140,171 +128,127 @@ AUDIT_VIEWS = {
             "knowledge_base",
             "revision",
             None,
-            {"revision": _INTEGER, "committed_at": _TIME, "committed_epoch": _DOUBLE},
-            {"origin": _TEXT, "verified_revision": _INTEGER, "verified_at": _TIME},
+            "revision committed_at committed_epoch origin verified_revision verified_at",
         ),
-        _view(
-            "revision",
-            "revision",
-            "revision BETWEEN :low AND :high",
-            {"revision": _INTEGER, **_REVISION, "form": _INTEGER, "hash": _TEXT},
-        ),
+        _view("revision", "revision", _MADE, f"revision {_REVISION} form hash"),
         _view(
             "change",
             "revision sign kind text element_id",
-            "revision BETWEEN :low AND :high",
-            {"revision": _INTEGER, "sign": _TEXT, "kind": _TEXT, "text": _TEXT},
-            {"element_id": _INTEGER, **_REVISION},
+            _MADE,
+            f"revision sign kind text element_id {_REVISION}",
         ),
-        _view("fact", "since kind proposition_id", _HELD, *_FACTS),
-        _view("goal", "since proposition_id", _HELD, *_FACTS),
+        _view("fact", "since kind proposition_id", _HELD, _FACTS),
+        _view("goal", "since proposition_id", _HELD, _FACTS),
         _view(
             "fact_argument",
             "since kind proposition_id position",
             _HELD,
-            {**_FACT, "text": _TEXT, **_ARGUMENT},
-            _INTERVAL,
+            f"{_FACT} text {_ARGUMENT} {_INTERVAL}",
         ),
-        _view(
-            "value",
-            "since function_value_id",
-            _HELD,
-            {**_VALUE, "arguments": _TEXT, "fluent": _TEXT, "value": _TEXT, "number": _DOUBLE},
-            {"text": _TEXT, **_INTERVAL},
-        ),
+        _view("value", "since function_value_id", _HELD, f"{_VALUES} text {_INTERVAL}"),
         _view(
             "fact_valid",
             "known_since proposition_id valid_from",
             _KNOWN,
-            {"proposition_id": _INTEGER, "predicate": _TEXT, "arguments": _TEXT, "text": _TEXT},
-            _VALID,
+            f"proposition_id predicate arguments text {_VALID}",
         ),
         _view(
             "value_valid",
             "known_since function_value_id valid_from",
             _KNOWN,
-            {**_VALUE, "arguments": _TEXT, "fluent": _TEXT, "value": _TEXT, "number": _DOUBLE},
-            _VALID,
+            f"{_VALUES} {_VALID}",
         ),
         _view(
             "value_argument",
             "since function_value_id position",
             _HELD,
-            {**_VALUE, "text": _TEXT, **_ARGUMENT},
-            _INTERVAL,
+            f"{_VALUE} text {_ARGUMENT} {_INTERVAL}",
         ),
         _view(
             "object",
             "since object_id",
             _HELD,
-            {"object": _TEXT, "object_id": _INTEGER, "type": _TEXT, "is_constant": _BOOLEAN},
-            {"text": _TEXT, **_INTERVAL},
+            f"object object_id type is_constant text {_INTERVAL}",
         ),
         _view(
             "definition",
             "since kind element_id",
             _HELD,
-            {"kind": _TEXT, "name": _TEXT, "element_id": _INTEGER, "text": _TEXT},
-            _INTERVAL,
+            f"kind name element_id text {_INTERVAL}",
         ),
-        _view("action", "since action_id", _HELD, {**_ACTION, "text": _TEXT}, _INTERVAL),
+        _view("action", "since action_id", _HELD, f"{_ACTION} text {_INTERVAL}"),
         _view(
             "action_literal",
             "since action_id section position",
             _HELD,
-            {**_ACTION, "section": _TEXT, "position": _INTEGER, "role": _TEXT},
-            {"predicate": _TEXT, "literal": _TEXT, "time": _TEXT, "is_conditional": _BOOLEAN},
-            _INTERVAL,
+            f"{_ACTION} section position role predicate literal time is_conditional {_INTERVAL}",
         ),
         _view(
             "plan",
             "plan_id",
             _BEGAN,
-            {"plan_id": _INTEGER, "revision": _INTEGER, "revision_at": _TIME},
-            {"revision_epoch": _DOUBLE, "problem_hash": _TEXT, "planner": _TEXT},
-            {"planner_version": _TEXT, "objective": _TEXT, "value": _TEXT, "number": _DOUBLE},
-            {"status": _TEXT, "steps": _INTEGER, "steps_running": _INTEGER},
-            {"steps_succeeded": _INTEGER, "steps_failed": _INTEGER, "steps_aborted": _INTEGER},
-            {**_BEGINNING, "text": _TEXT, "domain_pddl": _TEXT, "problem_pddl": _TEXT},
+            "plan_id revision revision_at revision_epoch problem_hash planner planner_version "
+            "objective value number status steps steps_running steps_succeeded steps_failed "
+            f"steps_aborted {_BEGINNING} text domain_pddl problem_pddl",
         ),
         _view(
             "plan_step",
             "plan_id position",
             _PLANNED,
-            {**_STEP, "action": _TEXT, "arguments": _TEXT, "text": _TEXT},
-            {"planned_start": _DOUBLE, "planned_duration": _DOUBLE, "status": _TEXT},
-            {"started": _INTEGER, "started_at": _TIME, "started_epoch": _DOUBLE},
-            {"started_by": _TEXT, "ended": _INTEGER, "ended_at": _TIME, "ended_epoch": _DOUBLE},
-            {"ended_by": _TEXT, "ended_reason": _TEXT, "duration": _DOUBLE},
-            {"revisions": _INTEGER},
+            f"{_STEP} action arguments text planned_start planned_duration status {_BEGUN} "
+            f"{_ENDED} revisions",
         ),
         _view(
             "plan_step_status",
             "since plan_id position",
             _HELD,
-            {**_STEP, "status": _TEXT, "text": _TEXT},
-            _INTERVAL,
+            f"{_STEP} status text {_INTERVAL}",
         ),
         _view(
             "plan_step_argument",
             "plan_id position argument",
             _PLANNED,
-            {**_STEP, "text": _TEXT, "argument": _INTEGER, "object": _TEXT},
-            {"object_id": _INTEGER},
+            f"{_STEP} text argument object object_id",
         ),
         _view(
             "execution",
             "plan_id position",
             "started <= :high AND COALESCE(ended >= :low, TRUE)",
-            {"execution": _TEXT, **_STEP, "action": _TEXT, "arguments": _TEXT, "text": _TEXT},
-            {"outcome": _TEXT, "code": _TEXT, "message": _TEXT},
-            {"started": _INTEGER, "started_at": _TIME, "started_epoch": _DOUBLE},
-            {"started_by": _TEXT, "started_reason": _TEXT, "started_source": _TEXT},
-            {"ended": _INTEGER, "ended_at": _TIME, "ended_epoch": _DOUBLE},
-            {"ended_by": _TEXT, "ended_reason": _TEXT, "duration": _DOUBLE},
-            {"planned_duration": _DOUBLE},
+            f"execution {_STEP} action arguments text outcome code message {_BEGUN} "
+            f"started_reason started_source {_ENDED} planned_duration",
         ),
         _view(
             "statistics",
             "action arguments",
             None,
-            {"action": _TEXT, "arguments": _TEXT, "executions": _INTEGER, "running": _INTEGER},
-            {"succeeded": _INTEGER, "failed": _INTEGER, "aborted": _INTEGER, "refused": _INTEGER},
-            {"success_rate": _DOUBLE, "success_low": _DOUBLE, "success_high": _DOUBLE},
-            {"mean": _DOUBLE, "median": _DOUBLE, "percentile_95": _DOUBLE, "codes": _TEXT},
-            # It was added to the view later.
-            {**_KB_ID, "unconfirmed": _INTEGER},
+            "action arguments executions running succeeded failed aborted refused success_rate "
+            "success_low success_high mean median percentile_95 codes kb_id unconfirmed",
         ),
         _view(
             "effect",
             "since execution proposition_id",
             _HELD,
-            {"execution": _TEXT, **_STEP, "proposition_id": _INTEGER, "text": _TEXT},
-            {"since": _INTEGER, "since_at": _TIME, "since_epoch": _DOUBLE, "asserted_by": _TEXT},
-            {"until": _INTEGER, "until_at": _TIME, "until_epoch": _DOUBLE, "retracted_by": _TEXT},
-            {"confirmed": _INTEGER, "confirmed_at": _TIME, "confirmed_epoch": _DOUBLE},
-            {"confirmed_by": _TEXT},
+            f"execution {_STEP} proposition_id text since since_at since_epoch asserted_by until "
+            "until_at until_epoch retracted_by confirmed confirmed_at confirmed_epoch confirmed_by",
         ),
         _view(
             "confirmation",
             "revision proposition_id",
-            "revision BETWEEN :low AND :high",
-            {"revision": _INTEGER, "text": _TEXT, "proposition_id": _INTEGER, **_REVISION},
+            _MADE,
+            f"revision text proposition_id {_REVISION}",
         ),
         _view(
             "archive",
             "archive_id",
             None,
-            {"archive_id": _INTEGER, "revision": _INTEGER, "revision_at": _TIME},
-            {"revision_epoch": _DOUBLE, "target": _TEXT, "versions": _INTEGER, "rest": _TEXT},
-            {**_BEGINNING, "text": _TEXT},
+            "archive_id revision revision_at revision_epoch target versions rest "
+            f"{_BEGINNING} text",
         ),
         _view(
             "promotion",
             "promotion_id",
             None,
-            {"promotion_id": _INTEGER, "revision": _INTEGER, "revision_at": _TIME},
-            {"revision_epoch": _DOUBLE, "origin": _TEXT, **_BEGINNING, "text": _TEXT},
+            f"promotion_id revision revision_at revision_epoch origin {_BEGINNING} text",
         ),
     )
 }
@@ -357,7 +301,9 @@ def _rows_of(view: AuditView, source: Any, windowed: bool) -> Query:
         rows = rows.where(text(f"({view.window})").bindparams(*BOUNDS))
     # Databases differ in where NULL is sorted; numbers are never NULL here, and use an index.
     order: list[Any] = [*map(column, view.order)]
-    sorted_by = [one.nulls_first() if view.columns[one.name] is _TEXT else one for one in order]
+    sorted_by = [
+        one.nulls_first() if view.columns[one.name] is ColumnType.TEXT else one for one in order
+    ]
     return Query(rows.order_by(*sorted_by))
 
 

@@ -77,42 +77,38 @@ def raw(sql: str) -> Query:
     return Query(text(sql.replace(":", r"\:")))
 
 
-class InList(FunctionElement[bool]):
-    """`column` is among the values of one list parameter, in a text for lists of any length."""
+class _Condition(FunctionElement[bool]):
+    """What is true or false of a row."""
 
     type = Boolean()
     inherit_cache = True
-    name = "in_list"
     # Otherwise SQLite's dialect appends `= 1`, which keeps the database from using an index.
     _is_implicitly_boolean = True
 
 
-class InRows(FunctionElement[bool]):
+class InList(_Condition):
+    """`column` is among the values of one list parameter, in a text for lists of any length."""
+
+    inherit_cache = True
+    name = "in_list"
+
+
+class InRows(_Condition):
     """`column` is among the rows of a subquery, which runs once and drives an index.
 
     A join would do the same, but without statistics PostgreSQL takes every table for one row, and
     joins 30,000 propositions by nested loops over all pairs.
     """
 
-    type = Boolean()
     inherit_cache = True
     name = "in_rows"
-    _is_implicitly_boolean = True
 
 
-class AtKey(FunctionElement[bool]):
+class AtKey(_Condition):
     """`column` has a value; where it is sorted by, too, the index in that order is used."""
 
-    type = Boolean()
     inherit_cache = True
     name = "at_key"
-    _is_implicitly_boolean = True
-
-
-@compiles(AtKey)
-def _at_key(element: AtKey, compiler: Any, **options: Any) -> str:
-    column, value = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} = {value}"
 
 
 class Unsought(FunctionElement[Any]):
@@ -122,24 +118,11 @@ class Unsought(FunctionElement[Any]):
     name = "unsought"
 
 
-class InRange(FunctionElement[bool]):
+class InRange(_Condition):
     """`column` is a whole number from a lower to an upper bound."""
 
-    type = Boolean()
     inherit_cache = True
     name = "in_range"
-    _is_implicitly_boolean = True
-
-
-@compiles(Unsought)
-def _unsought(element: Unsought, compiler: Any, **options: Any) -> str:
-    return "".join(compiler.process(clause, **options) for clause in element.clauses)
-
-
-@compiles(InRange)
-def _in_range(element: InRange, compiler: Any, **options: Any) -> str:
-    column, low, high = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} BETWEEN {low} AND {high}"
 
 
 class Listed(FunctionElement[Any]):
@@ -228,6 +211,20 @@ class StorePlace(FunctionElement[str]):
     type = Text()
     inherit_cache = True
     name = "store_place"
+
+
+def write_as(element: type[FunctionElement[Any]], template: str, *dialects: str) -> None:
+    """Let a dialect, or each that has no words of its own, write the clauses into a template."""
+
+    def write(found: FunctionElement[Any], compiler: Any, **options: Any) -> str:
+        return template.format(*(compiler.process(each, **options) for each in found.clauses))
+
+    compiles(element, *dialects)(write)
+
+
+write_as(AtKey, "{0} = {1}")
+write_as(Unsought, "{0}")
+write_as(InRange, "{0} BETWEEN {1} AND {2}")
 
 
 def integer(name: str) -> ColumnElement[int]:

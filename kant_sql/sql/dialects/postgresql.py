@@ -66,6 +66,7 @@ from ..query import (
     StoreClock,
     StorePlace,
     insert_texts,
+    write_as,
 )
 from ..tables import Base
 from .base import (
@@ -213,16 +214,18 @@ def _one_report() -> Iterator[None]:
         _work.is_ours = False
 
 
-@compiles(InList, "postgresql")
-def _in_list(element: InList, compiler: Any, **options: Any) -> str:
-    column, values, *_ = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} = ANY({values})"
-
-
-@compiles(InRows, "postgresql")
-def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
-    column, rows, *_ = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{column} = ANY(ARRAY{rows})"
+write_as(InList, "{0} = ANY({1})", "postgresql")
+write_as(InRows, "{0} = ANY(ARRAY{1})", "postgresql")
+# What equals a constant is taken out of the order, and any index is then as good.
+write_as(AtKey, "{0} BETWEEN {1} AND {1}", "postgresql")
+write_as(StoreClock, "clock_timestamp()", "postgresql")
+write_as(Seconds, PostgresqlViews.seconds, "postgresql")
+write_as(
+    StorePlace,
+    "(SELECT concat_ws(' ', extract(epoch FROM pg_postmaster_start_time()), oid, "
+    "current_schema()) FROM pg_database WHERE datname = current_database())",
+    "postgresql",
+)
 
 
 @compiles(Listed, "postgresql")
@@ -254,36 +257,9 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
     return f"(({until} - 1) >> {shift} << {shift})"
 
 
-@compiles(AtKey, "postgresql")
-def _at_key(element: AtKey, compiler: Any, **options: Any) -> str:
-    column, value = (compiler.process(clause, **options) for clause in element.clauses)
-    # What equals a constant is taken out of the order, and any index is then as good.
-    return f"{column} BETWEEN {value} AND {value}"
-
-
 @compiles(RowsOfIds, "postgresql")
 def _rows_of_ids(element: RowsOfIds, compiler: Any, **options: Any) -> str:
     return f"ctid = ANY(ARRAY{_looked_up(element.ids, element.each, compiler, options)})"
-
-
-@compiles(StoreClock, "postgresql")
-def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
-    return "clock_timestamp()"
-
-
-@compiles(Seconds, "postgresql")
-def _seconds(element: Seconds, compiler: Any, **options: Any) -> str:
-    begin, end = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"CAST(extract(epoch FROM {end} - {begin}) AS double precision)"
-
-
-@compiles(StorePlace, "postgresql")
-def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
-    return (
-        "(SELECT concat_ws(' ', extract(epoch FROM pg_postmaster_start_time()), oid, "
-        "current_schema()) "
-        "FROM pg_database WHERE datname = current_database())"
-    )
 
 
 def read_all_times(connection: Any) -> None:

@@ -67,6 +67,7 @@ from ..query import (
     StorePlace,
     Unsought,
     raw,
+    write_as,
 )
 from ..tables.base import UtcTime
 from .base import (
@@ -224,23 +225,13 @@ def _seeking(among: str, bounded: Sequence[str]) -> str:
     return f"({''.join(parts)})" if bounded else among
 
 
-@compiles(Unsought, "sqlite")
-def _unsought(element: Unsought, compiler: Any, **options: Any) -> str:
-    (column,) = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"{UNSOUGHT['sqlite']}{column}"
-
-
-@compiles(InRange, "sqlite")
-def _in_range(element: InRange, compiler: Any, **options: Any) -> str:
-    column, low, high = (compiler.process(clause, **options) for clause in element.clauses)
-    # A lower bound that excludes its own value: see `bounded` in `words.py`.
-    return f"({column} > {low} - 1 AND {column} <= {high})"
-
-
-@compiles(Listed, "sqlite")
-def _listed(element: Listed, compiler: Any, **options: Any) -> str:
-    (values,) = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"json_each({values})"
+write_as(Unsought, UNSOUGHT["sqlite"] + "{0}", "sqlite")
+# A lower bound that excludes its own value: see `bounded` in `words.py`.
+write_as(InRange, "({0} > {1} - 1 AND {0} <= {2})", "sqlite")
+write_as(Listed, "json_each({0})", "sqlite")
+write_as(StoreClock, "NULL", "sqlite")
+write_as(Seconds, f"({SqliteViews.seconds})", "sqlite")
+write_as(StorePlace, "(SELECT file FROM pragma_database_list WHERE name = 'main')", "sqlite")
 
 
 @compiles(FoundRows, "sqlite")
@@ -263,26 +254,6 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
 def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
     column, rows, *bounded = (compiler.process(each, **options) for each in element.clauses)
     return _seeking(f"{column} IN {rows}", bounded)
-
-
-@compiles(StoreClock, "sqlite")
-def _store_clock(element: StoreClock, compiler: Any, **options: Any) -> str:
-    return "NULL"
-
-
-@compiles(Seconds, "sqlite")
-def _seconds(element: Seconds, compiler: Any, **options: Any) -> str:
-    begin, end = (compiler.process(clause, **options) for clause in element.clauses)
-    whole, rest = (
-        f"{take.format(end)} - {take.format(begin)}"
-        for take in ("strftime('%s', substr({}, 1, 19))", "substr({}, 21, 6)")
-    )
-    return f"((({whole}) * 1000000 + {rest}) / 1000000.0)"
-
-
-@compiles(StorePlace, "sqlite")
-def _store_place(element: StorePlace, compiler: Any, **options: Any) -> str:
-    return "(SELECT file FROM pragma_database_list WHERE name = 'main')"
 
 
 class SqliteSession(Session):
