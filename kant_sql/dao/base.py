@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from decimal import Decimal
 from functools import lru_cache, wraps
@@ -66,7 +66,7 @@ from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .dependants import Scope, clear_for_redefinition, delete_scope
-from .interfaces import Dao, FactLike, NamedDao, ValueLike
+from .interfaces import AnyDao, Dao, FactLike, NamedDao, ValueLike
 from .text import TextReader, refuse_unknown
 
 T = TypeVar("T")
@@ -150,11 +150,14 @@ def saving(transaction: Transaction, dtos: Iterable[Any]) -> Iterator[None]:
     transaction.spill()
 
 
-Given = TypeVar("Given", FactLike, ValueLike)
+Given = TypeVar("Given")
 
 
-class SqlGroundDao(SqlDao, Dao[Any, Given]):
-    """Writes what applies to objects: propositions, and values of functions."""
+class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
+    """Saves and deletes what has no name: facts, values and formulas, many at a time."""
+
+    # What a list of them is called, for messages.
+    _items: ClassVar[str] = "an iterable of DTOs"
 
     @override
     def save(self, dto: Given | Sequence[Given]) -> bool:
@@ -168,14 +171,73 @@ class SqlGroundDao(SqlDao, Dao[Any, Given]):
         return True
 
     @override
-    def insert(self, dto: Given) -> bool:
+    def save_all(self, dtos: Iterable[Given]) -> int:
+        self._check_writable()
+        changed = 0
+        with self._open_store.transaction() as transaction:
+            for batch in batches(dtos):
+                for dto in batch:
+                    self._check(dto)
+                with self._saving(transaction, batch):
+                    changed += self._save_batch(transaction, batch)
+        return changed
+
+    @override
+    def delete(self, dto: Given) -> bool:
+        self._check_writable()
+        self._check(dto)
+        return self._open_store.write(lambda transaction: self._remove(transaction, dto))
+
+    @override
+    def delete_all(self, dtos: Iterable[Given] | None = None) -> int:
+        self._check_writable()
+        if dtos is None:
+            return self._open_store.write(self._remove_all)
+        removed = 0
+        with self._open_store.transaction() as transaction:
+            for dto in iterate(dtos, "what delete_all takes", self._items):
+                self._check(dto)
+                removed += self._remove(transaction, dto)
+        return removed
+
+    def _saving(
+        self, transaction: Transaction, batch: Sequence[Given]
+    ) -> AbstractContextManager[None]:
+        """Open what a batch is saved in."""
+        return nullcontext()
+
+    @abstractmethod
+    def _check(self, dto: object) -> None:
+        """Refuse what is of another class."""
+
+    @abstractmethod
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
+        """Save DTOs, texts and nodes that were checked; return the number of changes."""
+
+    @abstractmethod
+    def _remove(self, transaction: Transaction, dto: Given) -> bool:
+        """Delete what a DTO, a text or a node means; return whether it was stored."""
+
+    @abstractmethod
+    def _remove_all(self, transaction: Transaction) -> int:
+        """Delete all; return their number."""
+
+
+Ground = TypeVar("Ground", FactLike, ValueLike)
+
+
+class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
+    """Writes what applies to objects: propositions, and values of functions."""
+
+    @override
+    def insert(self, dto: Ground) -> bool:
         return self._save_where(dto, False)
 
     @override
-    def update(self, dto: Given) -> bool:
+    def update(self, dto: Ground) -> bool:
         return self._save_where(dto, True)
 
-    def _save_where(self, dto: Given, is_stored: bool) -> bool:
+    def _save_where(self, dto: Ground, is_stored: bool) -> bool:
         """Save what is stored already, or what is not; return whether it was so."""
         self._check(dto)
 
@@ -201,60 +263,20 @@ class SqlGroundDao(SqlDao, Dao[Any, Given]):
 
         return self._open_store.read(read, self._at)
 
-    @override
-    def save_all(self, dtos: Iterable[Given]) -> int:
-        self._check_writable()
-        changed = 0
-        with self._open_store.transaction() as transaction:
-            for batch in batches(dtos):
-                for dto in batch:
-                    self._check(dto)
-                with saving(transaction, [dto for dto in batch if not isinstance(dto, str | Node)]):
-                    changed += self._save_batch(transaction, batch)
-        return changed
+    def _saving(
+        self, transaction: Transaction, batch: Sequence[Ground]
+    ) -> AbstractContextManager[None]:
+        return saving(transaction, [dto for dto in batch if not isinstance(dto, str | Node)])
 
-    @override
-    def delete(self, dto: Given) -> bool:
-        self._check(dto)
-        return self._open_store.write(lambda transaction: self._remove(transaction, dto))
-
-    @override
-    def delete_all(self, dtos: Iterable[Given] | None = None) -> int:
-        self._check_writable()
-        if dtos is None:
-
-            def remove_all(transaction: Transaction) -> int:
-                remedy = "name what did not hold then, as in kb.propositions.delete_all([...])"
-                transaction.refuse_period("delete_all()", remedy, unless_open=True)
-                return self._remove_all(transaction)
-
-            return self._open_store.write(remove_all)
-        removed = 0
-        with self._open_store.transaction() as transaction:
-            for dto in iterate(dtos, "what delete_all takes", "an iterable of DTOs"):
-                self._check(dto)
-                removed += self._remove(transaction, dto)
-        return removed
+    @staticmethod
+    def _refuse_all_of_past(transaction: Transaction) -> None:
+        """Refuse to delete all of a period that is over."""
+        remedy = "name what did not hold then, as in kb.propositions.delete_all([...])"
+        transaction.refuse_period("delete_all()", remedy, unless_open=True)
 
     @abstractmethod
-    def _check(self, dto: object) -> None:
-        """Refuse a DTO of another class."""
-
-    @abstractmethod
-    def _holds(self, transaction: Transaction, dto: Given) -> bool:
+    def _holds(self, transaction: Transaction, dto: Ground) -> bool:
         """Return whether it is stored."""
-
-    @abstractmethod
-    def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
-        """Save DTOs, texts and nodes; return the number of changes."""
-
-    @abstractmethod
-    def _remove(self, transaction: Transaction, dto: Given) -> bool:
-        """Delete what a DTO, a text or a node means; return whether it was stored."""
-
-    @abstractmethod
-    def _remove_all(self, transaction: Transaction) -> int:
-        """Delete all; return their number."""
 
 
 _Rows = Select[*tuple[Any, ...]]

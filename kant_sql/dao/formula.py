@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_ar
 
 from typing_extensions import override
 
-from ..arguments import is_many, iterate, shown
+from ..arguments import is_many, shown
 from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, check_name, decimal_text, fold
@@ -52,7 +52,7 @@ from ..pddl.writer import node_text
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import SqlDao, batches, identify, saving
+from .base import SqlDao, SqlSavingDao, identify, saving
 from .interfaces import (
     ConstraintDao,
     DerivedPredicateDao,
@@ -665,13 +665,14 @@ def remove_formulas(transaction: Transaction, section: str) -> int:
     return len(stored)
 
 
-class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
+class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]):
     """One section of formulas in an SQL store."""
 
     section: ClassVar[str]
     node_classes: tuple[type, ...] = (f.Node,)
     # Reads such a formula from text.
     _reads: ClassVar[Callable[..., Any]]
+    _items = "an iterable of formulas"
     example: ClassVar[str]
 
     @override
@@ -685,31 +686,14 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
         return True
 
     @override
-    def insert(self, formula: Given) -> bool:
+    def insert(self, dto: Given) -> bool:
         self._check_writable()
-        self._check(formula)
+        self._check(dto)
 
         def insert(transaction: Transaction) -> bool:
-            return not self._holds(transaction, formula) and self._save(transaction, [formula]) > 0
+            return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) > 0
 
         return self._open_store.write(insert)
-
-    @override
-    def save_all(self, formulas: Iterable[Given]) -> int:
-        self._check_writable()
-        changed = 0
-        with self._open_store.transaction() as transaction:
-            for batch in batches(formulas):
-                for formula in batch:
-                    self._check(formula)
-                changed += self._save(transaction, batch)
-        return changed
-
-    @override
-    def delete(self, formula: Given) -> bool:
-        self._check_writable()
-        self._check(formula)
-        return self._open_store.write(lambda transaction: self._remove_given(transaction, formula))
 
     def _check(self, formula: object) -> None:
         """Refuse what is not a formula of the section."""
@@ -725,9 +709,8 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
         """Return whether it is stored, where that cannot be seen by saving it."""
         return False
 
-    def _save(self, transaction: Transaction, formulas: Iterable[Given]) -> int:
-        """Save formulas that were checked; return the number of changes."""
-        return sum(self._put_given(transaction, formula) for formula in formulas)
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
+        return sum(self._put_given(transaction, dto) for dto in dtos)
 
     def _put_given(self, transaction: Transaction, formula: Any) -> bool:
         """Save a node or a text; return whether that is a change."""
@@ -741,27 +724,14 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
             made.append(self._put(transaction, part))
         return any(made)
 
-    def _remove_given(self, transaction: Transaction, formula: Any) -> bool:
-        """Delete a node or a text; return whether it was stored."""
-        node: N | None = formula
-        if isinstance(formula, str):
-            node = TextReader(transaction).read_stored(self._reads, formula)
+    def _remove(self, transaction: Transaction, dto: Any) -> bool:
+        node: N | None = dto
+        if isinstance(dto, str):
+            node = TextReader(transaction).read_stored(self._reads, dto)
         if node is None:
             return False
-        gone = [self._remove(transaction, part) for part in self._parts(node)]
+        gone = [self._remove_part(transaction, part) for part in self._parts(node)]
         return any(gone)
-
-    @override
-    def delete_all(self, formulas: Iterable[Given] | None = None) -> int:
-        self._check_writable()
-        if formulas is None:
-            return self._open_store.write(self._remove_all)
-        removed = 0
-        with self._open_store.transaction() as transaction:
-            for formula in iterate(formulas, "what delete_all takes", "an iterable of formulas"):
-                self._check(formula)
-                removed += self._remove_given(transaction, formula)
-        return removed
 
     def _stored(self, definitions: Definitions) -> list[N]:
         stored = read_formulas(definitions, self.section)
@@ -774,7 +744,7 @@ class SqlFormulaDao(SqlDao, FormulaDao[N, Given], Generic[N, Given]):
     def _put(self, transaction: Transaction, formula: N) -> bool:
         return transaction.define("formula", make_formula(transaction, self.section, formula))
 
-    def _remove(self, transaction: Transaction, formula: N) -> bool:
+    def _remove_part(self, transaction: Transaction, formula: N) -> bool:
         return remove_formula(transaction, self.section, formula)
 
     def _remove_all(self, transaction: Transaction) -> int:
@@ -789,8 +759,8 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedP
     _reads = staticmethod(read_derived)
     example = "(:derived (reachable ?p - place) (connected dock ?p))"
 
-    def _save(self, transaction: Transaction, formulas: Iterable[f.Derived | str]) -> int:
-        changed = super()._save(transaction, formulas)
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[f.Derived | str]) -> int:
+        changed = super()._save_batch(transaction, dtos)
         if changed:
             check_stratified(transaction.definitions)
         return changed
@@ -873,23 +843,22 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
     def _holds(self, transaction: Transaction, formula: GoalLike) -> bool:
         if not isinstance(formula, PddlPropositionDto):
             return False
-        key = existing_key(transaction, formula, is_goal=True)
-        found = None if key is None else transaction.propositions.find([key]).get(key)
+        found = transaction.propositions.find_one(existing_key(transaction, formula, is_goal=True))
         return found is not None and transaction.propositions.holds(found)
 
-    def _save(self, transaction: Transaction, formulas: Iterable[GoalLike]) -> int:
-        given = [*formulas]
-        dtos = [each for each in given if isinstance(each, PddlPropositionDto)]
-        with saving(transaction, dtos):
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[GoalLike]) -> int:
+        given = [*dtos]
+        atoms = [each for each in given if isinstance(each, PddlPropositionDto)]
+        with saving(transaction, atoms):
             resolve = References(transaction, are_goals=True).resolve
-            changed = transaction.propositions.hold_all(dict(map(resolve, dtos)))
+            changed = transaction.propositions.hold_all(dict(map(resolve, atoms)))
         others = (each for each in given if not isinstance(each, PddlPropositionDto))
-        return changed + super()._save(transaction, others)
+        return changed + super()._save_batch(transaction, others)
 
-    def _remove_given(self, transaction: Transaction, formula: Any) -> bool:
-        if not isinstance(formula, PddlPropositionDto):
-            return super()._remove_given(transaction, formula)
-        return self._retract(transaction, existing_key(transaction, formula, is_goal=True))
+    def _remove(self, transaction: Transaction, dto: Any) -> bool:
+        if not isinstance(dto, PddlPropositionDto):
+            return super()._remove(transaction, dto)
+        return self._retract(transaction, existing_key(transaction, dto, is_goal=True))
 
     def _put(self, transaction: Transaction, formula: f.Formula) -> bool:
         if not (isinstance(formula, f.Atom) and is_ground(formula)):
@@ -900,14 +869,14 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
         assert key is not None
         return transaction.propositions.hold_all({key: text}) > 0
 
-    def _remove(self, transaction: Transaction, formula: f.Formula) -> bool:
+    def _remove_part(self, transaction: Transaction, formula: f.Formula) -> bool:
         if not (isinstance(formula, f.Atom) and is_ground(formula)):
-            return super()._remove(transaction, formula)
+            return super()._remove_part(transaction, formula)
         return self._retract(transaction, key_of_atom(transaction, formula, True))
 
     @staticmethod
     def _retract(transaction: Transaction, key: AtomKey | None) -> bool:
-        found = None if key is None else transaction.propositions.find([key]).get(key)
+        found = transaction.propositions.find_one(key)
         return found is not None and transaction.propositions.set(found, False)
 
     def _remove_all(self, transaction: Transaction) -> int:

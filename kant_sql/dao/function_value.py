@@ -204,6 +204,11 @@ def _name(reference: FunctionReference | ObjectReference) -> str:
     return reference if isinstance(reference, str) else reference.name
 
 
+def _value(transaction: Transaction, key: FluentKey | None) -> FluentValue | None:
+    fluent = transaction.values.find_one(key)
+    return None if fluent is None else transaction.values.value(fluent)
+
+
 def _dtos(view: View, rows: Iterable[Any]) -> list[PddlFunctionValueDto]:
     builder = DtoBuilder(view.definitions)
 
@@ -229,7 +234,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         transaction = self._open_store.current()
         if transaction is not None and self._at is None:
             # From memory: a query would have to write first what is pending.
-            value = self._value(transaction, function, objects)
+            value = _value(transaction, existing_key(transaction.definitions, function, objects))
             if value is None:
                 self._refuse_unknown(function, objects)
                 return None
@@ -300,7 +305,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
         def unset(transaction: Transaction) -> bool:
             key = existing_key(transaction.definitions, function, objects)
-            if key is None or transaction.values.find([key]).get(key) is None:
+            if transaction.values.find_one(key) is None:
                 self._refuse_unknown(function, objects)
             return self._unset(transaction, key)
 
@@ -331,18 +336,14 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         return self._change("scaled down", SCALE_DOWN, function, objects, by)
 
     def _remove(self, transaction: Transaction, dto: ValueLike) -> bool:
-        if not isinstance(dto, str | Node):
-            key = existing_key(transaction.definitions, dto.function, dto.objects)
-        else:
-            key = self._key_of_text(transaction, dto)
-        return self._unset(transaction, key)
+        return self._unset(transaction, self._key_of(transaction, dto))
 
     @staticmethod
     def _unset(transaction: Transaction, key: FluentKey | None) -> bool:
         if key is None:
             return False
         values, definitions = transaction.values, transaction.definitions
-        fluent = values.find([key]).get(key)
+        fluent = values.find_one(key)
         if fluent is None and transaction.says:
             # It had a value at no time, and now somebody says so of one.
             name = definitions.functions.live(key.function_id).name
@@ -357,13 +358,11 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
             expect_list(dto.objects, PddlObjectDto, "the list of objects of a function value")
 
     def _holds(self, transaction: Transaction, dto: ValueLike) -> bool:
-        if not isinstance(dto, str | Node):
-            return self._value(transaction, dto.function, dto.objects) is not None
-        key = self._key_of_text(transaction, dto)
-        fluent = None if key is None else transaction.values.find([key]).get(key)
-        return fluent is not None and transaction.values.value(fluent) is not None
+        return _value(transaction, self._key_of(transaction, dto)) is not None
 
-    def _key_of_text(self, transaction: Transaction, given: str | Node) -> FluentKey | None:
+    def _key_of(self, transaction: Transaction, given: ValueLike) -> FluentKey | None:
+        if not isinstance(given, str | Node):
+            return existing_key(transaction.definitions, given.function, given.objects)
         found = TextReader(transaction).read_stored(read_value, given)
         if found is None:
             return None
@@ -375,6 +374,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         return transaction.values.set_many([entry(dto) for dto in dtos])
 
     def _remove_all(self, transaction: Transaction) -> int:
+        self._refuse_all_of_past(transaction)
         held = function_values_on(transaction, None)
         transaction.values.unset(held)
         return len(held)
@@ -396,7 +396,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
             references, values = FluentReferences(transaction), transaction.values
             declared, key, text = references.resolve(function, objects)
             number = references.number(declared, by, text)
-            fluent = values.find([key]).get(key)
+            fluent = values.find_one(key)
             now = None if fluent is None else values.value(fluent)
             if fluent is None or now is None:
                 raise InvalidKnowledgeError(
@@ -412,13 +412,3 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
             return Decimal(result)
 
         return self._open_store.write(change)
-
-    @staticmethod
-    def _value(
-        transaction: Transaction,
-        function: FunctionReference,
-        objects: Sequence[ObjectReference],
-    ) -> FluentValue | None:
-        key = existing_key(transaction.definitions, function, objects)
-        fluent = None if key is None else transaction.values.find([key]).get(key)
-        return None if fluent is None else transaction.values.value(fluent)

@@ -293,7 +293,7 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
         if key is None:
             return False
         propositions, definitions = transaction.propositions, transaction.definitions
-        atom = propositions.find([key]).get(key)
+        atom = propositions.find_one(key)
         if atom is None and transaction.says:
             # It held at no time, and now somebody says so of one.
             name = definitions.predicates.live(key.predicate_id).name
@@ -344,13 +344,9 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
         return transaction.confirm(atom for atom in atoms.values() if atom.id not in recent)
 
     def _holds(self, transaction: Transaction, dto: FactLike) -> bool:
-        atom = self._find(transaction, dto)
+        atom = transaction.propositions.find_one(existing_key(transaction, dto, is_goal=False))
         return atom is not None and transaction.propositions.holds(atom)
 
     def _remove_all(self, transaction: Transaction) -> int:
+        self._refuse_all_of_past(transaction)
         return retract_all(transaction, are_goals=False)
-
-    @staticmethod
-    def _find(transaction: Transaction, dto: FactLike) -> Any:
-        key = existing_key(transaction, dto, is_goal=False)
-        return None if key is None else transaction.propositions.find([key]).get(key)

@@ -302,6 +302,8 @@ class SayingLedger(Ledger[int, NewSaying]):
 class InternedLedger(Ledger[int, V], Generic[I, V]):
     """The ledger of elements that are found by their arguments: ground atoms and fluents."""
 
+    identity: ClassVar[type[Any]]
+    # Its columns are those of an identity: the id, the parts of the key, the text.
     new_identity: ClassVar[Insert]
     new_argument: ClassVar[Insert]
     new_version: ClassVar[Insert]
@@ -341,6 +343,10 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
                 if not self.was_spilled and identity.id not in self._before:
                     self.assign(self._before, identity.id, value)
         return found
+
+    def find_one(self, key: Any) -> I | None:
+        """Find an identity; None for a key of None, too."""
+        return None if key is None else self.find((key,)).get(key)
 
     def know(self, identity: I) -> I:
         """Keep an identity for the rest of the transaction."""
@@ -385,16 +391,12 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
 
     def intern(self, key: Any, text: str) -> I:
         """Find the identity of an element, or make it."""
-        found = self.find((key,)).get(key)
+        found = self.find_one(key)
         if found is None:
             [id_] = self.context.allocate(1)
-            found = self._made(id_, key, text)
+            found = self.identity(id_, key, text)
             self._add({id_: found}, {id_: None})
         return found
-
-    @abstractmethod
-    def _made(self, id_: int, key: Any, text: str) -> I:
-        """Make an identity."""
 
     def _add_new(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
         """Assert elements that were never known before, in the period of the transaction if any."""
@@ -429,7 +431,8 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         new = self._new
         if new:
             session, kb = self.context.session, self.context.kb_id
-            session.insert(self.new_identity, [self._identity_row(each) for each in new.values()])
+            rows: list[Row] = [(kb, id_, *each.key, each.text) for id_, each in new.items()]
+            session.insert(self.new_identity, rows)
             session.insert(
                 self.new_argument,
                 [
@@ -462,10 +465,6 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
     @abstractmethod
     def _read(self, unknown: dict[int, I]) -> None:
         """Read what holds of elements."""
-
-    @abstractmethod
-    def _identity_row(self, identity: I) -> Row:
-        """Return the row of an identity."""
 
 
 class DefinitionLedger(Ledger[int, Definition]):
@@ -555,8 +554,9 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
 
     versions = VERSIONS
     said_in = FACT_SAYINGS
+    identity = GroundAtom
     new_identity = Insert(
-        table_of(PropositionRow), "kb_id", "id", "predicate_id", "is_goal", "arguments", "text"
+        table_of(PropositionRow), "kb_id", "id", "is_goal", "predicate_id", "arguments", "text"
     )
     new_argument = Insert(
         table_of(PropositionArgumentRow), "kb_id", "proposition_id", "position", "object_id"
@@ -618,9 +618,6 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         self.put(atom.id, atom if holds else None)
         return True
 
-    def _made(self, id_: int, key: AtomKey, text: str) -> GroundAtom:
-        return GroundAtom(id_, key, text)
-
     def _say(self, sayings: SayingLedger, identity: GroundAtom, value: GroundAtom | None) -> bool:
         id_, key, text = identity
         holds = value is not None
@@ -665,10 +662,6 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     def _line(self, key: int, value: GroundAtom) -> tuple[str, str]:
         return (GOAL if value.key.is_goal else FACT), value.text
 
-    def _identity_row(self, identity: GroundAtom) -> Row:
-        id_, (is_goal, predicate_id, arguments), text = identity
-        return self.context.kb_id, id_, predicate_id, is_goal, arguments, text
-
     def _rows(self, opened: list[tuple[int, GroundAtom]]) -> Iterable[tuple[Insert, list[Row]]]:
         kb, number = self.context.kb_id, self.context.number
         rows: list[Row] = [
@@ -686,6 +679,7 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
 
     versions = VALUE_VERSIONS
     said_in = VALUE_SAYINGS
+    identity = GroundFluent
     new_identity = Insert(
         table_of(FunctionValueRow), "kb_id", "id", "function_id", "arguments", "text"
     )
@@ -774,9 +768,6 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
             self.know(fluent)
             self.set(fluent, None)
 
-    def _made(self, id_: int, key: FluentKey, text: str) -> GroundFluent:
-        return GroundFluent(id_, key, text)
-
     def _say(self, sayings: SayingLedger, identity: GroundFluent, value: HeldValue | None) -> bool:
         id_, key, text = identity
         if value is None:
@@ -814,10 +805,6 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
 
     def _line(self, key: int, value: HeldValue) -> tuple[str, str]:
         return VALUE, value.text
-
-    def _identity_row(self, identity: GroundFluent) -> Row:
-        id_, key, text = identity
-        return self.context.kb_id, id_, key.function_id, key.arguments, text
 
     def _rows(self, opened: list[tuple[int, HeldValue]]) -> Iterable[tuple[Insert, list[Row]]]:
         kb, number = self.context.kb_id, self.context.number
