@@ -15,13 +15,12 @@ from .. import html
 from ..arguments import one_of, optional_text, shown, storable_text
 from ..dao.text import refuse_unknown_actor
 from ..dto import PddlObjectDto
-from ..dto.lexical import fold, is_word
 from ..errors import InvalidArgumentError, PlanError, UnknownNameError
 from ..history.moments import find_bounds
 from ..history.revisions import LARGEST, at_most
 from ..moment_text import When, read_when
 from ..sql import tables as t
-from ..sql.definition_rows import find_identities
+from ..sql.definition_rows import find_id
 from ..sql.executions import FAILED, NO_PLAN, OUTCOMES, RUNNING, Key
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, table_of
@@ -293,13 +292,10 @@ def _find_names(view: View, asked: ExecutionFilter) -> dict[str, Any] | None:
     for kind, name in (("action", asked.action), ("object", asked.object)):
         if name is None or view.kb_id is None:
             continue
-        key, identity = fold(name), None
-        if is_word(name):
-            identity = find_identities(view.session, view.kb_id, kind, {key})[key]
-        found[kind] = None if identity is None else identity[0]
+        found[kind] = find_id(view.session, view.kb_id, kind, name)
         if kind == "action":
             found["name"] = name
-        elif identity is None:
+        elif found[kind] is None:
             return None
     return found
 

@@ -29,9 +29,10 @@ from ..sql.executions import (
     Key,
     begun_at,
     id_text,
+    of_execution,
 )
 from ..sql.query import Query, in_list, integer
-from ..sql.rows import KB, looked_up, table_of
+from ..sql.rows import KB, table_of
 from ..store.snapshot import View
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -345,15 +346,10 @@ def read_execution(store: Store, key: Key) -> Execution:
 
 
 _IDENTITY = table_of(t.ExecutionRow)
+_ACTION = of_execution(_IDENTITY.c.action_id, VERSIONS.c)
 # Those that run now are few among all that ever had an outcome.
-_IS_ACTION = looked_up(
-    _IDENTITY.c.action_id,
-    _IDENTITY.c.position,
-    VERSIONS.c.position,
-    _IDENTITY.c.plan_id == VERSIONS.c.plan_id,
-)
 RUNNING_NOW = Query(
-    select(VERSIONS.c.plan_id, VERSIONS.c.position, _IS_ACTION)
+    select(VERSIONS.c.plan_id, VERSIONS.c.position, _ACTION)
     .where(VERSIONS.c.kb_id == KB, VERSIONS.c.until.is_(None))
     .where(VERSIONS.c.outcome == literal_column(f"'{RUNNING}'"))
     .order_by(VERSIONS.c.plan_id, VERSIONS.c.position)

@@ -20,7 +20,7 @@ from ..history.moments import find_bounds
 from ..history.revisions import LARGEST, at_most
 from ..moment_text import When
 from ..sql import tables as t
-from ..sql.executions import OUTCOMES, Key
+from ..sql.executions import OUTCOMES, Key, of_execution
 from ..sql.query import Query, Seconds, first_rows, integer
 from ..sql.rows import KB, looked_up, table_of
 from ..store.snapshot import View
@@ -244,13 +244,6 @@ _PLACES = {
 }
 
 
-def _known(column: Any, beside: Any) -> Any:
-    """Look up a column of the execution that a row is of."""
-    return looked_up(
-        column, _IDENTITY.c.position, beside.position, _IDENTITY.c.plan_id == beside.plan_id
-    )
-
-
 def _name_of(kind: str, id_: Any) -> Any:
     named = t.TABLES[kind].c
     return looked_up(named.name, named.id, id_)
@@ -264,10 +257,11 @@ def _outcomes(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
     rows = select(*columns).where(now.kb_id == KB, now.since <= integer("high"))
     rows = rows.where(*had_outcome(["actor"] if of_actor else [], is_past))
     if "action" in wanted:
-        name = _name_of("action", _known(_IDENTITY.c.action_id, now))
-        rows = rows.add_columns(func.coalesce(name, _known(_IDENTITY.c.name, now)).label("action"))
+        name = _name_of("action", of_execution(_IDENTITY.c.action_id, now))
+        said = func.coalesce(name, of_execution(_IDENTITY.c.name, now))
+        rows = rows.add_columns(said.label("action"))
     if "arguments" in wanted:
-        rows = rows.add_columns(_known(_IDENTITY.c.text, now).label("arguments"))
+        rows = rows.add_columns(of_execution(_IDENTITY.c.text, now).label("arguments"))
     if "argument" in wanted:
         rows = _with_each_argument(rows)
     return rows.subquery("had")

@@ -15,7 +15,7 @@ from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
 from ..pddl.symbols import SymbolTable
-from ..sql.definition_rows import find_identities
+from ..sql.definition_rows import find_id
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows
 from ..sql.rows import KB, KIND_TABLES
@@ -134,9 +134,8 @@ def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
     def unknown(session: Session, kb_id: int | None) -> bool:
         if kb_id is None:
             return True
-        for kind in kinds if is_word(name) else ():
-            if find_identities(session, kb_id, kind, {fold(name)})[fold(name)] is not None:
-                return False
+        if any(find_id(session, kb_id, kind, name) is not None for kind in kinds):
+            return False
         for kind in kinds:
             names.extend(str(row[0]) for row in session.rows(_NAMES[kind], kb=kb_id))
         return True

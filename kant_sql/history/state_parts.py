@@ -23,11 +23,11 @@ from sqlalchemy import (
 )
 
 from ..dao.text import refuse_unknown
-from ..dto.lexical import fold, is_word
+from ..dto.lexical import fold
 from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
 from ..moment_text import When
 from ..pddl.lexer import tokenize
-from ..sql.definition_rows import find_identities
+from ..sql.definition_rows import find_id
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.intervals import held_by, held_then, then
@@ -468,9 +468,8 @@ def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) 
     for kind, name in names.items():
         if name is None:
             continue
-        key = fold(name)
-        found = find_identities(session, kb_id, kind, {key})[key] if is_word(key) else None
-        parameters[kind] = -1 if found is None else found[0]
+        found = find_id(session, kb_id, kind, name)
+        parameters[kind] = -1 if found is None else found
         parameters[f"{kind}_word"] = pattern_of(session, f" {name} ")
     if asked.text is not None:
         parameters["pattern"] = pattern_of(session, asked.text)

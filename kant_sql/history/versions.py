@@ -118,10 +118,7 @@ def _versions_of_object() -> Query:
         some: Select[Any] = select(_ONE).where(columns.version.kb_id == KB, which)
         bounded = first_rows(some, literal_column(str(INVOLVED))).subquery()
         counts.append(select(func.count()).select_from(bounded).scalar_subquery())
-    total: ColumnElement[Any] = counts[0]
-    for count in counts[1:]:
-        total = total + count
-    return Query(select(total))
+    return Query(select(sum(counts[1:], start=counts[0])))
 
 
 @cache

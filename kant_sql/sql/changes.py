@@ -67,7 +67,7 @@ REVISIONS = (
 )
 
 _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
-ASSERTED, RETRACTED = "+", "-"
+ASSERTED, RETRACTED = SIGNS = "+", "-"
 PLAN, ARCHIVE, PROMOTION, ERASURE = "plan", "archive", "promotion", "erasure"
 CONFIRMATION, SAYING = "confirmation", "saying"
 # What is read at once, and sorted in memory.
@@ -141,11 +141,6 @@ def _record(mapped: Any, kind: str) -> VersionColumns:
     return VersionColumns(None, table, table.id, literal_column(f"'{kind}'"), table.text)
 
 
-def _executions() -> VersionColumns:
-    table = table_of(ExecutionVersionRow).c
-    return VersionColumns(None, table, table.plan_id, table.kind, table.text)
-
-
 def _confirmations() -> VersionColumns:
     table, atom = table_of(ConfirmationRow).c, table_of(PropositionRow).c
     text = looked_up(atom.text, atom.id, table.proposition_id)
@@ -163,7 +158,8 @@ _RECORDS = {
         (ErasureRow, ERASURE),
     )
 }
-EXECUTIONS = _executions()
+_OUTCOME = table_of(ExecutionVersionRow).c
+EXECUTIONS = VersionColumns(None, _OUTCOME, _OUTCOME.plan_id, _OUTCOME.kind, _OUTCOME.text)
 CONFIRMATIONS = _confirmations()
 SAYINGS = [
     VersionColumns(None, table.c, table.c[owner], literal_column(f"'{SAYING}'"), table.c.text)
@@ -304,7 +300,7 @@ def few_changes(
         if number != last:
             last, of_last = number, []
             changes[number] = of_last
-        of_last.append(Change(RETRACTED if retracted else ASSERTED, kind, text))
+        of_last.append(Change(SIGNS[retracted], kind, text))
     return {number: tuple(of_number) for number, of_number in changes.items()}
 
 
@@ -319,8 +315,7 @@ def unsortable(said: Iterable[tuple[Any, Any]], key: str, error: TypeError) -> S
 def count_changes(session: Session, kb_id: int, low: int, high: int) -> list[tuple[str, str, int]]:
     """Count what a range of revisions changed, by kind and sign."""
     rows = session.rows(_COUNTED, kb=kb_id, low=low, high=high)
-    signs = ASSERTED, RETRACTED
-    return sorted((str(kind), signs[sign], count) for sign, kind, count in rows)
+    return sorted((str(kind), SIGNS[sign], count) for sign, kind, count in rows)
 
 
 def stream_changes_of(
@@ -331,8 +326,7 @@ def stream_changes_of(
 
 
 def _made(rows: Iterable[Row]) -> Iterator[tuple[int, Change]]:
-    signs = ASSERTED, RETRACTED
-    return ((number, Change(signs[sign], kind, text)) for number, sign, kind, text in rows)
+    return ((number, Change(SIGNS[sign], kind, text)) for number, sign, kind, text in rows)
 
 
 # A page is found by ids, and only its own texts are read: a revision may change a hundred thousand

@@ -28,6 +28,7 @@ from sqlalchemy import (
     union_all,
 )
 
+from ..dto.lexical import fold, is_word
 from ..errors import UNREADABLE, check_integer, reading_rows, unreadable
 from ..knowledge.definitions import KINDS, Definitions
 from .dialects.base import Row, Session
@@ -369,3 +370,10 @@ def find_identities(
     rows = session.rows(_IDENTITIES[kind], kb=kb_id, keys=session.list_value(sorted(keys)))
     found.update((key, (id_, name)) for key, id_, name in rows)
     return found
+
+
+def find_id(session: Session, kb_id: int, kind: str, name: str) -> int | None:
+    """Find the id of a name, in one statement at most; None if nothing ever had it."""
+    key = fold(name)
+    found = find_identities(session, kb_id, kind, {key})[key] if is_word(key) else None
+    return None if found is None else found[0]

@@ -158,14 +158,16 @@ _PLAN: ColumnElement[int] = bindparam("plan", type_=BigInteger)
 _POSITION: ColumnElement[int] = bindparam("position", type_=Integer)
 
 
-def _open(column: Any) -> Any:
+def of_execution(column: Any, beside: Any, *conditions: ColumnElement[bool]) -> Any:
+    """Look up a column of the row of an execution, for each row beside it that has its key."""
+    own = column.table.c
     return looked_up(
-        column,
-        VERSIONS.c.position,
-        _IDENTITY.c.position,
-        VERSIONS.c.plan_id == _IDENTITY.c.plan_id,
-        VERSIONS.c.until.is_(None),
+        column, own.position, beside.position, own.plan_id == beside.plan_id, *conditions
     )
+
+
+def _open(column: Any) -> Any:
+    return of_execution(column, _IDENTITY.c, VERSIONS.c.until.is_(None))
 
 
 # An execution without its arguments, and its open version.

@@ -77,7 +77,7 @@ def raw(sql: str) -> Query:
     return Query(text(sql.replace(":", r"\:")))
 
 
-class _Condition(FunctionElement[bool]):
+class Condition(FunctionElement[bool]):
     """What is true or false of a row."""
 
     type = Boolean()
@@ -86,14 +86,14 @@ class _Condition(FunctionElement[bool]):
     _is_implicitly_boolean = True
 
 
-class InList(_Condition):
+class InList(Condition):
     """`column` is among the values of one list parameter, in a text for lists of any length."""
 
     inherit_cache = True
     name = "in_list"
 
 
-class InRows(_Condition):
+class InRows(Condition):
     """`column` is among the rows of a subquery, which runs once and drives an index.
 
     A join would do the same, but without statistics PostgreSQL takes every table for one row, and
@@ -104,7 +104,7 @@ class InRows(_Condition):
     name = "in_rows"
 
 
-class AtKey(_Condition):
+class AtKey(Condition):
     """`column` has a value; where it is sorted by, too, the index in that order is used."""
 
     inherit_cache = True
@@ -118,7 +118,7 @@ class Unsought(FunctionElement[Any]):
     name = "unsought"
 
 
-class InRange(_Condition):
+class InRange(Condition):
     """`column` is a whole number from a lower to an upper bound."""
 
     inherit_cache = True

@@ -193,10 +193,6 @@ class Agreements:
         self.known = known
         self.new: dict[Hashable, Definition] = {}
 
-    def find(self, reference: Hashable) -> Definition | None:
-        """Return the definition that a reference was found to agree with."""
-        return self.known.get(reference) or self.new.get(reference)
-
     def clear(self) -> None:
         """Forget all, for this transaction alone."""
         self.known, self.new = {}, {}
@@ -246,11 +242,12 @@ class DefinitionCache:
     An erasure alone changes it.
 
     Attributes:
+        snapshot: the newest definitions that were read; None before the first.
         forgotten: how often all of it was forgotten.
     """
 
     def __init__(self) -> None:
-        self._snapshot: Snapshot | None = None
+        self.snapshot: Snapshot | None = None
         self._past: dict[int, Definitions] = {}
         # By the revision that last changed them.
         self._epochs: dict[int, Definitions] = {}
@@ -259,7 +256,7 @@ class DefinitionCache:
 
     def forget(self) -> None:
         """Forget all, as texts of earlier revisions were erased."""
-        self._snapshot, self._past, self._epochs = None, {}, {}
+        self.snapshot, self._past, self._epochs = None, {}, {}
         self.forgotten += 1
 
     def heed(self, erased: int | None) -> None:
@@ -267,11 +264,6 @@ class DefinitionCache:
         if erased != self._erased:
             self._erased = erased
             self.forget()
-
-    @property
-    def snapshot(self) -> Snapshot | None:
-        """The newest definitions that were read; None before the first."""
-        return self._snapshot
 
     def load(self, session: Session, kb_id: int) -> Definitions:
         """Read the definitions of the head, in one statement."""
@@ -283,7 +275,7 @@ class DefinitionCache:
         self, session: Session, kb_id: int, definition_revision: int, archived: int
     ) -> Definitions:
         """Return the definitions of a head that was read in the session's transaction."""
-        snapshot = self._snapshot
+        snapshot = self.snapshot
         if snapshot is not None and snapshot.definition_revision == definition_revision:
             return snapshot.definitions
         if snapshot is None or not archived <= snapshot.definition_revision < definition_revision:
@@ -299,7 +291,7 @@ class DefinitionCache:
 
     def guess(self, revision: int | None) -> Snapshot | None:
         """Return definitions that are right unless another process has changed some meanwhile."""
-        known = self._snapshot
+        known = self.snapshot
         if revision is None or known is None or revision >= known.definition_revision:
             return known
         return None
@@ -337,9 +329,9 @@ class DefinitionCache:
     def keep(self, definition_revision: int, definitions: Definitions) -> None:
         """Keep definitions, unless newer ones are kept already."""
         definitions.revision = definition_revision
-        known = self._snapshot
+        known = self.snapshot
         if known is None or known.definition_revision < definition_revision:
-            self._snapshot = Snapshot(definition_revision, definitions)
+            self.snapshot = Snapshot(definition_revision, definitions)
 
 
 def _keep(known: dict[int, Definitions], key: int, definitions: Definitions, limit: int) -> None:

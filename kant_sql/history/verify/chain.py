@@ -25,7 +25,7 @@ from ...knowledge.canonical import (
     sealed_hash,
     time_text,
 )
-from ...sql.changes import ASSERTED, RETRACTED, REVISIONS, in_range, stream_change_rows
+from ...sql.changes import REVISIONS, SIGNS, in_range, stream_change_rows
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_list
 from ...sql.rows import KB, table_of
@@ -38,7 +38,6 @@ from .sides import Check, Side
 
 SMALLEST = -(2**63)
 
-SIGNS = ASSERTED, RETRACTED
 _DATE, _CLOCK = r"[0-9]{4}-[0-9]{2}-[0-9]{2}", r"(?:[01][0-9]|2[0-3]):[0-9]{2}:[0-9]{2}\.[0-9]{6}"
 _TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
 _PART = table_of(CommitmentRow).c

@@ -35,6 +35,7 @@ from ...sql.executions import (
     ExecutionDefinition,
     Key,
     id_text,
+    of_execution,
     outcome_text,
     quoted,
     status_text,
@@ -293,8 +294,7 @@ def check_confirmations(check: Check, archived: int) -> None:
 _PLANS = table_of(t.PlanRow)
 _EXECUTIONS, _ARGUMENTS = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 _VERSIONS = table_of(t.ExecutionVersionRow)
-_EXECUTION, _LINK = _EXECUTIONS.c, table_of(t.RevisionExecutionRow).c
-_REVISION = table_of(t.RevisionRow).c
+_LINK, _REVISION = table_of(t.RevisionExecutionRow).c, table_of(t.RevisionRow).c
 # The executions of revisions, and whether revision and execution exist.
 _LINKS = Query(
     select(
@@ -302,12 +302,7 @@ _LINKS = Query(
         _LINK.plan_id,
         _LINK.position,
         looked_up(_REVISION.number, _REVISION.number, _LINK.number),
-        looked_up(
-            _EXECUTION.position,
-            _EXECUTION.position,
-            _LINK.position,
-            _EXECUTION.plan_id == _LINK.plan_id,
-        ),
+        of_execution(_EXECUTIONS.c.position, _LINK),
     )
     .where(_LINK.kb_id == KB, _LINK.number > AFTER)
     .order_by(_LINK.number)

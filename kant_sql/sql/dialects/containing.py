@@ -10,12 +10,11 @@ from functools import cache
 from typing import Any
 from unicodedata import normalize
 
-from sqlalchemy import Boolean, ColumnElement, bindparam
-from sqlalchemy.ext.compiler import compiles
-from sqlalchemy.sql.functions import FunctionElement
+from sqlalchemy import ColumnElement, bindparam
 
 from ...arguments import UNSTORABLE
 from ...errors import InvalidArgumentError
+from ..query import Condition, write_as
 from .base import Session
 from .words import OPERATORS
 
@@ -27,19 +26,15 @@ _SPECIAL = {"sqlite": ("*?[", "[{}]"), "postgresql": (".^$*+?()[]{}|\\", "\\{}")
 _CASED = 0x20000
 
 
-class _Contains(FunctionElement[bool]):
+class _Contains(Condition):
     """A text fits the pattern of a parameter."""
 
-    type = Boolean()
     inherit_cache = True
     name = "contains"
-    _is_implicitly_boolean = True
 
 
-@compiles(_Contains)
-def _contains(element: _Contains, compiler: Any, **options: Any) -> str:
-    text, pattern = (compiler.process(clause, **options) for clause in element.clauses)
-    return f"({text}) {OPERATORS[compiler.dialect.name]} {pattern}"
+for _dialect, _operator in OPERATORS.items():
+    write_as(_Contains, f"({{0}}) {_operator} {{1}}", _dialect)
 
 
 def contains(column: Any, parameter: str = "pattern") -> ColumnElement[bool]:

@@ -43,8 +43,10 @@ def _place(name: str, comment: str | None = None) -> Column[Any]:
     return _key(name, Integer, comment)
 
 
-def _column(name: str, kind: Any = BigInteger, comment: str | None = None) -> Column[Any]:
-    return Column(name, kind, nullable=False, comment=comment)
+def _column(
+    name: str, kind: Any = BigInteger, comment: str | None = None, default: Any = None
+) -> Column[Any]:
+    return Column(name, kind, nullable=False, server_default=default, comment=comment)
 
 
 def _optional(name: str, kind: Any = BigInteger, comment: str | None = None) -> Column[Any]:
@@ -255,13 +257,7 @@ _version(
     "object",
     _column("type_id"),
     _text(),
-    Column(
-        "is_constant",
-        Boolean,
-        nullable=False,
-        server_default=false(),
-        comment="declared in the domain, not in the problem",
-    ),
+    _column("is_constant", Boolean, "declared in the domain, not in the problem", false()),
     reference("type_id", "type"),
 )
 _type_list("object", "type")
@@ -280,13 +276,7 @@ _identity("action")
 _version(
     "action",
     _text(),
-    Column(
-        "kind",
-        String(16),
-        nullable=False,
-        server_default="action",
-        comment="action, durative-action, process or event",
-    ),
+    _column("kind", String(16), "action, durative-action, process or event", "action"),
 )
 _parameters("action")
 _trees(
