@@ -131,16 +131,14 @@ def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
             return
         names += [definition.name for definition in elements]
 
-    def unknown(session: Session, kb_id: int | None) -> bool:
-        if kb_id is None:
-            return True
+    def unknown(session: Session, kb_id: int) -> bool:
         if any(find_id(session, kb_id, kind, name) is not None for kind in kinds):
             return False
         for kind in kinds:
             names.extend(str(row[0]) for row in session.rows(_NAMES[kind], kb=kb_id))
         return True
 
-    if store.query(unknown):
+    if store.query_known(unknown, True, in_snapshot=False):
         raise UnknownNameError(
             f"knowledge base {store.name!r} has never had {_either(kinds)} {shown(name)}"
             f"{hint(name, names)}"
@@ -150,14 +148,12 @@ def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
 def refuse_unknown_actor(store: Store, actor: str) -> None:
     """Refuse an actor who has made no revision of this knowledge base."""
 
-    def recent(session: Session, kb_id: int | None) -> Iterable[str | None] | None:
-        if kb_id is None:
-            return ()
+    def recent(session: Session, kb_id: int) -> Iterable[str | None] | None:
         if session.first(_OF_ACTOR, kb=kb_id, actor=actor) is not None:
             return None
         return dict.fromkeys(row[0] for row in session.rows(_RECENT_ACTORS, kb=kb_id))
 
-    found = store.query(recent)
+    found = store.query_known(recent, (), in_snapshot=False)
     if found is not None:
         known = [one for one in found if one is not None]
         raise UnknownNameError(

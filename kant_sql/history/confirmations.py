@@ -144,9 +144,7 @@ def _find(
     age = None if seconds is None else period(seconds, "the number of seconds")
     size, at = at_most(limit), LARGEST if state.at is None else state.at
 
-    def work(session: Session, kb_id: int | None) -> list[Version]:
-        if kb_id is None:
-            return []
+    def work(session: Session, kb_id: int) -> list[Version]:
         own = {name: value for name, value in given.items() if name != "ids"}
         if "ids" in given:
             own["ids"] = session.list_value([*given["ids"]])
@@ -165,7 +163,7 @@ def _find(
         order = {(row[1], row[2]): place for place, row in enumerate(rows)}
         return sorted(made, key=lambda one: order[one.text, one.since.number])
 
-    return html.Listing(state.store.query_in_snapshot(work), "fact")
+    return html.Listing(state.store.query_known(work, []), "fact")
 
 
 _UPTO = Query(select(last_until("moment")))

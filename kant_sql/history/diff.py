@@ -190,8 +190,8 @@ def diff(state: State, a: When, b: When) -> list[Change]:
     before, after = sorted(states)
     signs = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
 
-    def work(session: Session, kb_id: int | None) -> list[Change]:
-        if kb_id is None or before == after:
+    def work(session: Session, kb_id: int) -> list[Change]:
+        if before == after:
             return []
         query = _DIFFERENCES[before < stand.redefined]
         rows = session.rows(query, kb=kb_id, before=before, after=after)
@@ -202,7 +202,7 @@ def diff(state: State, a: When, b: When) -> list[Change]:
             said = ((kind, text) for _, _, kind, text in rows)
             raise unsortable(said, f"revisions {before} to {after}", error) from error
 
-    return html.Listing(store.query(work), "change")
+    return html.Listing(store.query_known(work, [], in_snapshot=False), "change")
 
 
 def valid_diff(state: State, a: When, b: When) -> list[Change]:
@@ -223,9 +223,7 @@ def _valid_differences(
     if begin == end:
         return [], (span, False)
 
-    def work(session: Session, kb_id: int | None) -> tuple[set[_Line], bool]:
-        if kb_id is None:
-            return set(), False
+    def work(session: Session, kb_id: int) -> tuple[set[_Line], bool]:
         refuse_archived(session, kb_id, span.before, read_position(session, kb_id).archived)
         ends = (end, span.high), (begin, span.before)
         views = [ValidTime(clamped(time), span.known, at) for time, at in ends]
@@ -234,7 +232,7 @@ def _valid_differences(
         lines.update((1, one.kind, one.text) for one in lost if one.revision <= span.high)
         return lines, is_cut
 
-    lines, is_cut = store.query_in_snapshot(work)
+    lines, is_cut = store.query_known(work, (set(), False))
     signs = (ASSERTED, RETRACTED) if begin == times[0] else (RETRACTED, ASSERTED)
     return sorted(Change(signs[side], *line) for side, *line in lines), (span, is_cut)
 

@@ -91,9 +91,7 @@ def read_element_page(
     )
     named = ("action", [element]) if kind == "action" else ("object", applied.arguments)
 
-    def work(session: Session, kb_id: int | None) -> ElementPage | None:
-        if kb_id is None:
-            return None
+    def work(session: Session, kb_id: int) -> ElementPage | None:
         rows, end = _cut(read_newest(session, kb_id, wanted, high, limit + 1), limit)
         made = make_versions(session, kb_id, rows, last)[::-1]
         latest: dict[str, Version] = {}
@@ -110,7 +108,7 @@ def read_element_page(
             read_position(session, kb_id).archived,
         )
 
-    page = state.store.query_in_snapshot(work)
+    page = state.store.query_known(work, None)
     if page is not None and (page.versions or before is not None):
         return page
     if kind is None:
@@ -360,9 +358,7 @@ def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch
     bare = text.strip("() ")
     asked = {"folded": fold(bare), "beyond": f"{fold(bare)}\U0010ffff"}
 
-    def work(session: Session, kb_id: int | None) -> list[SearchMatch]:
-        if kb_id is None:
-            return []
+    def work(session: Session, kb_id: int) -> list[SearchMatch]:
         atom = _spelled(session, kb_id, bare.split())
         patterns = {
             "pattern": pattern_of(session, text),
@@ -372,4 +368,4 @@ def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch
         rows = session.rows(_MATCHES, kb=kb_id, size=limit, atom=atom, **patterns, **asked)
         return [SearchMatch(row[0], row[1]) for row in rows]
 
-    return reader.store.query_in_snapshot(work)
+    return reader.store.query_known(work, [])

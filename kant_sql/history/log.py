@@ -229,13 +229,11 @@ def revisions(state: State, after: When = 0, *, limit: int | None = None) -> lis
     begin = min(last_before(store, after, upto), LARGEST - 1)
     high = min(LARGEST if upto is None else upto, begin + at_most(limit))
 
-    def work(session: Session, kb_id: int | None) -> list[Revision]:
-        if kb_id is None:
-            return []
+    def work(session: Session, kb_id: int) -> list[Revision]:
         rows = session.rows(OLDEST_FIRST, kb=kb_id, low=begin + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
-    return html.Listing(store.query(work), "revision")
+    return html.Listing(store.query_known(work, [], in_snapshot=False), "revision")
 
 
 def log(
@@ -327,14 +325,15 @@ def _entries(
     while high >= low and size:
         own: dict[str, Any] = {"low": low, "high": high, "size": size}
         page: _Page | None = None
+        empty = _Page([], low)
         if wanted is not None:
-            page = store.query_in_snapshot(
-                partial(_page_of_element, wanted=wanted, actor=actor, **own)
-            )
+            of_element = partial(_page_of_element, wanted=wanted, actor=actor, **own)
+            page = store.query_known(of_element, empty)
         elif actor is None:
-            page = store.query(partial(_small_page, redefined=redefined, **own))
+            small = partial(_small_page, redefined=redefined, **own)
+            page = store.query_known(small, empty, in_snapshot=False)
         if page is None:
-            page = store.query_in_snapshot(partial(_page, actor=actor, **own))
+            page = store.query_known(partial(_page, actor=actor, **own), empty)
         for entry in page.entries:
             if page.archived is not None and entry.revision.number <= page.archived:
                 refuse_archived_revision(store, max(1, entry.revision.number - 1))
@@ -347,11 +346,9 @@ def _entries(
 
 
 def _small_page(
-    session: Session, kb_id: int | None, low: int, high: int, size: int, redefined: int
+    session: Session, kb_id: int, low: int, high: int, size: int, redefined: int
 ) -> _Page | None:
     """Read a page in two statements; None when it has many changes."""
-    if kb_id is None:
-        return _Page([], low)
     low = max(low, high - size + 1)
     changes = few_changes(session, kb_id, low, high, low <= redefined)
     if changes is None:
@@ -361,12 +358,8 @@ def _small_page(
     return _made(session, rows, changes, low)
 
 
-def _page(
-    session: Session, kb_id: int | None, low: int, high: int, size: int, actor: str | None
-) -> _Page:
+def _page(session: Session, kb_id: int, low: int, high: int, size: int, actor: str | None) -> _Page:
     """Read a page of one snapshot in two statements."""
-    if kb_id is None:
-        return _Page([], low)
     rows, end = _find(session, kb_id, LogFilter(actor), low, high, size)
     numbers = [row[0] for row in rows]
     if not numbers:
@@ -384,7 +377,7 @@ def _made(session: Session, rows: Sequence[Row], changes: _Changes, end: int) ->
 
 def _page_of_element(
     session: Session,
-    kb_id: int | None,
+    kb_id: int,
     wanted: list[Sought],
     actor: str | None,
     low: int,
@@ -392,8 +385,6 @@ def _page_of_element(
     size: int,
 ) -> _Page:
     """Read a page of the revisions that changed an element, by its versions."""
-    if kb_id is None:
-        return _Page([], low)
     found, end = _changes_of(session, kb_id, wanted, low, high)
     numbers = sorted(found, reverse=True)
     if not numbers:
@@ -494,15 +485,13 @@ def read_log_page(
     if asked.element is not None:
         return _of_element(state, asked, low, high, limit, empty)
 
-    def work(session: Session, kb_id: int | None) -> LogPage:
-        if kb_id is None:
-            return empty
+    def work(session: Session, kb_id: int) -> LogPage:
         rows, end = _find(session, kb_id, asked, low, high, limit)
         is_full = len(rows) == limit
         page = empty._replace(revisions=_lines(session, kb_id, rows))
         return page if end <= low else page._replace(before=end, searched=None if is_full else end)
 
-    page = store.query_in_snapshot(work)
+    page = store.query_known(work, empty)
     if not page.revisions and page.searched is None and asked.actor is not None:
         refuse_unknown_actor(store, asked.actor)
     return page
@@ -530,12 +519,11 @@ def _lines(session: Session, kb_id: int, rows: Sequence[Row]) -> list[LogLine]:
 def read_log_lines(state: State, numbers: Sequence[int]) -> list[LogLine]:
     """Read some revisions as lines of the log, newest first."""
 
-    def work(session: Session, kb_id: int | None) -> list[LogLine]:
-        rows = [] if kb_id is None else numbered_rows(session, kb_id, numbers)
-        rows = sorted(rows, reverse=True, key=itemgetter(0))
-        return [] if kb_id is None else _lines(session, kb_id, rows)
+    def work(session: Session, kb_id: int) -> list[LogLine]:
+        rows = sorted(numbered_rows(session, kb_id, numbers), reverse=True, key=itemgetter(0))
+        return _lines(session, kb_id, rows)
 
-    return state.store.query_in_snapshot(work)
+    return state.store.query_known(work, [])
 
 
 def _of_element(

@@ -51,7 +51,7 @@ from ..store.transaction import Transaction
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
-from .revisions import Revision, read_numbered, read_position
+from .revisions import Revision, read_numbered, read_position, read_revisions
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -171,20 +171,11 @@ def _find(state: State, branch: State) -> _Branch:
 
     merges = store.query_in_snapshot(compare)
     numbers = {number for _, number, _ in merges}
-    known = _read_numbered(other, numbers)
+    known = read_revisions(other, numbers)
     for here, number, digest in merges:
         if number <= last.number and number in known and known[number].hash == digest:
             return _Branch(other.name, last.number, last.hash, origin, here, number, merges)
     return _Branch(other.name, last.number, last.hash, origin, origin, 1, merges)
-
-
-def _read_numbered(store: Store, numbers: set[int]) -> dict[int, Revision]:
-    """Read revisions by number, in one statement."""
-
-    def read(session: Session, kb_id: int | None) -> dict[int, Revision]:
-        return {} if kb_id is None else read_numbered(session, kb_id, numbers)
-
-    return store.query(read) if numbers else {}
 
 
 def _read_ends(
@@ -436,7 +427,7 @@ class _Merging:
         decided = self._decide(compared)
         here = read_numbered(session, kb_id, compared.numbers(OURS))
         said = {number for number, _ in self._theirs.sayings}
-        there = _read_numbered(self._other, compared.numbers(THEIRS) | said)
+        there = read_revisions(self._other, compared.numbers(THEIRS) | said)
         conflicts = [
             MergeConflict(
                 compared.element(key),

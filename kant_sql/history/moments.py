@@ -26,7 +26,7 @@ from .revisions import (
     FIRST_MOMENT,
     LARGEST,
     LAST_MOMENT,
-    read_numbered,
+    read_revisions,
     refuse_archived_revision,
     refuse_unknown,
 )
@@ -299,22 +299,13 @@ def valid_times(store: Store, whens: Sequence[When], upto: int | None) -> list[d
     if numbers:
         last = _last_known(store, read_head(store), upto)
         numbers = {last if n == LARGEST else check_number(store, n, last) for n in numbers}
-        known = {0: FIRST_MOMENT, **_times_of(store, numbers - {0})}
+        revisions = read_revisions(store, numbers - {0}).values()
+        known = {0: FIRST_MOMENT, **{each.number: each.committed_at for each in revisions}}
         given = [known[min(when, last)] if isinstance(when, int) else when for when in given]
     for moment in given:
         if isinstance(moment, datetime):
             check_zone(moment)
     return [when for when in given if isinstance(when, datetime)]
-
-
-def _times_of(store: Store, numbers: set[int]) -> dict[int, datetime]:
-    """Read when some revisions were committed."""
-
-    def work(session: Session, kb_id: int | None) -> dict[int, datetime]:
-        found = {} if kb_id is None else read_numbered(session, kb_id, numbers)
-        return {number: revision.committed_at for number, revision in found.items()}
-
-    return store.query(work)
 
 
 def clamped(moment: datetime) -> datetime:

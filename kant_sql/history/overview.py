@@ -123,9 +123,11 @@ def read_tally(state: State, since: When | None, until: When | None, most: int) 
     """Count the revisions of a range by actor, and their changes by kind, in five statements."""
     low, high, *_ = find_bounds(state.store, since, until, state.at)
 
-    def work(session: Session, kb_id: int | None) -> Tally:
-        if kb_id is None or high < low:
-            return Tally(low, high, 0, (), (), 0)
+    nothing = Tally(low, high, 0, (), (), 0)
+
+    def work(session: Session, kb_id: int) -> Tally:
+        if high < low:
+            return nothing
         of_range = {"kb": kb_id, "low": low, "high": high}
         ((named,),) = session.rows(_ACTORS, **of_range)
         rows = session.rows(_BUSIEST, size=most, **of_range)
@@ -134,4 +136,4 @@ def read_tally(state: State, since: When | None, until: When | None, most: int) 
         archived = read_position(session, kb_id).archived
         return Tally(low, high, named, busiest, changes, archived)
 
-    return state.store.query_in_snapshot(work)
+    return state.store.query_known(work, nothing)

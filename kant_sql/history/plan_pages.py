@@ -202,9 +202,7 @@ class PlansPage(NamedTuple):
 def read_plans_page(state: State, before: int | None = None, limit: int = 50) -> PlansPage:
     """Read a page of the recorded plans."""
 
-    def work(session: Session, kb_id: int | None) -> PlansPage:
-        if kb_id is None:
-            return PlansPage([], None)
+    def work(session: Session, kb_id: int) -> PlansPage:
         rows = session.rows(_PLANS, kb=kb_id, before=before or LARGEST, size=limit + 1)
         page = rows[:limit]
         plans = session.list_value([row[0] for row in page])
@@ -219,7 +217,7 @@ def read_plans_page(state: State, before: int | None = None, limit: int = 50) ->
             lines.append(PlanLine._make((row[0], revisions[row[1]], *row[2:7], steps, outcomes)))
         return PlansPage(lines, page[-1][0] if len(rows) > limit else None)
 
-    return state.store.query_in_snapshot(work)
+    return state.store.query_known(work, PlansPage([], None))
 
 
 class Stretch(NamedTuple):
@@ -239,8 +237,8 @@ def read_stretches(
 ) -> list[Stretch]:
     """Read the last revisions of each stretch, in two statements; one without an end is open."""
 
-    def work(session: Session, kb_id: int | None) -> list[Stretch]:
-        if kb_id is None or not bounds:
+    def work(session: Session, kb_id: int) -> list[Stretch]:
+        if not bounds:
             return []
         head = read_position(session, kb_id).head
         ends = [(first, head if last is None else last) for first, last in bounds]
@@ -251,4 +249,4 @@ def read_stretches(
             for some, (first, last) in zip(numbers, ends, strict=True)
         ]
 
-    return state.store.query_in_snapshot(work)
+    return state.store.query_known(work, [])

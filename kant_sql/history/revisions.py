@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -236,11 +237,10 @@ def read_position(session: Session, kb_id: int | None) -> FeedPosition:
 def refuse_archived_revision(store: Store, revision: int) -> None:
     """Refuse to read an archived state."""
 
-    def work(session: Session, kb_id: int | None) -> None:
-        if kb_id is not None:
-            refuse_archived(session, kb_id, revision, read_position(session, kb_id).archived)
+    def work(session: Session, kb_id: int) -> None:
+        refuse_archived(session, kb_id, revision, read_position(session, kb_id).archived)
 
-    store.query_in_snapshot(work)
+    store.query_known(work, None)
 
 
 def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
@@ -259,6 +259,12 @@ def read_numbered(session: Session, kb_id: int, numbers: Collection[int]) -> dic
     """Read revisions by number, in one statement."""
     rows = numbered_rows(session, kb_id, numbers)
     return {row[0]: make_revision(session, row) for row in rows}
+
+
+def read_revisions(store: Store, numbers: Collection[int]) -> dict[int, Revision]:
+    """Read revisions of a store by number, in one statement."""
+    read = partial(read_numbered, numbers=numbers)
+    return store.query_known(read, {}, in_snapshot=False) if numbers else {}
 
 
 def numbered_rows(session: Session, kb_id: int, numbers: Collection[int]) -> list[Row]:

@@ -507,9 +507,7 @@ def read_state(
     at = None if revision == head and reader.at is None else revision
     kinds = tuple(PARTS) if kind is None else (kind,)
 
-    def work(session: Session, kb_id: int | None) -> StatePage:
-        if kb_id is None:
-            return StatePage(0, 0, None, [], PARTS)
+    def work(session: Session, kb_id: int) -> StatePage:
         question = _question(session, kb_id, asked, at)
         parts = _read_parts(session, question, kinds, after, limit)
         gone = _read_gone(session, kb_id, revision, asked, kinds)
@@ -534,7 +532,7 @@ def read_state(
         shown = [part(kind) for kind in PARTS if kind in parts or any(g[0] == kind for g in gone)]
         return StatePage(revision, head, revisions.get(revision), shown, PARTS)
 
-    page = reader.store.query_in_snapshot(work)
+    page = reader.store.query_known(work, StatePage(0, 0, None, [], PARTS))
     if not any(part.elements for part in page.parts):
         _refuse_unknown_names(reader, asked)
     return page

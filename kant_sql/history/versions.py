@@ -268,9 +268,7 @@ def history(state: State, element: Element) -> list[Version]:
 def _read_versions(state: State, element: Element) -> list[Version]:
     wanted, at = sought(element), _last_known(*state)
 
-    def work(session: Session, kb_id: int | None) -> list[Version]:
-        if kb_id is None:
-            return []
+    def work(session: Session, kb_id: int) -> list[Version]:
         rows = read_newest(session, kb_id, wanted, at, LARGEST, with_involved=True)
         return make_versions(session, kb_id, rows, at)
 
@@ -278,13 +276,13 @@ def _read_versions(state: State, element: Element) -> list[Version]:
 
 
 def _query(
-    store: Store, wanted: list[Sought], work: Callable[[Session, int | None], list[Version]]
+    store: Store, wanted: list[Sought], work: Callable[[Session, int], list[Version]]
 ) -> list[Version]:
     """Read versions: revisions never change, so names need no common transaction."""
     is_plain = len(wanted) <= MOST_LOOKUPS // len(NAMED_KINDS) and not any(
         isinstance(each, Written) for each in wanted
     )
-    return (store.query if is_plain else store.query_in_snapshot)(work)
+    return store.query_known(work, [], in_snapshot=not is_plain)
 
 
 def blame(state: State, element: Element) -> Version | None:
@@ -329,9 +327,7 @@ def _last_known(store: Store, upto: int | None) -> int:
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
     """Read the versions that hold, with their first revisions."""
 
-    def work(session: Session, kb_id: int | None) -> list[Version]:
-        if kb_id is None:
-            return []
+    def work(session: Session, kb_id: int) -> list[Version]:
         rows = read_newest(session, kb_id, wanted, at, 1, with_revision=True)
         held = [row for row in rows if row[3] is None or row[3] > at]
         found = read_evidence(session, kb_id, held, at)

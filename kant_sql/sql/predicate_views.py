@@ -34,7 +34,7 @@ from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
 from .dialects.structure import Mark, ViewDialect, mark_of
 from .query import Query
-from .rows import KB
+from .rows import columns_of
 from .schema import check, check_session
 from .tables import TABLES, KnowledgeBaseRow
 
@@ -220,8 +220,7 @@ _KNOWLEDGE_BASES = Query(
 
 def _of_one(table: str, *names: str) -> Query:
     """Read columns of a table, for one knowledge base, sorted by them all."""
-    columns = [TABLES[table].c[name] for name in names]
-    return Query(select(*columns).where(TABLES[table].c.kb_id == KB).order_by(*columns))
+    return columns_of(TABLES[table], names, *names)
 
 
 _KEY = ("predicate_id", "position", "since")

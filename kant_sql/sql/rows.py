@@ -42,7 +42,7 @@ from ..knowledge.definitions import (
 )
 from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
 from .dialects.base import Row
-from .query import AtKey, IdsQuery, Insert, first_rows, in_rows
+from .query import AtKey, IdsQuery, Insert, Query, first_rows, in_rows
 from .tables import (
     TABLES,
     Base,
@@ -64,6 +64,12 @@ def held_at(table: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
 def table_of(mapped: type[Base]) -> Table:
     """Return the table of a class."""
     return mapped.__table__
+
+
+def columns_of(table: Table, names: Iterable[str], *order: str) -> Query:
+    """Read columns of the rows of one knowledge base, sorted by some of them."""
+    rows = select(*(table.c[name] for name in names)).where(table.c.kb_id == KB)
+    return Query(rows.order_by(*(table.c[name] for name in order)))
 
 
 def looked_up(

@@ -255,6 +255,13 @@ class Store:
         """Query what is committed, without a transaction: each statement sees its own state."""
         return self._outside(lambda session: work(session, self._find(session)))
 
+    def query_known(
+        self, work: Callable[[Session, int], T], unknown: T, in_snapshot: bool = True
+    ) -> T:
+        """Query what is committed as the others do; `unknown` before the first write."""
+        query = self.query_in_snapshot if in_snapshot else self.query
+        return query(lambda session, kb_id: unknown if kb_id is None else work(session, kb_id))
+
     def query_once(self, work: Callable[[Session, int | None], T]) -> T:
         """Query what is committed with one statement, without retries."""
         session = self._take_session()

@@ -8,12 +8,9 @@ from functools import partial
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import func, select
-
 from ...knowledge.canonical import commit_to, erasure_text
 from ...sql.dialects.base import Row, Session
-from ...sql.query import Query
-from ...sql.rows import KB, table_of
+from ...sql.rows import columns_of, table_of
 from ...sql.tables import ErasureRow, ReplacementRow
 from .parts import WHOLE, Part
 from .sides import Check, Report, Side
@@ -43,29 +40,14 @@ class Erasure(NamedTuple):
         )
 
 
-_ERASURE, _NEW = table_of(ErasureRow).c, table_of(ReplacementRow).c
-_READ = Query(
-    select(*(_ERASURE[name] for name in Erasure._fields))
-    .where(_ERASURE.kb_id == KB)
-    .order_by(_ERASURE.id)
-)
-_LAST = Query(select(func.max(_ERASURE.since)).where(_ERASURE.kb_id == KB))
-_REPLACEMENTS = Query(
-    select(_NEW.number, _NEW.position, _NEW.erasure_id, _NEW.salt, _NEW.commitment)
-    .where(_NEW.kb_id == KB)
-    .order_by(_NEW.number, _NEW.position, _NEW.erasure_id)
-)
+_READ = columns_of(table_of(ErasureRow), Erasure._fields, "id")
+_PLACE = "number", "position", "erasure_id"
+_REPLACEMENTS = columns_of(table_of(ReplacementRow), (*_PLACE, "salt", "commitment"), *_PLACE)
 
 
 def read_erasures(session: Session, kb_id: int) -> list[Erasure]:
     """Read the records of erasures."""
     return [Erasure(*row) for row in session.rows(_READ, kb=kb_id)]
-
-
-def erased_since(session: Session, kb_id: int) -> int:
-    """Return the revision of the last erasure; 0: there is none."""
-    row = session.first(_LAST, kb=kb_id)
-    return row[0] if row is not None and isinstance(row[0], int) else 0
 
 
 def add_part(digest: Any, number: int, part: Part, replacement: str) -> None:

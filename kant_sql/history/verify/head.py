@@ -8,14 +8,13 @@ from sqlalchemy import Select, func, literal_column, or_, select, union_all
 
 from ...knowledge.canonical import archive_text, promotion_text
 from ...sql import tables as t
-from ...sql.dialects.base import Session
 from ...sql.executions import NO_PLAN
 from ...sql.query import Query
-from ...sql.rows import KB, KIND_TABLES, table_of
+from ...sql.rows import KB, KIND_TABLES, columns_of, table_of
 from .chain import Chain, moment_text
 from .sides import Check
 
-_HEAD, _ARCHIVE = table_of(t.HeadRow).c, table_of(t.ArchiveRow).c
+_HEAD = table_of(t.HeadRow).c
 _KB = table_of(t.KnowledgeBaseRow).c
 
 
@@ -30,9 +29,9 @@ class _HeadRow(NamedTuple):
     archived_revision: Any
 
 
-_READ_HEAD = Query(select(*(_HEAD[name] for name in _HeadRow._fields)).where(_HEAD.kb_id == KB))
+_READ_HEAD = columns_of(table_of(t.HeadRow), _HeadRow._fields)
 # Read before any check, without the columns that may be damaged.
-_HOW_FAR = Query(select(_HEAD.revision, _HEAD.next_id).where(_HEAD.kb_id == KB))
+_HOW_FAR = columns_of(table_of(t.HeadRow), ("revision", "next_id"))
 _SELF = table_of(t.KnowledgeBaseRow).alias("self").c
 _NAMES_OF_IT = select(_SELF.name).where(_SELF.id == KB)
 _OWN = Query(
@@ -87,26 +86,9 @@ class Archive(NamedTuple):
         return self.since > self.revision
 
 
-_LAST_ARCHIVE = Query(select(func.max(_ARCHIVE.since)).where(_ARCHIVE.kb_id == KB))
-_READ_ARCHIVES = Query(
-    select(*(_ARCHIVE[name] for name in Archive._fields))
-    .where(_ARCHIVE.kb_id == KB)
-    .order_by(_ARCHIVE.since)
-)
-
-
-_PROMOTION = table_of(t.PromotionRow).c
-_READ_PROMOTIONS = Query(
-    select(
-        _PROMOTION.id,
-        _PROMOTION.since,
-        _PROMOTION.revision,
-        _PROMOTION.origin,
-        _PROMOTION.text,
-    )
-    .where(_PROMOTION.kb_id == KB)
-    .order_by(_PROMOTION.since)
-)
+_READ_ARCHIVES = columns_of(table_of(t.ArchiveRow), Archive._fields, "since")
+_PROMOTION = "id", "since", "revision", "origin", "text"
+_READ_PROMOTIONS = columns_of(table_of(t.PromotionRow), _PROMOTION, "since")
 
 
 def _read_head(check: Check) -> _HeadRow | None:
@@ -130,12 +112,6 @@ def read_archives(check: Check) -> list[Archive]:
 def _archived_upto(head: int, archives: list[Archive]) -> int:
     possible = [archive.revision for archive in archives if archive.is_possible]
     return max(possible, default=0) if head else 0
-
-
-def archived_since(session: Session, kb_id: int) -> int:
-    """Return the revision of the last record of an archive; 0: there is none."""
-    row = session.first(_LAST_ARCHIVE, kb=kb_id)
-    return row[0] if row is not None and isinstance(row[0], int) else 0
 
 
 def read_archived(check: Check, archives: list[Archive]) -> int:

@@ -11,7 +11,7 @@ from datetime import datetime
 from functools import partial
 from typing import NamedTuple
 
-from sqlalchemy import bindparam, delete, select, update
+from sqlalchemy import bindparam, delete, func, select, update
 
 from ... import html
 from ...arguments import flag, optional_call
@@ -33,19 +33,18 @@ from ...errors import (
 from ...knowledge.canonical import time_text
 from ...sql.dialects.base import Session
 from ...sql.query import Insert, Query, integer
-from ...sql.rows import KB, table_of
-from ...sql.tables import VerificationRow
+from ...sql.rows import KB, columns_of, table_of
+from ...sql.tables import ArchiveRow, ErasureRow, VerificationRow
 from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
 from .chain import Chain, Link
 from .definition_check import DefinitionCheck, ObjectFunctions, check_names
-from .erasures import Erasure, ErasureCheck, erased_since, read_erasures
+from .erasures import Erasure, ErasureCheck, read_erasures
 from .facts import ExecutionCheck, FactCheck, check_confirmations, check_plans
 from .head import (
     Archive,
-    archived_since,
     check_head,
     check_promotions,
     check_rows_of,
@@ -57,8 +56,10 @@ from .sides import Check, Finding, Report
 from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
 
 _ROW = VerificationRow
-_READ = Query(
-    select(_ROW.revision, _ROW.hash, _ROW.verified_at, _ROW.complete_at).where(_ROW.kb_id == KB)
+_READ = columns_of(table_of(_ROW), ("revision", "hash", "verified_at", "complete_at"))
+# The revisions of the last archive and of the last erasure.
+_LAST_RECORDS = tuple(
+    Query(select(func.max(row.since)).where(row.kb_id == KB)) for row in (ArchiveRow, ErasureRow)
 )
 # One that began earlier, on an older state, does not put back what a later one has kept.
 _MOVE = Query(
@@ -310,7 +311,8 @@ def _first_to_check(session: Session, kb_id: int, kept: Kept) -> int:
     """Return the revision to continue from; 0 to begin at revision 1."""
     is_there = hash_of(session, kb_id, kept.revision) == kept.hash
     # An archive and an erasure change what is left of earlier revisions.
-    changed = max(archived_since(session, kb_id), erased_since(session, kb_id))
+    rows = (session.first(query, kb=kb_id) for query in _LAST_RECORDS)
+    changed = max(row[0] if row is not None and isinstance(row[0], int) else 0 for row in rows)
     return kept.revision if is_there and changed <= kept.revision else 0
 
 
