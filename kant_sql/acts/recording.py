@@ -15,7 +15,7 @@ from sqlalchemy import literal_column, select
 
 from ..arguments import shown
 from ..errors import PlanError, reading_rows
-from ..history.revisions import LARGEST, Revision, Version, read_numbered
+from ..history.revisions import LARGEST, Revision, Version, read_numbered, why_of
 from ..sql import tables as t
 from ..sql.dialects.base import Row
 from ..sql.executions import (
@@ -284,6 +284,7 @@ class ExecutionReader:
             # An uncommitted revision is not in the table yet.
             if one.since in known
         )
+        actor, reason, source = why_of(began)
         return replace(
             unstarted(self._name, key, start, duration, text),
             outcome=now and now.outcome,
@@ -291,9 +292,9 @@ class ExecutionReader:
             text=now and now.message,
             started_at=self._time(said and said.started_at, began),
             ended_at=self._time(now and now.ended_at, ended),
-            actor=None if began is None else began.actor,
-            reason=None if began is None else began.reason,
-            source=None if began is None else began.source,
+            actor=actor,
+            reason=reason,
+            source=source,
             outcomes=outcomes,
             revisions=tuple(sorted({*links, *(one.since.number for one in outcomes)})),
         )

@@ -673,6 +673,11 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
     _needs_names: ClassVar[bool] = False
     definer: ClassVar[Definer[Any, Any]]
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "definer" in vars(cls):
+            cls.kind, cls.dto_class = cls.definer.kind, cls.definer.dto_class
+
     @override
     def get(self, name: str) -> D | None:
         def find(definitions: Definitions) -> D | None:

@@ -101,7 +101,8 @@ _ATOMS_MENTIONING = select(PropositionArgumentRow.proposition_id).where(
 )
 
 
-def _atoms(versions: Select[Any]) -> Query:
+def atoms_among(versions: Select[Any]) -> Query:
+    """Read the rows of the propositions whose ids a query gives."""
     return Query(
         select(
             PropositionRow.id,
@@ -113,9 +114,15 @@ def _atoms(versions: Select[Any]) -> Query:
     )
 
 
-_ALL_ATOMS = _atoms(_LIVE_ATOMS)
-_OF_PREDICATES = _atoms(_LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
-_ATOMS_OF_OBJECTS = _atoms(
+def atom_of(row: Row) -> GroundAtom:
+    """Make a proposition of such a row."""
+    id_, is_goal, predicate_id, arguments, text = row
+    return GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
+
+
+_ALL_ATOMS = atoms_among(_LIVE_ATOMS)
+_OF_PREDICATES = atoms_among(_LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
+_ATOMS_OF_OBJECTS = atoms_among(
     _LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
 )
 
@@ -165,12 +172,7 @@ def propositions_on(transaction: Transaction, scope: Scope | None) -> list[Groun
     """Find the live facts and goals that mention something."""
     transaction.flush()
     parts = ((_OF_PREDICATES, "predicates"), (_ATOMS_OF_OBJECTS, "objects"))
-    found = {
-        id_: GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
-        for id_, is_goal, predicate_id, arguments, text in _rows(
-            transaction, scope, _ALL_ATOMS, parts
-        )
-    }
+    found = {row[0]: atom_of(row) for row in _rows(transaction, scope, _ALL_ATOMS, parts)}
     atoms = [found[id_] for id_ in sorted(found)]
     transaction.propositions.load(atoms)
     return atoms

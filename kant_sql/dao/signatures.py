@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
-from typing import ClassVar
 
 from ..arguments import expect_list
 from ..dto import PddlEitherTypeDto, PddlFunctionDto, PddlPredicateDto, PddlTypeDto
@@ -152,8 +151,6 @@ PREDICATES = PredicateDefiner()
 class SqlPredicateDao(SqlNamedDao[PddlPredicateDto], PddlPredicateDao):
     """Predicates in an SQL store."""
 
-    kind: ClassVar[str] = "predicate"
-    dto_class = PddlPredicateDto
     _reads = staticmethod(read_predicate)
     definer = PREDICATES
 
@@ -219,7 +216,5 @@ def _value_type(dto: PddlFunctionDto) -> PddlTypeDto:
 class SqlFunctionDao(SqlNamedDao[PddlFunctionDto], PddlFunctionDao):
     """Functions in an SQL store."""
 
-    kind: ClassVar[str] = "function"
-    dto_class = PddlFunctionDto
     _reads = staticmethod(read_function)
     definer = FUNCTIONS

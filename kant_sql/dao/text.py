@@ -148,12 +148,14 @@ def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
 def refuse_unknown_actor(store: Store, actor: str) -> None:
     """Refuse an actor who has made no revision of this knowledge base."""
 
-    def recent(session: Session, kb_id: int) -> Iterable[str | None] | None:
+    def recent(session: Session, kb_id: int | None) -> Iterable[str | None] | None:
+        if kb_id is None:
+            return ()
         if session.first(_OF_ACTOR, kb=kb_id, actor=actor) is not None:
             return None
         return dict.fromkeys(row[0] for row in session.rows(_RECENT_ACTORS, kb=kb_id))
 
-    found = store.query_known(recent, (), in_snapshot=False)
+    found = store.query(recent)
     if found is not None:
         known = [one for one in found if one is not None]
         raise UnknownNameError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
-from typing import ClassVar
 
 from typing_extensions import override
 
@@ -193,8 +192,6 @@ def _check_cycle(transaction: Transaction, type_: TypeDefinition, parent: TypeDe
 class SqlTypeDao(SqlNamedDao[PddlTypeDto], PddlTypeDao):
     """Types in an SQL store."""
 
-    kind: ClassVar[str] = "type"
-    dto_class = PddlTypeDto
     _reads = staticmethod(read_type)
     definer = TYPES
 
@@ -241,8 +238,6 @@ OBJECTS = ObjectDefiner()
 class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
     """Objects in an SQL store."""
 
-    kind: ClassVar[str] = "object"
-    dto_class = PddlObjectDto
     _reads = staticmethod(read_object)
     definer = OBJECTS
 

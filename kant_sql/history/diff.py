@@ -232,7 +232,8 @@ def _valid_differences(
         lines.update((1, one.kind, one.text) for one in lost if one.revision <= span.high)
         return lines, is_cut
 
-    lines, is_cut = store.query_known(work, (set(), False))
+    nothing: tuple[set[_Line], bool] = set(), False
+    lines, is_cut = store.query_known(work, nothing)
     signs = (ASSERTED, RETRACTED) if begin == times[0] else (RETRACTED, ASSERTED)
     return sorted(Change(signs[side], *line) for side, *line in lines), (span, is_cut)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import dataclass
 from functools import partial
 
 from ..arguments import seconds
@@ -170,24 +171,17 @@ def refuse_unwatchable(store: Store, upto: int | None) -> None:
         )
 
 
+@dataclass(eq=False)
 class _Watch:
     """A waiting call, which survives a temporary loss of the store."""
 
-    def __init__(
-        self,
-        store: Store,
-        listener: Listener,
-        after: int | None,
-        deadline: float,
-        is_ended: Callable[[], bool] | None,
-    ) -> None:
-        self._store = store
-        self._listener = listener
-        self._after = after
-        self._deadline = deadline
-        self._is_ended = is_ended
-        self._pause = FIRST_PAUSE
-        self._unknown_since: float | None = None
+    _store: Store
+    _listener: Listener
+    _after: int | None
+    _deadline: float
+    _is_ended: Callable[[], bool] | None
+    _pause: float = FIRST_PAUSE
+    _unknown_since: float | None = None
 
     def wait(self) -> int | None:
         """Wait for a new revision, or until the deadline."""

@@ -15,7 +15,7 @@ from ..sql.dialects.containing import is_in
 from ..sql.executions import NO_PLAN, RUNNING, VERSIONS, Key
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, table_of
-from .revisions import Revision
+from .revisions import Revision, why_of
 from .window import PLAN, PlanBar, StepBar, TimelineQuestion, Window
 
 # The plans of one timeline, and their steps. Plans are found by this many changes of steps.
@@ -189,19 +189,10 @@ class PlanBars:
             return StepBar(position, text, None)
         began = None if ran.since is None else told[ran.since]
         ended = None if ran.until is None else told[ran.until]
-        by = began or ended
-        return StepBar(
-            position,
-            text,
-            ran.status,
-            ran.since,
-            ran.until,
-            None if began is None else began.committed_at,
-            None if ended is None else ended.committed_at,
-            None if by is None else by.actor,
-            None if by is None else by.reason,
-            None if ended is None else ended.actor,
-            None if ended is None else ended.reason,
-            None if by is None else by.source,
-            None if ended is None else ended.source,
+        since_at, until_at = (
+            None if each is None else each.committed_at for each in (began, ended)
         )
+        actor, reason, source = why_of(began or ended)
+        ended_by, ended_reason, ended_source = why_of(ended)
+        said = actor, reason, ended_by, ended_reason, source, ended_source
+        return StepBar(position, text, *ran, since_at, until_at, *said)

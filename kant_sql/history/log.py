@@ -330,8 +330,7 @@ def _entries(
             of_element = partial(_page_of_element, wanted=wanted, actor=actor, **own)
             page = store.query_known(of_element, empty)
         elif actor is None:
-            small = partial(_small_page, redefined=redefined, **own)
-            page = store.query_known(small, empty, in_snapshot=False)
+            page = store.query(partial(_small_page, redefined=redefined, **own))
         if page is None:
             page = store.query_known(partial(_page, actor=actor, **own), empty)
         for entry in page.entries:
@@ -346,9 +345,11 @@ def _entries(
 
 
 def _small_page(
-    session: Session, kb_id: int, low: int, high: int, size: int, redefined: int
+    session: Session, kb_id: int | None, low: int, high: int, size: int, redefined: int
 ) -> _Page | None:
     """Read a page in two statements; None when it has many changes."""
+    if kb_id is None:
+        return _Page([], low)
     low = max(low, high - size + 1)
     changes = few_changes(session, kb_id, low, high, low <= redefined)
     if changes is None:

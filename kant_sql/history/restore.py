@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Select, and_, literal_column, select, union_all
 
 from ..dao.base import batches
+from ..dao.dependants import atom_of, atoms_among
 from ..errors import ConflictError, ReadOnlyError, StaleRevisionError, reading_rows
 from ..knowledge.definitions import KINDS, Definitions
 from ..moment_text import When
@@ -23,13 +24,8 @@ from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from ..sql.query import Query, found_rows, in_rows
 from ..sql.rows import KB, THEN, table_of
-from ..sql.tables import (
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PropositionRow,
-    PropositionVersionRow,
-)
-from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
+from ..sql.tables import FunctionValueRow, FunctionValueVersionRow, PropositionVersionRow
+from ..store.caches import FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
 from ..store.head import hash_of
 from ..store.snapshot import View, read_revision
 from ..store.state import State
@@ -142,10 +138,7 @@ def _restore_propositions(transaction: Transaction, at: int, is_new: bool) -> No
         if not others:
             differing[id_] = None if past else since
     for batch in batches(differing):
-        atoms = [
-            GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
-            for id_, is_goal, predicate_id, arguments, text in _read(transaction, _ATOMS, batch)
-        ]
+        atoms = [*map(atom_of, _read(transaction, _ATOMS, batch))]
         if is_new:
             propositions.note(
                 {atom.id: None if differing[atom.id] is None else atom for atom in atoms}
@@ -186,33 +179,27 @@ def _held(version: Any, any_owner: Any) -> tuple[tuple[bool, Any], ...]:
     return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
 
 
-def _held_identities(identity: Any, owner: Any, versions: Select[Any], *columns: Any) -> Query:
-    return Query(
-        select(identity.id, owner, identity.arguments, identity.text, *columns).where(
-            identity.kb_id == KB, in_rows(identity.id, versions)
-        )
-    )
-
-
 def _versions(version: Any, held: Any, *columns: Any) -> Select[Any]:
     return select(*columns).where(version.kb_id == KB, held)
 
 
 # By whether they are about the past.
 _HELD_ATOMS = {
-    is_past: _held_identities(
-        PropositionRow,
-        PropositionRow.predicate_id,
-        _versions(PropositionVersionRow, held, PropositionVersionRow.proposition_id),
-        PropositionRow.is_goal,
+    is_past: atoms_among(
+        _versions(PropositionVersionRow, held, PropositionVersionRow.proposition_id)
     )
     for is_past, held in _held(PropositionVersionRow, ANY_PREDICATE)
 }
+_FLUENT = FunctionValueRow
 _HELD_FLUENTS = {
-    is_past: _held_identities(
-        FunctionValueRow,
-        FunctionValueRow.function_id,
-        _versions(FunctionValueVersionRow, held, FunctionValueVersionRow.function_value_id),
+    is_past: Query(
+        select(_FLUENT.id, _FLUENT.function_id, _FLUENT.arguments, _FLUENT.text).where(
+            _FLUENT.kb_id == KB,
+            in_rows(
+                _FLUENT.id,
+                _versions(FunctionValueVersionRow, held, FunctionValueVersionRow.function_value_id),
+            ),
+        )
     )
     for is_past, held in _held(FunctionValueVersionRow, ANY_FUNCTION)
 }
@@ -272,9 +259,8 @@ def origin_of(store: Store, view: View) -> Origin:
     digest = None
     if view.kb_id is not None and revision:
         digest = hash_of(view.session, view.kb_id, revision)
-    return Origin(
-        store.name, revision, digest, view.definitions, _read_atoms(view), _read_values(view)
-    )
+    atoms = [*map(atom_of, _rows(view, _HELD_ATOMS))]
+    return Origin(store.name, revision, digest, view.definitions, atoms, _read_values(view))
 
 
 def _rows(view: View, queries: dict[bool, Query]) -> list[Any]:
@@ -283,13 +269,6 @@ def _rows(view: View, queries: dict[bool, Query]) -> list[Any]:
     past = {} if view.at is None else then(view.session, view.at)
     rows = view.session.rows(queries[view.at is not None], kb=view.kb_id, **past)
     return sorted(rows, key=itemgetter(0))
-
-
-def _read_atoms(view: View) -> list[GroundAtom]:
-    return [
-        GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
-        for id_, predicate_id, arguments, text, is_goal in _rows(view, _HELD_ATOMS)
-    ]
 
 
 def _read_values(view: View) -> list[HeldValue]:

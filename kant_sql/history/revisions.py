@@ -115,6 +115,13 @@ class Revision:
         return html.fields({**self._html_row_(), "hash": self.hash})
 
 
+def why_of(revision: Revision | None) -> tuple[str | None, str | None, object]:
+    """Return who wrote, why, and the source."""
+    if revision is None:
+        return None, None, None
+    return revision.actor, revision.reason, revision.source
+
+
 @dataclass(frozen=True)
 class Version:
     """An element from the revision that asserted it until the one that retracted it.

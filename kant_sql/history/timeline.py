@@ -40,7 +40,7 @@ from ..store.state import State
 from .drawing import Drawn
 from .gantt import PlanBars
 from .moments import is_valid_clock
-from .revisions import Revision, missing_revision, read_numbered
+from .revisions import Revision, missing_revision, read_numbered, why_of
 from .window import (
     TIMELINE_KINDS,
     Bar,
@@ -208,24 +208,19 @@ def _weight(rows: Iterable[_Row]) -> int:
     return sum(4 if row.kind == "value" else 1 for row in rows)
 
 
+@dataclass(eq=False)
 class _Reader:
     """Reads a timeline in a number of statements that does not grow."""
 
-    def __init__(
-        self,
-        session: Session,
-        kb_id: int,
-        window: Window,
-        question: TimelineQuestion,
-        valid: ValidRange | None,
-    ) -> None:
-        self._session = session
-        self._kb_id = kb_id
-        self._window = window
-        self._question = question
-        self._valid = valid
-        length = (window.until - window.since) // _MICROSECOND
-        self._slices = max(1, min(question.slices, length))
+    _session: Session
+    _kb_id: int
+    _window: Window
+    _question: TimelineQuestion
+    _valid: ValidRange | None
+
+    def __post_init__(self) -> None:
+        length = (self._window.until - self._window.since) // _MICROSECOND
+        self._slices = max(1, min(self._question.slices, length))
 
     def read(self, name: str) -> Timeline:
         """Read it."""
@@ -499,21 +494,11 @@ def _bar(
     number: float | None,
     told: Mapping[int, Revision],
 ) -> Bar:
-    began, ended = told[since.revision], None if until is None else told[until.revision]
-    return Bar(
-        since.revision,
-        None if until is None else until.revision,
-        since.time,
-        None if until is None else until.time,
-        began.actor,
-        began.reason,
-        None if ended is None else ended.actor,
-        None if ended is None else ended.reason,
-        began.source,
-        None if ended is None else ended.source,
-        value,
-        number,
-    )
+    end, until_at = (None, None) if until is None else (until.revision, until.time)
+    actor, reason, source = why_of(told[since.revision])
+    ended_by, ended_reason, ended_source = why_of(None if end is None else told[end])
+    said = actor, reason, ended_by, ended_reason, source, ended_source
+    return Bar(since.revision, end, since.time, until_at, *said, value, number)
 
 
 def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:

@@ -21,7 +21,7 @@ from ...errors import (
     StoreBusyError,
     StoreIntegrityError,
 )
-from ...sql.changes import keyed_changes_of
+from ...sql.changes import SIGNS, keyed_changes_of
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Row
 from ...sql.query import Query
@@ -34,7 +34,7 @@ from ..replication.erasures import first_fault, touched_by
 from ..replication.target import ReplicationSide, Target, open_target, read_state, reading
 from ..rewriting.parts import Destroyer
 from ..rewriting.texts import Renaming, TextWriter
-from ..verify.chain import SIGNS, rest_digest
+from ..verify.chain import rest_digest
 from ..verify.head import read_archives
 from ..verify.parts import WHOLE, Part
 from ..verify.sides import Check, Report

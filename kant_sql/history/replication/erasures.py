@@ -12,7 +12,7 @@ from sqlalchemy import Table, Text, bindparam, cast, delete, null, select, updat
 from ...dao.base import batches
 from ...errors import StoreIntegrityError
 from ...sql import tables as t
-from ...sql.changes import LOW, in_range, keyed_changes_of
+from ...sql.changes import LOW, SIGNS, in_range, keyed_changes_of
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
@@ -20,7 +20,7 @@ from ...store.head import hash_of
 from ..revisions import LARGEST, read_position
 from ..rewriting.parts import next_salt
 from ..rewriting.texts import Renaming, TextWriter
-from ..verify.chain import SIGNS, read_links, texts_of
+from ..verify.chain import read_links, texts_of
 from ..verify.erasures import ErasureCheck
 from ..verify.parts import Part, kept_parts
 from ..verify.sides import Check, Report

@@ -19,12 +19,12 @@ from ...dao.base import batches
 from ...errors import StoreIntegrityError
 from ...knowledge.canonical import SEED, commit_to, revision_hash
 from ...sql import tables as t
-from ...sql.changes import keyed_changes_of
+from ...sql.changes import SIGNS, keyed_changes_of
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
 from ...store.head import hash_of
-from ..verify.chain import SIGNS, Link, read_links, texts_of
+from ..verify.chain import Link, read_links, texts_of
 from ..verify.erasures import add_part
 from ..verify.parts import Part, kept_parts, whole_part
 from .texts import ChangeKey

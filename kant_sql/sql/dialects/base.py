@@ -349,8 +349,7 @@ class Session(ABC):
     def rollback(self) -> None:
         """Roll the transaction back; a lost connection has done so itself."""
         self._savepoints = 0
-        if self._guard is not None:
-            self._end_limit()
+        self._end_limit()
         if not self.is_abandoned and self.in_transaction():
             self._execute("ROLLBACK")
 
@@ -378,8 +377,7 @@ class Session(ABC):
 
     def close(self) -> None:
         """Return the connection to the pool."""
-        if self._guard is not None:
-            self._end_limit()
+        self._end_limit()
         self.backend.sessions.pop(self, None)
         if self.is_current or self.is_abandoned:
             self._pooled.close()

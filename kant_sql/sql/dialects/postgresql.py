@@ -36,6 +36,7 @@ from sqlalchemy.dialects.postgresql.base import PGDialect
 from sqlalchemy.exc import DBAPIError, DisconnectionError
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.pool import NullPool, QueuePool
+from sqlalchemy.types import TypeEngine
 
 from ...errors import (
     AuthenticationError,
@@ -231,9 +232,12 @@ write_as(
 @compiles(Listed, "postgresql")
 def _listed(element: Listed, compiler: Any, **options: Any) -> str:
     (values,) = (compiler.process(clause, **options) for clause in element.clauses)
+    return f"unnest(CAST({values} AS {_array_of(element.kind, compiler.dialect)}))"
+
+
+def _array_of(type_: TypeEngine[Any], dialect: Dialect) -> str:
     # A text is compiled with its collation, which no array has.
-    kind = "text" if isinstance(element.kind, String) else element.kind.compile(compiler.dialect)
-    return f"unnest(CAST({values} AS {kind}[]))"
+    return f"{'text' if isinstance(type_, String) else type_.compile(dialect)}[]"
 
 
 @compiles(FoundRows, "postgresql")
@@ -289,10 +293,8 @@ def read_all_times(connection: Any) -> None:
 def _unnest_text(into: Insert) -> str:
     """Write the statement that inserts many rows, one list for each column."""
     dialect: Dialect = PGDialect()  # type: ignore[no-untyped-call]
-    types = [column.type.dialect_impl(dialect) for column in into.columns]
-    # A text is compiled with its collation, which no array has.
-    names = ["text" if isinstance(type_, String) else type_.compile(dialect) for type_ in types]
-    lists = ", ".join(f"%s::{name}[]" for name in names)
+    types = (column.type.dialect_impl(dialect) for column in into.columns)
+    lists = ", ".join(f"%s::{_array_of(type_, dialect)}" for type_ in types)
     return f"INSERT INTO {into.into} SELECT * FROM unnest({lists})"
 
 
@@ -553,9 +555,8 @@ class PostgresqlSession(Session):
 
     def close(self) -> None:
         """Return the connection to the pool, unless it is broken."""
-        if self._guard is not None:
-            # First: this closes a connection whose statement was stopped.
-            self._end_limit()
+        # First: this closes a connection whose statement was stopped.
+        self._end_limit()
         connection: Any = self._pooled.driver_connection
         if connection is not None and connection.closed:
             if connection.broken and not self.is_abandoned:
@@ -631,8 +632,7 @@ class PooledSession(PostgresqlSession):
 
     def close(self) -> None:
         """Return the connection to the pool."""
-        if self._guard is not None:
-            self._end_limit()
+        self._end_limit()
         try:
             self._leave()
         finally:

@@ -388,8 +388,7 @@ class FileSession(SqliteSession):
 
     def close(self) -> None:
         """Keep the session for the next call, or return the connection to the pool."""
-        if self._guard is not None:
-            self._end_limit()
+        self._end_limit()
         if self._file.is_long and self.is_current and not self.in_transaction():
             self._file.shorten(self._driver)
         if not self._keep(self):
@@ -460,8 +459,7 @@ class MemorySession(SqliteSession):
 
     def close(self) -> None:
         """Pass the connection to the next thread."""
-        if self._guard is not None:
-            self._end_limit()
+        self._end_limit()
         if self._is_nested or not self._keep(self):
             self.discard()
         self._turns.end()
