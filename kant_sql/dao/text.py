@@ -145,6 +145,14 @@ def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
         )
 
 
+def refuse_unknown_names(store: Store, predicate: str | None, object_: str | None) -> None:
+    """Refuse the name of a predicate or a function, and that of an object, that never was."""
+    if predicate is not None:
+        refuse_unknown(store, predicate, "predicate", "function")
+    if object_ is not None:
+        refuse_unknown(store, object_, "object")
+
+
 def refuse_unknown_actor(store: Store, actor: str) -> None:
     """Refuse an actor who has made no revision of this knowledge base."""
 

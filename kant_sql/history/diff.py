@@ -26,7 +26,7 @@ from ..sql.changes import (
 )
 from ..sql.definition_rows import read_lost
 from ..sql.dialects.base import Session
-from ..sql.intervals import forks_at, held_by, then
+from ..sql.intervals import forks_at, held_by
 from ..sql.places import Place, place_text, read_places
 from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import (
@@ -163,11 +163,7 @@ def state_lines(state: State) -> list[tuple[str, str]]:
     """Read kind and text of all that belongs to a state, in one statement."""
 
     def work(view: View) -> list[tuple[str, str]]:
-        if view.kb_id is None:
-            return []
-        past = {} if view.at is None else then(view.session, view.at)
-        rows = view.session.rows(_STATES[view.at is not None], kb=view.kb_id, **past)
-        return [(kind, text) for kind, text in rows]
+        return [(kind, text) for kind, text in view.rows(_STATES)]
 
     return state.store.read_in_snapshot(work, state.at)
 

@@ -9,7 +9,7 @@ from sqlalchemy import ColumnElement, ScalarSelect, func, select
 from ..moment_text import When
 from ..sql.changes import count_changes, in_range
 from ..sql.dialects.base import Session
-from ..sql.intervals import held_by, then
+from ..sql.intervals import held_by
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VALUE
 from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
@@ -55,10 +55,7 @@ def read_overview(state: State) -> Overview:
     """Count what a state holds, in one statement."""
 
     def work(view: View) -> Overview:
-        if view.kb_id is None:
-            return Overview(0, 0, 0, 0)
-        past = {} if view.at is None else then(view.session, view.at)
-        (row,) = view.session.rows(_COUNTS[view.at is not None], kb=view.kb_id, **past)
+        (row,) = view.rows(_COUNTS) or [(0, 0, 0, 0)]
         return Overview(*row)
 
     return state.store.read_in_snapshot(work, state.at)

@@ -21,7 +21,7 @@ from ..moment_text import When
 from ..sql import tables as t
 from ..sql.definition_rows import load_at
 from ..sql.dialects.base import Row
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then
 from ..sql.query import Query, found_rows, in_rows
 from ..sql.rows import KB, THEN, table_of
 from ..sql.tables import FunctionValueRow, FunctionValueVersionRow, PropositionVersionRow
@@ -259,25 +259,17 @@ def origin_of(store: Store, view: View) -> Origin:
     digest = None
     if view.kb_id is not None and revision:
         digest = hash_of(view.session, view.kb_id, revision)
-    atoms = [*map(atom_of, _rows(view, _HELD_ATOMS))]
+    atoms = [*map(atom_of, sorted(view.rows(_HELD_ATOMS), key=itemgetter(0)))]
     return Origin(store.name, revision, digest, view.definitions, atoms, _read_values(view))
-
-
-def _rows(view: View, queries: dict[bool, Query]) -> list[Any]:
-    if view.kb_id is None:
-        return []
-    past = {} if view.at is None else then(view.session, view.at)
-    rows = view.session.rows(queries[view.at is not None], kb=view.kb_id, **past)
-    return sorted(rows, key=itemgetter(0))
 
 
 def _read_values(view: View) -> list[HeldValue]:
     fluents = {
         id_: GroundFluent(id_, FluentKey(function_id, arguments), text)
-        for id_, function_id, arguments, text in _rows(view, _HELD_FLUENTS)
+        for id_, function_id, arguments, text in view.rows(_HELD_FLUENTS)
     }
     held = []
-    for id_, text, object_id in _rows(view, _HELD_VALUES):
+    for id_, text, object_id in sorted(view.rows(_HELD_VALUES), key=itemgetter(0)):
         with reading_rows("function_value_version", f"function value {id_!r}"):
             fluent = fluents[id_]
         held.append(HeldValue(fluent, read_value(fluent.text, text, object_id)))

@@ -22,7 +22,7 @@ from sqlalchemy import (
     union_all,
 )
 
-from ..dao.text import refuse_unknown
+from ..dao.text import refuse_unknown_names
 from ..dto.lexical import fold
 from ..knowledge.definitions import DOMAIN_SECTIONS, PROBLEM_SECTIONS
 from ..moment_text import When
@@ -534,15 +534,8 @@ def read_state(
 
     page = reader.store.query_known(work, StatePage(0, 0, None, [], PARTS))
     if not any(part.elements for part in page.parts):
-        _refuse_unknown_names(reader, asked)
+        refuse_unknown_names(reader.store, asked.predicate, asked.object)
     return page
-
-
-def _refuse_unknown_names(reader: State, asked: StateFilter) -> None:
-    if asked.predicate is not None:
-        refuse_unknown(reader.store, asked.predicate, "predicate", "function")
-    if asked.object is not None:
-        refuse_unknown(reader.store, asked.object, "object")
 
 
 def _read_parts(

@@ -14,7 +14,7 @@ from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import NamedTuple, cast
 
-from ..dao.text import refuse_unknown
+from ..dao.text import refuse_unknown_names
 from ..knowledge.sayings import COMMITTED
 from ..moment_text import When
 from ..sql.dialects.base import Session
@@ -178,10 +178,7 @@ def timeline(
 
     found = store.query_in_snapshot(work)
     if not (found.lanes or found.plans or question.after):
-        if predicate is not None:
-            refuse_unknown(store, predicate, "predicate", "function")
-        if object is not None:
-            refuse_unknown(store, object, "object")
+        refuse_unknown_names(store, predicate, object)
     return found
 
 

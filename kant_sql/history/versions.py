@@ -259,20 +259,16 @@ def history(state: State, element: Element) -> list[Version]:
         ...     print(version.since.number, version.until.number)
         1 2
     """
-    versions = _read_versions(state, element)
-    if not versions:
-        refuse_unknown_element(state.store, element)
-    return html.Listing(versions, "version")
-
-
-def _read_versions(state: State, element: Element) -> list[Version]:
     wanted, at = sought(element), _last_known(*state)
 
     def work(session: Session, kb_id: int) -> list[Version]:
         rows = read_newest(session, kb_id, wanted, at, LARGEST, with_involved=True)
         return make_versions(session, kb_id, rows, at)
 
-    return _query(state.store, wanted, work)
+    versions = _query(state.store, wanted, work)
+    if not versions:
+        refuse_unknown_element(state.store, element)
+    return html.Listing(versions, "version")
 
 
 def _query(

@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager, suppress
 from datetime import datetime
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import literal_column, select
 
@@ -20,28 +20,25 @@ from .query import Query, first_rows
 from .schema import check, current
 from .tables import HeadRow, KnowledgeBaseRow, RevisionRow, VerificationRow
 
+
+def _of_written(*columns: Any) -> Query:
+    """Read columns of the knowledge bases that have a revision, and of their heads."""
+    return Query(
+        select(*columns)
+        .join_from(KnowledgeBaseRow, HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
+        .where(HeadRow.revision > literal_column("0"))
+        .order_by(KnowledgeBaseRow.id)
+    )
+
+
 _EVERY_NAME = Query(select(KnowledgeBaseRow.name).order_by(KnowledgeBaseRow.id))
 # Columns that exist in every schema version: a downgrade reads them first.
-_REVISIONS = Query(
-    select(KnowledgeBaseRow.name, HeadRow.revision)
-    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-    .where(HeadRow.revision > literal_column("0"))
-    .order_by(KnowledgeBaseRow.id)
-)
+_REVISIONS = _of_written(KnowledgeBaseRow.name, HeadRow.revision)
 ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
 
-_STATES = Query(
-    select(
-        KnowledgeBaseRow.id,
-        KnowledgeBaseRow.name,
-        HeadRow.revision,
-        HeadRow.hash,
-        HeadRow.committed_at,
-        HeadRow.archived_revision,
-    )
-    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-    .where(HeadRow.revision > literal_column("0"))
-    .order_by(KnowledgeBaseRow.id)
+_STATES = _of_written(
+    *(KnowledgeBaseRow.id, KnowledgeBaseRow.name, HeadRow.revision, HeadRow.hash),
+    *(HeadRow.committed_at, HeadRow.archived_revision),
 )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from sqlalchemy import BigInteger, bindparam, func, select
 
 from ..errors import ArchivedError, StoreIntegrityError, check_integer
 from ..knowledge.definitions import Definitions
-from ..sql.dialects.base import Session
+from ..sql.dialects.base import Row, Session
+from ..sql.intervals import then
 from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import ArchiveRow, ErasureRow, HeadRow
@@ -43,6 +45,13 @@ class View(NamedTuple):
     definitions: Definitions
     at: int | None = None
     definition_revision: int | None = None
+
+    def rows(self, queries: Mapping[bool, Query]) -> list[Row]:
+        """Run a query of the present or that of the past; nothing is found before a first write."""
+        if self.kb_id is None:
+            return []
+        past = {} if self.at is None else then(self.session, self.at)
+        return self.session.rows(queries[self.at is not None], kb=self.kb_id, **past)
 
 
 class DefinitionsMovedError(Exception):

@@ -225,7 +225,7 @@ def _run(
                 run_all(connection, statements)
             return wanted._replace(statements=statements)
     except DBAPIError as error:
-        raise backend.of_driver(error) from error
+        raise backend.translate_connect(error) from error
 
 
 def _view_queries(url: str) -> dict[str, str]:

@@ -377,10 +377,9 @@ class PostgresqlSession(Session):
             self._execute(_unnest_text(into), [list(values) for values in zip(*rows, strict=True)])
             return
         sql = f"COPY {into.into} FROM STDIN"
-        cursor: Any = self._cursor
         started = time.perf_counter()
         try:
-            with _one_report(), cursor.copy(sql) as copy:
+            with _one_report(), self._cursor.copy(sql) as copy:
                 for row in rows:
                     copy.write_row(row)
         except self.backend.driver_errors as error:
@@ -464,8 +463,7 @@ class PostgresqlSession(Session):
 
         def run(statement: str) -> bool:
             self._execute(statement)
-            cursor: Any = self._cursor
-            return cursor.description is not None and bool(self._fetch()[0][0])
+            return self._cursor.description is not None and bool(self._fetch()[0][0])
 
         lock_schema(run)
 
@@ -934,7 +932,7 @@ class PostgresqlBackend(Backend):
         except self.driver_errors as error:
             raise self.translate_connect(error) from error
         except DBAPIError as error:
-            raise self.of_driver(error) from error
+            raise self.translate_connect(error) from error
         finally:
             engine.dispose()
 
@@ -993,12 +991,8 @@ class PostgresqlBackend(Backend):
             )
         return StoreError(f"{self.label}: {type(error).__name__}: {text}")
 
-    def of_driver(self, error: DBAPIError) -> StoreError:
-        """Translate an error of the driver that SQLAlchemy has wrapped."""
-        return self.translate_connect(error.orig if isinstance(error.orig, Exception) else error)
-
     def translate_connect(self, error: Exception) -> StoreError:
-        """Translate a failure to connect."""
+        """Translate a failure to connect, which SQLAlchemy may have wrapped."""
         original = getattr(error, "orig", None) or error
         state, text = getattr(original, "sqlstate", None) or "", self._text(original)
         # The driver gives no SQLSTATE here.
