@@ -21,7 +21,7 @@ from ..dto.actions import action_text, duration_text
 from ..dto.elements import function_text
 from ..dto.formulas import Derived, Metric, Node, TimedLiteral, skeleton_text
 from ..dto.lexical import declaration_text, either_text
-from ..errors import InvalidMetadataError
+from ..errors import InvalidArgumentError, InvalidMetadataError, KantSqlError
 from ..pddl.writer import node_text
 from .definitions import (
     ActionDefinition,
@@ -199,7 +199,7 @@ def make_metadata(
     plan_step: tuple[int, int] | None = None,
 ) -> Metadata:
     """Check metadata, and convert it to canonical form."""
-    own = (_observed(observed_at), plan_step)
+    own = (in_utc("observed_at", observed_at, InvalidMetadataError), plan_step)
     for name, value in (("actor", actor), ("reason", reason)):
         if value is None:
             continue
@@ -229,19 +229,20 @@ def _number(text: str) -> int | float:
     return number if abs(number) <= _LARGEST_EXACT else float(text)
 
 
-def _observed(moment: datetime | None) -> datetime | None:
+def in_utc(
+    name: str, moment: datetime | None, error: type[KantSqlError] = InvalidArgumentError
+) -> datetime | None:
+    """Check a time that has a zone, and return it in UTC."""
     if moment is None:
         return None
     if not isinstance(moment, datetime) or moment.utcoffset() is None:
-        raise InvalidMetadataError(
-            f"observed_at is a time with its zone, not {shown(moment)}; give it one, as UTC"
-        )
+        raise error(f"{name} is a time with its zone, not {shown(moment)}; give it one, as UTC")
     try:
         return moment.astimezone(UTC)
-    except OverflowError as error:
-        raise InvalidMetadataError(
-            f"observed_at {moment.isoformat()} lies outside the years 1 to 9999 in UTC"
-        ) from error
+    except OverflowError as overflow:
+        raise error(
+            f"{name} {moment.isoformat()} lies outside the years 1 to 9999 in UTC"
+        ) from overflow
 
 
 def salt_of(seed: bytes, label: str, text: str) -> bytes:

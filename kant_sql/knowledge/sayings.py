@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import NamedTuple
 
-from ..arguments import shown
 from ..errors import InvalidArgumentError
-from .canonical import time_text
+from .canonical import in_utc, time_text
 
 # By which clock a writer says when something held: from the commit on, or from the observation on.
 COMMITTED, OBSERVED = "committed", "observed"
@@ -43,7 +42,7 @@ def make_period(given: Given, now: datetime, is_observed: bool = False) -> Perio
         now: the time of the revision if it was committed now.
         is_observed: whether it is the time of an observation, by a clock that may be ahead.
     """
-    begin, end = (_in_utc(name, each) for name, each in zip(_NAMES, given, strict=True))
+    begin, end = (in_utc(name, each) for name, each in zip(_NAMES, given, strict=True))
     if begin is None:
         if end is not None:
             raise InvalidArgumentError(
@@ -70,18 +69,3 @@ def make_period(given: Given, now: datetime, is_observed: bool = False) -> Perio
 
 
 _NAMES = "valid_from", "valid_until"
-
-
-def _in_utc(name: str, moment: datetime | None) -> datetime | None:
-    if moment is None:
-        return None
-    if not isinstance(moment, datetime) or moment.utcoffset() is None:
-        raise InvalidArgumentError(
-            f"{name} is a time with its zone, not {shown(moment)}; give it one, as UTC"
-        )
-    try:
-        return moment.astimezone(UTC)
-    except OverflowError as error:
-        raise InvalidArgumentError(
-            f"{name} {moment.isoformat()} lies outside the years 1 to 9999 in UTC"
-        ) from error
