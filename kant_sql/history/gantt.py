@@ -195,4 +195,4 @@ class PlanBars:
         actor, reason, source = why_of(began or ended)
         ended_by, ended_reason, ended_source = why_of(ended)
         said = actor, reason, ended_by, ended_reason, source, ended_source
-        return StepBar(position, text, *ran, since_at, until_at, *said)
+        return StepBar(position, text, ran.status, ran.since, ran.until, since_at, until_at, *said)

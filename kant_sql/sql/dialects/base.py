@@ -41,6 +41,24 @@ from .words import RAW, Words
 Row = tuple[Any, ...]
 
 
+class DriverCursor(Protocol):
+    """What a session uses of a driver's cursor (PEP 249)."""
+
+    rowcount: int
+
+    def execute(self, sql: str, parameters: Any = ..., /) -> Any:
+        """Run a statement."""
+
+    def executemany(self, sql: str, parameters: Any, /) -> Any:
+        """Run a statement for each set of parameters."""
+
+    def fetchall(self) -> list[Row]:
+        """Fetch the remaining rows."""
+
+    def fetchmany(self, size: int = ..., /) -> list[Row]:
+        """Fetch the next rows."""
+
+
 class Overlay(Protocol):
     """What a session reads in the place of some tables.
 
@@ -215,8 +233,7 @@ class Session(ABC):
         self.backend = backend
         self._pooled = connection
         self._pool = backend.engine.pool
-        # As PEP 249 has it.
-        self._cursor: Any = connection.cursor()
+        self._cursor: DriverCursor = connection.cursor()  # type: ignore[assignment]
         self._dialect = backend.dialect
         self._savepoints = 0
         self._guard: StatementGuard | None = None

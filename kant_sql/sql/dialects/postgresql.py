@@ -377,9 +377,10 @@ class PostgresqlSession(Session):
             self._execute(_unnest_text(into), [list(values) for values in zip(*rows, strict=True)])
             return
         sql = f"COPY {into.into} FROM STDIN"
+        cursor: Any = self._cursor
         started = time.perf_counter()
         try:
-            with _one_report(), self._cursor.copy(sql) as copy:
+            with _one_report(), cursor.copy(sql) as copy:
                 for row in rows:
                     copy.write_row(row)
         except self.backend.driver_errors as error:
@@ -463,7 +464,8 @@ class PostgresqlSession(Session):
 
         def run(statement: str) -> bool:
             self._execute(statement)
-            return self._cursor.description is not None and bool(self._fetch()[0][0])
+            cursor: Any = self._cursor
+            return cursor.description is not None and bool(self._fetch()[0][0])
 
         lock_schema(run)
 
