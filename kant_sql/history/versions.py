@@ -11,6 +11,7 @@ from sqlalchemy import ColumnElement, Select, func, literal_column, null, select
 from .. import html
 from ..arguments import shown
 from ..errors import InvalidKnowledgeError, check_integer, unreadable
+from ..sql import tables as t
 from ..sql.changes import EXECUTIONS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Row, Session
 from ..sql.executions import RUNNING, SUCCEEDED, id_text
@@ -26,16 +27,6 @@ from ..sql.rows import (
     VersionColumns,
     looked_up,
     table_of,
-)
-from ..sql.tables import (
-    TABLES,
-    ConfirmationRow,
-    ExecutionArgumentRow,
-    ExecutionVersionRow,
-    FunctionValueArgumentRow,
-    PropositionArgumentRow,
-    RevisionExecutionRow,
-    RevisionRow,
 )
 from ..store.state import State
 from ..store.store import Store
@@ -61,12 +52,12 @@ _OBJECT = integer("object")
 _ONE: Any = literal_column("1")
 # Whose objects are in a table of their own, and the key that both tables share.
 _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
-    (VERSION_COLUMNS[PROPOSITION], table_of(PropositionArgumentRow).c, ("proposition_id",)),
-    (VERSION_COLUMNS[VALUE], table_of(FunctionValueArgumentRow).c, ("function_value_id",)),
-    (VERSION_COLUMNS["action"], TABLES["action_term"].c, ("action_id", "since")),
-    (VERSION_COLUMNS["formula"], TABLES["formula_term"].c, ("formula_id", "since")),
-    (VERSION_COLUMNS["rule"], TABLES["rule_term"].c, ("rule_id", "since")),
-    (EXECUTIONS, table_of(ExecutionArgumentRow).c, ("plan_id", "position")),
+    (VERSION_COLUMNS[PROPOSITION], table_of(t.PropositionArgumentRow).c, ("proposition_id",)),
+    (VERSION_COLUMNS[VALUE], table_of(t.FunctionValueArgumentRow).c, ("function_value_id",)),
+    (VERSION_COLUMNS["action"], t.TABLES["action_term"].c, ("action_id", "since")),
+    (VERSION_COLUMNS["formula"], t.TABLES["formula_term"].c, ("formula_id", "since")),
+    (VERSION_COLUMNS["rule"], t.TABLES["rule_term"].c, ("rule_id", "since")),
+    (EXECUTIONS, table_of(t.ExecutionArgumentRow).c, ("plan_id", "position")),
 )
 
 
@@ -335,14 +326,14 @@ def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
     return _query(store, wanted, work)
 
 
-_FACT, _SEEN = VERSION_COLUMNS[PROPOSITION].version, table_of(ConfirmationRow).c
-_OUTCOME, _LINK = table_of(ExecutionVersionRow).c, table_of(RevisionExecutionRow).c
+_FACT, _SEEN = VERSION_COLUMNS[PROPOSITION].version, table_of(t.ConfirmationRow).c
+_OUTCOME, _LINK = table_of(t.ExecutionVersionRow).c, table_of(t.RevisionExecutionRow).c
 EFFECTIVE: list[Any] = [literal_column(f"'{outcome}'") for outcome in (RUNNING, SUCCEEDED)]
 
 
 def had_effect() -> Any:
     """Whether an outcome is one with effects: looked up by its key, so that an index finds it."""
-    own = table_of(ExecutionVersionRow).alias("own").c
+    own = table_of(t.ExecutionVersionRow).alias("own").c
     key = (own[name] == _OUTCOME[name] for name in ("plan_id", "position", "since"))
     found = select(_ONE).where(own.kb_id == KB, *key, own.outcome.in_(EFFECTIVE))
     return found.correlate(_OUTCOME.since.table).exists()
@@ -350,7 +341,7 @@ def had_effect() -> Any:
 
 def actor_of(number: Any) -> Any:
     """Look up the actor of a revision."""
-    revision = table_of(RevisionRow).alias().c
+    revision = table_of(t.RevisionRow).alias().c
     return looked_up(revision.actor, revision.number, number)
 
 

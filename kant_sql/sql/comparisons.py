@@ -14,16 +14,7 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ..dto.lexical import decimal_text
 from ..errors import UnsupportedConstructError
-from ..knowledge.resolved import (
-    COMPARE,
-    NumberOf,
-    Operation,
-    Parameter,
-    Place,
-    Quantity,
-    Slot,
-    parts_of,
-)
+from ..knowledge import resolved as r
 from .dialects.words import Words
 
 T = TypeVar("T")
@@ -51,11 +42,11 @@ class NumberWriter(Protocol):
     def alias(self, letter: str) -> str:
         """Make the alias of a table."""
 
-    def value_of(self, fluent: NumberOf, places: Mapping[Slot, str], column: str) -> str:
+    def value_of(self, fluent: r.NumberOf, places: Mapping[r.Slot, str], column: str) -> str:
         """Write a column of the version of a fluent; NULL without a value."""
 
     def value_version(
-        self, function: int, terms: Sequence[Place], places: Mapping[Slot, str]
+        self, function: int, terms: Sequence[r.Place], places: Mapping[r.Slot, str]
     ) -> tuple[str, list[str]]:
         """Write the version of a fluent whose arguments are bound, as a table and conditions."""
 
@@ -70,22 +61,22 @@ class _Number(NamedTuple):
 class ComparisonWriter:
     """Writes one comparison; NULL, for a fluent without a value, makes it false."""
 
-    def __init__(self, writer: NumberWriter, places: Mapping[Slot, str]) -> None:
+    def __init__(self, writer: NumberWriter, places: Mapping[r.Slot, str]) -> None:
         self._writer = writer
         self._places = places
         self._arithmetic = writer.words.arithmetic
         # Numbers that are not constants -> their doubles, and their texts.
-        self._doubles: dict[Quantity, str] = {}
-        self._texts: dict[Quantity, str] = {}
+        self._doubles: dict[r.Quantity, str] = {}
+        self._texts: dict[r.Quantity, str] = {}
         self._steps: list[str] | None = None
         self._long = _LONG
 
-    def text(self, operator: str, left: Quantity, right: Quantity) -> str:
+    def text(self, operator: str, left: r.Quantity, right: r.Quantity) -> str:
         """Write it as a condition that is true or false."""
         if isinstance(left, Decimal) and isinstance(right, Decimal):
-            return "TRUE" if COMPARE[operator](left, right) else "FALSE"
+            return "TRUE" if r.COMPARE[operator](left, right) else "FALSE"
         leaves = dict.fromkeys(leaf for side in (left, right) for leaf in _leaves(side))
-        is_plain = all(isinstance(side, NumberOf | Decimal) for side in (left, right))
+        is_plain = all(isinstance(side, r.NumberOf | Decimal) for side in (left, right))
         rows = self._rows(leaves, is_plain, _divides(left) or _divides(right))
         if is_plain:
             found = self._stored(operator, left, right)
@@ -98,13 +89,13 @@ class ComparisonWriter:
             found = self._by_doubles(operator, left, right)
         return f"COALESCE({f'(SELECT {found}{rows})' if rows else found}, FALSE)"
 
-    def _rows(self, leaves: Iterable[Quantity], is_plain: bool, divides: bool) -> str:
+    def _rows(self, leaves: Iterable[r.Quantity], is_plain: bool, divides: bool) -> str:
         """Write where the numbers are read, each once; empty where each is a subquery."""
-        fluents: list[NumberOf] = []
+        fluents: list[r.NumberOf] = []
         for leaf in leaves:
-            if isinstance(leaf, NumberOf):
+            if isinstance(leaf, r.NumberOf):
                 fluents.append(leaf)
-            elif isinstance(leaf, Parameter):
+            elif isinstance(leaf, r.Parameter):
                 if leaf.name not in self._writer.known_numbers:
                     raise UnsupportedConstructError(f"{leaf.name} has no value in a state")
                 self._texts[leaf] = f":{leaf.name}"
@@ -125,7 +116,7 @@ class ComparisonWriter:
             columns.append(f"{self._value_of(fluent)} AS v{number}")
         return f" FROM (SELECT {', '.join(columns) or '1'}{self._writer.words.fence}) AS {row}"
 
-    def _joined(self, fluents: Iterable[NumberOf]) -> str:
+    def _joined(self, fluents: Iterable[r.NumberOf]) -> str:
         tables: list[str] = []
         where: list[str] = []
         for fluent in fluents:
@@ -136,10 +127,10 @@ class ComparisonWriter:
             self._texts[fluent], self._doubles[fluent] = f"{alias}.value", f"{alias}.number"
         return f" FROM {' CROSS JOIN '.join(tables)} WHERE {' AND '.join(where)}"
 
-    def _value_of(self, fluent: NumberOf) -> str:
+    def _value_of(self, fluent: r.NumberOf) -> str:
         return self._writer.value_of(fluent, self._places, "value")
 
-    def _stored(self, operator: str, left: Quantity, right: Quantity) -> str:
+    def _stored(self, operator: str, left: r.Quantity, right: r.Quantity) -> str:
         """Compare stored numbers: decimals whose doubles differ compare as doubles."""
         first, second = self._double(left), self._double(right)
         exactly = self._arithmetic.by_texts(operator, self._text(left), self._text(right))
@@ -147,9 +138,9 @@ class ComparisonWriter:
 
     # Doubles, with a bound of their error.
 
-    def _by_doubles(self, operator: str, left: Quantity, right: Quantity) -> str:
+    def _by_doubles(self, operator: str, left: r.Quantity, right: r.Quantity) -> str:
         first, second = self._double(left), self._double(right)
-        count = sum(1 for side in (left, right) for _ in parts_of(side))
+        count = sum(1 for side in (left, right) for _ in r.parts_of(side))
         size = f"({self._size(left)} + {self._size(right)})"
         bound = f"{self._writer.parameter(_ERROR * count)} * {size}"
         return (
@@ -157,19 +148,19 @@ class ComparisonWriter:
             f"ELSE {self._exactly(operator, left, right)} END"
         )
 
-    def _double(self, quantity: Quantity) -> str:
+    def _double(self, quantity: r.Quantity) -> str:
         if isinstance(quantity, Decimal):
             return self._writer.parameter(float(quantity))
-        if not isinstance(quantity, Operation):
+        if not isinstance(quantity, r.Operation):
             return self._doubles[quantity]
         found = [self._double(each) for each in quantity.operands]
         if len(found) == 1:
             return f"(- {found[0]})"
         return _folded(quantity.operator, found, f"({{}} {quantity.operator} {{}})".format)
 
-    def _size(self, quantity: Quantity) -> str:
+    def _size(self, quantity: r.Quantity) -> str:
         """Write what the error of a number is a small part of."""
-        if not isinstance(quantity, Operation):
+        if not isinstance(quantity, r.Operation):
             return f"(abs({self._double(quantity)}) + {_TINY})"
         operator, operands = quantity.operator, quantity.operands
         sizes = [*map(self._size, operands)]
@@ -186,14 +177,14 @@ class ComparisonWriter:
 
     # Decimals.
 
-    def _exactly(self, operator: str, left: Quantity, right: Quantity) -> str:
+    def _exactly(self, operator: str, left: r.Quantity, right: r.Quantity) -> str:
         first, second = self._number(left), self._number(right)
         sides = self._times(first.value, second.divisor), self._times(second.value, first.divisor)
         found = self._arithmetic.compare.format(sides[0], operator, sides[1])
         return f"(WITH {', '.join(self._steps)} SELECT {found})" if self._steps else found
 
-    def _number(self, quantity: Quantity) -> _Number:
-        if not isinstance(quantity, Operation):
+    def _number(self, quantity: r.Quantity) -> _Number:
+        if not isinstance(quantity, r.Operation):
             return _Number(self._arithmetic.decimal.format(self._text(quantity)))
         found = [self._number(each) for each in quantity.operands]
         if len(found) == 1:
@@ -237,7 +228,7 @@ class ComparisonWriter:
         divisor = None if number.divisor is None else f"(SELECT d FROM {name})"
         return _Number(f"(SELECT n FROM {name})", divisor)
 
-    def _text(self, quantity: Quantity) -> str:
+    def _text(self, quantity: r.Quantity) -> str:
         if isinstance(quantity, Decimal):
             return self._writer.parameter(decimal_text(quantity), is_number=True)
         return self._texts[quantity]
@@ -253,18 +244,22 @@ def _folded(operator: str, operands: Sequence[T], join: Callable[[T, T], T]) -> 
     return reduce(join, operands)
 
 
-def levels_of(*quantities: Quantity) -> int:
+def levels_of(*quantities: r.Quantity) -> int:
     """Return how many levels the calculations of numbers have."""
     levels, level = 0, list(quantities)
     while level:
-        level = [inner for each in level if isinstance(each, Operation) for inner in each.operands]
+        level = [
+            inner for each in level if isinstance(each, r.Operation) for inner in each.operands
+        ]
         levels += 1
     return levels
 
 
-def _leaves(quantity: Quantity) -> Iterable[Quantity]:
-    return (each for each in parts_of(quantity) if not isinstance(each, Operation))
+def _leaves(quantity: r.Quantity) -> Iterable[r.Quantity]:
+    return (each for each in r.parts_of(quantity) if not isinstance(each, r.Operation))
 
 
-def _divides(quantity: Quantity) -> bool:
-    return any(isinstance(each, Operation) and each.operator == "/" for each in parts_of(quantity))
+def _divides(quantity: r.Quantity) -> bool:
+    return any(
+        isinstance(each, r.Operation) and each.operator == "/" for each in r.parts_of(quantity)
+    )

@@ -17,28 +17,8 @@ from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
+from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
-from ..knowledge.resolved import (
-    AllOf,
-    Bound,
-    Compares,
-    FluentIs,
-    HasType,
-    HoldsFact,
-    Known,
-    Lacks,
-    NumberOf,
-    OneOf,
-    Part,
-    Place,
-    SameObject,
-    Slot,
-    TypeSet,
-    Witness,
-    closure,
-    fits,
-    replaced,
-)
 from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
 from .comparisons import ComparisonWriter
 from .dialects.words import COVERS, RAW, Words
@@ -54,7 +34,7 @@ FEW_GROUND = 8
 # does to find those of one of the first arguments, which looks at all forks.
 LOOKED_UP, FOUND = 4, 4
 
-Places = Mapping[Slot, str]
+Places = Mapping[r.Slot, str]
 _ALIAS = re.compile(r"\b([a-z]\d+)\.")
 # A row looked up in a relation.
 _LISTED = re.compile(r"\([^()]*\) IN \(SELECT c0")
@@ -72,7 +52,7 @@ class JoinedTables:
 
     def __init__(self, words: Words, places: Places) -> None:
         self._words = words
-        self.places: dict[Slot, str] = dict(places)
+        self.places: dict[r.Slot, str] = dict(places)
         self.tables: list[str] = []
         self.where: list[str] = []
         # By the alias of a table: the column that only the right index of it sorts by.
@@ -158,12 +138,12 @@ def balanced(operator: str, parts: Sequence[str]) -> str:
     return f"({sides[0]}) {operator} ({sides[1]})"
 
 
-def _without_repeats(parts: Sequence[Part]) -> Sequence[Part]:
+def _without_repeats(parts: Sequence[r.Part]) -> Sequence[r.Part]:
     """Leave out facts that repeat; other parts may be too deep to be compared."""
-    seen: set[Part] = set()
+    seen: set[r.Part] = set()
     found = []
     for part in parts:
-        if isinstance(part.part if isinstance(part, Lacks) else part, HoldsFact):
+        if isinstance(part.part if isinstance(part, r.Lacks) else part, r.HoldsFact):
             if part in seen:
                 continue
             seen.add(part)
@@ -198,7 +178,7 @@ class ConditionWriter(ABC):
         self.growing: dict[int, str] = {}
         # Numbers that come with each evaluation, such as a duration: parameters of that name.
         self.known_numbers: frozenset[str] = frozenset()
-        self._types: dict[Slot, tuple[TypeSet, ...]] = {}
+        self._types: dict[r.Slot, tuple[r.TypeSet, ...]] = {}
         self._parameters: dict[tuple[type[Any], Any, bool], str] = {}
         self._aliases = 0
         self._inlined = 0
@@ -218,7 +198,7 @@ class ConditionWriter(ABC):
         """Estimate how many facts of a predicate hold, to compare them with a number."""
         return COUNTED if self.size is None else self.size.facts(predicate, compared)
 
-    def found_by(self, position: int, term: Place, types: TypeSet) -> float:
+    def found_by(self, position: int, term: r.Place, types: r.TypeSet) -> float:
         """Estimate what it takes to find the facts with an object, in lookups of an atom.
 
         By an argument that has no index, all atoms of any time that mention it are looked up.
@@ -227,7 +207,7 @@ class ConditionWriter(ABC):
             return FOUND
         if self.size is None:
             return 1
-        is_known = isinstance(term, Known)
+        is_known = isinstance(term, r.Known)
         objects = (term.id,) if is_known else sample(self.definitions, types)  # type: ignore[union-attr]
         return self.size.mentions(objects)
 
@@ -240,7 +220,7 @@ class ConditionWriter(ABC):
             return False
         parameters = self.definitions.predicates.live(predicate).parameters
         for n in given:
-            types = closure(self.definitions, parameters[n].type_ids)
+            types = r.closure(self.definitions, parameters[n].type_ids)
             lookups *= domain_size(self.definitions, types)
         return LOOKED_UP * lookups > self.facts_of(predicate, LOOKED_UP * lookups)
 
@@ -267,9 +247,9 @@ class ConditionWriter(ABC):
         self._aliases += 1
         return f"{letter}{self._aliases}"
 
-    def place(self, term: Place, places: Places) -> str:
+    def place(self, term: r.Place, places: Places) -> str:
         """Write a term that is bound."""
-        return self.parameter(term.id) if isinstance(term, Known) else places[term]
+        return self.parameter(term.id) if isinstance(term, r.Known) else places[term]
 
     def held(self, alias: str, unsought: str = "") -> str:
         """Write that a version held in the state."""
@@ -281,38 +261,38 @@ class ConditionWriter(ABC):
         """Write that there is a row, which is looked up for each one that asks."""
         return f"EXISTS (SELECT 1 FROM {tables} WHERE {' AND '.join(where)}{self.words.fence})"
 
-    def _key(self, terms: Sequence[Place], places: Places) -> str:
+    def _key(self, terms: Sequence[r.Place], places: Places) -> str:
         """Write the text that interns an atom or a fluent: the ids of its objects."""
-        if all(isinstance(term, Known) for term in terms):
+        if all(isinstance(term, r.Known) for term in terms):
             return self.parameter(" ".join(str(term.id) for term in terms))  # type: ignore[union-attr]
         parts = [f"CAST({self.place(term, places)} AS TEXT)" for term in terms]
         return " || ' ' || ".join(parts)
 
     # Conditions on what is bound.
 
-    def truth(self, part: Part, places: Places) -> str:
+    def truth(self, part: r.Part, places: Places) -> str:
         """Write a part whose variables are bound as a condition that is true or false."""
         match part:
-            case HoldsFact():
+            case r.HoldsFact():
                 return self._fact_holds(part, places)
-            case FluentIs(function, terms, value):
+            case r.FluentIs(function, terms, value):
                 versions, where = self.value_version(function, terms, places)
                 where.append(f"{versions.split()[-1]}.object_id = {self.place(value, places)}")
                 return self.exists(versions, where)
-            case SameObject(left, right):
+            case r.SameObject(left, right):
                 return f"{self.place(left, places)} = {self.place(right, places)}"
-            case HasType(term, types):
+            case r.HasType(term, types):
                 return self.has_type(term, types, places)
-            case Compares(operator, left, right):
+            case r.Compares(operator, left, right):
                 return ComparisonWriter(self, places).text(operator, left, right)
-            case Lacks(inner):
+            case r.Lacks(inner):
                 text = self.truth(inner, places)
                 # For NOT IN, SQLite looks for NULL in all rows of the list, for each row that asks.
                 is_listed = _LISTED.match(text) is not None
                 return f"({text}) IS NOT TRUE" if is_listed else f"NOT ({text})"
-            case AllOf(parts) | OneOf(parts):
+            case r.AllOf(parts) | r.OneOf(parts):
                 return self._junction(part, parts, places)
-            case Witness(bound, inner):
+            case r.Witness(bound, inner):
                 selection = self.selection([inner], bound, places)
                 if not selection.tables:
                     return self._together(selection.where)
@@ -321,40 +301,40 @@ class ConditionWriter(ABC):
     def _together(self, conditions: Sequence[str]) -> str:
         return f"({balanced('AND', conditions)})" if conditions else "TRUE"
 
-    def _junction(self, part: AllOf | OneOf, parts: Sequence[Part], places: Places) -> str:
+    def _junction(self, part: r.AllOf | r.OneOf, parts: Sequence[r.Part], places: Places) -> str:
         if not parts:
-            return "TRUE" if isinstance(part, AllOf) else "FALSE"
-        is_all = isinstance(part, AllOf)
+            return "TRUE" if isinstance(part, r.AllOf) else "FALSE"
+        is_all = isinstance(part, r.AllOf)
         found, rest = self._ground_lists(parts, is_all)
         found += [self.truth(inner, places) for inner in rest]
         return f"({balanced('AND' if is_all else 'OR', found)})"
 
-    def conjuncts(self, parts: Sequence[Part], places: Places) -> list[str]:
+    def conjuncts(self, parts: Sequence[r.Part], places: Places) -> list[str]:
         """Write the parts of a conjunction."""
         found, rest = self._ground_lists(parts, True)
         return found + [self.truth(part, places) for part in rest]
 
     def _ground_lists(
-        self, parts: Sequence[Part], is_all: bool
-    ) -> tuple[list[str], Sequence[Part]]:
+        self, parts: Sequence[r.Part], is_all: bool
+    ) -> tuple[list[str], Sequence[r.Part]]:
         """Write many ground facts of one predicate with one list; return the other parts."""
         parts = _without_repeats(parts)
         if len(parts) < FEW_GROUND:
             return [], parts
         groups: dict[tuple[int, bool], dict[str, None]] = {}
-        rest: list[Part] = []
+        rest: list[r.Part] = []
         for part in parts:
-            fact = part.part if isinstance(part, Lacks) else part
+            fact = part.part if isinstance(part, r.Lacks) else part
             is_ground = (
-                isinstance(fact, HoldsFact)
+                isinstance(fact, r.HoldsFact)
                 and bool(fact.terms)
                 and not self.rules.of(fact.predicate)
-                and all(isinstance(term, Known) for term in fact.terms)
+                and all(isinstance(term, r.Known) for term in fact.terms)
             )
             if is_ground:
-                assert isinstance(fact, HoldsFact)
+                assert isinstance(fact, r.HoldsFact)
                 key = " ".join(str(term.id) for term in fact.terms)  # type: ignore[union-attr]
-                groups.setdefault((fact.predicate, isinstance(part, Lacks)), {})[key] = None
+                groups.setdefault((fact.predicate, isinstance(part, r.Lacks)), {})[key] = None
             else:
                 rest.append(part)
         found = []
@@ -424,18 +404,18 @@ class ConditionWriter(ABC):
             f"s.{table}_id = {id_} ORDER BY s.since + 0 DESC LIMIT 1)"
         )
 
-    def _fact_holds(self, fact: HoldsFact, places: Places) -> str:
+    def _fact_holds(self, fact: r.HoldsFact, places: Places) -> str:
         if self.is_derived(fact):
             return self._derived_holds(fact, places)
         return self._stored_holds(fact, places)
 
-    def is_derived(self, fact: HoldsFact) -> bool:
+    def is_derived(self, fact: r.HoldsFact) -> bool:
         """Return whether rules count for a fact."""
         if fact.is_stored:
             return False
         return fact.predicate in self.growing or bool(self.rules.of(fact.predicate))
 
-    def _stored_holds(self, fact: HoldsFact, places: Places) -> str:
+    def _stored_holds(self, fact: r.HoldsFact, places: Places) -> str:
         terms = fact.terms
         if not self.is_past and len(terms) <= len(ARGUMENT_COLUMNS):
             version = self.alias("v")
@@ -467,7 +447,7 @@ class ConditionWriter(ABC):
             self.held(alias, unsought),
         ]
 
-    def _derived_holds(self, fact: HoldsFact, places: Places) -> str:
+    def _derived_holds(self, fact: r.HoldsFact, places: Places) -> str:
         body = self.inline(fact)
         if body is not None:
             return self.truth(body, places)
@@ -478,24 +458,24 @@ class ConditionWriter(ABC):
             return f"EXISTS (SELECT 1 FROM {relation})"
         return self._listed_in(relation, dict(enumerate(fact.terms)), places)
 
-    def _listed_in(self, relation: str, terms: Mapping[int, Place], places: Places) -> str:
+    def _listed_in(self, relation: str, terms: Mapping[int, r.Place], places: Places) -> str:
         """Write that a relation has some terms at some positions."""
         # Uncorrelated, so that SQLite builds one index for all rows that ask.
         values = ", ".join(self.place(term, places) for term in terms.values())
         columns = ", ".join(f"c{n}" for n in terms)
         return f"({values}) IN (SELECT {columns} FROM {relation})"
 
-    def has_type(self, term: Place, types: TypeSet, places: Places) -> str:
+    def has_type(self, term: r.Place, types: r.TypeSet, places: Places) -> str:
         """Write that an object has one of some types."""
         if types is None:
             return "TRUE"
-        if isinstance(term, Known):
-            return "TRUE" if fits(self.definitions, term.id, types) else "FALSE"
+        if isinstance(term, r.Known):
+            return "TRUE" if r.fits(self.definitions, term.id, types) else "FALSE"
         version = self.alias("o")
         where = [f"{version}.object_id = {places[term]}", *self.objects(version, (types,))]
         return self.exists(f"object_version AS {version}", where)
 
-    def objects(self, alias: str, types: Iterable[TypeSet]) -> list[str]:
+    def objects(self, alias: str, types: Iterable[r.TypeSet]) -> list[str]:
         """Write that a version is that of an object of each of some type sets."""
         where = [f"{alias}.kb_id = :kb", self.held(alias)]
         for each in types:
@@ -512,14 +492,14 @@ class ConditionWriter(ABC):
 
     # Numbers.
 
-    def value_of(self, fluent: NumberOf, places: Places, column: str) -> str:
+    def value_of(self, fluent: r.NumberOf, places: Places, column: str) -> str:
         """Write a column of the version of a fluent; NULL without a value."""
         versions, where = self.value_version(fluent.function, fluent.terms, places)
         alias = versions.split()[-1]
         return f"(SELECT {alias}.{column} FROM {versions} WHERE {' AND '.join(where)})"
 
     def value_version(
-        self, function: int, terms: Sequence[Place], places: Places, is_joined: bool = False
+        self, function: int, terms: Sequence[r.Place], places: Places, is_joined: bool = False
     ) -> tuple[str, list[str]]:
         """Write the version of a fluent whose arguments are bound, as a table and conditions.
 
@@ -560,7 +540,7 @@ class ConditionWriter(ABC):
 
     @abstractmethod
     def selection(
-        self, parts: Iterable[Part], bound: Iterable[Bound], places: Places
+        self, parts: Iterable[r.Part], bound: Iterable[r.Bound], places: Places
     ) -> JoinedTables:
         """Join what gives variables their objects, and filter by all else."""
 
@@ -576,24 +556,24 @@ class ConditionWriter(ABC):
         """
 
     @abstractmethod
-    def relation(self, fact: HoldsFact, given: Mapping[int, Place], places: Places) -> str:
+    def relation(self, fact: r.HoldsFact, given: Mapping[int, r.Place], places: Places) -> str:
         """Return the table of a recursive predicate, with columns `c0` ...
 
         The facts with the given terms are complete in it; it may lack others.
         """
 
-    def types_of(self, slot: Slot) -> tuple[TypeSet, ...]:
+    def types_of(self, slot: r.Slot) -> tuple[r.TypeSet, ...]:
         """Return the type sets that the objects of a variable fit."""
         return self._types.get(slot, ())
 
-    def declare(self, bound: Iterable[Bound]) -> None:
+    def declare(self, bound: Iterable[r.Bound]) -> None:
         """Note the types of variables."""
         for each in bound:
             self._types[each.slot] = each.types
 
     # DerivationRules.
 
-    def inline(self, fact: HoldsFact) -> Part | None:
+    def inline(self, fact: r.HoldsFact) -> r.Part | None:
         """Return what implies a derived fact; None if its rules are recursive or too many."""
         if fact.predicate in self.growing:
             return None
@@ -601,23 +581,23 @@ class ConditionWriter(ABC):
             return None
         rules = self.rules.evaluated(fact.predicate)
         self._inlined += len(rules)
-        stored = HoldsFact(fact.predicate, fact.terms, is_stored=True)
-        return OneOf((*(self.instance(rule, fact.terms) for rule in rules), stored))
+        stored = r.HoldsFact(fact.predicate, fact.terms, is_stored=True)
+        return r.OneOf((*(self.instance(rule, fact.terms) for rule in rules), stored))
 
-    def instance(self, rule: DerivationRule, terms: Sequence[Place]) -> Part:
+    def instance(self, rule: DerivationRule, terms: Sequence[r.Place]) -> r.Part:
         """Return the body of a rule for some terms, with the types of its parameters."""
         places = {
             parameter.slot: term for parameter, term in zip(rule.parameters, terms, strict=True)
         }
-        body = replaced(rule.body, places, self.rules.numbers)
+        body = r.replaced(rule.body, places, self.rules.numbers)
         typed = [
-            HasType(term, types)
+            r.HasType(term, types)
             for parameter, term in zip(rule.parameters, terms, strict=True)
             for types in parameter.types
             if types is not None
         ]
-        return AllOf((*typed, body)) if typed else body
+        return r.AllOf((*typed, body)) if typed else body
 
-    def is_given(self, term: Place, places: Places) -> bool:
+    def is_given(self, term: r.Place, places: Places) -> bool:
         """Return whether a term is a parameter of the statement."""
-        return isinstance(term, Known) or places.get(term, "").startswith(":")
+        return isinstance(term, r.Known) or places.get(term, "").startswith(":")

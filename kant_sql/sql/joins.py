@@ -7,24 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing_extensions import override
 
 from ..errors import UnsupportedConstructError
-from ..knowledge.resolved import (
-    FALSE,
-    AllOf,
-    Bound,
-    FluentIs,
-    HasType,
-    HoldsFact,
-    Known,
-    OneOf,
-    Part,
-    Place,
-    SameObject,
-    Slot,
-    TypeSet,
-    Witness,
-    closure,
-    slots_of,
-)
+from ..knowledge import resolved as r
 from ..knowledge.trees import ParameterDefinition
 from .condition_writer import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
 from .estimates import domain_size
@@ -35,7 +18,7 @@ SOME = 100.0
 MAX_JOINED = 60
 
 
-def _fit(have: tuple[TypeSet, ...], types: TypeSet) -> bool:
+def _fit(have: tuple[r.TypeSet, ...], types: r.TypeSet) -> bool:
     """Return whether all objects of some type sets fit types."""
     return types is None or any(one is not None and one <= types for one in have)
 
@@ -48,17 +31,17 @@ class _Join:
         self._selection = JoinedTables(writer.words, places)
         self._outer = places
         # Variables that are yet to be bound, in order, and what may bind them.
-        self._unbound: dict[Slot, tuple[TypeSet, ...]] = {}
-        self._facts: list[HoldsFact | FluentIs] = []
-        self._equalities: list[SameObject] = []
-        self._choices: list[OneOf] = []
-        self._filters: list[Part] = []
+        self._unbound: dict[r.Slot, tuple[r.TypeSet, ...]] = {}
+        self._facts: list[r.HoldsFact | r.FluentIs] = []
+        self._equalities: list[r.SameObject] = []
+        self._choices: list[r.OneOf] = []
+        self._filters: list[r.Part] = []
         # How many rows there are, about.
         self._rows = writer.asked
         # The types that variables have by what binds them.
-        self._have: dict[Slot, tuple[TypeSet, ...]] = {}
+        self._have: dict[r.Slot, tuple[r.TypeSet, ...]] = {}
 
-    def run(self, parts: Iterable[Part], bound: Iterable[Bound]) -> JoinedTables:
+    def run(self, parts: Iterable[r.Part], bound: Iterable[r.Bound]) -> JoinedTables:
         """Join."""
         self._open(bound)
         self._spread(list(parts))
@@ -82,42 +65,42 @@ class _Join:
     def _join_growing(self) -> None:
         """Join first what a recursive statement has found so far: it is read row by row."""
         for fact in list(self._facts):
-            if not isinstance(fact, HoldsFact) or fact.is_stored:
+            if not isinstance(fact, r.HoldsFact) or fact.is_stored:
                 continue
             if fact.predicate in self._writer.growing:
                 self._facts.remove(fact)
                 self._join_relation(fact)
                 self._rows *= SOME
 
-    def _open(self, bound: Iterable[Bound]) -> None:
+    def _open(self, bound: Iterable[r.Bound]) -> None:
         bound = tuple(bound)
         self._writer.declare(bound)
         self._unbound.update((each.slot, each.types) for each in bound)
 
-    def _spread(self, parts: list[Part]) -> None:
+    def _spread(self, parts: list[r.Part]) -> None:
         """Part a conjunction by what its parts can do; quantifiers become part of the join."""
         parts.reverse()
         while parts:
             part = parts.pop()
             match part:
-                case AllOf(inner):
+                case r.AllOf(inner):
                     parts += reversed(inner)
-                case Witness(bound, inner_part):
+                case r.Witness(bound, inner_part):
                     self._selection.is_distinct = False
                     self._open(bound)
                     parts.append(inner_part)
-                case HoldsFact() if self._writer.is_derived(part):
+                case r.HoldsFact() if self._writer.is_derived(part):
                     body = self._writer.inline(part)
                     if body is None:
                         self._facts.append(part)
                     else:
                         parts.append(body)
-                case HoldsFact() | FluentIs():
+                case r.HoldsFact() | r.FluentIs():
                     self._facts.append(part)
-                case SameObject():
+                case r.SameObject():
                     self._equalities.append(part)
-                case OneOf() if part != FALSE:
-                    alternatives = [each for each in part.parts if each != FALSE]
+                case r.OneOf() if part != r.FALSE:
+                    alternatives = [each for each in part.parts if each != r.FALSE]
                     if len(alternatives) == 1:
                         parts.append(alternatives[0])
                     else:
@@ -125,10 +108,10 @@ class _Join:
                 case _:
                     self._filters.append(part)
 
-    def _is_bound(self, term: Place) -> bool:
+    def _is_bound(self, term: r.Place) -> bool:
         return term not in self._unbound
 
-    def _bind(self, slot: Slot, place: str, have: tuple[TypeSet, ...]) -> None:
+    def _bind(self, slot: r.Slot, place: str, have: tuple[r.TypeSet, ...]) -> None:
         """Bind a variable; check its types where what binds it allows more."""
         wanted = self._unbound.pop(slot)
         self._have[slot] = have
@@ -139,11 +122,11 @@ class _Join:
                     self._writer.has_type(slot, types, self._selection.places)
                 )
 
-    def _is_fitting(self, part: Part) -> bool:
+    def _is_fitting(self, part: r.Part) -> bool:
         """Return whether a variable has a type by what binds it."""
         return (
-            isinstance(part, HasType)
-            and isinstance(part.term, Slot)
+            isinstance(part, r.HasType)
+            and isinstance(part.term, r.Slot)
             and _fit(self._have.get(part.term, ()), part.types)
         )
 
@@ -152,7 +135,7 @@ class _Join:
         found = False
         for part in list(self._equalities):
             for one, other in ((part.left, part.right), (part.right, part.left)):
-                if isinstance(one, Slot) and one in self._unbound and self._is_bound(other):
+                if isinstance(one, r.Slot) and one in self._unbound and self._is_bound(other):
                     place = self._writer.place(other, self._selection.places)
                     self._bind(one, place, self._types_of(other))
                     self._equalities.remove(part)
@@ -160,8 +143,8 @@ class _Join:
                     break
         return found
 
-    def _types_of(self, term: Place) -> tuple[TypeSet, ...]:
-        if isinstance(term, Known):
+    def _types_of(self, term: r.Place) -> tuple[r.TypeSet, ...]:
+        if isinstance(term, r.Known):
             object_ = self._writer.definitions.objects.live(term.id)
             # One type of an object suffices to fit.
             return tuple(frozenset((id_,)) for id_ in object_.type_ids)
@@ -180,7 +163,7 @@ class _Join:
         fact = self._facts[equal[0]]
         self._facts.remove(fact)
         found = self._rows_of(fact) if self._writer.is_past else 1
-        if isinstance(fact, FluentIs):
+        if isinstance(fact, r.FluentIs):
             found = SOME if ranks[equal[0]][0] else 1
             self._join_value(fact)
         elif self._writer.is_derived(fact):
@@ -191,14 +174,14 @@ class _Join:
         self._rows = max(self._rows * found, 1)
         return True
 
-    def _rank(self, fact: HoldsFact | FluentIs) -> tuple[float, ...] | None:
+    def _rank(self, fact: r.HoldsFact | r.FluentIs) -> tuple[float, ...] | None:
         """Rank a fact: the smaller, the earlier; None where it binds nothing."""
-        terms = fact.terms if isinstance(fact, HoldsFact) else (*fact.terms, fact.value)
+        terms = fact.terms if isinstance(fact, r.HoldsFact) else (*fact.terms, fact.value)
         unbound = {term for term in terms if not self._is_bound(term)}
         if not unbound:
             return None
         bound = len(terms) - len([term for term in terms if term in unbound])
-        if isinstance(fact, FluentIs):
+        if isinstance(fact, r.FluentIs):
             # A function has one value: once its arguments are bound, one row.
             if all(self._is_bound(term) for term in fact.terms):
                 return (0, 0, 0)
@@ -207,20 +190,20 @@ class _Join:
             return (2 if bound else 4, -bound, len(unbound))
         return (1 if bound else 3, -bound, len(unbound))
 
-    def _rows_of(self, fact: HoldsFact | FluentIs) -> float:
+    def _rows_of(self, fact: r.HoldsFact | r.FluentIs) -> float:
         """Estimate how many facts one row finds: as many for each object that is bound."""
         writer = self._writer
-        if isinstance(fact, FluentIs) or writer.is_derived(fact):
+        if isinstance(fact, r.FluentIs) or writer.is_derived(fact):
             return 0
         found = writer.facts_of(fact.predicate)
         parameters = writer.definitions.predicates.live(fact.predicate).parameters
         for term, parameter in zip(fact.terms, parameters, strict=True):
             if self._is_bound(term):
-                types = closure(writer.definitions, parameter.type_ids)
+                types = r.closure(writer.definitions, parameter.type_ids)
                 found /= domain_size(writer.definitions, types)
         return found
 
-    def _join_fact(self, fact: HoldsFact) -> None:
+    def _join_fact(self, fact: r.HoldsFact) -> None:
         predicate = self._writer.definitions.predicates.live(fact.predicate)
         columns = self._past_facts(fact) if self._writer.is_past else self._found_facts(fact)
         if fact.is_stored and not self._writer.is_past:
@@ -231,7 +214,7 @@ class _Join:
             self._selection.where.append(self._writer.exists(tables, where))
         self._match(fact.terms, columns, predicate.parameters)
 
-    def _found_facts(self, fact: HoldsFact) -> list[str]:
+    def _found_facts(self, fact: r.HoldsFact) -> list[str]:
         """Join the versions of a predicate that an index finds, and further arguments."""
         writer, selection = self._writer, self._selection
         version = writer.alias("v")
@@ -255,7 +238,7 @@ class _Join:
             selection.where += writer.argument(alias, f"{version}.proposition_id", position)
         return columns + [f"{alias}.object_id" for alias in arguments.values()]
 
-    def _past_facts(self, fact: HoldsFact) -> list[str]:
+    def _past_facts(self, fact: r.HoldsFact) -> list[str]:
         """Join what held of a predicate."""
         writer, selection = self._writer, self._selection
         arity = len(fact.terms)
@@ -289,22 +272,22 @@ class _Join:
         ]
         return [f"{aliases[n]}.object_id" for n in range(arity)]
 
-    def _fewest_mentioned(self, fact: HoldsFact) -> tuple[float, int] | None:
+    def _fewest_mentioned(self, fact: r.HoldsFact) -> tuple[float, int] | None:
         """Return the bound term that finds facts with the fewest lookups, and its position."""
         writer = self._writer
         parameters = writer.definitions.predicates.live(fact.predicate).parameters
         found = [
-            (writer.found_by(n, term, closure(writer.definitions, parameters[n].type_ids)), n)
+            (writer.found_by(n, term, r.closure(writer.definitions, parameters[n].type_ids)), n)
             for n, term in enumerate(fact.terms)
             if self._is_bound(term)
         ]
         return min(found, default=None)
 
-    def _is_read(self, fact: HoldsFact, mentioned: float, n: int) -> bool:
+    def _is_read(self, fact: r.HoldsFact, mentioned: float, n: int) -> bool:
         """Return whether to join all that held of a predicate, and not to look up atoms."""
         # No index of it is made for what each row of an outer query asks again.
         writer, term = self._writer, fact.terms[n]
-        is_known = isinstance(term, Known) or term in self._outer
+        is_known = isinstance(term, r.Known) or term in self._outer
         lookups = self._rows * mentioned / (writer.asked if is_known else 1)
         if n < writer.indexed and writer.is_given(term, self._outer):
             # Those of one object are few: they are read once, and joined by hashes.
@@ -313,22 +296,22 @@ class _Join:
 
     def _match(
         self,
-        terms: Iterable[Place],
+        terms: Iterable[r.Place],
         columns: Iterable[str],
         parameters: Iterable[ParameterDefinition | None],
     ) -> None:
         """Bind the terms of a joined fact, or compare them with what they are bound to."""
         writer, selection = self._writer, self._selection
         for term, column, parameter in zip(terms, columns, parameters, strict=True):
-            if isinstance(term, Slot) and term in self._unbound:
-                have: tuple[TypeSet, ...] = ()
+            if isinstance(term, r.Slot) and term in self._unbound:
+                have: tuple[r.TypeSet, ...] = ()
                 if parameter is not None:
-                    have = (closure(writer.definitions, parameter.type_ids),)
+                    have = (r.closure(writer.definitions, parameter.type_ids),)
                 self._bind(term, column, have)
             elif (place := writer.place(term, selection.places)) != column:
                 selection.where.append(f"{column} = {place}")
 
-    def _join_relation(self, fact: HoldsFact) -> None:
+    def _join_relation(self, fact: r.HoldsFact) -> None:
         writer, selection = self._writer, self._selection
         given = {n: term for n, term in enumerate(fact.terms) if writer.is_given(term, self._outer)}
         alias = writer.alias("r")
@@ -336,19 +319,19 @@ class _Join:
         columns = [f"{alias}.c{n}" for n in range(len(fact.terms))]
         self._match(fact.terms, columns, self._derived_types(fact))
 
-    def _derived_types(self, fact: HoldsFact) -> list[ParameterDefinition | None]:
+    def _derived_types(self, fact: r.HoldsFact) -> list[ParameterDefinition | None]:
         """Return the declared types that the rules of a predicate keep to."""
         # A use that is limited to the facts of the last round has the negated id.
         predicate, definitions = abs(fact.predicate), self._writer.definitions
         rules = self._writer.rules.of(predicate)
         found: list[ParameterDefinition | None] = []
         for n, declared in enumerate(definitions.predicates.live(predicate).parameters):
-            have = closure(definitions, declared.type_ids)
+            have = r.closure(definitions, declared.type_ids)
             keep = have is not None and all(_fit(rule.parameters[n].types, have) for rule in rules)
             found.append(declared if keep else None)
         return found
 
-    def _join_value(self, fact: FluentIs) -> None:
+    def _join_value(self, fact: r.FluentIs) -> None:
         """Join the versions of an object fluent, with its arguments and its value."""
         writer, selection = self._writer, self._selection
         function = writer.definitions.functions.live(fact.function)
@@ -383,14 +366,14 @@ class _Join:
     def _next_choice(self) -> bool:
         """Join a disjunction that binds variables, as the union of its parts."""
         for choice in self._choices:
-            slots = sorted(slots_of(choice), key=lambda slot: slot.number)
+            slots = sorted(r.slots_of(choice), key=lambda slot: slot.number)
             if any(slot in self._unbound for slot in slots):
                 self._choices.remove(choice)
                 self._join_choice(choice, slots)
                 return True
         return False
 
-    def _join_choice(self, choice: OneOf, slots: list[Slot]) -> None:
+    def _join_choice(self, choice: r.OneOf, slots: list[r.Slot]) -> None:
         writer, selection = self._writer, self._selection
         # A table of FROM cannot refer to another one, so what those bind is a column, too.
         given = {
@@ -399,7 +382,7 @@ class _Join:
             if slot in slots and place.startswith(":")
         }
         columns = [slot for slot in slots if slot not in given]
-        bound = [Bound(slot, writer.types_of(slot)) for slot in columns]
+        bound = [r.Bound(slot, writer.types_of(slot)) for slot in columns]
         alias = writer.alias("u")
         with writer.asking(1):
             selection.tables.append(f"{writer.union(choice, bound, given)} AS {alias}")
@@ -411,7 +394,7 @@ class _Join:
             else:
                 selection.where.append(f"{column} = {selection.places[slot]}")
 
-    def _range(self, slot: Slot) -> None:
+    def _range(self, slot: r.Slot) -> None:
         """Join the objects of a variable that nothing else binds."""
         writer, selection = self._writer, self._selection
         version = writer.alias("o")
@@ -428,17 +411,17 @@ class JoinWriter(ConditionWriter):
 
     @override
     def selection(
-        self, parts: Iterable[Part], bound: Iterable[Bound], places: Places
+        self, parts: Iterable[r.Part], bound: Iterable[r.Bound], places: Places
     ) -> JoinedTables:
         return _Join(self, places).run(parts, bound)
 
     def rows(
         self,
-        parts: Iterable[Part],
-        bound: Iterable[Bound],
+        parts: Iterable[r.Part],
+        bound: Iterable[r.Bound],
         places: Places,
         *,
-        columns: Iterable[Place] | None = None,
+        columns: Iterable[r.Place] | None = None,
         first: str = "",
     ) -> str:
         """Write the SELECT of the variables, or of other terms, as columns `c0` ...
@@ -460,7 +443,7 @@ class JoinWriter(ConditionWriter):
         distinct = "" if selection.is_distinct else "DISTINCT "
         return selection.text(f"{distinct}{', '.join(found) or '1 AS present'}")
 
-    def union(self, choice: OneOf, bound: Sequence[Bound], places: Places) -> str:
+    def union(self, choice: r.OneOf, bound: Sequence[r.Bound], places: Places) -> str:
         """Write the relation of the variables for which one of some parts holds."""
         branches = [self.rows([part], bound, places) for part in choice.parts]
         return f"({' UNION '.join(branches)})"

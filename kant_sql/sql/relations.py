@@ -22,26 +22,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from typing_extensions import override
 
+from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
-from ..knowledge.resolved import (
-    FALSE,
-    AllOf,
-    Bound,
-    Compares,
-    HasType,
-    HoldsFact,
-    Lacks,
-    OneOf,
-    Part,
-    Place,
-    Slot,
-    TypeSet,
-    Witness,
-    closure,
-    parts_of,
-    replaced,
-    slots_of,
-)
 from ..knowledge.rules import DerivationRule, DerivationRules
 from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
@@ -112,10 +94,10 @@ class ConditionStatement:
 class _Alternative(NamedTuple):
     """A conjunction that implies a predicate, without disjunctions that contain its component."""
 
-    parameters: tuple[Bound, ...]
-    parts: tuple[Part, ...]
-    bound: tuple[Bound, ...]
-    uses: tuple[HoldsFact, ...]
+    parameters: tuple[r.Bound, ...]
+    parts: tuple[r.Part, ...]
+    bound: tuple[r.Bound, ...]
+    uses: tuple[r.HoldsFact, ...]
 
 
 def rows_parameter(predicate: int) -> str:
@@ -132,16 +114,16 @@ def delta_parameter(predicate: int) -> str:
 _SUBQUERY = 10
 
 
-def _weight(part: Part) -> int:
+def _weight(part: r.Part) -> int:
     """Return how many entries of a parser's stack the text around the inner parts takes."""
     match part:
-        case Witness():
+        case r.Witness():
             return _SUBQUERY
-        case AllOf() | OneOf():
+        case r.AllOf() | r.OneOf():
             return 3
-        case Lacks():
+        case r.Lacks():
             return 2
-        case Compares(_, left, right):
+        case r.Compares(_, left, right):
             return 3 * min(levels_of(left, right), MAX_LEVELS)
     return 0
 
@@ -216,16 +198,16 @@ class ConditionCompiler(JoinWriter):
     # Depth.
 
     @override
-    def truth(self, part: Part, places: Places) -> str:
+    def truth(self, part: r.Part, places: Places) -> str:
         weight = _weight(part)
         if not self._is_too_deep(part, weight) and not self._is_asked_often(part, places):
             with self._at(self._level + weight):
                 return super().truth(part, places)
-        slots = sorted(slots_of(part), key=lambda slot: slot.number)
+        slots = sorted(r.slots_of(part), key=lambda slot: slot.number)
         given = {slot: places[slot] for slot in slots if places[slot].startswith(":")}
         columns = [slot for slot in slots if slot not in given]
         with self._at(0), self.asking(1):
-            bound = [Bound(slot, self.types_of(slot)) for slot in columns]
+            bound = [r.Bound(slot, self.types_of(slot)) for slot in columns]
             name = self._apart(self.rows([part], bound, given), len(columns))
         if not columns:
             return f"EXISTS (SELECT 1 FROM {name})"
@@ -234,7 +216,7 @@ class ConditionCompiler(JoinWriter):
         return f"({values}) IN (SELECT {listed} FROM {name})"
 
     @override
-    def union(self, choice: OneOf, bound: Sequence[Bound], places: Places) -> str:
+    def union(self, choice: r.OneOf, bound: Sequence[r.Bound], places: Places) -> str:
         if not self._is_too_deep(choice, _SUBQUERY):
             with self._at(self._level + _SUBQUERY):
                 return super().union(choice, bound, places)
@@ -242,7 +224,7 @@ class ConditionCompiler(JoinWriter):
             sql = super().union(choice, bound, places)
         return self._apart(f"SELECT * FROM {sql} AS found", len(bound))
 
-    def _is_too_deep(self, part: Part, weight: int) -> bool:
+    def _is_too_deep(self, part: r.Part, weight: int) -> bool:
         """Return whether a part has to be a table of the WITH clause.
 
         A subquery is better there than a junction: fewer rows are found for it.
@@ -255,25 +237,25 @@ class ConditionCompiler(JoinWriter):
         spare = 0 if weight >= _SUBQUERY else 15
         return self._level + weight > levels + spare and not self._is_growing(part)
 
-    def _is_growing(self, part: Part) -> bool:
+    def _is_growing(self, part: r.Part) -> bool:
         """Return whether a part uses what a recursive statement has found so far.
 
         That is known in that statement alone.
         """
         return any(
-            isinstance(inner, HoldsFact) and self.growing.get(inner.predicate, "(")[0] != "("
-            for inner in parts_of(part)
+            isinstance(inner, r.HoldsFact) and self.growing.get(inner.predicate, "(")[0] != "("
+            for inner in r.parts_of(part)
         )
 
-    def _is_asked_often(self, part: Part, places: Places) -> bool:
+    def _is_asked_often(self, part: r.Part, places: Places) -> bool:
         """Return whether to find all for which there is a witness, and not to look for each one.
 
         In the past, what held of a predicate is read as a whole, and has no index for each row.
         """
-        if not self.is_past or not isinstance(part, Witness) or self._is_growing(part):
+        if not self.is_past or not isinstance(part, r.Witness) or self._is_growing(part):
             return False
         facts = [fact for fact in _conjuncts(part) if not self.is_derived(fact)]
-        asking = {slot for slot in slots_of(part) if not places[slot].startswith(":")}
+        asking = {slot for slot in r.slots_of(part) if not places[slot].startswith(":")}
         if not asking or not _are_connected(facts, asking):
             return False
         return any(
@@ -283,9 +265,9 @@ class ConditionCompiler(JoinWriter):
             if term in asking
         )
 
-    def _declared(self, fact: HoldsFact) -> list[TypeSet]:
+    def _declared(self, fact: r.HoldsFact) -> list[r.TypeSet]:
         declared = self.definitions.predicates.live(fact.predicate).parameters
-        return [closure(self.definitions, each.type_ids) for each in declared]
+        return [r.closure(self.definitions, each.type_ids) for each in declared]
 
     @contextmanager
     def _at(self, level: int) -> Iterator[None]:
@@ -304,7 +286,7 @@ class ConditionCompiler(JoinWriter):
     # Recursion.
 
     @override
-    def relation(self, fact: HoldsFact, given: Mapping[int, Place], places: Places) -> str:
+    def relation(self, fact: r.HoldsFact, given: Mapping[int, r.Place], places: Places) -> str:
         predicate = fact.predicate
         growing = self.growing.get(predicate)
         if growing is not None:
@@ -345,8 +327,8 @@ class ConditionCompiler(JoinWriter):
             found += made
         declared = self.definitions.predicates.live(predicate).parameters
         # New variables: a fact that is stored holds, too.
-        slots = [Bound(Slot(next(self.rules.numbers)), ()) for _ in declared]
-        stored = HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
+        slots = [r.Bound(r.Slot(next(self.rules.numbers)), ()) for _ in declared]
+        stored = r.HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
         return [*found, _Alternative(tuple(slots), (stored,), (), ())]
 
     def _limits(
@@ -368,7 +350,7 @@ class ConditionCompiler(JoinWriter):
         others = [n for n in range(len(recursive[0].parameters)) if n not in texts]
         step = recursive[0]
         rest = [part for part in step.parts if part is not step.uses[0]]
-        mentioned = set().union(*map(slots_of, rest)) if rest else set()
+        mentioned = set().union(*map(r.slots_of, rest)) if rest else set()
         mentioned |= {term for n, term in enumerate(step.uses[0].terms) if n in texts}  # type: ignore[misc]
         are_apart = all(
             is_kept(n)
@@ -386,7 +368,7 @@ class ConditionCompiler(JoinWriter):
         """Return whether all rules allow the same objects at a position, and facts no others."""
         wanted = step.parameters[position].types
         predicate = self.definitions.predicates.live(step.uses[0].predicate)
-        have = closure(self.definitions, predicate.parameters[position].type_ids)
+        have = r.closure(self.definitions, predicate.parameters[position].type_ids)
         return all(
             types is None or (have is not None and have <= types) for types in wanted
         ) and all(each.parameters[position].types == wanted for each in alternatives[:-1])
@@ -395,10 +377,10 @@ class ConditionCompiler(JoinWriter):
         self,
         alternative: _Alternative,
         given: Mapping[int, str],
-        columns: Iterable[Place] | None = None,
-        parts: Iterable[Part] | None = None,
+        columns: Iterable[r.Place] | None = None,
+        parts: Iterable[r.Part] | None = None,
         first: str = "",
-        checked: Mapping[int, tuple[TypeSet, ...]] | None = None,
+        checked: Mapping[int, tuple[r.TypeSet, ...]] | None = None,
     ) -> str:
         """Write the facts that an alternative implies.
 
@@ -409,7 +391,7 @@ class ConditionCompiler(JoinWriter):
         self.declare(parameters)
         places = {parameters[n].slot: place for n, place in given.items()}
         typed = [
-            HasType(parameters[n].slot, types)
+            r.HasType(parameters[n].slot, types)
             for n in given
             if parameters[n].types != fitting.get(n)
             for types in parameters[n].types
@@ -492,7 +474,7 @@ class ConditionCompiler(JoinWriter):
         slots = {n: step.parameters[n].slot for n in given}
         begun = [self.has_type(slots[n], types, {slots[n]: texts[n]}) for n, _, types in typed]
         parts = [part for part in step.parts if part is not step.uses[0]]
-        parts += [HasType(term, types) for _, term, types in typed]
+        parts += [r.HasType(term, types) for _, term, types in typed]
         # The other parameters are handed on, so the step does not need them.
         own = step._replace(parameters=tuple(step.parameters[n] for n in given), parts=tuple(parts))
         places = {column: f"{name}.c{column}" for column in range(len(given))}
@@ -522,24 +504,24 @@ class ConditionCompiler(JoinWriter):
         return self.words.rows(parameter, len(declared))
 
 
-def _conjuncts(part: Part) -> Iterator[HoldsFact]:
+def _conjuncts(part: r.Part) -> Iterator[r.HoldsFact]:
     """Yield the facts that a part is a conjunction of, with those of its quantifiers."""
     parts = [part]
     while parts:
         match parts.pop():
-            case HoldsFact() as fact:
+            case r.HoldsFact() as fact:
                 yield fact
-            case AllOf(inner):
+            case r.AllOf(inner):
                 parts += inner
-            case Witness(_, inner_part):
+            case r.Witness(_, inner_part):
                 parts.append(inner_part)
 
 
-def _are_connected(facts: Iterable[HoldsFact], slots: AbstractSet[Slot]) -> bool:
+def _are_connected(facts: Iterable[r.HoldsFact], slots: AbstractSet[r.Slot]) -> bool:
     """Return whether facts bind some variables, and are not a product of facts that share none."""
-    groups: list[set[Place]] = []
+    groups: list[set[r.Place]] = []
     for fact in facts:
-        own: set[Place] = {term for term in fact.terms if isinstance(term, Slot)}
+        own: set[r.Place] = {term for term in fact.terms if isinstance(term, r.Slot)}
         joined = [group for group in groups if not group.isdisjoint(own)]
         groups = [group for group in groups if group.isdisjoint(own)]
         groups.append(own.union(*joined))
@@ -573,39 +555,39 @@ def _is_closure(
 
 
 def _shape(
-    parts: Iterable[Part],
-    starts: Sequence[Slot],
-    ends: Sequence[Place],
-    bound: Iterable[Bound],
+    parts: Iterable[r.Part],
+    starts: Sequence[r.Slot],
+    ends: Sequence[r.Place],
+    bound: Iterable[r.Bound],
 ) -> tuple[object, ...]:
     """Return the parts with their variables in one numbering, and the types of those bound."""
     numbers = count()
-    places: dict[Slot, Place] = {slot: Slot(next(numbers)) for slot in starts}
-    places.update((slot, Slot(next(numbers))) for slot in ends if isinstance(slot, Slot))
+    places: dict[r.Slot, r.Place] = {slot: r.Slot(next(numbers)) for slot in starts}
+    places.update((slot, r.Slot(next(numbers))) for slot in ends if isinstance(slot, r.Slot))
     bound = tuple(bound)
-    places.update((each.slot, Slot(next(numbers))) for each in bound)
-    made = tuple(replaced(part, places, numbers) for part in parts)
+    places.update((each.slot, r.Slot(next(numbers))) for each in bound)
+    made = tuple(r.replaced(part, places, numbers) for part in parts)
     return *made, *(each.types for each in bound)
 
 
 # The parts of a conjunction, and the variables that it binds.
-_Conjunction = tuple[tuple[Part, ...], tuple[Bound, ...]]
+_Conjunction = tuple[tuple[r.Part, ...], tuple[r.Bound, ...]]
 
 
-def _spread(part: Part, component: frozenset[int]) -> list[_Conjunction] | None:
+def _spread(part: r.Part, component: frozenset[int]) -> list[_Conjunction] | None:
     """Part a body at its disjunctions that contain a component."""
-    if isinstance(part, HoldsFact) or not _uses(part, component):
+    if isinstance(part, r.HoldsFact) or not _uses(part, component):
         return [((part,), ())]
-    if isinstance(part, Witness):
+    if isinstance(part, r.Witness):
         within = _spread(part.part, component)
         return within and [(parts, (*part.bound, *bound)) for parts, bound in within]
-    if not isinstance(part, AllOf | OneOf):
+    if not isinstance(part, r.AllOf | r.OneOf):
         return None
     each = [_spread(inner, component) for inner in part.parts]
     found = [one for one in each if one is not None]
     if len(found) < len(each):
         return None
-    if isinstance(part, OneOf):
+    if isinstance(part, r.OneOf):
         return [one for several in found for one in several]
     if prod(map(len, found)) > MAX_ALTERNATIVES:
         return None
@@ -615,9 +597,10 @@ def _spread(part: Part, component: frozenset[int]) -> list[_Conjunction] | None:
     ]
 
 
-def _uses(part: Part, component: frozenset[int]) -> bool:
+def _uses(part: r.Part, component: frozenset[int]) -> bool:
     return any(
-        isinstance(inner, HoldsFact) and inner.predicate in component for inner in parts_of(part)
+        isinstance(inner, r.HoldsFact) and inner.predicate in component
+        for inner in r.parts_of(part)
     )
 
 
@@ -634,11 +617,11 @@ def _alternatives(rule: DerivationRule, component: frozenset[int]) -> list[_Alte
             tuple(
                 part
                 for part in parts
-                if isinstance(part, HoldsFact) and part.predicate in component
+                if isinstance(part, r.HoldsFact) and part.predicate in component
             ),
         )
         for parts, bound in made
-        if FALSE not in parts
+        if r.FALSE not in parts
     ]
 
 
@@ -689,10 +672,10 @@ def _selects(
             if not each.uses:
                 yield first._select(each, {}), True
             for use in each.uses:
-                newest = HoldsFact(-use.predicate, use.terms)
+                newest = r.HoldsFact(-use.predicate, use.terms)
                 parts = [newest if part is use else part for part in each.parts]
                 yield further._select(each, {}, parts=parts), False
     declared = first.definitions.predicates.live(predicate).parameters
-    slots = tuple(Bound(Slot(next(first.rules.numbers)), ()) for _ in declared)
-    stored = HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
+    slots = tuple(r.Bound(r.Slot(next(first.rules.numbers)), ()) for _ in declared)
+    stored = r.HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
     yield first._select(_Alternative(slots, (stored,), (), ()), {}), True

@@ -17,6 +17,7 @@ from typing import Any
 from ..dto import formulas as f
 from ..dto.elements import atom_text
 from ..errors import RuleViolatedError, UnsupportedConstructError
+from ..knowledge import resolved as r
 from ..knowledge.definitions import (
     DERIVED_PREDICATE,
     REFUSE,
@@ -26,27 +27,6 @@ from ..knowledge.definitions import (
 )
 from ..knowledge.formulas import TreeReader
 from ..knowledge.grounding import bound, substitute
-from ..knowledge.resolved import (
-    AllOf,
-    Bound,
-    Column,
-    FluentIs,
-    HoldsFact,
-    Known,
-    Lacks,
-    NumberOf,
-    Part,
-    Place,
-    Resolver,
-    Slot,
-    TypeSet,
-    Witness,
-    check_levels,
-    inner_parts,
-    negate,
-    parts_of,
-    replaced,
-)
 from ..knowledge.rules import rules_of
 from ..sql.answers import Question, run
 from ..sql.dialects.base import Row, Session
@@ -73,8 +53,8 @@ class Forbidden:
     rule: RuleDefinition
     formula: f.Formula
     variables: tuple[f.TypedName, ...]
-    bound: tuple[Bound, ...]
-    part: Part
+    bound: tuple[r.Bound, ...]
+    part: r.Part
 
 
 @dataclass(eq=False)
@@ -86,8 +66,8 @@ class _Trigger:
     """
 
     forbidden: Forbidden
-    terms: tuple[Place, ...]
-    places: Mapping[Slot, int]
+    terms: tuple[r.Place, ...]
+    places: Mapping[r.Slot, int]
     statement: ConditionStatement | None = None
 
     def fits(self, definitions: Definitions, row: Sequence[int]) -> bool:
@@ -95,7 +75,7 @@ class _Trigger:
         pairs = dict(zip(self.terms, row, strict=True))
         own = [one for one in self.forbidden.bound if one.slot in pairs]
         return all(
-            (term.id if isinstance(term, Known) else pairs[term]) == id_
+            (term.id if isinstance(term, r.Known) else pairs[term]) == id_
             for term, id_ in zip(self.terms, row, strict=True)
         ) and all(_ranges(one.types, definitions.objects.get(pairs[one.slot])) for one in own)
 
@@ -103,11 +83,11 @@ class _Trigger:
         """Write the statement of the first of some rows with which the condition holds."""
         one = self.forbidden
         rest = tuple([each for each in one.bound if each.slot not in self.places])
-        part = Witness(rest, one.part) if rest else one.part
+        part = r.Witness(rest, one.part) if rest else one.part
         return question.touched(part, self.places, len(self.terms))
 
 
-def _ranges(types: Iterable[TypeSet], found: Any) -> bool:
+def _ranges(types: Iterable[r.TypeSet], found: Any) -> bool:
     """Return whether a variable of some types ranges over an object, which may be gone."""
     return found is not None and all(
         one is None or not one.isdisjoint(found.type_ids) for one in types
@@ -128,12 +108,12 @@ def forbidden_by(
         case f.Forall(own, inner):
             yield from forbidden_by(definitions, rule, inner, (*variables, *own))
         case f.Modal("always", _, (condition,)) | (f.Count() as condition):
-            resolver = Resolver(definitions)
+            resolver = r.Resolver(definitions)
             slots = resolver.variables(variables)
-            part = negate(resolver.part(condition))
-            while isinstance(part, Witness):
+            part = r.negate(resolver.part(condition))
+            while isinstance(part, r.Witness):
                 slots, part = (*slots, *part.bound), part.part
-            check_levels(part)
+            r.check_levels(part)
             yield Forbidden(rule, formula, variables, slots, part)
         case _:
             raise UnsupportedConstructError(
@@ -145,11 +125,11 @@ def forbidden_by(
 
 def _leaves(part: Any, begins: bool = True) -> Iterator[tuple[Any, bool]]:
     """Yield the leaves and variables of a condition; whether it comes true when they begin."""
-    if isinstance(part, Witness):
+    if isinstance(part, r.Witness):
         yield from ((one, begins) for one in part.bound)
-    inner = inner_parts(part)
+    inner = r.inner_parts(part)
     for each in inner:
-        yield from _leaves(each, begins != isinstance(part, Lacks))
+        yield from _leaves(each, begins != isinstance(part, r.Lacks))
     if not inner:
         yield part, begins
 
@@ -168,7 +148,7 @@ class RuleGuard:
         self.all: list[Forbidden] = []
         self.triggers: defaultdict[tuple[str, int, bool], list[_Trigger]] = defaultdict(list)
         self.objects: list[_Trigger] = []
-        self.ranges: list[tuple[Forbidden, Iterable[TypeSet], bool]] = []
+        self.ranges: list[tuple[Forbidden, Iterable[r.TypeSet], bool]] = []
         self._rules = rules_of(definitions)
         for rule in definitions.rules:
             if rule.on_violation == REFUSE:
@@ -179,8 +159,8 @@ class RuleGuard:
     def _add(self, one: Forbidden) -> None:
         self.all.append(one)
         derived = self._rules.of
-        parts = one.part.parts if isinstance(one.part, AllOf) else (one.part,)
-        facts = [each for each in parts if isinstance(each, HoldsFact)]
+        parts = one.part.parts if isinstance(one.part, r.AllOf) else (one.part,)
+        facts = [each for each in parts if isinstance(each, r.HoldsFact)]
         # A new object that a fact has is found by the fact.
         found = {term for each in facts if not derived(each.predicate) for term in each.terms}
         for each in one.bound:
@@ -188,13 +168,13 @@ class RuleGuard:
                 self.objects.append(_trigger(one, (each.slot,)))
         for leaf, begins in _leaves(one.part):
             match leaf:
-                case Bound(_, types):
+                case r.Bound(_, types):
                     self.ranges.append((one, types, begins))
-                case HoldsFact(predicate) if derived(predicate):
+                case r.HoldsFact(predicate) if derived(predicate):
                     self._depend(one, predicate)
-                case HoldsFact(predicate, terms):
+                case r.HoldsFact(predicate, terms):
                     self.triggers[PROPOSITIONS, predicate, begins].append(_trigger(one, terms))
-                case FluentIs(function, terms) | NumberOf(function, terms):
+                case r.FluentIs(function, terms) | r.NumberOf(function, terms):
                     for sign in (True, False):
                         self.triggers[VALUES, function, sign].append(_trigger(one, terms))
 
@@ -204,10 +184,12 @@ class RuleGuard:
         seen, pending = {(PROPOSITIONS, derived)}, [derived]
         while pending:
             for rule in self._rules.of(pending.pop()):
-                for leaf in parts_of(rule.body):
-                    if isinstance(leaf, FluentIs | NumberOf):
+                for leaf in r.parts_of(rule.body):
+                    if isinstance(leaf, r.FluentIs | r.NumberOf):
                         seen.add((VALUES, leaf.function))
-                    elif isinstance(leaf, HoldsFact) and (PROPOSITIONS, leaf.predicate) not in seen:
+                    elif (
+                        isinstance(leaf, r.HoldsFact) and (PROPOSITIONS, leaf.predicate) not in seen
+                    ):
                         seen.add((PROPOSITIONS, leaf.predicate))
                         pending.append(leaf.predicate)
         for key in seen:
@@ -215,7 +197,7 @@ class RuleGuard:
                 self.triggers[*key, sign].append(_trigger(one, ()))
 
 
-def _trigger(one: Forbidden, terms: tuple[Place, ...]) -> _Trigger:
+def _trigger(one: Forbidden, terms: tuple[r.Place, ...]) -> _Trigger:
     slots = [each.slot for each in one.bound if each.slot in terms]
     return _Trigger(one, terms, {slot: terms.index(slot) for slot in slots})
 
@@ -300,7 +282,7 @@ class TouchedRules:
                 statement = trigger.statement = trigger.written(question)
             # The first row with whose objects the condition holds.
             for place, *_ in self._run(statement, touched=json.dumps(rows)):
-                known = {slot: Known(rows[place][n]) for slot, n in trigger.places.items()}
+                known = {slot: r.Known(rows[place][n]) for slot, n in trigger.places.items()}
                 self._refuse(trigger.forbidden, known)
 
     def _question(self, definitions: Definitions) -> Question:
@@ -309,22 +291,22 @@ class TouchedRules:
     def _run(self, statement: ConditionStatement, **given: Any) -> list[Row]:
         return run(self._session, statement, kb=self._kb_id, at=None, given=given)
 
-    def _refuse(self, one: Forbidden, known: Mapping[Slot, Known]) -> None:
+    def _refuse(self, one: Forbidden, known: Mapping[r.Slot, r.Known]) -> None:
         """Raise for the first objects for which the condition holds, if there are any."""
         definitions = self.definitions
-        part = replaced(one.part, {**known}, count(1_000_000))
-        columns = [Column("", each) for each in one.bound if each.slot not in known]
+        part = r.replaced(one.part, {**known}, count(1_000_000))
+        columns = [r.Column("", each) for each in one.bound if each.slot not in known]
         statement = self._question(definitions).answers(part, columns, {}, True)
         found = self._run(statement, most=1)[1:]
         if not found:
             return
         slots = [each.bound.slot for each in columns]
-        ids = {**known, **dict(zip(slots, map(Known, found[0][1:]), strict=False))}
+        ids = {**known, **dict(zip(slots, map(r.Known, found[0][1:]), strict=False))}
         quantified = one.bound[: len(one.variables)]
         own = [definitions.objects.live(ids[each.slot].id) for each in quantified]
         instance = substitute(one.formula, bound(one.variables, [each.name for each in own]))
-        part = replaced(one.part, {**ids}, count(1_000_000))
-        parts = part.parts if isinstance(part, AllOf) else (part,)
+        part = r.replaced(one.part, {**ids}, count(1_000_000))
+        parts = part.parts if isinstance(part, r.AllOf) else (part,)
         said = ", ".join(sorted({*filter(None, (_text(definitions, each) for each in parts))}))
         raise RuleViolatedError(
             f"rule {one.rule.name!r} refuses this: {instance} would be violated"
@@ -335,15 +317,15 @@ class TouchedRules:
         )
 
 
-def _text(definitions: Definitions, part: Part) -> str | None:
+def _text(definitions: Definitions, part: r.Part) -> str | None:
     """Write a fact, or that one lacks; None for what is no fact of objects."""
-    if isinstance(part, Lacks):
+    if isinstance(part, r.Lacks):
         text = _text(definitions, part.part)
         return text and f"(not {text})"
-    if not isinstance(part, HoldsFact):
+    if not isinstance(part, r.HoldsFact):
         return None
     names = [
-        definitions.objects.live(each.id).name for each in part.terms if isinstance(each, Known)
+        definitions.objects.live(each.id).name for each in part.terms if isinstance(each, r.Known)
     ]
     name = definitions.predicates.live(part.predicate).name
     return atom_text(name, names) if len(names) == len(part.terms) else None

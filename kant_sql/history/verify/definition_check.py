@@ -19,25 +19,9 @@ from sqlalchemy import Select, Table, func, literal_column, select
 from ...dto.formulas import ARITHMETIC, ASSIGNMENTS, COMPARISONS, COUNTS, MODALS, TIMES
 from ...dto.lexical import decimal_text, fold
 from ...errors import UNREADABLE, InvalidKnowledgeError, KantSqlError
+from ...knowledge import definitions as d
 from ...knowledge import trees as kinds
 from ...knowledge.canonical import canonical_text
-from ...knowledge.definitions import (
-    DOMAIN,
-    DOMAIN_SECTIONS,
-    GOAL,
-    KINDS,
-    PROBLEM,
-    PROBLEM_SECTIONS,
-    ActionDefinition,
-    Definitions,
-    DocumentDefinition,
-    Elements,
-    FormulaDefinition,
-    FunctionDefinition,
-    PredicateDefinition,
-    RuleDefinition,
-    formula_name,
-)
 from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, TreeTerm
 from ...sql.dialects.base import Row
 from ...sql.query import Query
@@ -50,7 +34,7 @@ _WORD = r"[^\s()?]+"
 _IS_WORD = re.compile(_WORD).fullmatch
 _IS_ITEM = re.compile(rf"{_WORD}|\({_WORD}( {_WORD})*\)").fullmatch
 _IS_REQUIREMENT = re.compile(r":[^\s()]+").fullmatch
-_FORMULA_SECTIONS = frozenset((*DOMAIN_SECTIONS, *PROBLEM_SECTIONS))
+_FORMULA_SECTIONS = frozenset((*d.DOMAIN_SECTIONS, *d.PROBLEM_SECTIONS))
 _ELEMENTS = ("requirement", "type", "constant", "predicate", "function", "action", "object")
 _DOCUMENT_SECTIONS = _FORMULA_SECTIONS.union(_ELEMENTS)
 
@@ -74,23 +58,23 @@ def parameter_fault(parameters: tuple[ParameterDefinition, ...]) -> str | None:
     return None if wrong is None else f"no parameter can be called {wrong!r}"
 
 
-def formula_fault(formula: FormulaDefinition) -> str | None:
+def formula_fault(formula: d.FormulaDefinition) -> str | None:
     """Find what makes the change line of a formula look like that of another element."""
     if formula.section not in _FORMULA_SECTIONS:
         return f"there is no section {formula.section!r}"
     root = formula.tree[0]
     is_atom = root.operator == PREDICATE and all(term.object_id is not None for term in root.terms)
-    if formula.section == GOAL and is_atom:
+    if formula.section == d.GOAL and is_atom:
         return "a goal that is a ground atom is a proposition"
     return None
 
 
-def document_fault(document: DocumentDefinition) -> str | None:
+def document_fault(document: d.DocumentDefinition) -> str | None:
     """Find what makes a document's text ambiguous."""
     return next(_document_faults(document), None)
 
 
-def _document_faults(document: DocumentDefinition) -> Iterator[str]:
+def _document_faults(document: d.DocumentDefinition) -> Iterator[str]:
     for name in (document.title, document.domain):
         if name is not None and not is_word(name):
             yield f"no {document.name} can be called {name!r}"
@@ -129,8 +113,8 @@ def _doubles(kind: str) -> Query:
     return Query(doubles(identity, "key").add_columns(key).order_by(key))
 
 
-_IDENTITIES = {kind: _identities(kind) for kind in KINDS}
-_DOUBLES = {kind: _doubles(kind) for kind in KINDS}
+_IDENTITIES = {kind: _identities(kind) for kind in d.KINDS}
+_DOUBLES = {kind: _doubles(kind) for kind in d.KINDS}
 _FUNCTION, _VALUE_TYPE = TABLES["function_version"].c, TABLES["function_type"].c
 _FUNCTIONS = Query(
     select(
@@ -168,15 +152,15 @@ class IdentityNames(NamedTuple):
     """The names of ids, by kind."""
 
     known: dict[str, NamesById]
-    held: Definitions  # of elements with a version, which alone can be referred to; names only
+    held: d.Definitions  # of elements with a version, which alone can be referred to; names only
 
 
 def check_names(check: Check) -> IdentityNames:
     """Check the identities of all kinds, and return their names."""
     report = check.report
     known: dict[str, NamesById] = {}
-    made: list[Elements[Any]] = []
-    for kind in KINDS:
+    made: list[d.Elements[Any]] = []
+    for kind in d.KINDS:
         for first, second, key in check.rows(_DOUBLES[kind]):
             report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
         names = NamesById()
@@ -184,7 +168,7 @@ def check_names(check: Check) -> IdentityNames:
         for id_, name, key, is_held in check.stream(_IDENTITIES[kind]):
             if fold(name) != key:
                 report.add(None, kind, f"{kind} {id_}, {name!r}, has the key {key!r}")
-            if kind == "document" and name not in (DOMAIN, PROBLEM):
+            if kind == "document" and name not in (d.DOMAIN, d.PROBLEM):
                 report.add(None, kind, f"there is no document {name!r}")
             if not is_word(name):
                 report.add(None, kind, f"no {kind} can be called {name!r}")
@@ -192,8 +176,8 @@ def check_names(check: Check) -> IdentityNames:
             if is_held:
                 base[id_] = _Named(id_, name)
         known[kind] = names
-        made.append(Elements(base=base))
-    return IdentityNames(known, Definitions(*made))
+        made.append(d.Elements(base=base))
+    return IdentityNames(known, d.Definitions(*made))
 
 
 class ObjectFunctions:
@@ -407,7 +391,7 @@ def _version_query(kind: str, is_narrow: bool) -> Query:
 
 # By whether an earlier verification is continued.
 _VERSIONS = {
-    is_narrow: {kind: _version_query(kind, is_narrow) for kind in KINDS}
+    is_narrow: {kind: _version_query(kind, is_narrow) for kind in d.KINDS}
     for is_narrow in (False, True)
 }
 # The rows of each table of one version.
@@ -417,14 +401,16 @@ _Rows = dict[Table, list[Row]]
 class DefinitionCheck:
     """Compares the text of every version of every definition with its rows."""
 
-    def __init__(self, check: Check, names: Definitions, object_functions: ObjectFunctions) -> None:
+    def __init__(
+        self, check: Check, names: d.Definitions, object_functions: ObjectFunctions
+    ) -> None:
         self._check = check
         self._names = names
         self._object_functions = object_functions
 
     def run(self) -> None:
         """Check all kinds."""
-        for kind in KINDS:
+        for kind in d.KINDS:
             self._check_kind(kind)
 
     def _check_kind(self, kind: str) -> None:
@@ -484,25 +470,25 @@ class DefinitionCheck:
     def _own_fault(self, definition: Any, name: str, since: int) -> str | None:
         """Find a fault that the text does not show."""
         match definition:
-            case FormulaDefinition():
-                if formula_name(definition.section, definition.text) != name:
+            case d.FormulaDefinition():
+                if d.formula_name(definition.section, definition.text) != name:
                     return "its name is not the hash of its section and its text"
                 return formula_fault(definition) or self._tree_fault(definition.tree, (), since)
-            case RuleDefinition():
+            case d.RuleDefinition():
                 return self._tree_fault(definition.constraint, (), since)
-            case DocumentDefinition():
-                expected = DOMAIN if definition.domain is None else PROBLEM
+            case d.DocumentDefinition():
+                expected = d.DOMAIN if definition.domain is None else d.PROBLEM
                 if name != expected:
                     return f"a {expected} is called {name!r}"
                 return document_fault(definition)
-            case ActionDefinition():
+            case d.ActionDefinition():
                 parameters = parameter_fault(definition.parameters)
                 return parameters or self._action_fault(definition, since)
-            case PredicateDefinition() | FunctionDefinition():
+            case d.PredicateDefinition() | d.FunctionDefinition():
                 return parameter_fault(definition.parameters)
         return None
 
-    def _action_fault(self, action: ActionDefinition, since: int) -> str | None:
+    def _action_fault(self, action: d.ActionDefinition, since: int) -> str | None:
         if action.duration and action.kind != "durative-action":
             return f"a {action.kind} has no duration"
         for part, tree in (("condition", action.condition), ("effect", action.effect)):
