@@ -8,7 +8,7 @@ PYTEST := $(PY) -m pytest -n 2 --dist worksteal
 # Compiled modules are cached: processes and test workers start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-rest test-all browser check bench docs screenshots measure coverage clean
+.PHONY: demo test slow test-rest test-all browser check bench docs screenshots measure coverage clean
 
 WORLD ?= hospital
 
@@ -18,6 +18,10 @@ demo: $(VENV)/demo-ready
 # What anybody runs: CONTRIBUTING.md says which tests these are.
 test: check browser
 	$(PYTEST) --most
+
+# Finds what takes too long for `make test`, on a machine with nothing else to do.
+slow: $(VENV)/test-ready browser
+	$(PYTEST) --most --note-slow
 
 # Where other PostgreSQL servers are: those of Debian, or POSTGRESQL="/opt/pg14/bin /opt/pg17/bin".
 POSTGRESQL ?= $(wildcard /usr/lib/postgresql/*/bin)

@@ -52,7 +52,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the targets of `make`."""
     parser.addoption("--most", action="store_true", help="what `make test` runs")
     parser.addoption("--rest", action="store_true", help="what `make test` leaves out")
+    parser.addoption("--note-slow", action="store_true", help="write which of these are slow")
     parser.addoption("--on-server", action="store_true", help="only tests that use PostgreSQL")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Note what takes long, in the process that has all reports."""
+    if config.option.note_slow and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(selection.SlowTests())
 
 
 def pytest_report_header() -> str | None:
@@ -73,8 +80,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if option.on_server:
         keep(config, items, selection.is_on_server)
     if option.most or option.rest:
-        most = selection.in_make_test(items)
+        most = selection.in_make_test(items, option.note_slow or option.on_server)
         keep(config, items, lambda item: (item in most) == option.most)
+    for item in items if option.note_slow else ():
+        item.user_properties.append(("name", selection.without_backend(item)))
     # A long test that begins last keeps one worker busy while the other has nothing to do.
     items.sort(key=lambda item: item.path.name not in LONGEST)
 

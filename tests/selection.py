@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections import defaultdict
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,19 @@ MORE_FOLDERS = {
 }
 MAIN = re.compile(r"(sqlite(-file|-memory)?|postgresql)( .*)?")
 OTHER = re.compile(r"aio-.*|http-.*|citus|extra-\d+")
+# What takes longer than so many seconds, as `make slow` found: a ninth of the tests takes half of
+# the time.
+SLOW = ROOT / "slow.txt"
+LONG = 0.3
 
 
-def in_make_test(items: Sequence[pytest.Item]) -> set[pytest.Item]:
-    """Choose the tests of `make test`: one backend for each, and none of `more`."""
+def in_make_test(items: Sequence[pytest.Item], with_slow: bool = False) -> set[pytest.Item]:
+    """Choose the tests of `make test`: one backend for each, none of `more`, and no slow ones."""
+    slow = frozenset(() if with_slow else SLOW.read_text(encoding="utf-8").splitlines())
     alike: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
-        if not _is_more(item):
-            alike[_without_backend(item)].append(item)
+        if not _is_more(item, slow):
+            alike[without_backend(item)].append(item)
     return {
         item
         for name, group in alike.items()
@@ -49,22 +54,40 @@ def has_none(path: Path) -> bool:
     return is_more and "mark.smoke" not in path.read_text()
 
 
-def _is_more(item: pytest.Item) -> bool:
+class SlowTests:
+    """Notes what takes long."""
+
+    def __init__(self) -> None:
+        self._seconds = Counter[str]()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Add what a test took itself."""
+        if report.when != "setup":
+            self._seconds[dict(report.user_properties)["name"]] += report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        """Write the list."""
+        slow = sorted(name for name, seconds in self._seconds.items() if seconds > LONG)
+        SLOW.write_text("".join(f"{name}\n" for name in slow), encoding="utf-8")
+
+
+def _is_more(item: pytest.Item, slow: Collection[str]) -> bool:
     if any(OTHER.fullmatch(value) for value in backends_of(item)):
         return True
     marks = [mark.name for mark in item.iter_markers() if mark.name in ("more", "smoke")]
     if marks:
         return marks[0] == "more"
-    return item.path.relative_to(ROOT).parts[0] in MORE_FOLDERS
+    is_in_folder = item.path.relative_to(ROOT).parts[0] in MORE_FOLDERS
+    return is_in_folder or without_backend(item) in slow
 
 
-def _without_backend(item: pytest.Item) -> str:
+def without_backend(item: pytest.Item) -> str:
     """Give the same name for the same test on each backend."""
     test, _, parameters = item.nodeid.partition("[")
     # "sqlite" is in "sqlite-file".
     for backend in sorted(filter(MAIN.fullmatch, backends_of(item)), key=len, reverse=True):
         parameters = parameters.replace(backend, "")
-    return f"{test}[{parameters}"
+    return f"{test}[{parameters}".removesuffix("[")
 
 
 def backends_of(item: pytest.Item) -> set[str]:
