@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -58,12 +58,12 @@ class SlowTests:
     """Notes what takes long."""
 
     def __init__(self) -> None:
-        self._seconds = Counter[str]()
+        self._seconds = defaultdict[str, float](float)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Add what a test took itself."""
         if report.when != "setup":
-            self._seconds[dict(report.user_properties)["name"]] += report.duration
+            self._seconds[str(dict(report.user_properties)["name"])] += report.duration
 
     def pytest_sessionfinish(self) -> None:
         """Write the list."""
