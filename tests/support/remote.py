@@ -33,11 +33,11 @@ class Served(NamedTuple):
 
 
 @contextmanager
-def served(url: str, folder: Path) -> Iterator[Served]:
+def served(url: str, folder: Path, certificate: Path | None = None) -> Iterator[Served]:
     """Serve a store, with a token for all of it, until the block ends."""
     tokens = TokenFile(folder / "tokens.json")
     secret = tokens.add(ACTOR, ["*"], ["read", "write"])
-    with running(url, tokens=tokens) as address:
+    with running(url, tokens=tokens, certificate=certificate) as address:
         yield Served(url, address, tokens, secret)
 
 

@@ -6,13 +6,12 @@ import asyncio
 import logging
 import shutil
 import socket
-import ssl
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -245,46 +244,13 @@ def certificate(tmp_path: Path) -> Path:
     return path
 
 
-@contextmanager
-def secured(address: str, certificate: Path) -> Iterator[str]:
-    """A TLS proxy before a server; give its address."""
-    host, _, port = address.rpartition("/")[2].partition(":")
-
-    async def copy(source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
-        with suppress(OSError):
-            while data := await source.read(1 << 16):
-                target.write(data)
-                await target.drain()
-        target.close()
-
-    async def lead(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        back, forth = await asyncio.open_connection(host, int(port))
-        await asyncio.gather(copy(reader, forth), copy(back, writer))
-
-    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-    context.load_cert_chain(certificate)
-    loop = asyncio.new_event_loop()
-    proxy = loop.run_until_complete(asyncio.start_server(lead, "127.0.0.1", 0, ssl=context))
-    thread = threading.Thread(target=loop.run_forever)
-    thread.start()
-    try:
-        yield f"https://127.0.0.1:{proxy.sockets[0].getsockname()[1]}"
-    finally:
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
-        proxy.close()
-        for task in asyncio.all_tasks(loop):
-            task.cancel()
-            with suppress(asyncio.CancelledError):
-                loop.run_until_complete(task)
-        loop.close()
-
-
 def test_over_tls_a_certificate_of_ones_own_is_trusted_by_name(
-    server: Served, certificate: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, certificate: Path, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with secured(server.address, certificate) as address:
-        url = server._replace(address=address).at("tiago")
+    store = new_file_store(tmp_path / "store.db")
+    with served(store, tmp_path, certificate) as server:
+        url = server.at("tiago")
+        assert url.startswith("https://")
         with pytest.raises(StoreUnreachableError, match="certificate"):
             connect(url).types.get_all()
         monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
