@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -267,6 +268,14 @@ def _keyed_of() -> Query:
 def keyed_changes_of(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Row]:
     """Read what some revisions changed, with the ids by which rows of `commitment` know it."""
     return session.rows(_keyed_of(), kb=kb_id, numbers=session.list_value([*numbers]))
+
+
+def lines_by_revision(rows: Iterable[Row]) -> defaultdict[int, list[Row]]:
+    """Part keyed changes by revision: each with its sign, and without the number."""
+    lines: defaultdict[int, list[Row]] = defaultdict(list)
+    for number, sign, *line in rows:
+        lines[number].append((SIGNS[sign], *line))
+    return lines
 
 
 def few_change_rows(

@@ -39,7 +39,7 @@ from ..replication.target import (
 from ..revisions import read_position
 from ..rewriting.parts import leave_commitments, standing_commitments
 from ..verify.chain import rest_digest
-from .remove import Leaving, compare, count, first_of, refuse_session_without_right, remove
+from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
 
 
 def check_archive(stores: Stores, name: str, at: int) -> None:
@@ -227,16 +227,6 @@ def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
     if kb_id is None or upto <= archived:
         return Leaving(archived + 1, upto, {})
     return count(session, kb_id, archived + 1, upto)
-
-
-def refuse_without_right(store: Store) -> None:
-    """Refuse early who may not archive."""
-    with store.backend.open_session() as session:
-        session.begin(write=True)
-        try:
-            refuse_session_without_right(session)
-        finally:
-            session.rollback()
 
 
 def _replicate(store: Store, target: Target, upto: int, progress: Progress | None) -> None:

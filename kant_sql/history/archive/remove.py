@@ -27,6 +27,7 @@ from ...sql.dialects.base import Session
 from ...sql.query import Query, in_list, in_rows, integer
 from ...sql.rows import KB
 from ...sql.tables import TABLES, HeadRow
+from ...store.store import Store
 from ..replication.copy import (
     ARCHIVED_TABLES,
     ATOMS,
@@ -218,9 +219,14 @@ def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
     )
 
 
-def refuse_session_without_right(session: Session) -> None:
-    """Check early that this user may archive."""
-    session.run(_SET, kb=_NONE, upto=0)
+def refuse_without_right(store: Store) -> None:
+    """Refuse early who may not archive."""
+    with store.backend.open_session() as session:
+        session.begin(write=True)
+        try:
+            session.run(_SET, kb=_NONE, upto=0)
+        finally:
+            session.rollback()
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:

@@ -27,8 +27,8 @@ from ...sql.dialects.base import Row
 from ...sql.query import Query
 from ...store.store import Store
 from ...store.transaction import Transaction
-from ..archive.archive import check_archive, record_archive, refuse_without_right, replicate
-from ..archive.remove import Leaving
+from ..archive.archive import check_archive, record_archive, replicate
+from ..archive.remove import Leaving, refuse_without_right
 from ..replication.copy import ATOMS, Identities, Stores, references
 from ..replication.erasures import first_fault, touched_by
 from ..replication.target import ReplicationSide, Target, open_target, read_state, reading

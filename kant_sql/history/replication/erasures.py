@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from operator import itemgetter
@@ -12,8 +11,8 @@ from sqlalchemy import Table, Text, bindparam, cast, delete, null, select, updat
 from ...dao.base import batches
 from ...errors import StoreIntegrityError
 from ...sql import tables as t
-from ...sql.changes import LOW, SIGNS, in_range, keyed_changes_of
-from ...sql.dialects.base import Row, Session
+from ...sql.changes import LOW, in_range, keyed_changes_of, lines_by_revision
+from ...sql.dialects.base import Session
 from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
 from ...store.head import hash_of
@@ -112,11 +111,11 @@ class Followed:
             for session, kb_id in ((source, source_kb), (target, target_kb))
         )
         moved = {place: ids for place, (ids, salt) in wanted.items() if salt is None}
-        lines: defaultdict[int, list[Row]] = defaultdict(list)
-        for number, sign, *line in keyed_changes_of(target, target_kb, numbers) if moved else ():
-            lines[number].append((SIGNS[sign], *line))
+        if not moved:
+            return
+        lines = lines_by_revision(keyed_changes_of(target, target_kb, numbers))
         whole = read_position(target, target_kb).archived
-        for link in read_links(target, target_kb, numbers) if moved else ():
+        for link in read_links(target, target_kb, numbers):
             parts: Iterable[Part] = link.parts
             if link.seed is not None and link.fault is None and link.number > whole:
                 parts = kept_parts(link.seed, link.metadata, sorted(lines[link.number]))
@@ -198,9 +197,7 @@ def first_fault(session: Session, kb_id: int, name: str, touched: Collection[int
     erasures = ErasureCheck(Check(session, kb_id, report))
     erased = [number for (number,) in session.rows(_ERASED, kb=kb_id)]
     for numbers in batches(erased):
-        lines: defaultdict[int, list[Row]] = defaultdict(list)
-        for number, sign, *line in keyed_changes_of(session, kb_id, numbers):
-            lines[number].append((SIGNS[sign], *line))
+        lines = lines_by_revision(keyed_changes_of(session, kb_id, numbers))
         for link in read_links(session, kb_id, numbers):
             previous, own = hash_of(session, kb_id, link.number - 1), lines[link.number]
             texts = texts_of(link, name, previous, own)

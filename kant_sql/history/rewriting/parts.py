@@ -19,7 +19,7 @@ from ...dao.base import batches
 from ...errors import StoreIntegrityError
 from ...knowledge.canonical import SEED, commit_to, revision_hash
 from ...sql import tables as t
-from ...sql.changes import SIGNS, keyed_changes_of
+from ...sql.changes import keyed_changes_of, lines_by_revision
 from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
@@ -108,9 +108,7 @@ class Destroyer:
         for (number, *key), text in old.items():
             by_number[number][tuple(key)] = text
         for numbers in batches(sorted({*by_number, *said})):
-            lines: defaultdict[int, list[Row]] = defaultdict(list)
-            for number, sign, kind, text, *key in self._changes(numbers):
-                lines[number].append((SIGNS[sign], kind, text, *key))
+            lines = lines_by_revision(self._changes(numbers))
             listed = self._session.list_value(numbers)
             standing = {
                 (number, position): salt
@@ -290,9 +288,7 @@ def standing_commitments(
     """Return the commitments to what took the place of erased parts, and is there now."""
     found: dict[tuple[int, int], str] = {}
     for numbers in batches([row[0] for row in session.rows(_STAND, kb=kb_id, upto=upto)]):
-        lines: defaultdict[int, list[Row]] = defaultdict(list)
-        for number, sign, *line in keyed_changes_of(session, kb_id, numbers):
-            lines[number].append((SIGNS[sign], *line))
+        lines = lines_by_revision(keyed_changes_of(session, kb_id, numbers))
         listed = session.list_value(numbers)
         rows = session.rows(_STANDING, kb=kb_id, numbers=listed)
         salts = {(number, position): salt for number, position, salt in rows}
