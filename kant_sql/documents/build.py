@@ -9,7 +9,7 @@ from decimal import Decimal
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeVar
 
-from sqlalchemy import and_, case, select
+from sqlalchemy import case, select
 
 from ..dao.base import identify
 from ..dao.formula import read_formula, read_formulas
@@ -25,7 +25,7 @@ from ..pddl import used_requirements
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from ..pddl.writer import write_problem
 from ..sql.dialects.base import Row
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
 from ..sql.query import Query, in_rows
 from ..sql.rows import KB, table_of
 from ..sql.tables import FunctionValueVersionRow, PropositionRow, PropositionVersionRow
@@ -273,11 +273,6 @@ class Initial(NamedTuple):
     values: list[Any]  # id, function, arguments, number and object; for text alone, id and text
 
 
-def _held(version: Any, any_owner: Any) -> tuple[tuple[bool, Any], ...]:
-    """Return the condition of the present, and that of the past."""
-    return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
-
-
 def _propositions(held: Any, for_text: bool) -> Query:
     versions = select(PropositionVersionRow.proposition_id).where(
         PropositionVersionRow.kb_id == KB, held
@@ -304,14 +299,17 @@ def _value_texts(held: Any) -> Query:
 
 
 _ID = itemgetter(0)
-# By whether it is about the past, and whether for text alone.
+# By whether for text alone, and whether it is about the past.
 _PROPOSITIONS = {
-    (is_past, for_text): _propositions(held, for_text)
-    for is_past, held in _held(PropositionVersionRow, ANY_PREDICATE)
+    for_text: {
+        is_past: _propositions(held, for_text)
+        for is_past, held in now_and_then(PropositionVersionRow, ANY_PREDICATE)
+    }
     for for_text in (False, True)
 }
 _VALUE_TEXTS = {
-    is_past: _value_texts(held) for is_past, held in _held(FunctionValueVersionRow, ANY_FUNCTION)
+    is_past: _value_texts(held)
+    for is_past, held in now_and_then(FunctionValueVersionRow, ANY_FUNCTION)
 }
 
 
@@ -319,16 +317,11 @@ def read_initial(view: View, for_text: bool) -> Initial:
     """Read the state of one moment, in two statements."""
     if view.kb_id is None:
         return Initial([], [], [])
-    is_past = view.at is not None
-    past = {} if view.at is None else then(view.session, view.at)
-
-    def rows(query: Query) -> list[Any]:
-        return sorted(view.session.rows(query, kb=view.kb_id, **past), key=_ID)
-
-    propositions = rows(_PROPOSITIONS[is_past, for_text])
+    propositions = sorted(view.rows(_PROPOSITIONS[for_text]), key=_ID)
     facts = [row for row in propositions if not row[4]]
     goals = [row for row in propositions if row[4]]
-    return Initial(facts, goals, rows(_VALUE_TEXTS[is_past]) if for_text else ALL.rows(view))
+    values = sorted(view.rows(_VALUE_TEXTS), key=_ID) if for_text else ALL.rows(view)
+    return Initial(facts, goals, values)
 
 
 class _ProblemBuilder(_Builder):

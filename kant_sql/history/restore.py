@@ -11,7 +11,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, and_, literal_column, select, union_all
+from sqlalchemy import Select, literal_column, select, union_all
 
 from ..dao.base import batches
 from ..dao.dependants import atom_of, atoms_among
@@ -21,7 +21,7 @@ from ..moment_text import When
 from ..sql import tables as t
 from ..sql.definition_rows import load_at
 from ..sql.dialects.base import Row
-from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, held_then
+from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
 from ..sql.query import Query, found_rows, in_rows
 from ..sql.rows import KB, THEN, table_of
 from ..sql.tables import FunctionValueRow, FunctionValueVersionRow, PropositionVersionRow
@@ -174,11 +174,6 @@ def _read(transaction: Transaction, query: Query, ids: list[int]) -> list[Row]:
     return session.rows(query, kb=transaction.kb_id, ids=session.list_value(ids))
 
 
-def _held(version: Any, any_owner: Any) -> tuple[tuple[bool, Any], ...]:
-    """Return the condition of the present, and that of the past."""
-    return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
-
-
 def _versions(version: Any, held: Any, *columns: Any) -> Select[Any]:
     return select(*columns).where(version.kb_id == KB, held)
 
@@ -188,7 +183,7 @@ _HELD_ATOMS = {
     is_past: atoms_among(
         _versions(PropositionVersionRow, held, PropositionVersionRow.proposition_id)
     )
-    for is_past, held in _held(PropositionVersionRow, ANY_PREDICATE)
+    for is_past, held in now_and_then(PropositionVersionRow, ANY_PREDICATE)
 }
 _FLUENT = FunctionValueRow
 _HELD_FLUENTS = {
@@ -201,7 +196,7 @@ _HELD_FLUENTS = {
             ),
         )
     )
-    for is_past, held in _held(FunctionValueVersionRow, ANY_FUNCTION)
+    for is_past, held in now_and_then(FunctionValueVersionRow, ANY_FUNCTION)
 }
 _HELD_VALUES = {
     is_past: Query(
@@ -213,7 +208,7 @@ _HELD_VALUES = {
             FunctionValueVersionRow.object_id,
         )
     )
-    for is_past, held in _held(FunctionValueVersionRow, ANY_FUNCTION)
+    for is_past, held in now_and_then(FunctionValueVersionRow, ANY_FUNCTION)
 }
 
 

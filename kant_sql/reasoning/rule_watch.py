@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 
 from ..arguments import seconds
@@ -149,12 +150,9 @@ class RuleWatcher:
 
     def _read_kept(self, head: int) -> list[_Asked]:
         """Read the rules that are kept at a revision."""
-
-        def work(session: Session, kb_id: int | None) -> list[Row]:
-            return [] if kb_id is None else read_kept_rules(session, kb_id, head)
-
+        rows: list[Row] = self._store.query_known(partial(read_kept_rules, at=head), [])
         before, self._kept = self._kept, {}
-        for row in map(tuple, self._store.query_in_snapshot(work)):
+        for row in map(tuple, rows):
             self._kept[row] = before.get(row) or self._read(head, *row[1:])
         return [*self._kept.values()]
 

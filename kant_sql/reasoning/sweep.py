@@ -173,13 +173,12 @@ def _earlier(store: Store, text: str, high: int) -> Iterator[Definitions]:
     """Yield the definitions of the last revisions at which names of a text had a meaning."""
     words = sorted({fold(word) for word in _WORD.findall(text) if is_word(word)})
 
-    def work(session: Session, kb_id: int | None) -> list[int]:
-        if kb_id is None:
-            return []
+    def work(session: Session, kb_id: int) -> list[int]:
         low = read_position(session, kb_id).archived
         return read_last_revisions(session, kb_id, words, low, high)
 
-    for revision in store.query_in_snapshot(work):
+    found: list[int] = store.query_known(work, [])
+    for revision in found:
         yield store.read_definitions(lambda known: known, revision)
 
 

@@ -68,9 +68,7 @@ def read_past(store: Store, span: ValidRange) -> ValidPast:
     """Read what was defined in a range; refuse one of which a part was archived."""
     definitions = store.read_definitions(lambda known: known, span.known)
 
-    def work(session: Session, kb_id: int | None) -> ValidPast:
-        if kb_id is None:
-            return ValidPast(span, definitions, [])
+    def work(session: Session, kb_id: int) -> ValidPast:
         check_range(session, kb_id, span)
         lost = read_lost(session, kb_id, span.before, span.known)
         if not lost:
@@ -78,7 +76,7 @@ def read_past(store: Store, span: ValidRange) -> ValidPast:
         every = with_lost(session, kb_id, definitions, span.before, span.known)
         return ValidPast(span, every, lost)
 
-    return store.query_in_snapshot(work)
+    return store.query_known(work, ValidPast(span, definitions, []))
 
 
 def check_range(session: Session, kb_id: int, span: ValidRange) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple, overload
 
@@ -20,7 +21,7 @@ from ..dto.formulas import Formula
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import Bounds, find_bounds, find_valid_range, is_valid_clock
-from ..history.revisions import Revision, read_numbered
+from ..history.revisions import Revision, read_revisions
 from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.resolved import resolve
 from ..knowledge.sayings import COMMITTED
@@ -316,17 +317,12 @@ def when(
 
     spans, names = store.query_in_snapshot(work)
 
-    def read(numbers: Collection[int]) -> Mapping[int, Revision]:
-        return store.query(
-            lambda session, kb_id: {} if kb_id is None else read_numbered(session, kb_id, numbers)
-        )
-
     return HeldPeriods(
         questions[0].columns,
         spans=spans,
         first=where.low if isinstance(where, Bounds) else 1,
         names=names,
-        read=read,
+        read=partial(read_revisions, store),
         is_valid=isinstance(where, valid_sweep.ValidPast),
     )
 

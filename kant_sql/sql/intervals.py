@@ -79,6 +79,13 @@ def held_then(version: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool
     return and_(in_list(version.fork, "forks"), Unsought(version.since) <= at, ends)
 
 
+def now_and_then(
+    version: Any, any_owner: ColumnElement[bool]
+) -> tuple[tuple[bool, ColumnElement[bool]], ...]:
+    """Return the conditions that a version holds now, and that it held then: by "is past"."""
+    return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
+
+
 # For queries of all predicates or functions: the index starts with that column.
 def _all_ids(identity: Table) -> Select[Any]:
     return select(identity.c.id).where(identity.c.kb_id == KB)
