@@ -74,7 +74,7 @@ from .knowledge_base import (
     factory_of,
     state_of,
 )
-from .limits import PATIENCE, limited
+from .limits import limited
 from .moment_text import When
 from .plans import PlanDao
 from .reasoning.ask import Answers, Binding
@@ -336,15 +336,16 @@ class _Door:
     async def enter_queue(self) -> ExitStack:
         """Wait for the turn to write; closing what this returns ends the turn."""
         queues: tuple[asyncio.Lock | asyncio.Semaphore, ...] = self.queue(), *self._crew.places()
+        patience = factory_of(self.kb).patience
         with ExitStack() as turn:
             try:
-                async with asyncio.timeout(PATIENCE):
+                async with asyncio.timeout(patience):
                     for queue in queues:
                         await queue.acquire()
                         turn.callback(queue.release)
             except TimeoutError as error:
                 raise StoreBusyError(
-                    f"other tasks held the knowledge base for over {PATIENCE:g} s; nothing "
+                    f"other tasks held the knowledge base for over {patience:g} s; nothing "
                     "was written, try again"
                 ) from error
             return turn.pop_all()

@@ -22,6 +22,7 @@ from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
 from .history.moments import head_revision, past_state, state_at
 from .knowledge.sayings import COMMITTED
+from .limits import PATIENCE
 from .moment_text import When, read_when
 from .plans import PlanDao
 from .plugins import Plugins
@@ -46,6 +47,7 @@ class DaoFactory(ABC):
         has_one_connection: whether threads take turns on one connection, so that a read waits for
             a transaction that another thread has open.
         queue: what its writers wait in: equal values are one queue; None where it is unknown.
+        patience: seconds that a call waits for another writer to end.
         name: the name of the knowledge base.
         address: the URL of the store for people to read, without a password.
         label: both, and which state it is.
@@ -53,6 +55,7 @@ class DaoFactory(ABC):
 
     has_one_connection: bool = False
     queue: Hashable = None
+    patience: float = PATIENCE
     name: str = ""
     address: str = ""
     label: str = ""
@@ -250,7 +253,7 @@ class SqlDaoFactory(DaoFactory):
         backend = create_backend(url, read_only=read_only)
         try:
             self._store = Store(backend, knowledge_base, actor, clock)
-            self.queue = self._store.queue
+            self.queue, self.patience = self._store.queue, backend.patience
             self.has_one_connection = backend.has_one_connection
         except BaseException:
             backend.close()
@@ -264,7 +267,7 @@ class SqlDaoFactory(DaoFactory):
         made = object.__new__(cls)
         made._at = None
         made._store = Store(backend, knowledge_base, actor, clock, is_one_of_many=True)
-        made.queue = made._store.queue
+        made.queue, made.patience = made._store.queue, backend.patience
         made.has_one_connection = backend.has_one_connection
         return made
 

@@ -28,6 +28,7 @@ from kant_sql import (
     PddlPropositionDto,
     PddlTypeDto,
     StaleRevisionError,
+    StoreBusyError,
     UnknownRevisionError,
     aio,
 )
@@ -170,6 +171,24 @@ def test_independent_tasks_queue_without_blocking_the_loop(url: str) -> None:
         assert len({actor for actor, facts in found if len(facts) == 2}) == 20
 
     run(url, test)
+
+
+def test_the_seconds_of_the_url_bound_the_wait_for_a_turn(tmp_path: Path) -> None:
+    async def test(kb: AsyncKnowledgeBase) -> None:
+        is_open = asyncio.Event()
+
+        async def hold() -> None:
+            async with kb.transaction():
+                is_open.set()
+                await asyncio.sleep(600)
+
+        holding = asyncio.create_task(hold())
+        await is_open.wait()
+        with pytest.raises(StoreBusyError, match=r"over 0\.2 s"):
+            await kb.objects.save(RB1)
+        holding.cancel()
+
+    run(f"sqlite:///{tmp_path / 'robot.db'}?timeout=0.2", test)
 
 
 def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
