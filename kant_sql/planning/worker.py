@@ -211,11 +211,18 @@ _PLACES = 6
 
 
 class _Spared(ModuleType):
-    """Takes the place of ConfigSpace until an engine uses more of it than its main class."""
+    """Takes the place of a module until an engine uses more of it than a class in annotations."""
 
-    ConfigurationSpace = object
+    def __init__(self, name: str, path: Iterable[str], annotates: str) -> None:
+        super().__init__(name)
+        self.__path__ = [*path]
 
-    def __getattr__(self, name: str) -> object:
+        def make(_: type, *given: object, **options: object) -> object:
+            return self.__getattr__(annotates)(*given, **options)
+
+        setattr(self, annotates, type(annotates, (), {"__new__": make}))
+
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
         if sys.modules[self.__name__] is self:
@@ -223,12 +230,13 @@ class _Spared(ModuleType):
         return getattr(importlib.import_module(self.__name__), name)
 
 
-def _spare_scipy() -> None:
-    """Save two seconds: unified-planning imports ConfigSpace, and so scipy, for an annotation."""
-    found = importlib.util.find_spec("ConfigSpace")
-    if found is not None:
-        spared = sys.modules[found.name] = _Spared(found.name)
-        spared.__path__ = found.submodule_search_locations or []
+def _spare_imports() -> None:
+    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none."""
+    for name, annotates in ("ConfigSpace", "ConfigurationSpace"), ("networkx", "DiGraph"):
+        found = importlib.util.find_spec(name)
+        if found is not None:
+            places = found.submodule_search_locations or ()
+            sys.modules[name] = _Spared(name, places, annotates)
 
 
 def _mend_grounder() -> None:
@@ -534,7 +542,7 @@ def main(directory: str) -> None:
     task: Task = pickle.loads(Path(directory, "task").read_bytes())
     outcome: Plan | KantSqlError
     fallbacks: list[str] = []
-    _spare_scipy()
+    _spare_imports()
     try:
         search = Search(task)
         outcome, fallbacks = search.run(), search.fallbacks

@@ -339,16 +339,20 @@ def test_fast_downward_reads_what_unified_planning_cannot_express(kb: KnowledgeB
     assert Plan.read(str(plan)).steps == plan.steps
 
 
-def test_a_planner_does_not_wait_for_scipy() -> None:
+def test_a_planner_does_not_wait_for_scipy_and_networkx() -> None:
     pytest.importorskip("unified_planning")
     code = """
 import subprocess
 import sys
 from kant_sql.planning import worker
-worker._spare_scipy()
-import unified_planning.shortcuts
+worker._spare_imports()
+from unified_planning.shortcuts import InstantaneousAction
 from ConfigSpace import ConfigurationSpace
-assert "scipy" not in sys.modules
+assert not {"scipy", "networkx.algorithms"} & {*sys.modules}
+from unified_planning.plans import ActionInstance, PartialOrderPlan, PlanKind
+first, last = (ActionInstance(InstantaneousAction(name)) for name in "ba")
+ordered = PartialOrderPlan({first: [last]})
+assert ordered.convert_to(PlanKind.SEQUENTIAL_PLAN, None).actions == [first, last]
 import ConfigSpace.hyperparameters
 from ConfigSpace import Float
 import ConfigSpace
