@@ -25,7 +25,7 @@ from kant_sql.history.merge import _Merging
 from kant_sql.history.merged import Decision
 from kant_sql.knowledge_base import state_of
 from tests.contract.test_reasoning_branch import Branch, branch_of, documents, everything
-from tests.support.reading import facts, store_of
+from tests.support.reading import facts, loaded, store_of
 from tests.support.statements import count
 from tests.support.stores import Connect
 
@@ -42,9 +42,7 @@ PROBLEM = """(define (problem monday) (:domain rooms)
 
 @pytest.fixture
 def rooms(kb: KnowledgeBase) -> KnowledgeBase:
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM)
-    return kb
+    return loaded(kb, DOMAIN, PROBLEM)
 
 
 def elements(found: Merge) -> list[str]:
@@ -505,8 +503,7 @@ def test_read_only_it_previews_without_trying(
     shared_url: str, connect: Connect, branch_of: Branch
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM)
+    loaded(kb, DOMAIN, PROBLEM)
     trial = branch_of(kb)
     trial.propositions.save("(open p1)")
     reader = kant_sql.connect(shared_url, knowledge_base="tiago", read_only=True)

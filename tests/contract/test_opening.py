@@ -7,11 +7,9 @@ import os
 import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import psycopg
 import pytest
 from sqlalchemy import select
 
@@ -40,6 +38,7 @@ from kant_sql.sql.dialects.sqlite import SqliteBackend
 from kant_sql.sql.query import Query, raw
 from kant_sql.sql.tables import KnowledgeBaseRow
 from tests.support.chain import check_chain
+from tests.support.pages import rows_of
 from tests.support.processes import sharing
 from tests.support.processes.workers import in_processes
 from tests.support.servers import Server
@@ -51,28 +50,6 @@ migrates = pytest.mark.usefixtures("real_migrations")
 
 def sqlite_url(path: Path, query: str = "") -> str:
     return f"sqlite:///{path}{query}"
-
-
-def execute(url: str, *statements: str) -> None:
-    """Run SQL in a store, without the library."""
-    if url.startswith("sqlite"):
-        with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection:
-            for statement in statements:
-                connection.execute(statement)
-            connection.commit()
-    else:
-        with psycopg.connect(url) as server:
-            for statement in statements:
-                server.execute(statement.encode())
-
-
-def query(url: str, sql: str) -> list[tuple[object, ...]]:
-    """Run a query in a store, without the library."""
-    if url.startswith("sqlite"):
-        with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection:
-            return connection.execute(sql).fetchall()
-    with psycopg.connect(url) as server:
-        return server.execute(sql.encode()).fetchall()
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -116,7 +93,7 @@ def test_outdated_tables_are_refused_with_the_command_that_updates_them(
 @migrates
 def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect) -> None:
     connect(shared_url).close()
-    execute(shared_url, "UPDATE kant_sql_version SET version_num = '9999'")
+    rows_of(shared_url, "UPDATE kant_sql_version SET version_num = '9999'")
     with pytest.raises(SchemaTooNewError, match=r"version 9999.*install a newer kant-sql"):
         connect(shared_url)
     with pytest.raises(KantSqlError, match="9999"):
@@ -159,7 +136,8 @@ def test_a_database_of_somebody_else_is_refused_and_left_as_it_is(
     tmp_path: Path, connect: Connect, journal: str
 ) -> None:
     url = sqlite_url(tmp_path / "theirs.db")
-    execute(url, f"PRAGMA journal_mode={journal}", "CREATE TABLE head (mine)")
+    for statement in (f"PRAGMA journal_mode={journal}", "CREATE TABLE head (mine)"):
+        rows_of(url, statement)
     before = contents(tmp_path)
     with pytest.raises(SchemaMissingError, match="no kant_sql tables"):
         connect(url)
@@ -173,18 +151,15 @@ def test_the_version_table_of_the_users_own_alembic_is_left_alone(
 ) -> None:
     is_file = shared_url.startswith("sqlite")
     url = sqlite_url(tmp_path / "both.db") if is_file else server.new_database()
-    execute(
-        url,
-        "CREATE TABLE alembic_version (version_num VARCHAR(32) PRIMARY KEY)",
-        "INSERT INTO alembic_version VALUES ('theirs')",
-    )
+    rows_of(url, "CREATE TABLE alembic_version (version_num VARCHAR(32) PRIMARY KEY)")
+    rows_of(url, "INSERT INTO alembic_version VALUES ('theirs')")
     for step in (
         kant_sql.upgrade,
         lambda at: kant_sql.operations.downgrade(at, revision="base"),
         kant_sql.upgrade,
     ):
         step(url)
-        assert query(url, "SELECT version_num FROM alembic_version") == [("theirs",)]
+        assert rows_of(url, "SELECT version_num FROM alembic_version") == [("theirs",)]
     kant_sql.connect(url).close()
 
 

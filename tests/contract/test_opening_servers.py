@@ -17,6 +17,7 @@ from sqlalchemy import make_url
 import kant_sql
 from kant_sql import KantSqlError, StoreError, StoreUnreachableError
 from kant_sql.errors import AuthenticationError, ReadOnlyStoreError
+from tests.support.pages import rows_of
 from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at
@@ -25,12 +26,6 @@ pytestmark = pytest.mark.usefixtures("real_migrations")
 
 PASSWORD = "p@ss/w:rd"
 PROMPTLY = 5.0
-
-
-def execute(url: str, statement: str) -> None:
-    """Run SQL in a database, without the library."""
-    with psycopg.connect(url) as server:
-        server.execute(statement.encode())
 
 
 def assert_silent(error: BaseException | None, *secrets: str) -> None:
@@ -108,19 +103,19 @@ def test_a_user_without_rights_is_told_so_and_reads_with_the_right_to_read(
     connect(owner).propositions.save(robot_at())
     with pytest.raises(ReadOnlyStoreError, match="permission denied"):
         connect(guarded)
-    execute(owner, "GRANT SELECT ON ALL TABLES IN SCHEMA public TO guarded")
+    rows_of(owner, "GRANT SELECT ON ALL TABLES IN SCHEMA public TO guarded")
     kb = connect(guarded)
     assert kb.propositions.get_all() == [robot_at()]
     with pytest.raises(ReadOnlyStoreError, match="permission denied"):
         kb.goals.save(robot_at(is_goal=True))
-    execute(owner, "REVOKE SELECT ON ALL TABLES IN SCHEMA public FROM guarded")
+    rows_of(owner, "REVOKE SELECT ON ALL TABLES IN SCHEMA public FROM guarded")
 
 
 def test_a_server_that_only_reads_says_so(server: Server, connect: Connect) -> None:
     url = server.new_store()
     connect(url).propositions.save(robot_at())
     name = make_url(url).database
-    execute(url, f"ALTER DATABASE {name} SET default_transaction_read_only = on")
+    rows_of(url, f"ALTER DATABASE {name} SET default_transaction_read_only = on")
     kb = connect(url)
     assert kb.propositions.get_all() == [robot_at()]
     with pytest.raises(ReadOnlyStoreError, match="read-only transaction"):

@@ -21,7 +21,7 @@ from kant_sql.planning import Plan, problem_hash
 from kant_sql.plans import RecordedPlan
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, rows
+from tests.support.reading import beside, loaded, present, rows
 from tests.support.worlds.missions import PROBLEM, TOUR, arrive, begin, plan_of, recorded
 
 Texts = tuple[str, str]
@@ -44,9 +44,7 @@ def given_to(plan: RecordedPlan) -> Texts:
 
 
 def found_in(kb: KnowledgeBase, plan_id: int) -> RecordedPlan:
-    plan = kb.plans.get(plan_id)
-    assert plan is not None
-    return plan
+    return present(kb.plans.get(plan_id))
 
 
 def test_what_the_store_writes_is_not_kept_but_written_again(fresh_kb: KnowledgeBase) -> None:
@@ -229,8 +227,7 @@ TOURED = """
 @pytest.mark.more
 def test_what_the_planner_was_really_given_is_kept(fresh_kb: KnowledgeBase) -> None:
     pytest.importorskip("unified_planning")
-    fresh_kb.load_domain(TOURED)
-    fresh_kb.load_problem(WISHES)
+    loaded(fresh_kb, TOURED, WISHES)
     found = fresh_kb.plan("fast-downward-opt", timeout=120)
     ignored = "(preference soon (within 5 (at rb1 wp3))) in the constraints: "
     assert [text.startswith(ignored) for text in found.ignored] == [True]

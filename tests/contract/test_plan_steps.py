@@ -19,7 +19,7 @@ from kant_sql.planning import PlanStep
 from kant_sql.sql.dialects.base import Row, Session
 from tests.support.chain import check_chain
 from tests.support.processes.workers import in_processes
-from tests.support.reading import Undone, last_changes, nothing_changes, rows, undone
+from tests.support.reading import Undone, last_changes, nothing_changes, present, rows, undone
 from tests.support.stores import Connect
 from tests.support.worlds.missions import TOUR, arrive, begin, beside_of, plan_of, recorded
 
@@ -41,9 +41,7 @@ WAYS: dict[Outcome | None, tuple[Outcome, ...]] = {
 
 def now(kb: KnowledgeBase, step: Execution) -> Execution:
     """A step as it is now."""
-    found = kb.executions.get(step.id)
-    assert found is not None
-    return found
+    return present(kb.executions.get(step.id))
 
 
 def spans(kb: KnowledgeBase, step: Execution) -> list[tuple[str, int, int | None]]:
@@ -297,8 +295,7 @@ def test_one_of_two_processes_starts_a_step(shared_url: str, connect: Connect) -
 def start(url: str, plan_id: int) -> list[bool]:
     """Start all steps of a plan, in a process of its own; tell which it has started."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
-        plan = kb.plans.get(plan_id)
-        assert plan is not None
+        plan = present(kb.plans.get(plan_id))
         return [kb.plans.set_status(step, status="running") for step in plan.steps]
 
 

@@ -24,7 +24,7 @@ from kant_sql import (
 from kant_sql.errors import ArchivedError, PlanError
 from kant_sql.planning import Plan, PlanStep, problem_hash
 from tests.support.chain import check_chain
-from tests.support.reading import beside, last_changes, nothing_changes, rows, undone
+from tests.support.reading import beside, last_changes, nothing_changes, present, rows, undone
 from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.missions import (
@@ -350,8 +350,7 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
     with pytest.raises(ArchivedError, match=r"archive\.db"):
         made.problem_pddl()
     refuses(kb, plan_of(revision=1), error=ArchivedError)
-    moved = connect(url, knowledge_base="tiago").plans.get(made.id)
-    assert moved is not None
+    moved = present(connect(url, knowledge_base="tiago").plans.get(made.id))
     assert moved.problem_pddl() == text
 
 

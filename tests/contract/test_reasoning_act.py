@@ -23,9 +23,9 @@ from kant_sql import (
 )
 from kant_sql.errors import TypeMismatchError
 from kant_sql.planning import Plan
+from tests.support.reading import loaded, present
 from tests.support.statements import count
 from tests.support.stores import Connect
-from tests.support.worlds import graph
 
 DOMAIN = """
 (define (domain travel)
@@ -77,9 +77,7 @@ PROBLEM = """
 @pytest.fixture
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base with an aircraft and two persons."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
+    return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def total(kb: KnowledgeBase) -> object:
@@ -200,7 +198,6 @@ def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
         "?a - aircraft: h1 is of type person, expected aircraft",
         "?y - city: p1 is of type aircraft, expected city",
     ]
-    assert kb.why_not("(fly h1 c0 p1)")
     kb.function_values.set("fuel", objects=["p1"], value=2)
     [failed] = kb.why_not(PlanStep(None, "FLY", ("P1", "C0", "C1")))
     assert (failed.left, failed.right) == (Decimal(2), Decimal("3.5"))
@@ -231,8 +228,6 @@ def test_applicable_actions(kb: KnowledgeBase) -> None:
     assert all(not kb.why_not(step) for step in expected)
     for step in ("(wrong)", "(lost p1)", "(long p1 c0 c0)", "(free)", "(free) [1]"):
         assert kb.why_not(step)
-        assert kb.why_not(step) != []
-    assert not kb.why_not("(free) [3]")
     assert kb.why_not("(free) [3]") == []
     assert texts(kb.applicable_actions("fly")) == ["(fly p1 c0 c1)"]
     assert texts(kb.applicable_actions(limit=3)) == expected[:3]
@@ -320,19 +315,12 @@ def test_conditions_and_values_are_those_of_the_state_before(kb: KnowledgeBase) 
     assert [change.kind for change in next(kb.log()).changes] == ["execution"]
     kb.function_values.set("total", objects=[], value=Decimal("0.1"))
     kb.apply("(numbers p1)")
-    assert (total(kb), kb.function_values.get("fuel", objects=["p1"])) == (
-        Decimal("0.15"),
-        Decimal("0.1"),
-    )
+    assert total(kb) == Decimal("0.15")
+    assert kb.function_values.get("fuel", objects=["p1"]) == Decimal("0.1")
     kb.apply("(twice)")
     assert total(kb) == Decimal("0.90")
     kb.apply("(lost p1)")
     assert len(kb.query("(lit ?c)")) == 1  # (last p1) is c0, which is lit
-
-
-def test_an_effect_on_a_fluent_without_value_is_refused(kb: KnowledgeBase) -> None:
-    with pytest.raises(NotApplicableError, match="has no value"):
-        kb.apply("(lost p1)")
 
 
 def test_steps_within_a_transaction(kb: KnowledgeBase) -> None:
@@ -352,13 +340,11 @@ def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
     steps = (PlanStep(None, "board", ("h1", "p1", "c0")), PlanStep(None, "fly", ("p1", "c0", "c1")))
     plan = kb.plans.record(Plan(steps, "by hand", "solved_satisficing"))
     revision = kb.apply(plan.steps[0])
-    read = kb.plans.get(plan.id)
-    assert read is not None
+    read = present(kb.plans.get(plan.id))
     assert [step.outcome for step in read.steps] == ["succeeded", None]
     assert read.steps[0].revisions == (revision,)
     kb.apply("(fly p1 c0 c1)", plan_step=plan.steps[1])
-    read = kb.plans.get(plan.id)
-    assert read is not None
+    read = present(kb.plans.get(plan.id))
     assert (read.steps[1].outcome, read.steps[1].revisions) == (None, (kb.revision,))
 
 
@@ -367,11 +353,8 @@ def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
 
 def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
     step = kb.start("(long p1 c0 c1)", reason="take off")
-    assert (step.outcome, step.duration, step.arguments) == (
-        "running",
-        Decimal("1.75"),
-        ("p1", "c0", "c1"),
-    )
+    assert (step.outcome, step.duration) == ("running", Decimal("1.75"))
+    assert step.arguments == ("p1", "c0", "c1")
     started = kb.revision
     assert [each.reason for each in kb.store.revisions(started - 1)] == ["take off"]
     assert kb.holds("(and (busy p1) (not (at p1 c0)) (not (at p1 c1)))")
@@ -382,8 +365,7 @@ def test_a_durative_step_in_two_halves(kb: KnowledgeBase) -> None:
     assert ended == started + 1
     assert kb.holds("(and (not (busy p1)) (at p1 c1))")
     assert total(kb) == Decimal("1.85")
-    read = kb.executions.get(step.id)
-    assert read is not None
+    read = present(kb.executions.get(step.id))
     assert (read.outcome, read.revisions) == ("succeeded", (started, ended))
     with pytest.raises(PlanError, match="is not running: start it first; running are: none"):
         kb.end(step)
@@ -408,8 +390,7 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
     assert aborted.revision == dusk + 1
     assert str(aborted) == "(long p1 c0 c1) was aborted; it leaves +(busy p1), -(at p1 c0)"
     assert kb.pddl.broken_invariants() == []
-    read = kb.executions.get(step.id)
-    assert read is not None
+    read = present(kb.executions.get(step.id))
     assert read.outcome == "aborted"
     with pytest.raises(PlanError, match="of the present"):
         kb.at(dusk).pddl.broken_invariants()
@@ -493,9 +474,7 @@ FLAT = """(define (problem flat) (:domain rooms) (:init (at r1) (= (x r1) 3) (= 
 @pytest.fixture
 def rooms(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base with durative actions of all kinds, and a door that is closed."""
-    fresh_kb.load_domain(ROOMS)
-    fresh_kb.load_problem(FLAT)
-    return fresh_kb
+    return loaded(fresh_kb, ROOMS, FLAT)
 
 
 @pytest.mark.parametrize(
@@ -521,7 +500,6 @@ def test_what_is_promised_can_begin(rooms: KnowledgeBase, step: str, reason: str
     is_durative = "divide" not in step
     listed = texts(rooms.applicable_actions(step.strip("()").split()[0].rstrip(")")))
     assert (step in listed) is (reason is None and "[" not in step)
-    assert (not rooms.why_not(step)) is (reason is None)
     failed = [str(each) for each in rooms.why_not(step)]
     if reason is None:
         assert failed == []
@@ -619,8 +597,7 @@ def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None
     assert (shown(done.undone), done.left) == (["+(lit)", "+(= (rate) 2)"], ())
     assert sorted(state(rooms)) == sorted(before)
     assert rooms.store.revisions(begun + 1)[0].reason == "aborted and undid (drive)"
-    read = rooms.executions.get(step.id)
-    assert read is not None
+    read = present(rooms.executions.get(step.id))
     assert read.outcome == "aborted"
     assert rooms.store.verify().is_intact
     # What held before the start is not an effect of it.
@@ -654,12 +631,9 @@ def test_what_something_else_changed_is_not_undone(rooms: KnowledgeBase) -> None
 def test_durations(kb: KnowledgeBase) -> None:
     assert kb.start("(long p1 c0 c1) [1.755]").duration == Decimal("1.755")
     kb.abort("(long p1 c0 c1)")
-    for step, message in (
-        ("(free) [1.9]", "the sides are 1.9 and 2"),
-        ("(free) [4.1]", "the sides are 4.1 and 4"),
-    ):
-        with pytest.raises(NotApplicableError, match=message):
-            kb.start(step)
+    for lasts, bound in (("1.9", 2), ("4.1", 4)):
+        with pytest.raises(NotApplicableError, match=f"the sides are {lasts} and {bound}"):
+            kb.start(f"(free) [{lasts}]")
     before = total(kb)
     kb.start("(free) [3]")
     with pytest.raises(PlanError, match=r"was started \[3\], not \[4\]; leave it out"):
@@ -680,8 +654,7 @@ def test_a_durative_step_at_once(kb: KnowledgeBase) -> None:
 
 def test_a_running_step_is_known_to_other_connections(shared_url: str, connect: Connect) -> None:
     one, other = connect(shared_url), connect(shared_url)
-    one.load_domain(DOMAIN)
-    one.load_problem(PROBLEM)
+    loaded(one, DOMAIN, PROBLEM)
     one.start("(long p1 c0 c1)")
     assert other.end("(long p1 c0 c1)").revision is not None
     with pytest.raises(PlanError, match="not running"):
@@ -697,15 +670,6 @@ def test_processes_and_events_are_no_steps(fresh_kb: KnowledgeBase) -> None:
     for name in ("flow", "bang"):
         with pytest.raises(UnsupportedConstructError, match="happens by itself"):
             fresh_kb.apply(PlanStep(None, name))
-
-
-def test_a_robot_walks(fresh_kb: KnowledgeBase) -> None:
-    graph.load(fresh_kb)
-    for place in ("w2", "w3", "w4"):
-        [step] = list(fresh_kb.applicable_actions("move", r="rb1"))
-        assert step.arguments[2] == place
-        fresh_kb.apply(step)
-    assert list(fresh_kb.query("(robot_at rb1 ?w)")) == [("w4",)]
 
 
 def test_costs_begin_at_zero(fresh_kb: KnowledgeBase) -> None:

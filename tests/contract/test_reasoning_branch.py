@@ -27,7 +27,7 @@ from kant_sql.errors import ArchivedError, InvalidUrlError, TransactionOpenError
 from kant_sql.store import transaction as transactions
 from tests.support.atoms import Atoms
 from tests.support.corpus import Pair, needs_corpus, small_pairs
-from tests.support.reading import beside, facts, state, undone
+from tests.support.reading import beside, facts, loaded, state, undone
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
 from tests.support.worlds.depot import load, number
@@ -45,8 +45,7 @@ def depot(kb: KnowledgeBase) -> KnowledgeBase:
 
 def everything(kb: KnowledgeBase) -> None:
     load(kb)
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM)
+    loaded(kb, DOMAIN, PROBLEM)
     with kb.transaction(actor="driver", reason="moved"):
         kb.propositions.delete_all()
         kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "late"))

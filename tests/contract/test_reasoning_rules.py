@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
@@ -24,7 +23,6 @@ from kant_sql import (
     UnknownRevisionError,
     UnsupportedConstructError,
     Verdicts,
-    aio,
 )
 from kant_sql.errors import ArchivedError, SourceMissingError
 from kant_sql.pddl import read_problem
@@ -342,15 +340,6 @@ def test_nothing_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert len(fresh_kb.pddl.check_rules("(and)")) == 0
     assert fresh_kb.pddl.check_rules().is_satisfied
     assert str(fresh_kb.pddl.check_rules()) == "there are no rules"
-
-
-def test_the_asynchronous_front_door_has_the_same_verdicts(url: str) -> None:
-    async def main() -> None:
-        async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
-            await kb.propositions.save(at(RB1, HALL))
-            assert found(await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")) == [1]
-
-    asyncio.run(main())
 
 
 # Random pasts, judged by the definitions.

@@ -17,7 +17,7 @@ from kant_sql import (
     UnsupportedConstructError,
 )
 from kant_sql.errors import PddlError, PlanError
-from tests.support.reading import nothing_changes
+from tests.support.reading import loaded, nothing_changes, present
 from tests.support.statements import count
 
 DOMAIN = """(define (domain rounds) (:requirements :adl :fluents)
@@ -46,9 +46,7 @@ PLAN = Plan.read("(move RB1 home LAB)\n(check rb1 lab)\n")
 @pytest.fixture
 def rounds(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base with a robot at home."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
+    return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def leave(kb: KnowledgeBase) -> None:
@@ -70,8 +68,7 @@ def test_a_plan_is_executed_and_nothing_is_written(rounds: KnowledgeBase) -> Non
 
 def test_the_state_is_that_of_the_store(rounds: KnowledgeBase) -> None:
     leave(rounds)
-    failed = rounds.validate(PLAN).failed_step
-    assert failed is not None
+    failed = present(rounds.validate(PLAN).failed_step)
     assert failed.position == 0
     assert failed.step == PLAN.steps[0]
     assert [str(one) for one in failed.unsatisfied] == ["(At rb1 home): does not hold"]
@@ -90,8 +87,7 @@ def test_a_past_state_is_chosen_by_revision_or_time(rounds: KnowledgeBase) -> No
     assert rounds.at(before).validate(PLAN).valid
     assert not rounds.validate(PLAN, at=after).valid
     # Before the domain was loaded, there was nothing to execute.
-    failed = rounds.validate(PLAN, at=0).failed_step
-    assert failed is not None
+    failed = present(rounds.validate(PLAN, at=0).failed_step)
     assert "there is no action move" in str(failed)
 
 
@@ -130,8 +126,7 @@ def test_goals_constraints_and_numbers_are_judged(rounds: KnowledgeBase) -> None
     assert [str(goal) for goal in found.unsatisfied_goals] == ["(checked lab): does not hold"]
     assert (found.valid, found.violated_preferences) == (False, {})
     tired = Plan.read("(move rb1 home lab)\n(move rb1 lab home)\n(move rb1 home lab)\n")
-    failed = rounds.validate(tired).failed_step
-    assert failed is not None
+    failed = present(rounds.validate(tired).failed_step)
     assert (failed.position, [str(one) for one in failed.unsatisfied]) == (
         2,
         ["(> (battery rb1) 1): the sides are 1 and 1"],

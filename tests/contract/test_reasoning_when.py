@@ -24,30 +24,23 @@ from kant_sql import (
 )
 from kant_sql.dto.formulas import And, Atom, Constant, Not, Variable
 from kant_sql.errors import ArchivedError
-from tests.support.reading import undone
+from tests.contract.test_reasoning_rules import (
+    AT,
+    CHILD,
+    HALL,
+    KITCHEN,
+    RB1,
+    RB2,
+    ROBOT,
+    ROOM,
+    at,
+    child,
+    step,
+)
+from tests.support.reading import present, undone
 from tests.support.statements import count, recorded
 from tests.support.stores import Connect
 from tests.support.worlds.depot import DOMAIN
-
-ROBOT, ROOM = PddlTypeDto("robot"), PddlTypeDto("room")
-AT = PddlPredicateDto("robot_at", [ROBOT, ROOM])
-CHILD = PddlPredicateDto("child_in", [ROOM])
-RB1, RB2 = PddlObjectDto(ROBOT, "rb1"), PddlObjectDto(ROBOT, "rb2")
-HALL, KITCHEN = PddlObjectDto(ROOM, "hall"), PddlObjectDto(ROOM, "kitchen")
-
-
-def at(robot: PddlObjectDto, room: PddlObjectDto) -> PddlPropositionDto:
-    return PddlPropositionDto(AT, [robot, room])
-
-
-def child(room: PddlObjectDto) -> PddlPropositionDto:
-    return PddlPropositionDto(CHILD, [room])
-
-
-def step(kb: KnowledgeBase, who: str, *changes: tuple[str, PddlPropositionDto]) -> None:
-    with kb.transaction(actor=who, reason=f"{who} did it"):
-        for sign, fact in changes:
-            (kb.propositions.save if sign == "+" else kb.propositions.delete)(fact)
 
 
 @pytest.fixture
@@ -83,16 +76,11 @@ def test_a_fact_held_from_one_revision_until_another(day: KnowledgeBase) -> None
     [held] = day.when("(robot_at rb2 kitchen)")
     assert isinstance(held, Held)
     assert held.binding == {}
-    assert held.since is not None
-    assert held.until is not None
-    assert (held.since.number, held.since.actor, held.since.reason) == (
-        2,
-        "installer",
-        "installer did it",
-    )
-    assert (held.until.number, held.until.actor) == (4, "driver")
+    since, until = present(held.since), present(held.until)
+    assert (since.number, since.said()) == (2, ["installer", "installer did it"])
+    assert (until.number, until.actor) == (4, "driver")
     assert [held.since, held.until] == [day.store.revisions(n - 1, limit=1)[0] for n in (2, 4)]
-    assert held.since.committed_at.utcoffset() is not None
+    assert since.committed_at.utcoffset() is not None
 
 
 def test_a_conjunction_is_where_all_its_atoms_held(day: KnowledgeBase) -> None:
@@ -459,12 +447,14 @@ def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: C
 # With asyncio.
 
 
-def test_the_asynchronous_front_door_has_the_same_periods(url: str) -> None:
+def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:
     async def main() -> None:
         async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
             await kb.propositions.save(at(RB1, HALL))
             await kb.propositions.delete(at(RB1, HALL))
             found = [held async for held in kb.when("(robot_at ?r hall)")]
             assert numbers(found) == [("rb1", 1, 2)]
+            verdicts = await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")
+            assert [one.revision and one.revision.number for one in verdicts] == [1]
 
     asyncio.run(main())

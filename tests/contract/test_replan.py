@@ -16,7 +16,7 @@ from kant_sql.errors import InvalidArgumentError, NoPlanError, PlanError, ReadOn
 from kant_sql.knowledge_base import state_of
 from kant_sql.reasoning.replan import Remaining
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, store_of
+from tests.support.reading import beside, loaded, present, store_of
 
 HOUSE = """
 (define (domain house) (:requirements :adl :durative-actions :fluents :derived-predicates)
@@ -51,8 +51,7 @@ BACK = "(go kitchen hall d5)\n" + FAR
 @pytest.fixture
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A robot in a house, on its way by `NEAR`, which is plan 1."""
-    fresh_kb.load_domain(HOUSE)
-    fresh_kb.load_problem(TEA)
+    loaded(fresh_kb, HOUSE, TEA)
     fresh_kb.plans.record(Plan.read(NEAR))
     return fresh_kb
 
@@ -80,8 +79,7 @@ def camera(kb: KnowledgeBase) -> KnowledgeBase:
 
 def look(kb: KnowledgeBase, remaining: Remaining) -> tuple[str | None, bool]:
     """Look at a plan as it is now."""
-    plan = kb.plans.get(remaining.plan_id)
-    assert plan is not None
+    plan = present(kb.plans.get(remaining.plan_id))
     return remaining.look(state_of(kb), plan)
 
 
@@ -153,8 +151,7 @@ def test_another_plan_takes_the_place_of_one_that_broke(
         "(open d2): does not hold"
     )
     assert (kb.revision, found.plan) == (head + 2, kb.plans.get(2))
-    old = kb.plans.get(1)
-    assert old is not None
+    old = present(kb.plans.get(1))
     assert {(step.outcome, step.text) for step in old.steps} == {
         ("aborted", "plan 2 took its place")
     }
@@ -172,8 +169,7 @@ def test_another_plan_takes_the_place_of_one_that_broke(
 
 
 def test_it_is_validated_from_where_the_robot_is(kb: KnowledgeBase) -> None:
-    plan = kb.plans.get(1)
-    assert plan is not None
+    plan = present(kb.plans.get(1))
     kb.plans.set_status(plan.steps[0], status="running")
     kb.apply(plan.steps[0])
     # The first step is done: its door does not matter any more.
@@ -277,8 +273,7 @@ def test_a_door_closes_and_the_robot_goes_around(
         "plan 1 broke: step 1 of plan 1, (go kitchen office d2), needs (open d2): does not hold",
         "plan 2 succeeded, 3 of 3 steps done",
     ]
-    old = kb.plans.get(1)
-    assert old is not None
+    old = present(kb.plans.get(1))
     assert [step.outcome for step in old.steps] == ["succeeded", "aborted"]
     assert kb.holds("(at office)")
 
@@ -307,8 +302,7 @@ def test_without_another_plan_it_ends_and_what_was_done_is_on_record(kb: Knowled
 
     with pytest.raises(NoPlanError):
         kb.execute(1, drive, replan={"engine": "none: sh -c 'exit 0' {domain} {problem}"})
-    plan = kb.plans.get(1)
-    assert plan is not None
+    plan = present(kb.plans.get(1))
     assert [step.outcome for step in plan.steps] == ["succeeded", None]
 
 
@@ -380,8 +374,7 @@ def test_a_verdict_that_is_kept_is_that_of_a_new_look(
     steps: list[str], changes: list[tuple[str, int]]
 ) -> None:
     with kant_sql.connect("sqlite://") as kb:
-        kb.load_domain(WORLD)
-        kb.load_problem(START)
+        loaded(kb, WORLD, START)
         plan: RecordedPlan = kb.plans.record(Plan.read("\n".join(["(a o1)", *steps])))
         remembers = Remaining(plan.id)
         look(kb, remembers)

@@ -29,7 +29,7 @@ from kant_sql.store import transaction as propositions
 from tests.support.chain import check_chain
 from tests.support.pages import Page
 from tests.support.processes.commands import run
-from tests.support.reading import state, undone
+from tests.support.reading import present, state, undone
 from tests.support.roles import (
     MINE,
     MINE_ID,
@@ -399,8 +399,7 @@ def test_auditors_read_views_and_no_table(role_store: str, role_users: Members) 
 
 @pytest.mark.more
 def test_a_limited_auditor_reads_views_of_its_own(role_store: str, limited_users: Members) -> None:
-    schema = kant_sql.operations.create_roles(role_store, knowledge_base=MINE).schema
-    assert schema is not None
+    schema = present(kant_sql.operations.create_roles(role_store, knowledge_base=MINE).schema)
     assert views(role_store, schema) == views(role_store)
     for view in views(role_store):
         with pytest.raises(psycopg.errors.InsufficientPrivilege):

@@ -28,7 +28,7 @@ from kant_sql.reasoning.memory import KnowledgeState
 from tests.contract.test_reasoning_oracle import ASSIGNED, opened
 from tests.support.generators.episodes import EPISODES, Episode
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, undone
+from tests.support.reading import beside, loaded, undone
 from tests.support.statements import recorded
 
 Lines = frozenset[tuple[str, str]]
@@ -148,8 +148,7 @@ PROBLEM = """(define (problem night) (:domain home) (:objects hall lab attic - p
 @pytest.fixture
 def home(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     with fresh_kb.transaction():
-        fresh_kb.load_domain(DOMAIN)
-        fresh_kb.load_problem(PROBLEM)
+        loaded(fresh_kb, DOMAIN, PROBLEM)
     return fresh_kb
 
 
@@ -222,8 +221,7 @@ def test_states_of_other_histories_are_refused_by_what_they_are(home: KnowledgeB
     moved = state.apply("(move hall lab)")
     first = home.revision
     other = beside(home, "elsewhere")
-    other.load_domain(DOMAIN)
-    other.load_problem(PROBLEM)
+    loaded(other, DOMAIN, PROBLEM)
     for refused in (other.state(), other.state().apply("(move hall lab)")):
         with pytest.raises(InvalidArgumentError, match="of another knowledge base: 'elsewhere'"):
             home.commit(refused)

@@ -26,7 +26,7 @@ from kant_sql import (
 from kant_sql.dto.formulas import Atom, Comparison, Constant, Fluent, Not, Number, Or, Variable
 from kant_sql.errors import TypeMismatchError
 from tests.support.parts import dao_of
-from tests.support.reading import last_changes, nothing_changes, refuses
+from tests.support.reading import last_changes, loaded, nothing_changes, refuses
 from tests.support.worlds.robots import ROBOT, navigation, robot_at
 
 pytestmark = pytest.mark.every_backend
@@ -46,9 +46,7 @@ def at(robot: str, place: str) -> Atom:
 @pytest.fixture
 def world(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base with names, and `(robot_at rb1 wp1)`."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
+    return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def facts(kb: KnowledgeBase) -> list[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from sqlalchemy import text
@@ -20,6 +20,20 @@ from kant_sql.sql.catalog import every_name
 from kant_sql.store.store import Store
 
 State = dict[str, list[str]]
+T = TypeVar("T")
+
+
+def present(found: T | None) -> T:
+    """Check that something was found, and give it."""
+    assert found is not None
+    return found
+
+
+def loaded(kb: KnowledgeBase, domain: str, problem: str) -> KnowledgeBase:
+    """Load a domain and a problem of it, each as a revision; give the knowledge base."""
+    kb.load_domain(domain)
+    kb.load_problem(problem)
+    return kb
 
 
 class SameStore(SqlDaoFactory):

@@ -13,7 +13,6 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import KnowledgeBase
 from kant_sql.errors import StoreIntegrityError
 from kant_sql.history.verify.structure import TABLES
 from kant_sql.sql.dialects import create_backend
@@ -24,7 +23,7 @@ from kant_sql.sql.tables import Base
 from tests.support.citus import is_distributed
 from tests.support.pages import opened
 from tests.support.processes.commands import run
-from tests.support.reading import findings
+from tests.support.reading import findings, loaded
 from tests.support.roles import DOMAIN, MINE, PROBLEM, members
 from tests.support.roles import OTHER as OTHER_KB
 from tests.support.stores import Connect
@@ -420,8 +419,7 @@ def test_a_store_that_was_of_an_earlier_version_is_intact(shared_url: str) -> No
     if is_distributed(shared_url):
         pytest.skip("its migrations are tested with the plugin")
     with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
-        kb.load_domain(DOMAIN)
-        kb.load_problem(PROBLEM)
+        loaded(kb, DOMAIN, PROBLEM)
     kant_sql.operations.downgrade(shared_url, revision=VERSIONS[-2])
     kant_sql.upgrade(shared_url)
     assert findings(shared_url) == []
@@ -432,8 +430,7 @@ def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: An
     url = server.new_store()
     for name in (MINE, OTHER_KB):
         with kant_sql.connect(url, knowledge_base=name) as kb:
-            kb.load_domain(DOMAIN)
-            kb.load_problem(PROBLEM)
+            loaded(kb, DOMAIN, PROBLEM)
     kant_sql.operations.update_views(url)
     roles, own = (
         kant_sql.operations.create_roles(url),
@@ -502,23 +499,12 @@ def test_knowledge_bases_have_the_structure_in_common(filled: str) -> None:
     assert (second["findings"], second["is_intact"]) == ([], True)
 
 
-def test_a_store_in_memory_has_its_structure_too(connect: Connect) -> None:
-    kb: KnowledgeBase = connect("sqlite://", knowledge_base="tiago")
-    kb.propositions.save(FACT)
-    assert kb.store.verify().is_intact
-
-
-def test_the_records_are_of_the_last_version(dialect_name: str) -> None:
-    heads = {each.head for each in recorded(dialect_name)}
+@pytest.mark.parametrize("dialect", ["sqlite", "postgresql"])
+def test_the_records_are_of_the_last_version(dialect: str) -> None:
+    heads = {each.head for each in recorded(dialect)}
     assert {f"CREATE TABLE {table}" for table in Base.metadata.tables} <= {
         head.replace('"', "") for head in heads
     }
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def dialect_name(request: pytest.FixtureRequest) -> str:
-    name: str = request.param
-    return name
 
 
 WORDS = "'a''b'::character varying, 'c, d'::character varying"
