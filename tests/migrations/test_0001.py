@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import ColumnElement, select, text
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.sql.intervals import fork
 from kant_sql.sql.schema import VERSIONS
-from kant_sql.sql.tables import PropositionVersionRow as VERSION
 from tests.migrations import stores
-from tests.migrations.test_golden import connected, digest_of
+from tests.migrations.test_golden import digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
 from tests.support.reading import findings
@@ -24,8 +20,6 @@ from tests.support.stores import Connect
 
 # A migration that has landed is frozen.
 pytestmark = pytest.mark.more
-
-FORKED = ("proposition_version", "function_value_version")
 
 
 @pytest.fixture
@@ -138,54 +132,3 @@ def test_the_views_of_each_version_show_it(old_url: str) -> None:
             "SELECT count(*), count(observed_at), count(plan_id), max(form) FROM audit_revision"
         )
         assert ask(old_url, revisions) == ["10 | 2 | 1 | 1"]
-
-
-def test_ended_versions_are_found_by_their_forks(old_url: str) -> None:
-    rows = stores.rows_of(old_url)
-    for table in FORKED:
-        ends = [(row["since"], row["until"], row["fork"]) for row in rows[table]]
-        assert all(place == fork(since, until) for since, until, place in ends)
-        assert any(place for _, _, place in ends)
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("table", FORKED)
-def test_sqlite_finds_the_past_by_forks(tmp_path: Path, table: str, version: str) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    kant_sql.upgrade(url, revision=version)
-    owner = "predicate_id" if table.startswith("proposition") else "function_id"
-    # As the library asks: the beginning of a version chooses no index.
-    query = (
-        f"SELECT since FROM {table} WHERE kb_id = 1 AND {owner} = 2 AND fork IN (0, 4, 6, 7, 8)"
-        " AND +since <= 7 AND (until IS NULL OR until > 7)"
-    )
-    with connected(url) as connection:
-        plan = connection.execute(text(f"EXPLAIN QUERY PLAN {query}")).all()
-    used = f"ix_{table}_history (kb_id=? AND {owner}=? AND fork=?)"
-    assert used in plan[0][3]
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize(
-    ("held", "index"),
-    [
-        (VERSION.until.is_(None), "ix_proposition_version_goal (kb_id=? AND until=?)"),
-        (
-            VERSION.fork.in_([0, 4, 6, 7, 8])
-            & (VERSION.since <= 7)
-            & (VERSION.until.is_(None) | (VERSION.until > 7)),
-            "ix_proposition_version_goal_history (kb_id=? AND fork=? AND since<?)",
-        ),
-    ],
-    ids=["now", "then"],
-)
-def test_sqlite_finds_goals_by_their_indexes(
-    tmp_path: Path, held: ColumnElement[bool], index: str, version: str
-) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    kant_sql.upgrade(url, revision=version)
-    goals = select(VERSION.proposition_id).where(VERSION.kb_id == 1, held, VERSION.is_goal)
-    with connected(url) as connection:
-        sql = goals.compile(connection, compile_kwargs={"literal_binds": True})
-        plan = connection.execute(text(f"EXPLAIN QUERY PLAN {sql}")).all()
-    assert f"INDEX {index}" in plan[0][3]

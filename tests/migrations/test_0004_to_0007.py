@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
-from sqlalchemy import Connection, text
+from sqlalchemy import text
 
 import kant_sql
 from kant_sql.acts import recording
@@ -13,7 +13,7 @@ from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.schema import VERSIONS
 from tests.migrations import stores
-from tests.migrations.test_golden import connected, digest_of, dump_of
+from tests.migrations.test_golden import connected, digest_of
 from tests.support.pages import ask
 from tests.support.reading import findings
 
@@ -70,31 +70,6 @@ def test_rows_and_answers_are_carried_up_and_down(make: stores.Make, version: st
     kant_sql.operations.downgrade(url, revision=older)
     assert (stores.rows_of(url), digest_of(url)) == (rows, stores.record(older, url))
     assert stores.answers(url, names) == said
-
-
-@pytest.mark.parametrize("dialect", ["sqlite"])
-@pytest.mark.parametrize("version", [pytest.param("0005", marks=LANDED), "0007"])
-def test_sqlite_runs_the_same_programs_as_before(make: stores.Make, version: str) -> None:
-    """What 0005 wrote for DuckDB, and 0007 took away, is a comment to SQLite."""
-    url = make(written(VERSIONS[VERSIONS.index(version) - 1]))
-    with connected(url) as connection:
-        before = {view: program(connection, view) for view in stores.views(url)}
-    kant_sql.upgrade(url, revision=version)
-    with connected(url) as connection:
-        assert {view: program(connection, view) for view in stores.views(url)} == before
-    assert ("/*" in dump_of(url)) is (version == "0005")
-
-
-def program(connection: Connection, view: str) -> list[str]:
-    """Give SQLite's instructions, without the addresses of pages."""
-    rows = connection.execute(text(f"EXPLAIN SELECT * FROM {view}"))
-    return [str(row[1]) for row in rows]
-
-
-@pytest.mark.parametrize("dialect", ["postgresql"])
-def test_postgresql_has_no_words_for_duckdb(make: stores.Make) -> None:
-    url = make(written("0006"))
-    assert stores.record("0007", url) == stores.record("0006", url)
 
 
 @LANDED
