@@ -89,21 +89,10 @@ def test_nul_is_refused(text: str) -> None:
         load(text)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "(a)",
-        "",
-        "  ",
-        "a\nb",
-        "a\rb",
-        " \t(a",
-        "\ufeff(a)",
-        "; (a)",
-        "x (define (domain d))",
-        "( DEFINE",
-    ],
-)
+TEXTS = ["(a)", "", "  ", "a\nb", "a\rb", " \t(a", "\ufeff(a)", "; (a)", "x (define (domain d))"]
+
+
+@pytest.mark.parametrize("text", [*TEXTS, "( DEFINE"])
 def test_what_is_text(text: str) -> None:
     assert load(text).name == "<string>"
 

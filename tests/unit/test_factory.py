@@ -211,22 +211,9 @@ def test_an_unknown_option_is_refused_naming_what_is_known(
 @pytest.mark.parametrize(
     "url",
     [
-        "",
-        "robot.db",
-        "sqlite",
-        "sqlite:",
-        "sqlite:/robot.db",
-        "://",
-        " sqlite://",
-        "postgresql://host:port/db",
-        "sqlite:///a\0b.db",
-        "sqlite:///\ud800.db",
-        "postgresql://\ud800@host/db",
-        None,
-        5,
-        b"sqlite://",
-        Path("robot.db"),
-        object(),
+        *("", "robot.db", "sqlite", "sqlite:", "sqlite:/robot.db", "://", " sqlite://"),
+        *("postgresql://host:port/db", "sqlite:///a\0b.db", "sqlite:///\ud800.db"),
+        *("postgresql://\ud800@host/db", None, 5, b"sqlite://", Path("robot.db"), object()),
     ],
 )
 def test_what_is_no_url_is_refused_with_examples_of_urls(url: object) -> None:
