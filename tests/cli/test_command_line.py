@@ -137,22 +137,14 @@ def test_python_takes_the_path_of_a_file(
         assert [one.revision for one in kant_sql.operations.knowledge_bases(path)] == [3]
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        [],
-        ["db"],
-        ["nonsense"],
-        ["show"],
-        ["log"],
-        ["db", "upgrade"],
-        ["db", "sql"],
-        ["show", "--nonsense"],
-        ["show", "sqlite:///a.db", "sqlite:///b.db"],
-        ["show", "sqlite:///a.db", "--kb"],
-        ["log", "sqlite:///a.db", "--json=yes"],
-    ],
+WRONG = (
+    *("", "db", "nonsense", "show", "log", "db upgrade", "db sql", "show --nonsense"),
+    *("show sqlite:///a.db sqlite:///b.db", "show sqlite:///a.db --kb"),
+    "log sqlite:///a.db --json=yes",
 )
+
+
+@pytest.mark.parametrize("words", map(str.split, WRONG))
 def test_wrong_usage_is_one_line_that_names_the_help(words: list[str]) -> None:
     result = commands.run(*words)
     assert commands.one_line(result.stderr).endswith(" --help")
