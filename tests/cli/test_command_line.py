@@ -144,7 +144,7 @@ WRONG = (
 )
 
 
-@pytest.mark.parametrize("words", map(str.split, WRONG))
+@pytest.mark.parametrize("words", [words.split() for words in WRONG])
 def test_wrong_usage_is_one_line_that_names_the_help(words: list[str]) -> None:
     result = commands.run(*words)
     assert commands.one_line(result.stderr).endswith(" --help")
