@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sqlite3
-from contextlib import closing
 from datetime import timedelta
 from pathlib import Path
 
@@ -21,7 +19,7 @@ from kant_sql.errors import (
     UnknownRevisionError,
 )
 from kant_sql.history.archive import archive as archiving
-from tests.support.archives import count, rows_of, target_url
+from tests.support.archives import count, damage, rows_of, target_url
 from tests.support.roles import members
 from tests.support.servers import Server
 from tests.support.stores import Connect
@@ -120,7 +118,7 @@ def test_nothing_is_removed_that_the_archive_has_lost(
         patch.setattr(archiving, "_move_all", never)
         with pytest.raises(KeyboardInterrupt):
             file_kb.store.archive(7, to=archive_url)
-    for damage in (
+    for statement in (
         "UPDATE proposition_version SET since = since - 1 WHERE until = 5",
         "UPDATE proposition SET text = '(value c n9)' WHERE text = '(value c n2)'",
         "DELETE FROM proposition_argument WHERE position = 1 AND proposition_id IN"
@@ -128,9 +126,7 @@ def test_nothing_is_removed_that_the_archive_has_lost(
         "DELETE FROM proposition_version WHERE until = 4",
     ):
         shutil.copy(archive_url.removeprefix("sqlite:///"), f"{file_url[10:]}.damaged")
-        with closing(sqlite3.connect(f"{file_url[10:]}.damaged")) as archive:
-            assert archive.execute(damage).rowcount > 0
-            archive.commit()
+        damage(f"{file_url}.damaged", statement)
         with pytest.raises(ConflictError, match="nothing was removed"):
             file_kb.store.archive(7, to=f"{file_url}.damaged")
         assert rows_of(file_url) == before
@@ -142,9 +138,7 @@ def test_an_archive_that_lost_what_holds_is_not_gone_on_with(
 ) -> None:
     count(file_kb, 8)
     file_kb.store.archive(4, to=archive_url)
-    with closing(sqlite3.connect(archive_url.removeprefix("sqlite:///"))) as archive:
-        archive.execute("DELETE FROM proposition_version WHERE until IS NULL")
-        archive.commit()
+    damage(archive_url, "DELETE FROM proposition_version WHERE until IS NULL")
     with pytest.raises(ConflictError, match="rows of proposition_version are missing"):
         file_kb.store.archive(7, to=archive_url)
 

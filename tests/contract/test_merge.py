@@ -25,6 +25,7 @@ from kant_sql.history.merge import _Merging
 from kant_sql.history.merged import Decision
 from kant_sql.knowledge_base import state_of
 from tests.contract.test_reasoning_branch import Branch, branch_of, documents, everything
+from tests.support.parts import dao_of
 from tests.support.reading import facts, loaded, store_of
 from tests.support.statements import count
 from tests.support.stores import Connect
@@ -122,10 +123,8 @@ def test_a_second_merge_brings_only_what_is_newer(rooms: KnowledgeBase, branch_o
     rooms.propositions.delete("(open p1)")
     trial.function_values.set("battery", objects=["rb1"], value=30)
     second = rooms.merge(trial, reason="again")
-    assert (second.base, lines(second)) == (
-        first.revision,
-        ["+ value (= (battery rb1) 30)", "- value (= (battery rb1) 40)"],
-    )
+    assert second.base == first.revision
+    assert lines(second) == ["+ value (= (battery rb1) 30)", "- value (= (battery rb1) 40)"]
     assert "(open p1)" not in facts(rooms)
 
 
@@ -144,11 +143,8 @@ def test_conflicts_say_who_when_and_why_on_both_sides(
     error = refused(rooms, trial)
     assert [each.element for each in error.conflicts] == ["fact (open p2)", "value (battery rb1)"]
     fact, value = error.conflicts
-    assert (value.base, value.ours.text, value.theirs.text) == (
-        "(= (battery rb1) 50)",
-        "(= (battery rb1) 40)",
-        "(= (battery rb1) 30)",
-    )
+    found = value.base, value.ours.text, value.theirs.text
+    assert found == tuple(f"(= (battery rb1) {number})" for number in (50, 40, 30))
     assert value.ours.revision.said() == ["driver", "drove"]
     assert value.theirs.revision.said() == ["planner", "shorter"]
     assert (fact.ours.text, fact.theirs.text) == ("(open p2)", None)
@@ -174,32 +170,26 @@ def test_what_both_changed_alike_is_no_conflict(rooms: KnowledgeBase, branch_of:
 
 
 Change = Callable[[KnowledgeBase], object]
+
+
+def saves(name: str, ours: str, theirs: str, element: str) -> tuple[Change, Change, str]:
+    """Save one text with the DAO of a name here, and another one there."""
+    return lambda kb: dao_of(kb, name).save(ours), lambda kb: dao_of(kb, name).save(theirs), element
+
+
+GO = "(:action go :parameters (?r - robot) :effect (at ?r {}))"
 BOTH: dict[str, tuple[Change, Change, str]] = {
     "metric": (
         lambda kb: kb.pddl.metric.set("(:metric minimize (battery rb1))"),
         lambda kb: kb.pddl.metric.set("(:metric maximize (battery rb1))"),
         "metric",
     ),
-    "action": (
-        lambda kb: kb.actions.save("(:action go :parameters (?r - robot) :effect (at ?r p1))"),
-        lambda kb: kb.actions.save("(:action go :parameters (?r - robot) :effect (at ?r p2))"),
-        "action go",
+    "action": saves("actions", GO.format("p1"), GO.format("p2"), "action go"),
+    "predicate": saves(
+        "predicates", "(new ?r - robot)", "(new ?r - robot ?p - place)", "predicate new"
     ),
-    "predicate": (
-        lambda kb: kb.predicates.save("(new ?r - robot)"),
-        lambda kb: kb.predicates.save("(new ?r - robot ?p - place)"),
-        "predicate new",
-    ),
-    "type": (
-        lambda kb: kb.types.save("dock - place"),
-        lambda kb: kb.types.save("dock - robot"),
-        "type dock",
-    ),
-    "object": (
-        lambda kb: kb.objects.save("x - robot"),
-        lambda kb: kb.objects.save("x - hall"),
-        "object x",
-    ),
+    "type": saves("types", "dock - place", "dock - robot", "type dock"),
+    "object": saves("objects", "x - robot", "x - hall", "object x"),
     "rule": (
         lambda kb: kb.rules.save("calm", "(always (not (idle)))"),
         lambda kb: kb.rules.save("calm", "(sometime (idle))"),

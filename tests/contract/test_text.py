@@ -291,57 +291,48 @@ def test_facts_are_found_by_an_object(world: KnowledgeBase) -> None:
     assert of("wp1", world.at(1)) == []
 
 
-NAMED: dict[str, tuple[Callable[[KnowledgeBase, str], Any], str, str]] = {
-    "get_by_predicate": (
-        lambda kb, name: kb.propositions.get_by_predicate(name),
-        "predicate",
-        "robot_at",
-    ),
-    "get_by_object": (lambda kb, name: kb.propositions.get_by_object(name), "object", "rb1"),
-    "get_by_type": (lambda kb, name: kb.objects.get_by_type(name), "type", "robot"),
-    "get_by_function": (
-        lambda kb, name: kb.function_values.get_by_function(name),
-        "function",
-        "battery",
-    ),
-    "get of a function": (
-        lambda kb, name: kb.function_values.get(name, objects=["rb1"]),
-        "function",
-        "battery",
-    ),
-    "get of an object": (
-        lambda kb, name: kb.function_values.get("battery", objects=[name]),
-        "object",
-        "rb1",
-    ),
-    "unset": (
-        lambda kb, name: kb.function_values.unset(name, objects=["rb1"]),
-        "function",
-        "battery",
-    ),
-    "history": (lambda kb, name: kb.history(name), "element", "robot_at"),
-    "blame": (lambda kb, name: kb.blame(name), "element", "robot_at"),
-    "log": (lambda kb, name: list(kb.log(element=name)), "element", "robot_at"),
+# Calls by their path, what kind of name they take, one that there is, and what they take besides.
+NAMED: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "propositions.get_by_predicate": ("predicate", "robot_at", {}),
+    "propositions.get_by_object": ("object", "rb1", {}),
+    "objects.get_by_type": ("type", "robot", {}),
+    "function_values.get_by_function": ("function", "battery", {}),
+    "function_values.get": ("function", "battery", {"objects": ["rb1"]}),
+    "function_values.unset": ("function", "battery", {"objects": ["rb1"]}),
+    "history": ("element", "robot_at", {}),
+    "blame": ("element", "robot_at", {}),
+    "log": ("element", "robot_at", {}),
+    "of an object": ("object", "rb1", {}),
 }
 
 
-@pytest.mark.parametrize(("call", "kind", "name"), NAMED.values(), ids=NAMED)
+def call(kb: KnowledgeBase, path: str, name: str, given: dict[str, Any]) -> None:
+    if path == "of an object":
+        kb.function_values.get("battery", objects=[name])
+    elif path == "log":
+        list(kb.log(element=name))
+    else:
+        attrgetter(path)(kb)(name, **given)
+
+
+@pytest.mark.parametrize("path", NAMED)
 def test_a_name_that_never_was_is_refused_and_one_that_was_is_not(
-    world: KnowledgeBase, call: Callable[[KnowledgeBase, str], Any], kind: str, name: str
+    world: KnowledgeBase, path: str
 ) -> None:
+    kind, name, given = NAMED[path]
     said = rf"has never had an? {kind} '{name}s' \(did you mean {name}\?\)"
-    views = [world, *([world.at(1)] if call is not NAMED["unset"][0] else [])]
+    views = [world, *([] if path.endswith("unset") else [world.at(1)])]
     for kb in views:
         with pytest.raises(UnknownNameError, match=said):
-            call(kb, f"{name}s")
+            call(kb, path, f"{name}s", given)
     with world.transaction():
         with pytest.raises(UnknownNameError, match=said):
-            call(world, f"{name}s")
-        call(world, name)
+            call(world, path, f"{name}s", given)
+        call(world, path, name, given)
     world.types.delete_all()
     world.functions.delete_all()
     for kb in views:
-        call(kb, name.upper())
+        call(kb, path, name.upper(), given)
 
 
 def test_what_a_dto_describes_may_be_saved_later(world: KnowledgeBase) -> None:

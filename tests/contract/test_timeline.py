@@ -47,6 +47,11 @@ MOMENT = timedelta(microseconds=1)
 ALL = ("fact", "goal", "value")
 
 
+@pytest.fixture
+def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    return fresh_kb
+
+
 def live(kb: KnowledgeBase, revisions: int, seed: int) -> None:
     """Let robots come and go for some revisions."""
     chance = random.Random(seed)
@@ -184,8 +189,7 @@ def check(kb: KnowledgeBase, made: Timeline, histories: Sequence[Wanted]) -> Non
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_each_version_is_a_bar_or_is_counted(fresh_kb: KnowledgeBase, seed: int) -> None:
-    kb = fresh_kb
+def test_each_version_is_a_bar_or_is_counted(kb: KnowledgeBase, seed: int) -> None:
     live(kb, 40, seed)
     known, revisions = histories(kb), kb.store.revisions()
     chance = random.Random(seed)
@@ -204,8 +208,7 @@ def test_each_version_is_a_bar_or_is_counted(fresh_kb: KnowledgeBase, seed: int)
                 check(kb, made, known)
 
 
-def test_a_window_is_the_state_at_its_beginning_and_what_changed(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_a_window_is_the_state_at_its_beginning_and_what_changed(kb: KnowledgeBase) -> None:
     for number in range(6):
         kb.propositions.save(robot_at(RB1, waypoint(number)))
         kb.propositions.delete(robot_at(RB1, waypoint(number)))
@@ -226,8 +229,7 @@ def test_a_window_is_the_state_at_its_beginning_and_what_changed(fresh_kb: Knowl
     assert [(bar.since, bar.until) for lane in made.lanes for bar in lane.bars] == [(3, 4), (5, 6)]
 
 
-def test_a_time_in_the_future_counts_as_now(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_a_time_in_the_future_counts_as_now(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     made = kb.timeline(until=datetime.now(UTC) + timedelta(days=9))
     assert abs(made.until - datetime.now(UTC)) < timedelta(minutes=5)
@@ -236,24 +238,27 @@ def test_a_time_in_the_future_counts_as_now(fresh_kb: KnowledgeBase) -> None:
     assert [lane.text for lane in late.lanes] == ["(robot_at rb1 wp1)"]
 
 
-def test_lanes_come_in_pages(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def lanes_by_pages(kb: KnowledgeBase, size: int, *since: int, **wanted: Any) -> tuple[Lane, ...]:
+    """The lanes of a window, read page by page."""
+    pages = [kb.timeline(*since, lanes=size, **wanted)]
+    while pages[-1].next is not None:
+        assert len(pages[-1].lanes) == size
+        pages.append(kb.timeline(*since, lanes=size, after=pages[-1].next, **wanted))
+    return tuple(lane for page in pages for lane in page.lanes)
+
+
+def test_lanes_come_in_pages(kb: KnowledgeBase) -> None:
     live(kb, 30, 5)
     whole = kb.timeline(4, until=22)
     assert whole.next is None
     for size in (1, 2, 3, 7):
-        pages = [kb.timeline(4, until=22, lanes=size)]
-        while pages[-1].next is not None:
-            assert len(pages[-1].lanes) == size
-            pages.append(kb.timeline(4, until=22, lanes=size, after=pages[-1].next))
-        assert tuple(lane for page in pages for lane in page.lanes) == whole.lanes
+        assert lanes_by_pages(kb, size, 4, until=22) == whole.lanes
     only = kb.timeline(4, until=22, kinds=["value", "goal"])
     assert only.lanes == tuple(lane for lane in whole.lanes if lane.kind != "fact")
     assert kb.timeline(kinds=[]).lanes == ()
 
 
-def test_lanes_are_chosen_by_predicate_object_and_text(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_lanes_are_chosen_by_predicate_object_and_text(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     kb.propositions.save(robot_at(OTHER, waypoint(12)))
     kb.goals.save(robot_at(is_goal=True))
@@ -281,8 +286,7 @@ def test_lanes_are_chosen_by_predicate_object_and_text(fresh_kb: KnowledgeBase) 
     assert len(shown(text="")) == 6
 
 
-def test_a_goal_may_be_any_formula(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_a_goal_may_be_any_formula(kb: KnowledgeBase) -> None:
     begin(kb)
     goal = "(or (at rb1 Home) (not (at rb1 Wp1)))"
     kb.goals.save(goal)
@@ -305,16 +309,12 @@ def test_a_goal_may_be_any_formula(fresh_kb: KnowledgeBase) -> None:
     assert [len(lane.densities) for lane in kb.timeline(slices=1).lanes if "(or" in lane.text] == [
         1
     ]
-    pages = [kb.timeline(lanes=1)]
-    while pages[-1].next is not None:
-        pages.append(kb.timeline(lanes=1, after=pages[-1].next))
-    assert tuple(lane for page in pages for lane in page.lanes) == kb.timeline().lanes
+    assert lanes_by_pages(kb, 1) == kb.timeline().lanes
 
 
 def test_lanes_are_the_same_however_they_are_found(
-    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = fresh_kb
     live(kb, 30, 3)
     shown = [partial(kb.timeline, 5, until=20), partial(kb.timeline, object="rb1")]
     in_window = [one() for one in shown]
@@ -331,9 +331,8 @@ def test_lanes_are_the_same_however_they_are_found(
 
 @pytest.mark.parametrize("is_listed", [True, False])
 def test_what_never_changed_is_folded_away(
-    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, is_listed: bool
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, is_listed: bool
 ) -> None:
-    kb = fresh_kb
     if not is_listed:
         monkeypatch.setattr(lanes, "FEW_REVISIONS", 0)
     kb.propositions.save_all(robot_at(OTHER, waypoint(n)) for n in range(20, 26))
@@ -359,16 +358,12 @@ def test_what_never_changed_is_folded_away(
         expected = tuple(lane for lane in whole.lanes if is_changed(lane))
         assert made.lanes == (expected or whole.lanes)
         assert made.folded == (len(whole.lanes) - len(expected) if expected else 0)
-        pages = [kb.timeline(low, until=high, lanes=1)]
-        while pages[-1].next is not None:
-            pages.append(kb.timeline(low, until=high, lanes=1, after=pages[-1].next))
-        assert tuple(lane for page in pages for lane in page.lanes) == made.lanes
+        assert lanes_by_pages(kb, 1, low, until=high) == made.lanes
 
 
 def test_folded_lanes_are_counted_as_they_are_chosen(
-    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = fresh_kb
     kb.propositions.save_all(robot_at(OTHER, waypoint(n)) for n in range(20, 26))
     kb.function_values.set(LOCATION, objects=[OTHER], value=WP1)
     kb.propositions.save(robot_at(OTHER, waypoint(1)))
@@ -391,8 +386,7 @@ def test_folded_lanes_are_counted_as_they_are_chosen(
     assert len(kb.timeline(2, until=2, lanes=2).lanes) == 2
 
 
-def test_it_is_drawn_as_it_was_asked_for(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_it_is_drawn_as_it_was_asked_for(kb: KnowledgeBase) -> None:
     for number in range(3):
         kb.propositions.save(robot_at(RB1, waypoint(number)))
         kb.propositions.delete(robot_at(RB1, waypoint(number)))
@@ -404,8 +398,7 @@ def test_it_is_drawn_as_it_was_asked_for(fresh_kb: KnowledgeBase) -> None:
     assert "(robot_at Rb2 wp1)" not in kb.timeline(object="rb1").svg()
 
 
-def test_what_never_was_is_refused(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_what_never_was_is_refused(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     with pytest.raises(UnknownNameError, match="robot_at"):
         kb.timeline(predicate="robot_ta")
@@ -441,22 +434,21 @@ def test_what_never_was_is_refused(fresh_kb: KnowledgeBase) -> None:
     ],
     ids=str,
 )
-def test_wrong_arguments_are_refused(fresh_kb: KnowledgeBase, wrong: Any) -> None:
-    fresh_kb.propositions.save(robot_at())
+def test_wrong_arguments_are_refused(kb: KnowledgeBase, wrong: Any) -> None:
+    kb.propositions.save(robot_at())
     with pytest.raises((InvalidArgumentError, UnknownNameError)):
-        fresh_kb.timeline(**wrong)
+        kb.timeline(**wrong)
 
 
-def test_before_the_first_revision_nothing_is_shown(fresh_kb: KnowledgeBase) -> None:
-    made = fresh_kb.timeline()
+def test_before_the_first_revision_nothing_is_shown(kb: KnowledgeBase) -> None:
+    made = kb.timeline()
     assert (made.lanes, made.plans, made.first, made.last) == ((), (), 0, 0)
     assert made.since == made.until
-    live(fresh_kb, 2, 1)
-    assert fresh_kb.at(0).timeline().lanes == ()
+    live(kb, 2, 1)
+    assert kb.at(0).timeline().lanes == ()
 
 
-def test_a_view_of_the_past_knows_nothing_later(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_a_view_of_the_past_knows_nothing_later(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at())
@@ -466,8 +458,7 @@ def test_a_view_of_the_past_knows_nothing_later(fresh_kb: KnowledgeBase) -> None
         kb.at(1).timeline(until=2)
 
 
-def test_a_transaction_shows_what_is_committed(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_a_transaction_shows_what_is_committed(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
     before = kb.timeline().lanes
     with kb.transaction():
@@ -478,9 +469,8 @@ def test_a_transaction_shows_what_is_committed(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_numbers_that_are_counted_have_their_range(
-    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb = fresh_kb
     for value in (5, 9, 2, 7):
         kb.function_values.set(BATTERY, objects=[RB1], value=value)
     (lane,) = kb.timeline(slices=1).lanes
@@ -495,8 +485,7 @@ def test_numbers_that_are_counted_have_their_range(
     assert (capped.count, capped.is_capped, capped.last) == (3, True, 7)
 
 
-def test_an_answer_is_bounded(fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
-    kb = fresh_kb
+def test_an_answer_is_bounded(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(12):
         for number in range(4):
             kb.propositions.save(robot_at(RB1, waypoint(number)))
@@ -511,8 +500,7 @@ def test_an_answer_is_bounded(fresh_kb: KnowledgeBase, monkeypatch: pytest.Monke
         assert len(lane.bars) + sum(density.count for density in lane.densities) == 12
 
 
-def test_equal_densities_side_by_side_are_one(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_equal_densities_side_by_side_are_one(kb: KnowledgeBase) -> None:
     for _ in range(40):
         kb.propositions.save(robot_at())
         kb.propositions.delete(robot_at())
@@ -524,8 +512,7 @@ def test_equal_densities_side_by_side_are_one(fresh_kb: KnowledgeBase) -> None:
 # Plans.
 
 
-def test_plans_have_their_steps_and_outcomes(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_plans_have_their_steps_and_outcomes(kb: KnowledgeBase) -> None:
     begin(kb)  # 1
     plan = kb.plans.record(TOUR)  # 2
     with kb.transaction(actor="executive", reason="off"):
@@ -552,8 +539,7 @@ def test_plans_have_their_steps_and_outcomes(fresh_kb: KnowledgeBase) -> None:
     assert bar.steps[2].until_at == times[6]
 
 
-def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_a_window_has_the_plans_that_were_made_or_ran_in_it(kb: KnowledgeBase) -> None:
     begin(kb)  # 1
     one = kb.plans.record(TOUR)  # 2
     kb.plans.set_status(one.steps[0], status="running")  # 3
@@ -576,8 +562,7 @@ def test_a_window_has_the_plans_that_were_made_or_ran_in_it(fresh_kb: KnowledgeB
     assert kb.timeline(lanes=1, after="fact:0:").plans == ()
 
 
-def test_executions_without_a_plan_come_last(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_executions_without_a_plan_come_last(kb: KnowledgeBase) -> None:
     begin(kb)  # 1
     plan = kb.plans.record(TOUR)  # 2
     report = kb.executions.report
@@ -611,8 +596,7 @@ def test_executions_without_a_plan_come_last(fresh_kb: KnowledgeBase) -> None:
     assert f"execution {running.id}" in drawn
 
 
-def test_plans_are_chosen_by_object_and_text(fresh_kb: KnowledgeBase) -> None:
-    kb = fresh_kb
+def test_plans_are_chosen_by_object_and_text(kb: KnowledgeBase) -> None:
     begin(kb)
     kb.plans.record(TOUR)
 
@@ -624,8 +608,7 @@ def test_plans_are_chosen_by_object_and_text(fresh_kb: KnowledgeBase) -> None:
     assert shown(text="nothing of it") == []
 
 
-def test_plans_are_bounded(fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
-    kb = fresh_kb
+def test_plans_are_bounded(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
     begin(kb)
     made = [kb.plans.record(TOUR).id for _ in range(4)]
     assert [plan.id for plan in kb.timeline().plans] == made

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import socket
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import pytest
-from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import ArchivedError
-from tests.support.archives import count, intact, rows_of, states, target_url
+from tests.support.archives import count, damage, intact, rows_of, states, target_url
 from tests.support.servers import Server
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds import counter
@@ -110,9 +107,7 @@ def test_no_server_that_only_the_source_names_is_connected_to(
     with socket.create_server(("127.0.0.1", 0)) as collector:
         port = collector.getsockname()[1]
         for named in (there, f"postgresql://robots@127.0.0.1:{port}/fleet"):
-            with closing(sqlite3.connect(str(make_url(file_url).database))) as file:
-                file.execute("UPDATE archive SET target = ?", (named,))
-                file.commit()
+            damage(file_url, f"UPDATE archive SET target = '{named}'")
             with pytest.raises(ArchivedError, match=r"a server.*--archive URL"):
                 file_kb.store.push(target)
         collector.settimeout(0)

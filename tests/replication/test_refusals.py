@@ -23,12 +23,21 @@ from kant_sql.errors import (
 )
 from kant_sql.history.replication import batch
 from tests.support.archives import count, damage, equal_histories, intact, rows_of, target_url
+from tests.support.faults import change
 from tests.support.roles import members
 from tests.support.servers import Server
 from tests.support.statements import recorded
 from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.robots import RB1
+
+
+@pytest.fixture
+def pushed(file_kb: KnowledgeBase, replica_url: str) -> KnowledgeBase:
+    """A knowledge base of four revisions, which a replica has."""
+    count(file_kb, 4)
+    file_kb.store.push(replica_url)
+    return file_kb
 
 
 def test_another_history_is_refused_with_the_first_difference(
@@ -113,13 +122,11 @@ def test_whatever_was_altered_is_noticed(
 
 @pytest.mark.parametrize("is_source", [True, False])
 def test_a_head_without_the_hash_of_its_revision_is_no_other_history(
-    file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
+    pushed: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
     damage(file_url if is_source else replica_url, f"UPDATE head SET hash = '{64 * '0'}'")
     with pytest.raises(StoreIntegrityError, match=r"heads .* differ at revision 4"):
-        file_kb.store.push(replica_url)
+        pushed.store.push(replica_url)
 
 
 def alter(url: str, statement: str) -> None:
@@ -146,15 +153,13 @@ CONTRADICTIONS = {
 
 @pytest.mark.parametrize(("is_source", "sql", "said"), CONTRADICTIONS.values(), ids=CONTRADICTIONS)
 def test_rows_that_a_constraint_refuses_are_told_of_both_stores(
-    file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool, sql: str, said: str
+    pushed: KnowledgeBase, file_url: str, replica_url: str, is_source: bool, sql: str, said: str
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
-    count(file_kb, 6)
+    count(pushed, 6)
     alter(file_url if is_source else replica_url, sql)
     before = rows_of(replica_url)
     with pytest.raises(StoreIntegrityError, match=said) as caught:
-        file_kb.store.push(replica_url)
+        pushed.store.push(replica_url)
     assert rows_of(replica_url) == before
     assert isinstance(caught.value.__cause__, StoreIntegrityError)
     for part in (
@@ -167,10 +172,8 @@ def test_rows_that_a_constraint_refuses_are_told_of_both_stores(
 
 @pytest.mark.parametrize("is_source", [True, False])
 def test_a_head_that_cannot_be_read_is_named_with_its_store(
-    file_kb: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
+    pushed: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
     url = file_url if is_source else replica_url
     for sql in ("committed_at = 'x'", "next_id = 'x'"):
         damage(url, f"UPDATE head SET {sql}")
@@ -180,15 +183,13 @@ def test_a_head_that_cannot_be_read_is_named_with_its_store(
 
 
 def test_a_revision_that_is_missing_is_no_other_history(
-    file_kb: KnowledgeBase, replica_url: str
+    pushed: KnowledgeBase, replica_url: str
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
     damage(replica_url, "DELETE FROM revision WHERE number = 4")
     damage(replica_url, f"UPDATE head SET hash = '{64 * '0'}'")
     said = f"{replica_url}: .*'tiago' has revision 4, which is missing"
     with pytest.raises(StoreIntegrityError, match=said):
-        file_kb.store.push(replica_url)
+        pushed.store.push(replica_url)
 
 
 def test_a_source_that_is_behind_its_archive_lacks_no_revision(
@@ -208,10 +209,8 @@ def test_a_source_that_is_behind_its_archive_lacks_no_revision(
 
 @pytest.mark.parametrize("id_", ["'x'", "9e999", "1.5"])
 def test_an_id_that_is_none_is_an_error_of_the_store(
-    file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect, id_: str
+    pushed: KnowledgeBase, file_url: str, replica_url: str, connect: Connect, id_: str
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
     damage(replica_url, f"UPDATE knowledge_base SET id = {id_}")
     with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* not an integer"):
         kant_sql.connect(file_url, knowledge_base="tiago").store.push(replica_url)
@@ -252,14 +251,14 @@ def test_a_knowledge_base_that_is_no_replica_is_adopted_on_request_only(
     count(file_kb, 4)
     file_kb.store.push(target)
     damage_head = "UPDATE head SET origin = NULL"
-    _execute(target, damage_head)
+    change(target, damage_head)
     for upto in (4, 6):
         count(file_kb, upto)
         with pytest.raises(ReplicaError, match="adopt=True"):
             file_kb.store.push(target)
     assert file_kb.store.push(target, adopt=True).revisions == 2
     equal_histories(file_url, target)
-    _execute(target, damage_head)
+    change(target, damage_head)
     assert file_kb.store.push(target, adopt=True).revisions == 0
     with connect(target, knowledge_base="tiago") as replica, pytest.raises(ReplicaError):
         counter.increment(replica, 1)
@@ -353,30 +352,26 @@ def test_the_past_and_an_open_transaction_are_not_pushed(
 
 
 def test_two_stores_never_become_replicas_of_each_other(
-    file_kb: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
+    pushed: KnowledgeBase, file_url: str, replica_url: str, connect: Connect
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
     replica = connect(replica_url, knowledge_base="tiago")
     with pytest.raises(ReplicaError, match=r"is itself a replica.*push from the original"):
         replica.store.push(file_url, adopt=True)
-    count(file_kb, 5)
-    assert file_kb.store.push(replica_url).revisions == 1
+    count(pushed, 5)
+    assert pushed.store.push(replica_url).revisions == 1
     replica.store.promote()
     counter.increment(replica, 1)
     assert replica.store.push(file_url, adopt=True).revisions == 2
 
 
 def test_nothing_is_added_to_a_target_that_lacks_its_last_revision(
-    file_kb: KnowledgeBase, replica_url: str
+    pushed: KnowledgeBase, replica_url: str
 ) -> None:
-    count(file_kb, 4)
-    file_kb.store.push(replica_url)
     damage(replica_url, "UPDATE revision SET number = 999 WHERE number = 4")
-    count(file_kb, 6)
+    count(pushed, 6)
     said = f"{replica_url}: .*'tiago' has revision 4, which is missing"
     with pytest.raises(StoreIntegrityError, match=said):
-        file_kb.store.push(replica_url)
+        pushed.store.push(replica_url)
 
 
 def test_names_are_pushed_one_by_one(
@@ -390,13 +385,3 @@ def test_names_are_pushed_one_by_one(
     connect(file_url, knowledge_base="other").store.push(replica_url)
     for name in ("tiago", "other"):
         equal_histories(file_url, replica_url, name)
-
-
-def _execute(url: str, statement: str) -> None:
-    if url.startswith("sqlite"):
-        damage(url, statement)
-        return
-    import psycopg
-
-    with psycopg.connect(url, autocommit=True) as bare:
-        bare.execute(statement.encode())

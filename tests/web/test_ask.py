@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import sqlite3
-from typing import Any
 from urllib.parse import urlencode
 
 import pytest
 from fastapi.testclient import TestClient
 
+from tests.web.conftest import get
+
 QUESTION = "(robot_at ?r ?p)"
 
 
-def asked(client: TestClient, **query: Any) -> Any:
-    answer = client.get("/api/ask", params={"kb": "courier", **query})
-    assert answer.status_code == 200, answer.text
-    page = client.get("/ask", params={"kb": "courier", **query})
-    assert page.status_code == 200
-    return answer.json()
-
-
 def test_a_condition_is_asked_of_a_state(client: TestClient) -> None:
-    state = asked(client, condition=QUESTION, at="30")["state"]
+    state = get(client, "/ask", condition=QUESTION, at="30")["state"]
     assert state["columns"] == ["r", "p"]
     assert ["rb1", "t3"] in state["answers"]
     assert (state["revision"], state["is_cut"]) == (30, False)
-    at_time = asked(client, condition=QUESTION, at="2026-03-02T14:03:00Z")["state"]
+    at_time = get(client, "/ask", condition=QUESTION, at="2026-03-02T14:03:00Z")["state"]
     assert at_time["answers"] == state["answers"]
-    one = asked(client, condition=QUESTION, at="30", limit=1)["state"]
+    one = get(client, "/ask", condition=QUESTION, at="30", limit=1)["state"]
     assert (one["answers"], one["is_cut"]) == (state["answers"][:1], True)
 
 
 def test_the_statement_finds_the_same(sqlite_story: str, client: TestClient) -> None:
-    state = asked(client, condition=QUESTION)["state"]
+    state = get(client, "/ask", condition=QUESTION)["state"]
     if "sqlite" not in str(client.app.state.store.url):  # type: ignore[attr-defined]
         pytest.skip("the statement is for PostgreSQL")
     with sqlite3.connect(sqlite_story.removeprefix("sqlite:///")) as store:
@@ -42,23 +35,23 @@ def test_the_statement_finds_the_same(sqlite_story: str, client: TestClient) -> 
 
 
 def test_a_condition_without_variables_says_why_it_does_not_hold(client: TestClient) -> None:
-    state = asked(client, condition="(waiting t2)", at="36")["state"]
+    state = get(client, "/ask", condition="(waiting t2)", at="36")["state"]
     assert (state["columns"], state["answers"]) == ([], [])
     [part] = state["unsatisfied"]
     assert part["condition"] == "(waiting t2)"
     assert part["retracted"]["actor"]
-    assert asked(client, condition="(not (waiting t2))")["state"]["answers"] == [[]]
+    assert get(client, "/ask", condition="(not (waiting t2))")["state"]["answers"] == [[]]
 
 
 def test_when_it_held_has_both_ends(client: TestClient) -> None:
-    when = asked(client, condition="(waiting ?t)", mode="when")["when"]
+    when = get(client, "/ask", condition="(waiting ?t)", mode="when")["when"]
     assert when["total"] == len(when["periods"]) > 2
     first = when["periods"][0]
     assert first["binding"] == {"t": "t1"}
     assert first["since"]["committed_at"] == when["begin"]
     page = client.get("/ask", params={"kb": "courier", "condition": "(waiting ?t)", "mode": "when"})
     assert page.text.count('class="bar"') == when["total"]
-    later = asked(client, condition="(waiting ?t)", mode="when", since="30")["when"]
+    later = get(client, "/ask", condition="(waiting ?t)", mode="when", since="30")["when"]
     assert later["total"] < when["total"]
 
 
@@ -81,7 +74,7 @@ def test_what_is_wrong_is_said_beside_the_form(client: TestClient, query: dict[s
 
 
 def test_without_a_condition_there_is_the_form(client: TestClient) -> None:
-    assert asked(client) == {"condition": "", "state": None, "when": None}
+    assert get(client, "/ask") == {"condition": "", "state": None, "when": None}
     assert client.get("/ask", params={"kb": "nobody"}).status_code == 404
 
 

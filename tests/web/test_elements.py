@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlencode
 
 import pytest
@@ -19,14 +18,7 @@ from kant_sql.web.pages import plans
 from kant_sql.web.pages.elements import _difference
 from kant_sql.web.rendering import address_of
 from tests.support.statements import fill
-from tests.web.conftest import Filled, archive_some, statements_of
-
-
-def get(client: TestClient, path: str, **query: Any) -> Any:
-    """The data of a page; the page itself is there, too."""
-    query = {"kb": "courier", **query}
-    assert client.get(path, params=query).status_code == 200
-    return client.get(f"/api{path}", params=query).json()
+from tests.web.conftest import Filled, archive_some, get, statements_of, walk
 
 
 def plan_id(client: TestClient) -> int:
@@ -157,17 +149,11 @@ def test_the_pages_of_an_object_have_each_change_once(
             for change in entry.changes
             if change.kind == "execution" or ("rb1" in change.text and change.kind != "plan")
         }
-    found, before = [], None
-    while True:
-        query: dict[str, int] = {} if before is None else {"before": before}
-        data = get(client, "/object", name="rb1", **query)
-        found += [
-            (one["revision"]["number"], one["sign"], one["kind"], one["text"])
-            for one in data["changes"]
-        ]
-        before = data["before"]
-        if before is None:
-            break
+    found = [
+        (one["revision"]["number"], one["sign"], one["kind"], one["text"])
+        for data in walk(client, "/object", "before", name="rb1")
+        for one in data["changes"]
+    ]
     for built in (versions._versions_of_object, versions._involving):
         built.cache_clear()
     assert sorted(found) == sorted(expected)
@@ -196,10 +182,8 @@ def test_a_plan_has_its_steps_with_their_outcomes(client: TestClient) -> None:
     assert [step["outcome"] for step in steps] == ["succeeded", "succeeded", "failed", "aborted"]
     assert [step["revisions"] for step in steps] == [[8, 9], [10, 11], [12, 13], [14]]
     failed = steps[2]["outcomes"][-1]
-    assert (failed["since"]["actor"], failed["since"]["reason"]) == (
-        "executive",
-        "blocked by a chair",
-    )
+    assert failed["since"]["actor"] == "executive"
+    assert failed["since"]["reason"] == "blocked by a chair"
 
 
 def test_a_plan_shows_who_wrote_while_a_step_ran(
@@ -310,14 +294,8 @@ def test_the_history_of_a_fact_is_read_page_by_page(filled: Filled) -> None:
     for _ in range(60):
         kb.propositions.delete("(robot_at rb1 wp1)")
         kb.propositions.save("(robot_at rb1 wp1)")
-    found: list[int] = []
-    query: dict[str, int] = {}
-    while True:
-        data = get(client, "/fact", text="(robot_at rb1 wp1)", **query)
-        found += [version["since"]["number"] for version in data["versions"]]
-        if data["before"] is None:
-            break
-        query = {"before": data["before"]}
+    pages = walk(client, "/fact", "before", text="(robot_at rb1 wp1)")
+    found = [version["since"]["number"] for data in pages for version in data["versions"]]
     assert found == [version.since.number for version in kb.history("(robot_at rb1 wp1)")][::-1]
 
 

@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 from kant_sql import KnowledgeBase
 from kant_sql.history import object_tables
 from tests.support.crawling import Markup
-from tests.web.conftest import Filled, statements_of
+from tests.web.conftest import Filled, get, statements_of, walk
 
 DOMAIN = """
 (define (domain ward) (:requirements :typing :fluents)
@@ -46,9 +46,7 @@ def fill(kb: KnowledgeBase) -> None:
 
 def rows(client: TestClient, **query: Any) -> dict[str, dict[str, list[str]]]:
     """The rows of all tables; the page itself is there, too."""
-    asked = {"kb": "courier", **query}
-    assert client.get("/objects", params=asked).status_code == 200
-    page = client.get("/api/objects", params=asked).json()
+    page = get(client, "/objects", **query)
     return {row["object"]: row["cells"] for table in page["tables"] for row in table["rows"]}
 
 
@@ -107,18 +105,15 @@ def test_objects_are_read_by_pages_at_the_same_cost(
     kb.objects.save_all([f"p{number} - place" for number in range(120)])
     kb.propositions.save_all([f"(beside ward p{number})" for number in range(120)])
     assert statements_of(client, "/objects?kb=courier") == few
-    seen: list[str] = []
-    page = client.get("/api/objects?kb=courier").json()
-    while page["next"] is not None:
-        seen += [row["object"] for table in page["tables"] for row in table["rows"]]
-        last = page["next"]
-        page = client.get("/api/objects", params={"kb": "courier", "after": last}).json()
-    seen += [row["object"] for table in page["tables"] for row in table["rows"]]
+    *pages, page = walk(client, "/objects")
+    tables = [table for each in (*pages, page) for table in each["tables"]]
+    seen = [row["object"] for table in tables for row in table["rows"]]
     assert sorted(seen) == sorted({one.name for one in kb.objects.get_all()})
     # Of a long cell the page has a part; the data has all.
     (ward,) = [row for row in page["tables"][-2]["rows"] if row["object"] == "ward"]
     assert len(ward["cells"]["beside"]) == 121
-    assert "and 101 more" in client.get("/objects", params={"kb": "courier", "after": last}).text
+    last = {"kb": "courier", "after": pages[-1]["next"]}
+    assert "and 101 more" in client.get("/objects", params=last).text
     monkeypatch.setattr(object_tables, "MOST", 3)
     object_tables._facts.cache_clear()
     try:

@@ -15,12 +15,10 @@ from kant_sql.planning import Plan, PlanStep
 from kant_sql.web.pages import overview
 from tests.support.crawling import Markup
 from tests.web.conftest import Filled, statements_of
-from tests.web.test_acts import do_some
 
 
-def test_it_says_what_is_going_on(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_it_says_what_is_going_on(busy: Filled) -> None:
+    kb, client = busy
     kb.goals.save("(and (at rb1 room) (not (docking rb1)))")
     page = client.get("/api/overview?kb=courier").json()
     (running,) = page["running"]
@@ -43,9 +41,8 @@ def test_it_says_what_is_going_on(filled: Filled) -> None:
     assert f"/act?kb=courier&id={own.id}" in Markup(text).links
 
 
-def test_what_has_no_planned_end_is_not_due_and_what_is_over_it_is_late(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_what_has_no_planned_end_is_not_due_and_what_is_over_it_is_late(busy: Filled) -> None:
+    kb, client = busy
     kb.executions.report("wait", outcome="running", started_at="3 hours ago")
     waiting, docking = client.get("/api/overview?kb=courier").json()["running"]
     assert waiting["due_at"] is None
@@ -63,10 +60,9 @@ def step_of(kb: KnowledgeBase) -> Execution:
 
 
 def test_goals_that_take_too_long_are_left_out(
-    filled: Filled, monkeypatch: pytest.MonkeyPatch
+    busy: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb, client = filled
-    do_some(kb)
+    _, client = busy
 
     def slow(*_: object) -> None:
         raise StatementTimeoutError("the statement took too long")
@@ -76,9 +72,8 @@ def test_goals_that_take_too_long_are_left_out(
     assert "takes too long" in client.get("/overview?kb=courier").text
 
 
-def test_the_standing_of_rules_follows_the_revisions(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_the_standing_of_rules_follows_the_revisions(busy: Filled) -> None:
+    kb, client = busy
     kb.rules.save("one-place", "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))")
     kb.rules.save("free", "(sometime (not (docking rb1)))")
 
@@ -105,10 +100,9 @@ def test_the_standing_of_rules_follows_the_revisions(filled: Filled) -> None:
 
 
 def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(
-    filled: Filled,
+    busy: Filled,
 ) -> None:
-    kb, client = filled
-    do_some(kb)
+    kb, client = busy
     moved, docking = client.get("/api/overview?kb=courier").json()["unconfirmed"]
     assert (moved["text"], docking["text"]) == ("(at rb1 room)", "(docking rb1)")
     text = client.get("/overview?kb=courier").text
@@ -120,9 +114,8 @@ def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(
     assert left["text"] == "(docking rb1)"
 
 
-def test_it_costs_the_same_with_more_rows(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_it_costs_the_same_with_more_rows(busy: Filled) -> None:
+    kb, client = busy
     kb.goals.save("(at rb1 room)")
     few = statements_of(client, "/overview?kb=courier")
     with kb.transaction():

@@ -38,10 +38,12 @@ from tests.support.worlds.hostile import (
     record_hostile,
     text_columns,
 )
-from tests.web.test_acts import do_some
+from tests.web.conftest import do_some
 
 SECTIONS = {"summary", "timeline", "plans", "acts", "rules", "goals", "log", "verification"}
 LIMITS = {"ACTORS": 2, "LANES": 3, "BARS": 2, "STEPS": 1, "ENTRIES": 4, "CHANGES": 1}
+DOORS = """(define (domain doors) (:predicates (open) (seen))
+  (:action look :precondition (open) :effect (seen)))"""
 RULES = ("(always (not (served t1)))", "(always (not (served t2)))")
 
 
@@ -176,10 +178,7 @@ def test_the_drawing_has_what_changed_most(
 
 
 def test_a_wrong_fact_led_to_these_acts(kb: KnowledgeBase) -> None:
-    kb.load_domain(
-        "(define (domain doors) (:predicates (open) (seen))"
-        " (:action look :precondition (open) :effect (seen)))"
-    )
+    kb.load_domain(DOORS)
     with kb.transaction(actor="camera", reason="frame 812"):
         kb.propositions.save_all(["(open)"])
     kb.apply("(look)")
@@ -195,10 +194,7 @@ def test_a_wrong_fact_led_to_these_acts(kb: KnowledgeBase) -> None:
 
 
 def test_a_plan_that_used_a_fact_is_led_to(kb: KnowledgeBase) -> None:
-    kb.load_domain(
-        "(define (domain doors) (:predicates (open) (seen))"
-        " (:action look :precondition (open) :effect (seen)))"
-    )
+    kb.load_domain(DOORS)
     kb.propositions.save("(open)")
     kb.plans.record(Plan((PlanStep(Decimal(0), "look", (), None),), "by hand", "unknown"))
     page = Page(report_html(kb, facts=["(open)"], verify=False))

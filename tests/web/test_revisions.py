@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +17,7 @@ from kant_sql.sql import changes
 from kant_sql.web.rendering import shifted
 from kant_sql.web.report import report_html
 from tests.support.statements import fill
-from tests.web.conftest import Filled, archive_some, statements_of
-
-
-def log(client: TestClient, **query: Any) -> Any:
-    """A page of the log."""
-    return client.get("/api/log", params={"kb": "courier", **query}).json()
+from tests.web.conftest import Filled, archive_some, get, statements_of, walk
 
 
 def numbers(page: Any) -> list[int]:
@@ -34,7 +28,7 @@ def numbers(page: Any) -> list[int]:
 def test_the_log_is_the_librarys(client: TestClient, story_url: str) -> None:
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:
         entries: list[Any] = [json_value(entry) for entry in kb.log()]
-    lines = log(client)["revisions"]
+    lines = get(client, "/log")["revisions"]
     for line, entry in zip(lines, entries, strict=True):
         assert {"total", "is_counted", "is_archived"} == line.keys() - entry.keys()
         assert line == {**line, **entry}
@@ -59,13 +53,12 @@ def test_the_log_is_the_librarys(client: TestClient, story_url: str) -> None:
 )
 @pytest.mark.more
 def test_the_log_is_filtered(client: TestClient, query: dict[str, Any], expected: Any) -> None:
-    page = log(client, **query)
+    page = get(client, "/log", **query)
     if expected == "any":
         assert 0 < len(numbers(page)) < 36
     else:
         assert numbers(page) == expected
     assert page["searched"] is None
-    assert client.get("/log", params={"kb": "courier", **query}).status_code == 200
 
 
 def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Filled) -> None:
@@ -77,8 +70,7 @@ def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Fille
     with kb.transaction(source={"topic": "/door"}):
         kb.propositions.save("(robot_at rb1 wp1)")
     for query in ({"text": "camera 7"}, {"text": "0.75", "element": "(robot_at rb1 wp1)"}):
-        found = client.get("/api/log", params={"kb": "courier", **query}).json()["revisions"]
-        assert [one["number"] for one in found] == [kb.revision - 1]
+        assert numbers(get(client, "/log", **query)) == [kb.revision - 1]
     shown: dict[str, dict[str, Any]] = {
         **{"log": {}, "revision": {"number": kb.revision - 1}, "timeline": {}},
         **{"fact": {"text": "(robot_at rb1 wp1)"}, "object": {"name": "wp1"}},
@@ -95,23 +87,14 @@ def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Fille
     assert "Camera 7" in str(period)
 
 
-def walk(client: TestClient, **query: Any) -> Iterator[Any]:
-    """Read the pages of a log one after the other."""
-    page = log(client, **query)
-    yield page
-    while page["before"] is not None:
-        page = log(client, **query, before=page["before"])
-        yield page
-
-
 def test_the_pages_of_a_log_have_each_revision_once(filled: Filled) -> None:
     kb, client = filled
     fill(kb, 60)
     for number in range(60):
         kb.propositions.delete(f"(robot_at rb1 wp{number})")
-    pages = list(walk(client))
+    pages = list(walk(client, "/log", "before"))
     assert [number for page in pages for number in numbers(page)] == list(range(62, 0, -1))
-    of_object = list(walk(client, element="rb1"))
+    of_object = list(walk(client, "/log", "before", element="rb1"))
     assert [number for page in of_object for number in numbers(page)] == list(range(62, 1, -1))
 
 
@@ -130,7 +113,7 @@ def test_a_page_says_how_far_it_searched(filled: Filled, monkeypatch: pytest.Mon
         ({"text": "at last"}, [63]),
         ({"actor": "somebody"}, [63]),
     ):
-        pages = list(walk(client, **query))
+        pages = list(walk(client, "/log", "before", **query))
         assert [number for page in pages for number in numbers(page)] == list(expected)
         assert len(pages) <= 5
     assert [page["searched"] for page in pages] == [44, 24, 4, None]
@@ -146,7 +129,7 @@ def test_a_text_is_looked_for_in_so_many_changes(
         kb.propositions.delete(f"(robot_at rb1 wp{number})")
     monkeypatch.setattr(log_module, "SEARCHED_CHANGES", 10)
     monkeypatch.setattr(log_module, "_END_OF_SEARCH", log_module._end_of_search())
-    pages = list(walk(client, text="WP1)"))
+    pages = list(walk(client, "/log", "before", text="WP1)"))
     assert [number for page in pages for number in numbers(page)] == [4, 2]
     assert [page["searched"] for page in pages][:3] == [23, 13, 3]
 
@@ -157,18 +140,13 @@ def test_a_revision_of_many_changes_is_read_page_by_page(
     kb, client = filled
     fill(kb, 300)
     entry = next(kb.log(since=2, until=2))
-    (line,) = [one for one in log(client)["revisions"] if one["number"] == 2]
+    (line,) = [one for one in get(client, "/log")["revisions"] if one["number"] == 2]
     assert (line["changes"], line["total"]) == ([], len(entry.changes))
     for bound in (5_000, 10):
         monkeypatch.setattr(changes, "SORTED", bound)
-        found: list[Any] = []
-        after: str | None = ""
-        while after is not None:
-            asked = {"kb": "courier", "number": "2", "after": after}
-            page = client.get("/api/revision", params=asked).json()
-            found += page["revision"]["changes"]
-            assert page["total"] == len(entry.changes)
-            after = page["next"]
+        pages = [*walk(client, "/revision", number=2)]
+        assert {page["total"] for page in pages} == {len(entry.changes)}
+        found = [change for page in pages for change in page["revision"]["changes"]]
         expected: Any = json_value(entry.changes)
         assert sorted(map(str, found)) == sorted(map(str, expected))
         assert found == expected or bound == 10
@@ -214,13 +192,8 @@ def test_a_long_difference_is_read_page_by_page(
 ) -> None:
     kb, client = filled
     fill(kb, 300)
-    found: set[str] = set()
-    after: str | None = ""
-    while after is not None:
-        asked = {"kb": "courier", "a": "1", "b": "2", "after": after}
-        data = client.get("/api/difference", params=asked).json()
-        found |= {str(change) for change in data["changes"]}
-        after = data["next"]
+    pages = walk(client, "/difference", a=1, b=2)
+    found = {str(change) for data in pages for change in data["changes"]}
     assert found == {str(json_value(change)) for change in kb.diff(1, 2)}
     diff._page.cache_clear()
     monkeypatch.setattr(diff, "COMPARED", 100)
@@ -275,9 +248,9 @@ def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> Non
     assert "old.db" in data["archive"]
     assert client.get("/api/revision?kb=courier&number=7").json()["archive"] is None
     assert "changes are in an archive" in client.get("/revision?kb=courier&number=4").text
-    lines = log(client)["revisions"]
+    lines = get(client, "/log")["revisions"]
     assert {line["number"]: line["is_archived"] for line in lines}[4] is True
-    assert "old.db" in log(client, element="(robot_at rb1 wp1)")["archive"]
+    assert "old.db" in get(client, "/log", element="(robot_at rb1 wp1)")["archive"]
     answer = client.get("/difference?kb=courier&a=3&b=8")
     assert (answer.status_code, "old.db" in answer.text) == (410, True)
 

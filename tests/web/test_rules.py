@@ -11,14 +11,12 @@ from kant_sql.errors import StatementTimeoutError
 from kant_sql.web.pages import rules
 from tests.support.crawling import Markup
 from tests.web.conftest import Filled, statements_of
-from tests.web.test_acts import do_some
 
 RULE = "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))"
 
 
-def test_a_kept_rule_is_on_the_pages_of_elements(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_a_kept_rule_is_on_the_pages_of_elements(busy: Filled) -> None:
+    kb, client = busy
     kb.rules.save("one-place", RULE)
     kb.rules.save("one-place", RULE, on_violation="refuse")
     text = f"(:rule one-place :on-violation refuse {RULE})"
@@ -40,9 +38,8 @@ def page_of(client: TestClient) -> dict[str, Any]:
     return {one["name"]: one for one in page["rules"]}
 
 
-def test_the_page_of_rules_says_who_saved_each_and_how_it_stands(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_the_page_of_rules_says_who_saved_each_and_how_it_stands(busy: Filled) -> None:
+    kb, client = busy
     assert client.get("/api/rules?kb=courier").json() == {"rules": [], "error": None}
     assert "No rules are kept." in client.get("/rules?kb=courier").text
     kb.objects.save("rb2 - robot")
@@ -72,10 +69,9 @@ def test_the_page_of_rules_says_who_saved_each_and_how_it_stands(filled: Filled)
 
 
 def test_rules_that_cannot_be_judged_are_listed_with_why(
-    filled: Filled, monkeypatch: pytest.MonkeyPatch
+    busy: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kb, client = filled
-    do_some(kb)
+    kb, client = busy
     kb.rules.save("one-place", RULE)
 
     def slow(*_: object) -> None:
@@ -89,9 +85,8 @@ def test_rules_that_cannot_be_judged_are_listed_with_why(
     assert "the statement took too long" in client.get("/rules?kb=courier").text
 
 
-def test_statements_do_not_grow_with_rules(filled: Filled) -> None:
-    kb, client = filled
-    do_some(kb)
+def test_statements_do_not_grow_with_rules(busy: Filled) -> None:
+    kb, client = busy
     kb.rules.save("one-place", RULE)
     few = statements_of(client, "/rules?kb=courier")
     for number in range(20):

@@ -23,7 +23,7 @@ from tests.benchmarks.support import alternate
 from tests.browser.addresses import ALL, FIRST
 from tests.support.browsing import Serving
 from tests.support.crawling import Markup
-from tests.support.processes.commands import PROGRAM, child
+from tests.support.processes.commands import PROGRAM
 from tests.support.servers import MortalServer
 
 PASSWORD = "the-password-of-the-robot"
@@ -76,27 +76,13 @@ pytestmark = pytest.mark.more
 def test_it_listens_where_only_this_machine_reaches_it(served: Serving) -> None:
     address = urlsplit(served.address)
     assert address.hostname == "127.0.0.1"
+    assert ask(served, "/", Host="evil.example")[0] == 400
     # The machine's other addresses: another one of the loopback's stands for them.
     with (
         pytest.raises(ConnectionRefusedError),
         socket.create_connection(("127.0.0.2", address.port)),
     ):
         pass
-
-
-def test_it_answers_under_its_own_names_only(served: Serving) -> None:
-    port = urlsplit(served.address).port
-    for host, status in {
-        f"127.0.0.1:{port}": 200,
-        f"localhost:{port}": 200,
-        f"evil.example:{port}": 400,
-        "evil.example": 400,
-        "0.0.0.0": 400,
-        "": 400,
-    }.items():
-        assert ask(served, "/", Host=host)[0] == status, host
-    assert ask(served, "/", "POST")[0] == 405
-    assert ask(served, "/token", "POST", Origin="http://evil.example")[0] == 403
 
 
 @pytest.mark.smoke
@@ -113,13 +99,6 @@ def test_another_address_needs_a_token(sqlite_story: str, tmp_path: Path) -> Non
         assert ask(running, "/api/", Authorization=bearer[:-1])[0] == 401
         # It is not part of an address, which would be kept in histories and logs.
         assert ask(running, f"/api/?token={running.token}")[0] == 401
-
-
-@pytest.mark.parametrize("token", ["short", ""])
-def test_a_token_that_is_easily_guessed_is_refused(sqlite_story: str, token: str) -> None:
-    ended = child("serve", sqlite_story, "--host", "0.0.0.0", KANT_SQL_TOKEN=token)
-    assert ended.returncode == 1
-    assert ended.stderr.startswith("kant-sql: KANT_SQL_TOKEN has")
 
 
 def test_every_answer_is_bounded(served: Serving) -> None:

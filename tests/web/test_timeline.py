@@ -19,30 +19,19 @@ def test_the_json_says_who_and_why(client: TestClient) -> None:
     data = client.get(f"/api/timeline?{NARROW}&predicate=robot_at").json()
     bars = {lane["text"]: lane["bars"] for lane in data["lanes"]}
     (visit,) = bars["(robot_at rb1 t3)"]
-    assert (visit["since_at"], visit["until_at"]) == (
-        "2026-03-02T14:01:00.000000Z",
-        "2026-03-02T14:20:00.000000Z",
-    )
-    assert (visit["actor"], visit["reason"], visit["ended_reason"]) == (
-        "executive",
-        "arrived",
-        "empty",
-    )
-    assert (data["since"], data["until"]) == (
-        "2026-03-02T14:00:00.000000Z",
-        "2026-03-02T14:30:00.000000Z",
-    )
+    assert visit["since_at"] == "2026-03-02T14:01:00.000000Z"
+    assert visit["until_at"] == "2026-03-02T14:20:00.000000Z"
+    said = visit["actor"], visit["reason"], visit["ended_reason"]
+    assert said == ("executive", "arrived", "empty")
+    assert data["since"] == "2026-03-02T14:00:00.000000Z"
+    assert data["until"] == "2026-03-02T14:30:00.000000Z"
     assert data["next"] is None
 
 
 def test_plans_have_their_outcomes(client: TestClient) -> None:
     (plan,) = client.get("/api/timeline?kb=courier&kind=plan").json()["plans"]
-    assert [step["status"] for step in plan["steps"]] == [
-        "succeeded",
-        "succeeded",
-        "failed",
-        "aborted",
-    ]
+    statuses = [step["status"] for step in plan["steps"]]
+    assert statuses == ["succeeded", "succeeded", "failed", "aborted"]
     assert plan["steps"][2]["ended_reason"] == "blocked by a chair"
 
 
