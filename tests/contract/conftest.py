@@ -100,7 +100,7 @@ def sound_statements(
 # Backends as the asynchronous front door sees them, and the tests that go through it by default.
 AIO = {
     "aio-sqlite-file": ("test_dao_",),
-    "aio-postgresql": ("test_dao_propositions", "test_dao_function_values"),
+    "aio-postgresql": ("test_dao_propositions", "test_dao_functions"),
     "aio-sqlite-memory": ("test_dao_propositions",),
 }
 # Backends as the DAO family over HTTP sees them, which the tests of the DAOs go through.

@@ -14,7 +14,6 @@ import pytest
 from kant_sql import (
     InvalidArgumentError,
     KnowledgeBase,
-    PddlFunctionDto,
     PddlObjectDto,
     PddlPropositionDto,
     ReadOnlyError,
@@ -27,11 +26,10 @@ from tests.support.pages import opened
 from tests.support.reading import beside
 from tests.support.statements import count
 from tests.support.stores import Connect
-from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP2, navigation, robot_at
+from tests.support.worlds.robots import BATTERY, RB1, ROBOT_AT, WAYPOINT, WP2, navigation, robot_at
 
 pytestmark = pytest.mark.every_backend
 
-BATTERY = PddlFunctionDto("battery", [ROBOT])
 OBSERVED = datetime(2026, 3, 2, 14, 3, 0, 1, UTC)
 
 

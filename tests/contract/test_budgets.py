@@ -18,11 +18,11 @@ from typing import Any
 import psycopg
 import pytest
 
-from kant_sql import KnowledgeBase, PddlPropositionDto
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlPropositionDto
 from tests.support.servers import Server
 from tests.support.statements import READS, Call, count, fact, fill, is_bracket, recorded
 from tests.support.stores import Connect
-from tests.support.worlds.robots import RB1, waypoint
+from tests.support.worlds.robots import BATTERY, LOCATION, RB1, WP1, distance, waypoint
 
 WRITE = 5
 # What never was: its identity and its arguments have rows of their own.
@@ -34,10 +34,16 @@ LATE = [datetime.now(UTC) - timedelta(minutes=minutes) for minutes in (20, 10)]
 RULE = "(always (not (exists (?r - robot) (robot_at ?r wp1))))"
 
 
+def fill_all(kb: KnowledgeBase, size: int) -> None:
+    """Give it as many values as facts, too."""
+    fill(kb, size)
+    kb.function_values.save_all(map(distance, range(size)))
+
+
 @pytest.fixture
 def warm(kb: KnowledgeBase) -> KnowledgeBase:
-    """A knowledge base that has just written, and knows `fact(0)` to `fact(9)`."""
-    fill(kb, 10)
+    """A knowledge base that has just written, and knows `fact(0)` to `fact(9)`; and values."""
+    fill_all(kb, 10)
     return kb
 
 
@@ -57,9 +63,21 @@ def test_a_warm_save_or_delete_takes_five_statements_at_most(
     assert count(lambda: facts.update(given)) <= WRITE
 
 
-def test_the_first_save_of_a_fact_adds_only_the_rows_of_its_identity(warm: KnowledgeBase) -> None:
+def test_a_warm_change_of_a_value_takes_five_statements_at_most(warm: KnowledgeBase) -> None:
+    values, battery = warm.function_values, "(battery rb1)"
+    values.set(BATTERY, objects=[RB1], value=10)
+    assert count(lambda: values.set(battery, value=9)) <= WRITE
+    assert count(lambda: values.increase(BATTERY, objects=[RB1], by=1)) <= WRITE
+    assert count(lambda: values.unset(battery)) <= WRITE
+    assert count(lambda: values.set(battery, value=9)) <= WRITE
+    assert count(lambda: values.set(battery, value=9.0)) == 1
+    assert count(lambda: values.increase(battery, by=0)) == 1
+
+
+def test_the_first_save_adds_only_the_rows_of_an_identity(warm: KnowledgeBase) -> None:
     warm.objects.save(waypoint(10))
     assert count(lambda: warm.propositions.save(fact(10))) <= FIRST_WRITE
+    assert count(lambda: warm.function_values.save(distance(10))) <= FIRST_WRITE + 1
 
 
 def test_what_another_writer_did_in_between_does_not_break_the_budget(
@@ -112,23 +130,31 @@ def test_a_transaction_writes_many_changes_in_as_many_statements_as_one(
     assert count(lambda: delete(range(1))) == count(lambda: delete(range(1, 10))) <= WRITE
 
 
-def test_save_all_takes_as_many_statements_for_a_thousand_facts_as_for_ten(
-    warm: KnowledgeBase,
-) -> None:
+def test_save_all_takes_as_many_statements_for_a_thousand_as_for_ten(warm: KnowledgeBase) -> None:
     warm.objects.save_all(waypoint(number) for number in range(2_000))
-    few = [fact(number) for number in range(10, 20)]
-    many = [fact(number) for number in range(20, 1_020)]
-    assert count(lambda: warm.propositions.save_all(few)) <= FIRST_WRITE
-    assert count(lambda: warm.propositions.save_all(many)) <= FIRST_WRITE
+    few, many = range(10, 20), range(20, 1_020)
+    facts, values = warm.propositions, warm.function_values
+    for numbers in (few, many):
+        assert count(partial(facts.save_all, [*map(fact, numbers)])) <= FIRST_WRITE
+    taken = {count(partial(values.save_all, [*map(distance, each)])) for each in (few, many)}
+    assert len(taken) == 1
+    assert max(taken) <= FIRST_WRITE + 1
+    others = [distance(number, 2) for number in range(10, 1_020)]
+    assert count(lambda: values.save_all(others)) <= WRITE
+    assert count(lambda: values.save_all(others)) == 1
+    assert values.get("(distance wp1 wp1019)") == 2
 
 
-def test_deleting_an_object_takes_as_many_statements_however_many_facts_mention_it(
-    kb: KnowledgeBase,
+@pytest.mark.parametrize(("gone", "sizes"), [(RB1, (1, 100)), (WP1, (10, 500))], ids=str)
+def test_deleting_an_object_takes_as_many_statements_however_much_mentions_it(
+    kb: KnowledgeBase, gone: PddlObjectDto, sizes: tuple[int, int]
 ) -> None:
     counts = set()
-    for size in (1, 100):
-        fill(kb, size)
-        counts.add(count(lambda: kb.objects.delete(RB1)))
+    for size in sizes:
+        fill_all(kb, size)
+        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
+        counts.add(count(lambda: kb.objects.delete(gone)))
+        assert (kb.propositions if gone == RB1 else kb.function_values).get_all()[1:] == []
     assert len(counts) == 1
 
 
@@ -140,7 +166,7 @@ def test_a_warm_read_takes_two_statements_at_most_however_many_rows_it_gives(
 ) -> None:
     taken: dict[str, set[int]] = {name: set() for name in READS}
     for size in SIZES:
-        fill(kb, size)
+        fill_all(kb, size)
         kb.propositions.get_all()
         for name, read in READS.items():
             taken[name].add(count(partial(read, kb)))
@@ -152,7 +178,7 @@ def test_a_warm_read_takes_two_statements_at_most_however_many_rows_it_gives(
 def test_a_freshly_opened_store_answers_with_two_statements_at_most(
     shared_url: str, connect: Connect, size: int
 ) -> None:
-    fill(connect(shared_url), size)
+    fill_all(connect(shared_url), size)
     taken = {}
     for name, read in READS.items():
         cold = connect(shared_url)
@@ -165,16 +191,17 @@ def test_reads_of_the_past_take_two_statements_at_most_once_its_definitions_are_
     shared_url: str, connect: Connect, size: int
 ) -> None:
     kb = connect(shared_url)
-    fill(kb, size)
+    fill_all(kb, size)
     kb.propositions.delete_all()
+    kb.function_values.delete_all()
     cold = connect(shared_url)
-    assert count(lambda: cold.at(2)) <= READ
-    past = cold.at(2)
+    assert count(lambda: cold.at(3)) <= READ
+    past = cold.at(3)
     # Who last changed a definition, by now and by then, and what it was then.
     assert count(past.propositions.get_all) <= READ + 2
     taken = {name: count(partial(read, past)) for name, read in READS.items()}
     assert max(taken.values()) <= READ, taken
-    assert len(past.propositions.get_all()) == size
+    assert len(past.propositions.get_all()) == len(past.function_values.get_all()) == size
     assert count(cold.at(1).types.get_all) <= READ + 1
 
 
@@ -193,7 +220,7 @@ def test_new_definitions_of_another_writer_cost_two_statements_once(
 def test_reads_within_a_transaction_take_two_statements_at_most(
     kb: KnowledgeBase, size: int
 ) -> None:
-    fill(kb, size)
+    fill_all(kb, size)
     with kb.transaction():
         kb.propositions.delete(fact(0))
         # What is pending is written first.
@@ -236,19 +263,45 @@ def test_questions_of_valid_time_take_as_many_statements_however_much_was_said(
     assert all(few >= many and few <= most[name] for name, (few, many) in taken.items()), taken
 
 
-# Revisions, and opening.
+# By names, the versions and their revisions; of facts, also who confirmed them, and of which acts
+# they are effects. Of a formula, first all texts. The log is read in pages.
+PAST: dict[str, tuple[int, Call]] = {
+    "revision": (1, lambda kb: kb.revision),
+    "revisions": (1, lambda kb: kb.store.revisions()),
+    "blame": (2, lambda kb: kb.blame(fact(0))),
+    "history of a fact": (3, lambda kb: kb.history(fact(0))),
+    "history of its text": (3, lambda kb: kb.history("(robot_at rb1 wp0)")),
+    "history of an object": (3, lambda kb: kb.history("rb1")),
+    "history of a value": (2, lambda kb: kb.history("(distance wp1 wp0)")),
+    "history of a formula": (3, lambda kb: kb.history("(> (distance wp1 wp0) 0)")),
+    "diff": (3, lambda kb: kb.diff(1, kb.revision)),
+    "log": (3, lambda kb: [*kb.log()]),
+    "log of an actor": (3, lambda kb: [*kb.log(actor="test")]),
+    "log between": (3, lambda kb: [*kb.log(1, until=2)]),
+    "log between times": (3, lambda kb: [*kb.log("yesterday", until="now")]),
+    "log of a fact": (3, lambda kb: [*kb.log(element=fact(0))]),
+    "log of an object": (5, lambda kb: [*kb.log(element=RB1)]),
+}
 
 
-@pytest.mark.parametrize("revisions", [1, 40])
-def test_revisions_take_one_statement_and_the_log_three_for_each_page(
-    kb: KnowledgeBase, revisions: int
+def test_questions_of_the_past_take_as_many_statements_however_much_happened(
+    kb: KnowledgeBase,
 ) -> None:
-    for number in range(revisions):
-        kb.propositions.save(fact(number))
-    assert count(lambda: kb.revision) == 1
-    assert count(kb.store.revisions) == 1
-    assert count(lambda: list(kb.log())) == 3
-    assert len(list(kb.log())) == revisions
+    taken: dict[str, set[int]] = {name: set() for name in PAST}
+    for size in (1, 30):
+        fill_all(kb, size)
+        for number in range(size):
+            kb.propositions.delete(fact(0))
+            kb.propositions.save(fact(0))
+            kb.function_values.save(distance(0, number + 2))
+            kb.goals.save(f"(> (distance wp1 wp0) {number})")
+        for name, (_, ask) in PAST.items():
+            taken[name].add(count(partial(ask, kb)))
+    assert taken == {name: {number} for name, (number, _) in PAST.items()}
+    assert len(kb.history(fact(0))) == 1 + 1 + 30
+
+
+# Opening.
 
 
 def test_opening_a_store_takes_three_statements_at_most(shared_url: str, connect: Connect) -> None:
@@ -330,7 +383,7 @@ def work_on(kb: KnowledgeBase) -> None:
 
 def test_on_sqlite_the_log_has_what_the_database_runs(tmp_path: Path, connect: Connect) -> None:
     url = f"sqlite:///{tmp_path / 'store.db'}"
-    fill(connect(url), 10)
+    fill_all(connect(url), 10)
     with seen_by_sqlite() as seen, recorded() as logged:
         work_on(connect(url))
     # A connection's own settings.
@@ -343,7 +396,7 @@ def test_on_postgresql_the_log_has_what_the_driver_is_given(
     server: Server, connect: Connect
 ) -> None:
     url = server.new_store()
-    fill(connect(url), 10)
+    fill_all(connect(url), 10)
     with seen_by_psycopg() as seen, recorded() as logged:
         work_on(connect(url))
     assert any(sql.startswith("COPY") for sql in logged)

@@ -9,6 +9,7 @@ import pytest
 from kant_sql import KnowledgeBase, Plan, PlanStep
 from kant_sql.errors import InvalidArgumentError, InvalidKnowledgeError, UnknownNameError
 from kant_sql.sql import causes
+from tests.support.reading import loaded, present
 from tests.support.statements import count
 
 DOMAIN = """
@@ -40,8 +41,7 @@ PROBLEM = """
 @pytest.fixture
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A ward in which a camera saw a door that the robot then used."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
+    loaded(fresh_kb, DOMAIN, PROBLEM)
     with fresh_kb.transaction(actor="camera", reason="saw it"):
         fresh_kb.propositions.save_all(["(door room lab)"])
     fresh_kb.apply("(move rb1 hall lab)")
@@ -76,8 +76,7 @@ def test_consequences_are_followed(kb: KnowledgeBase) -> None:
         (2, "(look rb1 lab)"),
     ]
     moved, *derived, dock, look = kb.consequences("(door room lab)", depth=2)
-    assert moved.revision is not None
-    assert moved.revision.number == 4
+    assert present(moved.revision).number == 4
     assert moved.used == ("(door room lab)",)
     assert {*moved.made} == {"(at rb1 lab)", "(not (at rb1 hall))"}
     assert {one.text for one in derived} == {"(way hall lab)", "(way room lab)"}
@@ -120,8 +119,7 @@ def test_origins_lead_to_observations_and_documents(kb: KnowledgeBase) -> None:
     assert (first.text, first.used) == ("(look rb1 lab)", ("(at rb1 lab)", "(lit lab)"))
     assert (second.depth, second.text, second.made) == (2, "(move rb1 hall lab)", ("(at rb1 lab)",))
     [camera] = [one for one in rest if one.kind == "observation"]
-    assert camera.revision is not None
-    assert camera.revision.actor == "camera"
+    assert present(camera.revision).actor == "camera"
     assert (camera.depth, camera.made) == (3, ("(door room lab)",))
     documents = [one for one in found if one.kind == "document"]
     assert {text for one in documents for text in one.made} >= {"(at rb1 hall)", "(lit lab)"}

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from sqlalchemy import make_url
 
-from kant_sql import InvalidArgumentError, KnowledgeBase, PddlObjectDto, UnknownRevisionError
+from kant_sql import InvalidArgumentError, KnowledgeBase, PddlObjectDto
 from kant_sql.errors import ArchivedError, StoreIntegrityError
 from kant_sql.history import follow as following
 from kant_sql.history import revisions as pages
@@ -78,33 +78,6 @@ def test_it_goes_on_to_the_head_as_it_is_when_it_comes_there(kb: KnowledgeBase) 
 def test_what_never_was_written_to_has_no_changes(kb: KnowledgeBase) -> None:
     assert list(kb.changes()) == []
     assert list(kb.changes(0, limit=5)) == []
-
-
-def test_what_is_no_revision_is_refused_at_once(kb: KnowledgeBase) -> None:
-    write(kb, 2)
-    wrong: list[Any] = [3, 2**63, 2**70, -1, True, "3", 1.0, None]
-    for after in wrong:
-        with pytest.raises(UnknownRevisionError, match=r"revision"):
-            kb.changes(after)
-
-
-def test_a_view_of_the_past_ends_where_it_looks(kb: KnowledgeBase) -> None:
-    write(kb, 5)
-    then = kb.at(3)
-    assert numbers(then.changes()) == [1, 2, 3]
-    assert numbers(then.changes(2)) == [3]
-    assert numbers(then.changes(3)) == []
-    with pytest.raises(UnknownRevisionError, match="has no revision 4: it is at 3"):
-        then.changes(4)
-
-
-def test_within_a_transaction_it_tells_what_is_committed(kb: KnowledgeBase) -> None:
-    write(kb, 2)
-    with kb.transaction():
-        kb.propositions.save(robot_at())
-        assert len(kb.propositions.get_all()) == 1
-        assert numbers(kb.changes(1)) == [2]
-    assert numbers(kb.changes(1)) == [2, 3]
 
 
 def test_a_feed_may_begin_after_a_time(kb: KnowledgeBase) -> None:

@@ -30,6 +30,7 @@ from kant_sql.dto.elements import (
     PddlTypeDto,
 )
 from kant_sql.errors import InvalidUrlError
+from tests.support.reading import present
 from tests.support.worlds.robots import (
     RB1,
     ROBOT,
@@ -411,14 +412,10 @@ def test_a_type_without_a_parent_keeps_the_one_that_it_has(factory: DaoFactory) 
     assert types.save(PddlTypeDto("wp"))
     assert types._update(PddlTypeDto("WP"))
     assert factory.create_pddl_object_dao().save(WP1)
-    found = types.get("wp")
-    assert found is not None
-    assert found.parent == place
+    assert present(types.get("wp")).parent == place
     assert factory._factory.revision == revision + 1
     assert types.save(PddlTypeDto("wp", parent=area))
-    found = types.get("wp")
-    assert found is not None
-    assert found.parent == area
+    assert present(types.get("wp")).parent == area
 
 
 @dataclass

@@ -6,7 +6,6 @@ import asyncio
 import contextvars
 import gc
 import itertools
-import threading
 import time
 import weakref
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -321,24 +320,6 @@ def test_what_tasks_acknowledge_is_there_and_nothing_else(
 
         asyncio.run(main())
         assert written(kb) == expected
-
-
-def test_threads_are_apart_as_they_were(kb: KnowledgeBase) -> None:
-    entered, waiting = threading.Event(), threading.Event()
-
-    def second() -> None:
-        entered.wait(30)
-        waiting.set()
-        kb.propositions.save(robot_at(place=WP2))
-
-    thread = threading.Thread(target=second)
-    thread.start()
-    with kb.transaction(actor="first"):
-        kb.propositions.save(robot_at())
-        entered.set()
-        waiting.wait(30)
-    thread.join(30)
-    assert [actor for actor, _ in written(kb)] == ["first", "test"]
 
 
 def joins(kb: KnowledgeBase) -> Iterator[int]:

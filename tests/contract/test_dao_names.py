@@ -19,47 +19,15 @@ from kant_sql import (
     UnknownNameError,
 )
 from kant_sql.errors import InvalidNameError
-from tests.support.reading import beside, facts, nothing_changes, refuses, state, undone
+from tests.support.reading import beside, facts, nothing_changes, present, refuses, state, undone
 from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, robot_at
 
 STRANGE = [
-    "%",
-    "_",
-    "100%_--",
-    "\\",
-    "\\N",
-    "\\.",
-    "\\x41",
-    "$$",
-    "$1",
-    "%s",
-    "{0}",
-    "a,b",
-    "{a,b}",
-    "NULL",
-    "*",
-    "DROP",
-    "/*",
-    "<b>",
-    "a=b",
-    "1-2",
-    "0x10",
-    "1.2.3",
-    "true",
-    "[red]",
-    "Küche",
-    "Straße",
-    "ЖУК",
-    "机器人",
-    "ロボット",
-    "🤖",
-    "👩🏽",
-    "a\u0301\u0323",
-    "\U0001d54f",
-    "x" * 255,
-    "😀" * 255,
-    "ﬃ" * 255,
-    "\u0390" * 255,
+    # What means something to SQL, to COPY, or to who formats text.
+    *("%", "_", "100%_--", "\\", "\\N", "\\.", "\\x41", "$$", "$1", "%s", "{0}", "a,b", "{a,b}"),
+    *("NULL", "*", "DROP", "/*", "<b>", "a=b", "1-2", "0x10", "1.2.3", "true", "[red]"),
+    *("Küche", "Straße", "ЖУК", "机器人", "ロボット", "🤖", "👩🏽", "a\u0301\u0323", "\U0001d54f"),
+    *("x" * 255, "😀" * 255, "ﬃ" * 255, "\u0390" * 255),
 ]
 
 
@@ -197,9 +165,7 @@ def test_names_ignore_case_and_composition_and_keep_the_first_spelling(
         assert fresh_kb.predicates.update(fact(second).predicate) is True
         assert fresh_kb.actions.insert(action(second)) is False
     assert texts["facts"] == [f"({first} {first})"]
-    found = fresh_kb.types.get(second)
-    assert found is not None
-    assert found.name == first
+    assert present(fresh_kb.types.get(second)).name == first
     assert fresh_kb.propositions.get_by_predicate(second) == [fact(first)]
     assert fresh_kb.types.delete(PddlTypeDto(second)) is True
     assert state(fresh_kb)["types"] == state(fresh_kb)["actions"] == facts(fresh_kb) == []
@@ -219,9 +185,7 @@ def test_the_first_spelling_stays_after_delete_and_re_create(
     assert after["facts"] == [f"({first} {first})"]
     fresh_kb.actions.delete(action(second))
     fresh_kb.actions.save(action(first))
-    found = fresh_kb.actions.get(first)
-    assert found is not None
-    assert found.name == second
+    assert present(fresh_kb.actions.get(first)).name == second
 
 
 def test_a_name_that_was_rolled_back_leaves_no_spelling(fresh_kb: KnowledgeBase) -> None:

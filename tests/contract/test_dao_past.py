@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime, timedelta, timezone
 from typing import Any
 
@@ -11,20 +11,20 @@ import pytest
 from kant_sql import (
     InvalidArgumentError,
     KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
+    PddlFunctionValueDto,
     PddlTypeDto,
     ReadOnlyError,
     UnknownRevisionError,
 )
-from tests.support.atoms import Atoms
 from tests.support.parts import dao_of
 from tests.support.reading import State, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
 from tests.support.worlds.robots import (
+    BATTERY,
     RB1,
     ROBOT,
     ROBOT_AT,
+    STORY,
     WAYPOINT,
     WP1,
     WP2,
@@ -33,29 +33,36 @@ from tests.support.worlds.robots import (
     waypoint,
 )
 
-HISTORY: list[Callable[[KnowledgeBase], object]] = [
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.actions.save(navigation()),
-    lambda kb: Atoms(kb).save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
-    lambda kb: kb.propositions.delete(robot_at()),
-    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
-    lambda kb: kb.predicates.save(PddlPredicateDto("robot_at", [WAYPOINT])),
-    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "rb1")),
-    lambda kb: kb.types.delete(WAYPOINT),
-    lambda kb: kb.types.delete_all(),
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.propositions.delete(robot_at()),
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.actions.save(navigation()),
-    lambda kb: kb.objects.delete(WP1),
-]
+# What can be asked of a state and its history, besides what the DAOs read.
+QUESTIONS: dict[str, Callable[[KnowledgeBase], Any]] = {
+    "revisions": lambda kb: kb.store.revisions(),
+    "log": lambda kb: list(kb.log()),
+    "log of a page": lambda kb: list(kb.log(limit=2)),
+    "log of an actor": lambda kb: list(kb.log(actor="test")),
+    "log of a fact": lambda kb: list(kb.log(element=robot_at())),
+    "log of an object": lambda kb: list(kb.log(element=WP1)),
+    "changes": lambda kb: list(kb.changes()),
+    "later changes": lambda kb: list(kb.changes(min(kb.revision, 2))),
+    "difference": lambda kb: kb.diff(0, kb.revision),
+    "last difference": lambda kb: kb.diff(max(kb.revision, 1) - 1, kb.revision),
+    "blame": lambda kb: [kb.blame(each) for each in (robot_at(), robot_at(is_goal=True), WP1)],
+    "history of a fact": lambda kb: kb.history(robot_at()),
+    "history of a goal": lambda kb: kb.history(robot_at(is_goal=True)),
+    "history of a value": lambda kb: kb.history(PddlFunctionValueDto(BATTERY, [RB1])),
+    "history of an object": lambda kb: kb.history(WP1),
+    "history of definitions": lambda kb: [kb.history(each) for each in (WAYPOINT, ROBOT_AT)],
+}
+
+
+def answers(kb: KnowledgeBase) -> dict[str, Any]:
+    return {name: ask(kb) for name, ask in QUESTIONS.items()}
 
 
 @pytest.fixture
 def states(fresh_kb: KnowledgeBase) -> list[State]:
     """What held at each revision, recorded when that was the head."""
     recorded = [state(fresh_kb)]
-    for step in HISTORY:
+    for step in STORY:
         step(fresh_kb)
         recorded.append(state(fresh_kb))
         assert fresh_kb.revision == len(recorded) - 1
@@ -63,13 +70,35 @@ def states(fresh_kb: KnowledgeBase) -> list[State]:
 
 
 def test_each_revision_reads_as_it_did_when_it_was_the_head(
-    fresh_kb: KnowledgeBase, states: list[State], common_url: str, connect: Connect
+    fresh_kb: KnowledgeBase, states: list[State]
 ) -> None:
     for _ in range(2):
         for number, recorded in reversed([*enumerate(states)]):
             assert state(fresh_kb.at(number)) == recorded
             assert fresh_kb.at(number).revision == number
-    assert len(states) == len(HISTORY) + 1
+
+
+def test_each_question_is_answered_as_it_was_when_that_was_the_head(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    recorded = []
+    for step in STORY:
+        step(fresh_kb)
+        recorded.append(answers(fresh_kb))
+    for number, expected in enumerate(recorded, start=1):
+        assert answers(fresh_kb.at(number)) == expected
+        assert answers(fresh_kb.at(len(STORY)).at(number)) == expected
+
+
+def test_what_is_not_committed_is_not_told(fresh_kb: KnowledgeBase, states: list[State]) -> None:
+    before = answers(fresh_kb)
+    with undone(fresh_kb):
+        fresh_kb.types.delete_all()
+        fresh_kb.propositions.save(robot_at(RB1, waypoint(9)))
+        assert len(fresh_kb.propositions.get_all()) == 1
+        assert answers(fresh_kb) == before
+        assert fresh_kb.history("wp9") == []
+        assert list(fresh_kb.log(element="wp9")) == []
 
 
 def test_another_process_reads_the_same_past(
@@ -115,6 +144,7 @@ def test_the_past_can_be_looked_at_from_the_past(
     fresh_kb: KnowledgeBase, states: list[State]
 ) -> None:
     assert state(fresh_kb.at(3).at(1)) == states[1]
+    assert fresh_kb.at(3).at(fresh_kb.store.revisions()[-1].committed_at).revision == 3
 
 
 def test_closing_a_view_of_the_past_leaves_the_present_open(
@@ -153,16 +183,6 @@ def test_nothing_can_be_written_to_the_past(fresh_kb: KnowledgeBase, states: lis
         with fresh_kb.transaction(), pytest.raises(ReadOnlyError):
             past.types.save(PddlTypeDto("new"))
     assert state(past) == states[3]
-
-
-@pytest.mark.parametrize(
-    "when", [15, 2**63, 10**30, -1, True, False, None, "99", 3.0, b"3", [3], timedelta(1)]
-)
-def test_a_revision_that_there_is_not_is_refused(
-    fresh_kb: KnowledgeBase, states: list[State], when: Any
-) -> None:
-    with pytest.raises(UnknownRevisionError):
-        fresh_kb.at(when)
 
 
 def test_the_message_says_where_the_knowledge_base_is(fresh_kb: KnowledgeBase) -> None:
@@ -228,39 +248,58 @@ def test_a_time_in_the_future_is_refused(fresh_kb: KnowledgeBase, moment: dateti
 
 
 def test_a_time_without_a_zone_is_refused(fresh_kb: KnowledgeBase) -> None:
-    naive = datetime(2026, 1, 31, 9, 30)
     with pytest.raises(UnknownRevisionError, match=r"has no zone; give one, as UTC$"):
-        fresh_kb.at(naive)
+        fresh_kb.at(NAIVE)
 
 
-# What takes a revision, and what tells which it took.
-TAKERS: dict[str, Callable[[KnowledgeBase, Any], object]] = {
-    "at": lambda kb, when: kb.at(when).revision,
-    "diff": lambda kb, when: [str(each) for each in kb.diff(when, 3)],
-    "log_until": lambda kb, when: [each.revision.number for each in kb.log(until=when)],
-    "log_since": lambda kb, when: [each.revision.number for each in kb.log(when)],
-    "timeline": lambda kb, when: len(kb.timeline(until=when).lanes),
-    "when": lambda kb, when: len(list(kb.when("(robot_at ?r ?w)", until=when))),
-    "rules": lambda kb, when: str(kb.pddl.check_rules("(always (robot_at rb1 wp2))", since=when)),
+# What takes a revision or a time.
+TAKERS: dict[str, Callable[[KnowledgeBase, Any], Iterable[Any]]] = {
+    "at": lambda kb, when: [kb.at(when).revision],
+    "diff from": lambda kb, when: kb.diff(when, 3),
+    "diff to": lambda kb, when: kb.diff(3, when),
+    "changes": lambda kb, when: kb.changes(when),
+    "log until": lambda kb, when: kb.log(until=when),
+    "log since": lambda kb, when: kb.log(when),
+    "timeline": lambda kb, when: kb.timeline(until=when).lanes,
+    "when": lambda kb, when: kb.when("(robot_at ?r ?w)", until=when),
+    "rules": lambda kb, when: kb.pddl.check_rules("(always (robot_at rb1 wp2))", since=when),
 }
+NAIVE, LAST = datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)
+# Of a knowledge base at revision 4.
+UNKNOWN = [5, 2**63, 10**30, -1, True, False, "99", 3.0, b"3", [3], timedelta(1), NAIVE, LAST]
+
+
+# A timeline ends at the present then.
+@pytest.mark.parametrize("taker", [taker for taker in TAKERS if taker != "timeline"])
+def test_a_state_that_is_not_there_is_refused_at_once(fresh_kb: KnowledgeBase, taker: str) -> None:
+    for step in STORY[:4]:
+        step(fresh_kb)
+    can_be_none = taker in ("log until", "log since", "when", "rules")
+    for when in UNKNOWN if can_be_none else [*UNKNOWN, None]:
+        with pytest.raises(UnknownRevisionError):
+            TAKERS[taker](fresh_kb, when)
+    with pytest.raises(UnknownRevisionError, match="has no revision 4: it is at 3"):
+        TAKERS[taker](fresh_kb.at(3), 4)
 
 
 @pytest.mark.parametrize("taker", TAKERS)
 def test_a_revision_or_a_time_is_given_as_text(fresh_kb: KnowledgeBase, taker: str) -> None:
-    for step in HISTORY[:4]:
+    for step in STORY[:4]:
         step(fresh_kb)
-    take = TAKERS[taker]
     moment = fresh_kb.store.revisions()[1].committed_at
-    assert take(fresh_kb, "2") == take(fresh_kb, 2)
-    assert take(fresh_kb, moment.isoformat()) == take(fresh_kb, moment)
-    naive = moment.replace(tzinfo=None).isoformat()
-    assert take(fresh_kb, naive) == take(fresh_kb, moment)
+
+    def taken(when: Any) -> list[Any]:
+        return [*TAKERS[taker](fresh_kb, when)]
+
+    assert taken("2") == taken(2)
+    assert taken(moment.isoformat()) == taken(moment)
+    assert taken(moment.replace(tzinfo=None).isoformat()) == taken(moment)
     with pytest.raises(InvalidArgumentError, match="neither a revision's number nor a time"):
-        take(fresh_kb, "the day it broke")
+        taken("the day it broke")
 
 
 def test_yesterday_and_now_are_read(fresh_kb: KnowledgeBase) -> None:
-    for step in HISTORY[:4]:
+    for step in STORY[:4]:
         step(fresh_kb)
     for text, revision in (("yesterday", 0), ("2 hours ago", 0), ("Now", 4), (" 3", 3)):
         assert fresh_kb.at(text).revision == revision

@@ -27,6 +27,7 @@ from kant_sql.history.verify.chain import stream_chain
 from kant_sql.knowledge.canonical import revision_hash
 from kant_sql.sql.dialects import create_backend
 from tests.support.processes import commands
+from tests.support.reading import loaded
 from tests.support.stores import Connect
 
 NAME = "maria_sklodowska"
@@ -48,8 +49,7 @@ PROBLEM = f"""
 
 def fill(kb: KnowledgeBase) -> KnowledgeBase:
     """A history that mentions the name in each table that can."""
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM)
+    loaded(kb, DOMAIN, PROBLEM)
     kb.rules.save("watch", f"(always (not (at {NAME} bath)))")
     with kb.transaction(actor="camera", reason=f"saw {NAME}", source={"who": NAME, "at": 3}):
         kb.propositions.delete(f"(at {NAME} hall)")

@@ -26,7 +26,7 @@ from kant_sql.errors import (
     TransactionOpenError,
 )
 from kant_sql.reasoning import Step
-from tests.support.reading import beside, nothing_changes, store_of
+from tests.support.reading import beside, loaded, nothing_changes, present, store_of
 from tests.support.stores import Connect
 
 DOMAIN = """
@@ -58,9 +58,7 @@ LONG = 90
 @pytest.fixture
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A ward with two robots in the hall."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
+    return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def nurse(kb: KnowledgeBase) -> KnowledgeBase:
@@ -81,9 +79,7 @@ def test_steps_run_in_their_order_and_side_by_side(kb: KnowledgeBase) -> None:
     done: list[str] = []
 
     def dispatch(step: Execution) -> str:
-        now = kb.executions.get(step.id)
-        assert now is not None
-        assert now.outcome == "running"
+        assert present(kb.executions.get(step.id)).outcome == "running"
         if str(step) in ("(move r1 hall room)", "(clean hall)"):
             both.wait()
         assert kb.holds("(moving r1)") == (str(step) == "(move r1 hall room)") or "hall" in str(
@@ -236,8 +232,7 @@ def test_a_step_whose_effects_a_rule_refuses_ends_the_plan(kb: KnowledgeBase) ->
     said = "(always (not (clean hall))): rule 'dirty' refuses the effects"
     found = kb.execute("(clean room)\n(clean hall)\n(switch room)", do_nothing)
     assert outcomes(found) == ["succeeded", "failed", None]
-    assert found.step is not None
-    assert (found.step.text, found.unsatisfied[0].since) == (said, None)
+    assert (present(found.step).text, found.unsatisfied[0].since) == (said, None)
     kb.rules.save("dark", "(always (imply (lit room) (clean hall)))", on_violation="refuse")
     kb.rules.save("still", "(always (not (moving r1)))", on_violation="refuse")
     found = kb.execute("(move r1 hall hall)", do_nothing)
@@ -270,16 +265,13 @@ def die(url: str) -> None:
 def test_a_killed_process_leaves_what_ran_and_another_goes_on(
     shared_url: str, connect: Connect
 ) -> None:
-    kb = connect(shared_url, actor="operator")
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM)
+    kb = loaded(connect(shared_url, actor="operator"), DOMAIN, PROBLEM)
     plan = kb.plans.record(Plan.read("(switch room)\n(move r1 hall room)\n(clean room)\n"))
     process = get_context("spawn").Process(target=die, args=(shared_url,))
     process.start()
     process.join(LONG)
     assert process.exitcode == -signal.SIGKILL
-    steps = kb.plans.get(plan.id)
-    assert steps is not None
+    steps = present(kb.plans.get(plan.id))
     assert [step.outcome for step in steps.steps] == ["succeeded", "running", None]
     [running] = kb.executions.get_all(outcome="running")
     assert (str(running), running.actor) == ("(move r1 hall room)", "executive")
@@ -295,8 +287,7 @@ def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
     found = kb.execute("(clean hall)\n(clean room)", kb.abort)
     assert (found.outcome, outcomes(found)) == ("aborted", ["aborted", None])
     found = kb.execute("(clean hall)\n(clean room)", lambda step: kb.fail(step, code="E7"))
-    assert found.step is not None
-    assert (found.outcome, found.step.code) == ("failed", "E7")
+    assert (found.outcome, present(found.step).code) == ("failed", "E7")
     assert kb.execute("(clean hall)", kb.end).outcome == "succeeded"
     # One that another ends is noticed while it runs.
     stop = Event()

@@ -12,7 +12,7 @@ import pytest
 import kant_sql
 from kant_sql import Execution, KnowledgeBase, NotApplicableError, Plan, PlanStep
 from kant_sql.errors import InvalidArgumentError, PlanError, ReadOnlyError, UnknownNameError
-from tests.support.reading import last_changes, nothing_changes
+from tests.support.reading import last_changes, loaded, nothing_changes, present
 from tests.support.statements import count
 
 DOMAIN = """
@@ -29,9 +29,7 @@ PROBLEM = "(define (problem home) (:domain doors) (:objects front back - door) (
 @pytest.fixture
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base with two doors."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
+    return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def latest(kb: KnowledgeBase, **which: Any) -> Execution:
@@ -108,8 +106,7 @@ def test_a_refused_step_of_a_plan_stays_to_be_done(kb: KnowledgeBase) -> None:
     with pytest.raises(NotApplicableError):
         kb.apply(plan.steps[0], record_refusal=True)
     assert latest(kb).outcome == "refused"
-    link = kb.store.revisions()[-1].plan_step
-    assert link is not None
+    link = present(kb.store.revisions()[-1].plan_step)
     assert (link.plan, link.position) == (plan.id, 0)
     kb.propositions.delete("(open front)")
     kb.apply(plan.steps[0])
@@ -127,8 +124,7 @@ def test_a_durative_act_runs_and_ends(kb: KnowledgeBase) -> None:
     begun = kb.revision
     with kb.transaction(plan_step=running):
         kb.propositions.save("(open back)")
-    link = kb.store.revisions()[-1].plan_step
-    assert link is not None
+    link = present(kb.store.revisions()[-1].plan_step)
     assert (link.plan, link.position, str(link)) == (
         None,
         int(running.id),
@@ -143,8 +139,7 @@ def test_a_durative_act_runs_and_ends(kb: KnowledgeBase) -> None:
     assert done.started_at is not None
     assert done.ended_at is not None
     assert done.started_at <= done.ended_at
-    past = kb.at(begun).executions.get(running.id)
-    assert past is not None
+    past = present(kb.at(begun).executions.get(running.id))
     assert (past.outcome, past.ended_at) == ("running", None)
     assert kb.at(begun - 1).executions.get(running.id) is None
     assert kb.store.verify().is_intact
@@ -219,8 +214,7 @@ def test_the_start_that_was_reported_stays_and_the_end_is_not_before_it(kb: Know
     with kb.transaction():
         one = kb.executions.report("dock", outcome="running", started_at=begun)
         one = kb.executions.report(one, outcome="succeeded")
-    found = kb.executions.get(one.id)
-    assert found is not None
+    found = present(kb.executions.get(one.id))
     assert (found.started_at, found.outcome) == (begun, "succeeded")
     running = kb.executions.report("dock :started-at ", outcome="running", started_at=begun)
     with pytest.raises(PlanError, match="before it began at 2026-01-01"):
@@ -307,9 +301,7 @@ def test_a_restored_state_has_the_same_executions(kb: KnowledgeBase) -> None:
     running = kb.start("(paint front)")
     kb.restore(before)
     assert texts(kb) == ["(paint front)", "(unlock front)"]
-    now = kb.executions.get(running.id)
-    assert now is not None
-    assert now.outcome == "running"
+    assert present(kb.executions.get(running.id)).outcome == "running"
     assert not kb.holds("(open front)")
 
 
@@ -328,8 +320,7 @@ def test_replicas_and_archives_have_executions(kb: KnowledgeBase, tmp_path: Path
         assert other.store.verify().is_intact
     kb.store.archive(kb.revision, to=archive)
     # Its first outcome is in the archive, and when it began is known here, too.
-    moved = kb.executions.get(done.id)
-    assert moved is not None
+    moved = present(kb.executions.get(done.id))
     assert (moved.started_at, moved.reason) == (done.started_at, done.reason)
     assert [each.until for each in moved.outcomes] == [None]
     assert kb.store.verify().is_intact

@@ -1,11 +1,9 @@
-"""What the values of functions cost, how writers share them, and that nothing of them is lost."""
+"""How writers share the values of functions, and that nothing of them is lost."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from decimal import Decimal
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +17,6 @@ from tests.support.chain import check_chain
 from tests.support.processes.workers import change, in_processes
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, last_changes, rows, undone
-from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.robots import (
     BATTERY,
@@ -36,59 +33,9 @@ from tests.support.worlds.robots import (
     waypoint,
 )
 
-WRITE, FIRST_WRITE, READ = 5, 7, 2
-SIZES = (1, 100, 3_000)
-
-
-def fill(kb: KnowledgeBase, size: int) -> None:
-    kb.function_values.save_all(distance(number) for number in range(size))
-
-
-READS: dict[str, Callable[[KnowledgeBase], Any]] = {
-    "get_all": lambda kb: kb.function_values.get_all(),
-    "get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
-    "get": lambda kb: kb.function_values.get("distance", objects=["wp1", "wp0"]),
-    "get of nothing": lambda kb: kb.function_values.get("distance", objects=["wp0", "wp0"]),
-    "functions.get_all": lambda kb: kb.functions.get_all(),
-}
-
-
-# Statements.
-
-
-def test_a_warm_write_takes_five_statements_at_most(kb: KnowledgeBase) -> None:
-    values = kb.function_values
-    values.set(BATTERY, objects=[RB1], value=10)
-    assert count(lambda: values.set("battery", objects=["rb1"], value=9)) <= WRITE
-    assert count(lambda: values.increase(BATTERY, objects=[RB1], by=1)) <= WRITE
-    assert count(lambda: values.unset("battery", objects=["rb1"])) <= WRITE
-    assert count(lambda: values.set("battery", objects=["rb1"], value=9)) <= WRITE
-    assert count(lambda: values.set("battery", objects=["rb1"], value=9.0)) == 1
-    assert count(lambda: values.increase("battery", objects=["rb1"], by=0)) == 1
-    kb.objects.save_all([WP1, WP2])
-    kb.functions.save(DISTANCE)
-    assert count(lambda: values.set(DISTANCE, objects=[WP1, WP2], value=1)) <= FIRST_WRITE + 1
-
-
-def test_save_all_takes_as_many_statements_for_a_thousand_values_as_for_ten(
-    kb: KnowledgeBase,
-) -> None:
-    fill(kb, 1)
-    kb.objects.save_all(map(waypoint, range(2_000)))
-    few = [distance(number) for number in range(10, 20)]
-    many = [distance(number) for number in range(20, 1_020)]
-    taken = {count(partial(kb.function_values.save_all, dtos)) for dtos in (few, many)}
-    assert len(taken) == 1
-    assert max(taken) <= FIRST_WRITE + 1
-    others = [distance(number, 2) for number in range(10, 1_020)]
-    assert count(lambda: kb.function_values.save_all(others)) <= WRITE
-    assert count(lambda: kb.function_values.save_all(others)) == 1
-    assert kb.function_values.get("distance", objects=["wp1", "wp1019"]) == 2
-
 
 def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
-    fill(kb, 2)
-    kb.functions.save(LOCATION)
+    kb.function_values.save_all(map(distance, range(2)))
     store: Any = kb.store.factory._store  # type: ignore[attr-defined]
     with store.transaction() as transaction:
         functions, objects = transaction.definitions.functions, transaction.definitions.objects
@@ -102,42 +49,6 @@ def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
         assert transaction.values.set_many(entries) == 1
     assert last_changes(kb) == ["+ value (= (distance wp0 wp1) 3.50)"]
     assert kb.function_values.get("distance", objects=["wp0", "wp1"]) == Decimal("3.5")
-
-
-def test_a_read_takes_two_statements_at_most_however_many_rows_it_gives(
-    shared_url: str, connect: Connect
-) -> None:
-    kb = connect(shared_url)
-    taken: dict[str, set[int]] = {name: set() for name in READS}
-    for size in SIZES:
-        fill(kb, size)
-        for name, read in READS.items():
-            taken[name].add(count(partial(read, kb)))
-    assert len(kb.function_values.get_all()) == SIZES[-1]
-    kb.function_values.delete_all()
-    for name, read in READS.items():
-        taken[name].add(count(partial(read, connect(shared_url))))
-        past = connect(shared_url).at(3)
-        assert count(partial(read, past)) <= READ + 1
-        taken[name].add(count(partial(read, past)))
-    assert all(max(counts) <= READ for counts in taken.values()), taken
-    assert all(counts <= {1, 2} for counts in taken.values()), taken
-    assert len(connect(shared_url).at(3).function_values.get_all()) == SIZES[-1]
-
-
-def test_deleting_an_object_takes_as_many_statements_however_many_values_mention_it(
-    kb: KnowledgeBase,
-) -> None:
-    counts = set()
-    for size in (10, 500):
-        fill(kb, size)
-        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
-        counts.add(count(lambda: kb.objects.delete(WP1)))
-        assert kb.function_values.get_all() == []
-    assert len(counts) == 1
-
-
-# Sharing.
 
 
 def test_a_process_sees_what_another_has_set_and_defined(shared_url: str, connect: Connect) -> None:

@@ -20,7 +20,6 @@ import kant_sql.sql.dialects.base
 from kant_sql import (
     KnowledgeBase,
     PddlActionDto,
-    PddlFunctionDto,
     PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
@@ -31,7 +30,7 @@ from kant_sql.knowledge.canonical import Metadata, make_metadata, revision_hash,
 from kant_sql.store import transaction as propositions
 from tests.support.pages import Page, opened
 from tests.support.stores import Connect
-from tests.support.worlds.robots import RB1, ROBOT, WP2, navigation, robot_at
+from tests.support.worlds.robots import BATTERY, RB1, ROBOT, WP2, navigation, robot_at
 
 PAGE = Page("hash.md")
 SQL = {block.partition("\n")[0].removeprefix("-- "): block for block in PAGE.of("sql")}
@@ -44,7 +43,6 @@ PROGRAM: dict[str, Any] = {}
 exec(PYTHON[-1], PROGRAM)
 
 
-BATTERY = PddlFunctionDto("battery", [ROBOT])
 EITHER_PLACE = Or(
     tuple(Atom("robot_at", (Constant("rb1"), Constant(place))) for place in ("wp1", "wp2"))
 )

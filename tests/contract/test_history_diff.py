@@ -2,51 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
-from decimal import Decimal
+from datetime import timedelta
 from typing import Any
 
 import pytest
 
-from kant_sql import (
-    KnowledgeBase,
-    PddlFunctionDto,
-    PddlObjectDto,
-    PddlTypeDto,
-    UnknownRevisionError,
-)
+from kant_sql import KnowledgeBase
 from kant_sql.dto.formulas import Comparison, Metric
-from tests.support.atoms import Atoms
-from tests.support.reading import undone
-from tests.support.statements import count
 from tests.support.worlds.depot import fuel, load, number
-from tests.support.worlds.robots import (
-    RB1,
-    ROBOT,
-    WAYPOINT,
-    WP1,
-    WP2,
-    navigation,
-    robot_at,
-    waypoint,
-)
-
-BATTERY = PddlFunctionDto("battery", [ROBOT])
-STORY: list[Callable[[KnowledgeBase], object]] = [
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.actions.save(navigation()),
-    lambda kb: Atoms(kb).save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
-    lambda kb: kb.propositions.delete(robot_at()),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=5),
-    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.types.delete_all(),
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
-    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "wp3")),
-]
+from tests.support.worlds.robots import RB1, ROBOT, STORY, WP2, robot_at
 
 
 def lines(kb: KnowledgeBase, a: Any, b: Any) -> list[str]:
@@ -115,43 +79,8 @@ def test_times_name_states(told: KnowledgeBase) -> None:
     assert told.diff(moments[-1], before) == told.diff(len(STORY), 0)
 
 
-@pytest.mark.parametrize(
-    "when",
-    [len(STORY) + 1, -1, True, None, "99", datetime(2026, 1, 31), datetime.max.replace(tzinfo=UTC)],
-)
-def test_a_state_that_is_not_there_is_refused(told: KnowledgeBase, when: Any) -> None:
-    for a, b in ((when, 1), (1, when)):
-        with pytest.raises(UnknownRevisionError):
-            told.diff(a, b)
-
-
 def test_of_nothing_there_is_no_difference(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.diff(0, 0) == []
     fresh_kb.types.save(ROBOT)
     assert fresh_kb.diff(1, 1) == []
     assert lines(fresh_kb, 0, 1) == ["+ type robot"]
-
-
-def test_a_view_of_the_past_compares_what_it_knows(told: KnowledgeBase) -> None:
-    assert told.at(5).diff(2, 5) == told.diff(2, 5)
-    with pytest.raises(UnknownRevisionError):
-        told.at(5).diff(2, 6)
-
-
-def test_what_is_not_committed_is_no_state(told: KnowledgeBase) -> None:
-    expected = told.diff(0, len(STORY))
-    with undone(told):
-        told.types.delete_all()
-        told.propositions.get_all()
-        assert told.diff(0, len(STORY)) == expected
-
-
-def test_statements_do_not_grow(kb: KnowledgeBase) -> None:
-    kb.propositions.save(robot_at())
-    taken = set()
-    for size in (1, 200):
-        kb.propositions.save_all(robot_at(RB1, waypoint(each)) for each in range(size))
-        kb.propositions.delete(robot_at(RB1, WP1))
-        taken.add(count(lambda: kb.diff(1, kb.revision)))
-    # `kb.revision`, both states, and what is different.
-    assert taken == {3}

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,14 +17,10 @@ from kant_sql import (
     InvalidKnowledgeError,
     KnowledgeBase,
     PddlActionDto,
-    PddlFunctionDto,
     PddlObjectDto,
-    PddlPropositionDto,
     PddlTypeDto,
     Plan,
     PlanStep,
-    ReadOnlyError,
-    UnknownRevisionError,
 )
 from kant_sql.dto.formulas import Comparison
 from kant_sql.errors import ArchivedError, UnknownNameError
@@ -34,10 +29,9 @@ from kant_sql.history.revisions import LogEntry
 from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.depot import HUB, P1, P2, P, T, at, fuel, load, number
-from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WP1, WP2, robot_at, waypoint
+from tests.support.worlds.robots import BATTERY, RB1, WP1, WP2, robot_at, waypoint
 
 PAGES = {"LOG_PAGE": 3, "LOG_CHANGES": 4}
-BATTERY = PddlFunctionDto("battery", [ROBOT])
 
 
 def numbers(entries: Iterator[LogEntry]) -> list[int]:
@@ -176,14 +170,6 @@ def test_times_bound_it_inclusively(told: KnowledgeBase) -> None:
     assert numbers(told.log(until=datetime.min.replace(tzinfo=UTC))) == []
 
 
-def test_a_bound_that_is_not_there_is_refused_at_once(told: KnowledgeBase) -> None:
-    tomorrow = datetime.now(UTC) + timedelta(days=1)
-    unknown: list[Any] = [11, -1, True, "11", datetime(2026, 1, 31), tomorrow]
-    for bound, when in itertools.product(("since", "until"), unknown):
-        with pytest.raises(UnknownRevisionError):
-            told.log(**{bound: when})
-
-
 def test_an_element_that_is_none_is_refused_at_once(told: KnowledgeBase) -> None:
     with pytest.raises(InvalidKnowledgeError):
         told.log(element="(robot_at rb1")
@@ -209,31 +195,10 @@ def test_what_never_was_is_refused_with_a_similar_name(
             next(entries)
 
 
-def test_a_view_of_the_past_knows_nothing_later(told: KnowledgeBase) -> None:
-    then = told.at(4)
-    assert numbers(then.log()) == [4, 3, 2, 1]
-    assert numbers(then.log(limit=1, actor="driver")) == [3]
-    assert lines(then.log(element=robot_at(RB1, WP1), limit=1)) == [
-        (4, ["- fact (robot_at rb1 wp1)"])
-    ]
-    assert then.at(told.store.revisions()[-1].committed_at).revision == 4
-    for call in (then.at, lambda when: then.log(until=when), then.restore):
-        with pytest.raises((UnknownRevisionError, ReadOnlyError)):
-            call(5)
-
-
 def test_it_is_of_the_moment_when_it_was_asked_for(told: KnowledgeBase) -> None:
     entries = told.log()
     told.objects.save(waypoint(9))
     assert numbers(entries) == list(range(10, 0, -1))
-
-
-def test_an_open_transaction_is_not_in_it(told: KnowledgeBase) -> None:
-    with told.transaction():
-        told.objects.save(waypoint(9))
-        told.propositions.get_all()
-        assert numbers(told.log(limit=1)) == [10]
-        assert numbers(told.log(element="wp9")) == []
 
 
 @pytest.mark.usefixtures("paged")
@@ -256,28 +221,6 @@ def test_pages_are_read_as_they_are_asked_for(
     assert count(lambda: next(entries)) == 2
     by_actor = told.log(actor="driver")
     assert count(lambda: next(by_actor)) == 2
-
-
-def test_statements_do_not_grow_with_what_changed(kb: KnowledgeBase) -> None:
-    taken = set()
-    for size in (1, 60):
-        kb.propositions.save_all(
-            PddlPropositionDto(ROBOT_AT, [RB1, waypoint(each)]) for each in range(size)
-        )
-        for _ in range(size):
-            kb.propositions.delete(robot_at(RB1, waypoint(0)))
-            kb.propositions.save(robot_at(RB1, waypoint(0)))
-        times = [revision.committed_at for revision in kb.store.revisions(limit=2)]
-        counts = (
-            count(lambda: list(kb.log())),
-            count(lambda: list(kb.log(actor="test"))),
-            count(lambda: list(kb.log(since=1, until=2))),
-            count(partial(lambda since, until: list(kb.log(since, until=until)), *times)),
-            count(lambda: list(kb.log(element=robot_at(RB1, waypoint(0))))),
-            count(lambda: list(kb.log(element=RB1))),
-        )
-        taken.add(counts)
-    assert taken == {(3, 3, 3, 3, 3, 5)}
 
 
 def test_an_element_that_changed_once_costs_no_walk_through_the_log(

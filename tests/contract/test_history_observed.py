@@ -10,7 +10,7 @@ import pytest
 from kant_sql import KnowledgeBase
 from kant_sql.errors import InvalidMetadataError
 from tests.support.chain import check_chain
-from tests.support.reading import nothing_changes, undone
+from tests.support.reading import nothing_changes, present, undone
 from tests.support.stores import Connect
 from tests.support.worlds.depot import again
 from tests.support.worlds.robots import RB1, WP2, robot_at
@@ -38,8 +38,7 @@ def test_it_is_kept_to_the_microsecond_in_utc(fresh_kb: KnowledgeBase, moment: d
         fresh_kb.propositions.save(robot_at())
     (revision,) = again(fresh_kb).store.revisions()
     assert revision.observed_at == moment
-    assert revision.observed_at is not None
-    assert revision.observed_at.utcoffset() == timedelta(0)
+    assert present(revision.observed_at).utcoffset() == timedelta(0)
     # The store's own clock goes on.
     assert abs(revision.committed_at - datetime.now(UTC)) < timedelta(minutes=5)
 
@@ -50,9 +49,7 @@ def test_late_data_is_visible_as_late(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at(RB1, WP2))
     assert observed(fresh_kb) == [SEEN, None]
     assert [entry.revision.observed_at for entry in fresh_kb.log()] == [None, SEEN]
-    blamed = fresh_kb.blame(robot_at())
-    assert blamed is not None
-    assert blamed.since.observed_at == SEEN
+    assert present(fresh_kb.blame(robot_at())).since.observed_at == SEEN
     # It is not a time of the store's: states are found by when they were written.
     assert fresh_kb.at(SEEN).revision == 0
 

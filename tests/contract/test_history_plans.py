@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import psycopg
@@ -11,7 +11,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from tests.support.servers import Server, is_old
-from tests.support.statements import Statement, explain, is_bracket, seen
+from tests.support.statements import Statement, explain, is_bracket, seen, work
 from tests.support.worlds.robots import RB1, WP1, robot_at, waypoint
 
 FACTS, TIMES = 3_000, 300
@@ -59,21 +59,6 @@ def statements(url: str, call: Callable[[KnowledgeBase], Any]) -> list[Statement
     return [statement for statement in found if not is_bracket(statement.sql)]
 
 
-def rows_touched(url: str, statement: Statement) -> int:
-    """Run a statement on PostgreSQL, and give how many rows its busiest step looked at."""
-    query: Any = f"EXPLAIN (ANALYZE, FORMAT JSON) {statement.sql}"
-    with psycopg.connect(url) as connection:
-        ((plan,),) = connection.execute(query, statement.parameters).fetchall()
-
-    def touched(node: dict[str, Any]) -> Iterator[float]:
-        removed = sum(node[key] for key in node if key.startswith("Rows Removed"))
-        yield (node["Actual Rows"] + removed) * node["Actual Loops"]
-        for child in node.get("Plans", ()):
-            yield from touched(child)
-
-    return round(max(touched(plan[0]["Plan"])))
-
-
 @pytest.mark.parametrize("name", ASKED)
 @pytest.mark.more
 def test_it_looks_at_the_rows_of_what_is_asked(store: str, name: str) -> None:
@@ -89,4 +74,4 @@ def test_it_looks_at_the_rows_of_what_is_asked(store: str, name: str) -> None:
             if is_old(store):
                 # Of one element, it may read all versions.
                 most = max(most, 2 * TIMES)
-            assert rows_touched(store, statement) <= most, statement.sql
+            assert work(store, statement) <= most, statement.sql

@@ -16,8 +16,6 @@ from kant_sql import (
     KantSqlError,
     KnowledgeBase,
     PddlFunctionDto,
-    PddlObjectDto,
-    PddlTypeDto,
     ReadOnlyError,
     UnknownRevisionError,
 )
@@ -36,17 +34,17 @@ from tests.support.statements import count
 from tests.support.stores import Connect, Everywhere
 from tests.support.worlds.depot import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
 from tests.support.worlds.robots import (
+    BATTERY,
     RB1,
     ROBOT,
+    STORY,
     WAYPOINT,
     WP1,
     WP2,
-    navigation,
     robot_at,
     waypoint,
 )
 
-BATTERY = PddlFunctionDto("battery", [ROBOT])
 AT_DOCK = PddlFunctionDto("dock", [ROBOT], value_types=[WAYPOINT])
 REACHABLE = Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
 _numbers = itertools.count(1)
@@ -94,33 +92,22 @@ def check_is_as_at(kb: KnowledgeBase, revision: int) -> None:
     assert kb.diff(revision, kb.revision) == []
 
 
-STORY: list[Callable[[KnowledgeBase], object]] = [
+DEPOT_STORY: list[Callable[[KnowledgeBase], object]] = [
     load,
-    lambda kb: Atoms(kb).save_all([robot_at(), robot_at(is_goal=True), robot_at(RB1, WP2)]),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
     lambda kb: kb.function_values.set(AT_DOCK, objects=[RB1], value=WP1),
-    lambda kb: kb.actions.save(navigation()),
     lambda kb: kb.goals.save(Comparison(">", fuel(), number("2.50"))),
     lambda kb: kb.pddl.metric.set(Metric("minimize", fuel())),
     lambda kb: kb.pddl.constraints.save(Modal("always", (), (IDLE,))),
     lambda kb: kb.pddl.timed_initial_literals.save(TimedLiteral(number("5"), at())),
     lambda kb: kb.pddl.initial_literals.save(Not(IDLE)),
     lambda kb: kb.pddl.derived_predicates.save(REACHABLE),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=3),
-    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
-    lambda kb: kb.propositions.delete(robot_at()),
-    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
-    lambda kb: kb.objects.delete(WP1),
     lambda kb: kb.pddl.metric.set(Metric("maximize", fuel())),
-    lambda kb: kb.types.delete_all(),
-    lambda kb: kb.propositions.save(robot_at()),
-    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "rb2")),
+    *STORY,
 ]
 
 
 def tell(kb: KnowledgeBase) -> KnowledgeBase:
-    for step in STORY:
+    for step in DEPOT_STORY:
         step(kb)
     return kb
 
@@ -128,7 +115,7 @@ def tell(kb: KnowledgeBase) -> KnowledgeBase:
 def test_any_state_comes_back_and_goes_again(fresh_kb: KnowledgeBase) -> None:
     tell(fresh_kb)
     head = fresh_kb.revision
-    assert head >= len(STORY) - 2
+    assert head >= len(DEPOT_STORY) - 2
     for revision in range(head, -1, -1):
         made = fresh_kb.restore(revision)
         assert made == (None if revision == head else fresh_kb.revision)

@@ -15,7 +15,7 @@ from kant_sql import DependantsError, KnowledgeBase, UnsupportedConstructError, 
 from kant_sql.errors import InvalidKnowledgeError, InvalidNameError, PddlError
 from kant_sql.errors import RuleViolatedError as Refused
 from tests.support.profile import HUNT
-from tests.support.reading import beside, last_changes
+from tests.support.reading import beside, last_changes, present
 from tests.support.statements import count
 from tests.support.stores import Connect
 
@@ -87,12 +87,10 @@ def test_a_rule_is_an_element_with_a_history(kb: KnowledgeBase) -> None:
     kb.rules.save("One-Place", ONE_PLACE, on_violation="refuse")
     text = "rule (:rule one-place :on-violation"
     assert last_changes(kb) == [f"+ {text} refuse {ONE_PLACE})", f"- {text} report {ONE_PLACE})"]
-    kept = kb.rules.get("ONE-place")
-    assert kept is not None
+    kept = present(kb.rules.get("ONE-place"))
     assert (kept.name, kept.rule, kept.on_violation) == ("one-place", ONE_PLACE, "refuse")
     assert str(kept) == f"one-place (refuse): {ONE_PLACE}"
-    past = kb.at(before).rules.get("one-place")
-    assert past is not None
+    past = present(kb.at(before).rules.get("one-place"))
     assert past.on_violation == "report"
     assert [kb.rules.delete("one-place"), kb.rules.delete("one-place")] == [True, False]
     assert [each.sign for each in kb.diff(before, kb.revision)] == ["-"]
@@ -405,8 +403,7 @@ def test_standing_goes_on_from_the_last_call(kb: KnowledgeBase) -> None:
     assert (kept.name, kept.verdict) == ("calm", "kept")
     kb.propositions.save("(alarm)")
     [violated] = kb.rules.standing()
-    assert violated.revision is not None
-    assert (violated.verdict, violated.revision.number) == ("violated", kb.revision)
+    assert (violated.verdict, present(violated.revision).number) == ("violated", kb.revision)
     [before] = kb.at(kb.revision - 1).rules.standing()
     assert before.verdict == "kept"
     kb.rules.delete("calm")

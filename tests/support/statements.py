@@ -33,6 +33,11 @@ READS: dict[str, Call] = {
     "predicates.get_all": lambda kb: kb.predicates.get_all(),
     "actions.get": lambda kb: kb.actions.get("navigation"),
     "actions.get_all": lambda kb: kb.actions.get_all(),
+    "function_values.get_all": lambda kb: kb.function_values.get_all(),
+    "function_values.get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
+    "function_values.get": lambda kb: kb.function_values.get("(distance wp1 wp0)"),
+    "function_values.get of nothing": lambda kb: kb.function_values.get("(distance wp0 wp0)"),
+    "functions.get_all": lambda kb: kb.functions.get_all(),
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from decimal import Decimal
 from typing import TypeVar
 
@@ -18,6 +18,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.dto.formulas import Node
+from tests.support.atoms import Atoms
 
 D = TypeVar("D")
 
@@ -96,3 +97,26 @@ def charge(kb: KnowledgeBase, times: int) -> None:
 def charge_often(kb: KnowledgeBase) -> None:
     """What a process does."""
     charge(kb, 10)
+
+
+# Each makes a revision: what holds comes and goes, and so do definitions, each in several ways.
+STORY: list[Callable[[KnowledgeBase], object]] = [
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.actions.save(navigation()),
+    lambda kb: Atoms(kb).save_all([robot_at(is_goal=True), robot_at(RB1, WP2)]),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=Decimal("10.0")),
+    lambda kb: kb.propositions.delete(robot_at()),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=5),
+    lambda kb: kb.types.save(PddlTypeDto("robot", parent=PddlTypeDto("machine")), cascade=True),
+    lambda kb: kb.predicates.save(PddlPredicateDto("robot_at", [WAYPOINT])),
+    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "rb1")),
+    lambda kb: kb.types.delete(WAYPOINT),
+    lambda kb: kb.types.delete_all(),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.propositions.delete(robot_at()),
+    lambda kb: kb.propositions.save(robot_at()),
+    lambda kb: kb.actions.save(navigation()),
+    lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
+    lambda kb: kb.objects.delete(WP1),
+    lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "wp3")),
+]
