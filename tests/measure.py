@@ -147,52 +147,32 @@ def sibling_graph(modules: Graph, package: str) -> Graph:
     return {entry: {one for one in found if one} - {entry} for entry, found in graph.items()}
 
 
-def components(graph: Graph) -> list[set[str]]:
-    """Return the strongly connected components, importers after what they import (Tarjan)."""
-    order: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    found: list[set[str]] = []
-    for start in sorted(graph):
-        if start in order:
-            continue
-        work = [(start, iter(sorted(graph[start])))]
-        order[start] = low[start] = len(order)
-        stack.append(start)
-        while work:
-            node, targets = work[-1]
-            for target in targets:
-                if target not in order:
-                    order[target] = low[target] = len(order)
-                    stack.append(target)
-                    work.append((target, iter(sorted(graph[target]))))
-                    break
-                if target in stack:
-                    low[node] = min(low[node], order[target])
-            else:
-                work.pop()
-                if work:
-                    low[work[-1][0]] = min(low[work[-1][0]], low[node])
-                if low[node] == order[node]:
-                    at = stack.index(node)
-                    found.append(set(stack[at:]))
-                    del stack[at:]
+def reached(graph: Graph, start: str) -> set[str]:
+    """Return an entry, and all that it imports directly or not."""
+    found, pending = {start}, [start]
+    while pending:
+        new = graph.get(pending.pop(), set()) - found
+        found |= new
+        pending += new
     return found
 
 
 def floors(graph: Graph) -> int:
     """Return how many floors the imports make; a circle stands on one."""
+    reach = {node: reached(graph, node) for node in graph}
     floor: dict[str, int] = {}
-    for component in components(graph):
-        below = {target for node in component for target in graph[node]} - component
-        level = 1 + max((floor[target] for target in below), default=0)
-        floor |= dict.fromkeys(component, level)
+    # What an entry imports reaches less, unless it is in the same circle.
+    for node in sorted(graph, key=lambda node: len(reach[node])):
+        below = [floor[other] for other in reach[node] if node not in reach[other]]
+        floor[node] = 1 + max(below, default=0)
     return max(floor.values(), default=0)
 
 
 def circles(graph: Graph) -> list[str]:
     """Return the entries of each circle."""
-    return [f"circle: {', '.join(sorted(found))}" for found in components(graph) if len(found) > 1]
+    reach = {node: reached(graph, node) for node in graph}
+    found = {tuple(sorted(o for o in reach[node] if node in reach[o])) for node in graph}
+    return [f"circle: {', '.join(each)}" for each in sorted(found) if len(each) > 1]
 
 
 # Calls

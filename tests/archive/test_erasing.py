@@ -7,6 +7,7 @@ import random
 import shutil
 import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,10 +17,12 @@ from kant_sql.errors import (
     ConflictError,
     DivergedError,
     InvalidArgumentError,
+    StoreBusyError,
     StoreIntegrityError,
     UnknownNameError,
 )
-from kant_sql.history.erasure.archived import ArchivedPart
+from kant_sql.history.archive.archive import replicate
+from kant_sql.history.erasure import archived as reaching
 from kant_sql.history.erasure.retention import read_rules
 from tests.contract.test_erasure import NAME, everything, files_of, fill, rehash
 from tests.support.archives import damage, intact, rows_of, target_url
@@ -133,7 +136,7 @@ def test_an_archive_that_was_not_reached_follows_later(
         return ("it",)
 
     with monkeypatch.context() as patch:
-        patch.setattr(ArchivedPart, "follow", unreachable)
+        patch.setattr(reaching.ArchivedPart, "follow", unreachable)
         assert kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url).remaining == ("it",)
     assert kb.store.verify().findings == ()
     assert names_it(archive_url)
@@ -162,7 +165,7 @@ def erase_and_die(here: str, there: str, statements: int) -> None:
         if statements:
             die_after(statements)
         else:
-            setattr(ArchivedPart, "follow", follow)  # noqa: B010
+            setattr(reaching.ArchivedPart, "follow", follow)  # noqa: B010
         kb.erase(NAME, reason="asked", also=ALSO, archive=there)
 
 
@@ -249,9 +252,31 @@ def test_what_is_not_the_whole_archive_is_refused(
     with pytest.raises(error, match=match):
         kb.erase(NAME, reason="asked", also=ALSO, archive=there)
     assert before[0] == rows_of(here)
-    # It has the revisions that it lacked before it is compared with what is left.
-    assert wrong == "left" or before[1] == rows_of(archive_url)
+    assert before[1] == rows_of(archive_url)
     assert wrong != "none" or not (tmp_path / "other.db").exists()
+
+
+@pytest.mark.parametrize("what", ["moved", "erased"])
+def test_what_another_does_to_the_archive_meanwhile_is_not_overlooked(
+    what: str, file_kb: KnowledgeBase, archive_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    end = live(file_kb)
+    file_kb.store.archive(6, to=archive_url)
+
+    def meanwhile(*given: Any) -> tuple[str, ...]:
+        monkeypatch.setattr(reaching, "replicate", replicate)
+        if what == "moved":
+            file_kb.store.archive(end, to=archive_url)
+        else:
+            file_kb.erase("hall", reason="rebuilt", archive=archive_url)
+        return replicate(*given)
+
+    monkeypatch.setattr(reaching, "replicate", meanwhile)
+    with pytest.raises(StoreBusyError, match="meanwhile"):
+        file_kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url)
+    assert file_kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url).parts
+    assert not names_it(archive_url)
+    intact(archive_url)
 
 
 def test_without_an_archive_there_is_nothing_to_name(

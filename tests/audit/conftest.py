@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import pytest
 
-import kant_sql
 from tests.audit.story import record_store
-from tests.support.citus import Cluster
 from tests.support.pages import Ask, ask
-from tests.support.servers import Server
-from tests.support.stores import CITUS
+from tests.support.stores import CITUS, make_store_url
 
 
 @pytest.fixture(scope="session")
 def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of the store on SQLite."""
     return record_store(f"sqlite:///{tmp_path_factory.mktemp('audit') / 'store.db'}")
-
-
-@pytest.fixture(scope="session")
-def postgresql_story(server: Server) -> str:
-    """The URL of the store on PostgreSQL."""
-    url = server.new_store()
-    return record_store(url)
 
 
 @pytest.fixture(params=["sqlite", "postgresql", *CITUS])
@@ -39,27 +32,20 @@ def asked(story_url: str) -> Ask:
 
 
 @pytest.fixture(scope="session")
-def sqlite_scratch(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The URL of a store that tests share, each with knowledge bases of its own, on SQLite."""
-    url = f"sqlite:///{tmp_path_factory.mktemp('audit') / 'store.db'}"
-    kant_sql.upgrade(url)
-    return url
+def scratch(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str], str]:
+    """The URL of a store of a dialect that tests share, each with knowledge bases of its own."""
 
+    @cache
+    def url_on(dialect: str) -> str:
+        backend = "sqlite-file" if dialect == "sqlite" else dialect
+        return make_store_url(request, backend, tmp_path_factory.mktemp("scratch"))
 
-@pytest.fixture(scope="session")
-def postgresql_scratch(server: Server) -> str:
-    """The URL of such a store on PostgreSQL."""
-    return server.new_store()
-
-
-@pytest.fixture(scope="session")
-def citus_scratch(cluster: Cluster) -> str:
-    """The URL of such a store, distributed."""
-    return cluster.new_store()
+    return url_on
 
 
 @pytest.fixture(params=["sqlite", "postgresql", *CITUS])
-def scratch_url(request: pytest.FixtureRequest) -> str:
+def scratch_url(request: pytest.FixtureRequest, scratch: Callable[[str], str]) -> str:
     """The URL of such a store, on each dialect in turn."""
-    url: str = request.getfixturevalue(f"{request.param}_scratch")
-    return url
+    return scratch(request.param)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
@@ -25,14 +26,16 @@ QUESTIONS = [
 
 
 @pytest.fixture
-def asked(request: pytest.FixtureRequest, story_url: str, asked: Ask) -> Ask:
+def asked(
+    request: pytest.FixtureRequest, story_url: str, asked: Ask, scratch: Callable[[str], str]
+) -> Ask:
     """Ask the question's store; where it is distributed, by the views of one knowledge base."""
     kind, name = request.node.callspec.params["story_url"], "courier"
     if "'ward'" in request.node.callspec.params["question"]:
-        story_url = record_ward(request.getfixturevalue(f"{kind}_scratch"))
+        story_url = record_ward(scratch(kind))
         name, asked = "ward", partial(ask, story_url)
     if "'porter'" in request.node.callspec.params["question"]:
-        story_url = record_porter(request.getfixturevalue(f"{kind}_scratch"))
+        story_url = record_porter(scratch(kind))
         name, asked = "porter", partial(ask, story_url)
     if kind not in CITUS:
         return asked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import psycopg
 import pytest
@@ -127,10 +128,11 @@ def test_a_view_says_the_same_of_the_same_story_on_both_databases(
     assert lines[0] or view in UNTOLD
 
 
+@pytest.mark.usefixtures("server")
 def test_acts_and_confirmations_are_the_same_on_both_databases(
-    sqlite_scratch: str, postgresql_scratch: str
+    scratch: Callable[[str], str],
 ) -> None:
-    urls = [record_ward(url) for url in (sqlite_scratch, postgresql_scratch)]
+    urls = [record_ward(scratch(dialect)) for dialect in ("sqlite", "postgresql")]
     for view in ("audit_confirmation", "audit_effect", "audit_execution", "audit_statistics"):
         # Each store has ids of its own for knowledge bases.
         columns = ", ".join(name for name in VIEWS[view] if name != "kb_id")

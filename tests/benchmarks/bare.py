@@ -15,15 +15,7 @@ from functools import cache
 from hashlib import sha256
 from typing import Any
 
-from kant_sql import (
-    Dto,
-    PddlActionDto,
-    PddlConditionEffectDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+import kant_sql
 from tests.benchmarks.drivers import Driver, Row
 
 HEAD = "SELECT revision, definition_revision, next_id, hash, committed_at FROM head WHERE kb_id = ?"
@@ -149,20 +141,20 @@ class Bare:
         text = json.dumps(document, ensure_ascii=False, sort_keys=True, separators=(",", ":"))
         return sha256(text.encode()).hexdigest()
 
-    def save_proposition(self, dto: PddlPropositionDto) -> None:
+    def save_proposition(self, dto: kant_sql.PddlPropositionDto) -> None:
         """Let a fact or a goal hold."""
         id_, predicate, text, first_two = self.atom(dto)
         row = (self.kb, id_, self.number, None, predicate, dto.is_goal, *first_two)
         if self.run(ASSERT, row).rowcount:
             self.changes.append(("+", "goal" if dto.is_goal else "fact", text))
 
-    def delete_proposition(self, dto: PddlPropositionDto) -> None:
+    def delete_proposition(self, dto: kant_sql.PddlPropositionDto) -> None:
         """Let a fact or a goal hold no more."""
         id_, _, text, _ = self.atom(dto)
         if self.run(RETRACT, (*[self.number] * 5, self.kb, id_)).rowcount:
             self.changes.append(("-", "goal" if dto.is_goal else "fact", text))
 
-    def atom(self, dto: PddlPropositionDto) -> Atom:
+    def atom(self, dto: kant_sql.PddlPropositionDto) -> Atom:
         """Find the identity of a proposition, or make it."""
         names = [object_.name.lower() for object_ in dto.objects]
         key = (dto.is_goal, dto.predicate.name.lower(), *names)
@@ -201,7 +193,7 @@ class Bare:
             self.ids[kind, key] = id_
         return id_
 
-    def define(self, kind: str, id_: int, dto: Dto, *values: Any, after: Row = ()) -> None:
+    def define(self, kind: str, id_: int, dto: kant_sql.Dto, *values: Any, after: Row = ()) -> None:
         """Write the version row of a definition: values before its text, and after it."""
         text = str(dto)
         row = (self.kb, id_, self.number, None, *values, text, *after)
@@ -209,17 +201,17 @@ class Bare:
         self.changes.append(("+", kind, text))
         self.defined = True
 
-    def save_type(self, dto: PddlTypeDto) -> None:
+    def save_type(self, dto: kant_sql.PddlTypeDto) -> None:
         """Define a type."""
         parent = None if dto.parent is None else self.id("type", dto.parent.name)
         self.define("type", self.id("type", dto.name), dto, parent)
 
-    def save_object(self, dto: PddlObjectDto) -> None:
+    def save_object(self, dto: kant_sql.PddlObjectDto) -> None:
         """Define an object."""
         type_id = self.id("type", dto.type.name)
         self.define("object", self.id("object", dto.name), dto, type_id, after=(False,))
 
-    def save_predicate(self, dto: PddlPredicateDto) -> None:
+    def save_predicate(self, dto: kant_sql.PddlPredicateDto) -> None:
         """Define a predicate."""
         id_ = self.id("predicate", dto.name)
         self.define("predicate", id_, dto)
@@ -227,7 +219,7 @@ class Bare:
         self.save_parameters("predicate", id_, names, dto.types)
 
     def save_parameters(
-        self, kind: str, id_: int, names: list[str], types: list[PddlTypeDto]
+        self, kind: str, id_: int, names: list[str], types: list[kant_sql.PddlTypeDto]
     ) -> None:
         """Write the parameters of a predicate or an action."""
         key, many = (self.kb, id_, self.number), self.driver.run_many
@@ -238,7 +230,7 @@ class Bare:
         ]
         many(insert(f"{kind}_parameter_type", 6), allowed)
 
-    def save_action(self, dto: PddlActionDto) -> None:
+    def save_action(self, dto: kant_sql.PddlActionDto) -> None:
         """Define a durative action."""
         id_ = self.id("action", dto.name)
         self.define("action", id_, dto, after=(dto.keyword,))
@@ -252,7 +244,9 @@ class Bare:
         ]
         terms: list[Row] = []
         for section, literals in (("condition", dto.conditions), ("effect", dto.effects)):
-            literals_ = [part for part in literals if isinstance(part, PddlConditionEffectDto)]
+            literals_ = [
+                part for part in literals if isinstance(part, kant_sql.PddlConditionEffectDto)
+            ]
             self.add_tree((*key, section), names, literals_, nodes, terms)
         self.driver.run_many(insert("action_node", 10), nodes)
         self.driver.run_many(insert("action_term", 11), terms)
@@ -261,7 +255,7 @@ class Bare:
         self,
         key: Row,
         names: list[str],
-        literals: Iterable[PddlConditionEffectDto],
+        literals: Iterable[kant_sql.PddlConditionEffectDto],
         nodes: list[Row],
         terms: list[Row],
     ) -> None:

@@ -18,10 +18,8 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from statistics import median
-from typing import Any, NamedTuple
 
 import kant_sql
-from kant_sql import KnowledgeBase
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.sql.tables import Base, HeadRow
 from tests.benchmarks import generated
@@ -48,15 +46,6 @@ VALUES = (
 )
 
 Tables = dict[str, list[Row]]
-Change = Callable[[KnowledgeBase], object]
-Make = Callable[[int], Callable[[], object]]
-
-
-class Case(NamedTuple):
-    """A problem to measure with."""
-
-    title: str  # what it is called in the tables
-    text: str  # the problem
 
 
 def rows_of(url: str) -> Tables:
@@ -73,13 +62,20 @@ def rows_of(url: str) -> Tables:
     return rows
 
 
-def rows_to_insert(new: NewStore, define: Change, load: Change) -> tuple[Tables, Row]:
-    """Tell what a call inserts into a store with definitions, and what the head's row is then."""
+def defined(new: NewStore) -> str:
+    """Make a store with the definitions; give its URL."""
     url = new()
     with kant_sql.connect(url) as kb:
-        define(kb)
-        before = rows_of(url)
-        load(kb)
+        kb.load_domain(generated.DOMAIN)
+    return url
+
+
+def rows_to_insert(new: NewStore, problem: str) -> tuple[Tables, Row]:
+    """Give what loading a problem inserts, and what the head's row is then."""
+    url = defined(new)
+    before = rows_of(url)
+    with kant_sql.connect(url) as kb:
+        kb.load_problem(problem)
     after = rows_of(url)
     (head,) = after.pop("head")
     inserted = {}
@@ -89,24 +85,20 @@ def rows_to_insert(new: NewStore, define: Change, load: Change) -> tuple[Tables,
     return inserted, head
 
 
-def by_library(url: str, define: Change, load: Change) -> Callable[[], None]:
-    """Prepare the library's side: a store with the definitions."""
-    with kant_sql.connect(url) as kb:
-        define(kb)
+def by_library(url: str, problem: str) -> Callable[[], None]:
+    """Prepare the library's side."""
     kb = kant_sql.connect(url)
     kb.propositions.get_all()
 
-    def save() -> None:
-        load(kb)
+    def load() -> None:
+        kb.load_problem(problem)
         kb.close()
 
-    return save
+    return load
 
 
-def by_driver(url: str, define: Change, rows: Tables, head: Row) -> Callable[[], None]:
-    """Prepare the bare driver's side: a store with the definitions."""
-    with kant_sql.connect(url) as kb:
-        define(kb)
+def by_driver(url: str, rows: Tables, head: Row) -> Callable[[], None]:
+    """Prepare the bare driver's side."""
     store = bare(url)
 
     def insert() -> None:
@@ -117,26 +109,6 @@ def by_driver(url: str, define: Change, rows: Tables, head: Row) -> Callable[[],
         store.close()
 
     return insert
-
-
-def compare(
-    new: NewStore, define: Change, load: Callable[[], Change], repeat: int, *others: Make
-) -> tuple[int, list[float]]:
-    """Give how many rows are inserted, and the medians: the library, the driver, and others."""
-    rows, head = rows_to_insert(new, define, load())
-    urls: dict[Any, str] = {}
-
-    def library(_: int) -> Callable[[], None]:
-        urls[library] = new()
-        return by_library(urls[library], define, load())
-
-    def driver(_: int) -> Callable[[], None]:
-        urls[driver] = new()
-        return by_driver(urls[driver], define, rows, head)
-
-    taken = [*map(median, alternate(repeat, library, driver, *others, clean=True))]
-    compare_tables(urls[library], urls[driver])
-    return sum(map(len, rows.values())), taken
 
 
 def insert_all(store: Driver, tables: Tables) -> None:
@@ -163,31 +135,35 @@ def insert_all(store: Driver, tables: Tables) -> None:
                 done[name] = end
 
 
-def compare_loading(new: NewStore, case: Case, repeat: int) -> list[str]:
+def compare_loading(new: NewStore, problem: str, repeat: int) -> list[str]:
     """Give a line of the table of loading."""
     domain = read_domain(generated.DOMAIN)
-    number, (loading, inserting, reading) = compare(
-        new,
-        lambda kb: kb.load_domain(generated.DOMAIN),
-        lambda: lambda kb: kb.load_problem(case.text),
-        repeat,
-        lambda _: lambda: read_problem(case.text, domain=domain),
-    )
-    return [
-        f"{number:,}",
-        f"{loading:.2f} s",
-        f"{reading:.2f} s",
-        f"{inserting:.2f} s",
-        f"{loading / inserting:.2f}x",
-    ]
+    rows, head = rows_to_insert(new, problem)
+    urls: dict[str, str] = {}
+
+    def library(_: int) -> Callable[[], None]:
+        urls["library"] = defined(new)
+        return by_library(urls["library"], problem)
+
+    def driver(_: int) -> Callable[[], None]:
+        urls["driver"] = defined(new)
+        return by_driver(urls["driver"], rows, head)
+
+    def reader(_: int) -> Callable[[], object]:
+        return lambda: read_problem(problem, domain=domain)
+
+    taken = alternate(repeat, library, driver, reader, clean=True)
+    compare_tables(*urls.values())
+    loading, inserting, reading = map(median, taken)
+    seconds = [f"{each:.2f} s" for each in (loading, reading, inserting)]
+    return [f"{sum(map(len, rows.values())):,}", *seconds, f"{loading / inserting:.2f}x"]
 
 
-def compare_writing(new: NewStore, case: Case, repeat: int) -> list[str]:
+def compare_writing(new: NewStore, problem: str, repeat: int) -> list[str]:
     """Give a line of the table of writing."""
-    url = new()
+    url = defined(new)
     with kant_sql.connect(url) as kb:
-        kb.load_domain(generated.DOMAIN)
-        kb.load_problem(case.text)
+        kb.load_problem(problem)
         store = bare(url)
         store.settle()
         text = kb.problem_pddl()
@@ -201,42 +177,33 @@ def compare_writing(new: NewStore, case: Case, repeat: int) -> list[str]:
             alternate(repeat, lambda _: kb.problem_pddl, lambda _: fetch, clean=True),
         )
         store.close()
-    return [
-        f"{len(text) / 1e6:.1f} MB",
-        f"{writing:.2f} s",
-        f"{fetching:.2f} s",
-        f"{writing / fetching:.2f}x",
-    ]
-
-
-def cases(facts: int) -> list[Case]:
-    """Give the problems."""
-    half = facts // 2
-    return [
-        Case(f"{facts:,} facts", generated.problem(facts)),
-        Case(f"{half:,} facts, {half:,} values", generated.problem(half, half)),
-    ]
+    seconds = [f"{each:.2f} s" for each in (writing, fetching)]
+    return [f"{len(text) / 1e6:.1f} MB", *seconds, f"{writing / fetching:.2f}x"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and report."""
     options = read_options(__doc__, argv, facts=200_000, repeat=3)
-    problems = cases(options.facts)
+    facts, half = options.facts, options.facts // 2
+    problems = {
+        f"{facts:,} facts": generated.problem(facts),
+        f"{half:,} facts, {half:,} values": generated.problem(half, half),
+    }
     with stores(options.backend) as places:
         lines = [
-            (f"{name}, {case.title}", new, case)
-            for case in problems
+            (f"{name}, {title}", new, problem)
+            for title, problem in problems.items()
             for name, new in places.items()
         ]
         print_table(
             "Loading a problem: load_problem() of its text, beside the bare driver with its rows",
             ["", "rows", "load_problem", "of it reading", "bare driver", "ratio"],
-            [[title, *compare_loading(new, case, options.repeat)] for title, new, case in lines],
+            [[title, *compare_loading(new, each, options.repeat)] for title, new, each in lines],
         )
         print_table(
             "Writing a problem: problem_pddl(), beside the bare driver that fetches its texts",
             ["", "text", "problem_pddl", "bare driver", "ratio"],
-            [[title, *compare_writing(new, case, options.repeat)] for title, new, case in lines],
+            [[title, *compare_writing(new, each, options.repeat)] for title, new, each in lines],
         )
     return 0
 

@@ -20,10 +20,6 @@ DOMAIN = """\
     :precondition (and (at ?vehicle ?from) (road ?from ?to))
     :effect (and (not (at ?vehicle ?from)) (at ?vehicle ?to))))
 """
-# Without what not every parser knows.
-STRIPS_DOMAIN = DOMAIN.replace(" :fluents", "").replace(
-    "  (:functions (distance ?from ?to - place) - number)\n", ""
-)
 PLACES, VEHICLES, PARCELS = 1_000, 500, 1_000
 # Of 100 facts, so many are of each predicate; the rest are roads.
 SHARES = {"at": 10, "in": 10}

@@ -1,6 +1,6 @@
 """What a million closed rows of history cost those who only want the present.
 
-    python -m tests.benchmarks.history [--rows 1000000] [--backend sqlite] [--plans]
+    python -m tests.benchmarks.history [--rows 1000000] [--backend sqlite]
 
 One store has the present only; the others have the same present with a past behind it:
 
@@ -26,14 +26,11 @@ from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlProposi
 from tests.benchmarks.drivers import Driver, bare
 from tests.benchmarks.support import alternate, print_table, read_options, seconds, stores
 from tests.benchmarks.years import Key, Version, Writer
-from tests.support.statements import explain, is_bracket, seen
 
 SIDE = 1_000
 HOT = 200
 PER_REVISION = 100
 NEAR, LIT, GOALS = 2_000, 100, 20
-# A round that no measurement has had.
-UNUSED = 999
 PLACE = PddlTypeDto("place")
 PREDICATES = {
     name: PddlPredicateDto(name, [PLACE] * arity)
@@ -204,38 +201,22 @@ def measure(subjects: dict[str, Subject]) -> Iterator[list[str]]:
         yield [name, f"{1e3 * first:.2f}", *ratios]
 
 
-def print_plans(subject: Subject) -> None:
-    """Print how the database runs what each call asks it."""
-    for name, (_, operation) in OPERATIONS.items():
-        with seen() as statements:
-            operation(subject, UNUSED)
-        print(f"\n{name}")
-        for statement in {statement.sql: statement for statement in statements}.values():
-            if is_bracket(statement.sql) or statement.sql.startswith("INSERT"):
-                continue
-            print(f"  {' '.join(statement.sql.split())[:96]}")
-            for line in explain(subject.url, statement):
-                print(f"      {line}")
-
-
-def run(backend: str, new: Callable[[], str], rows: int, plans: bool) -> None:
+def run(backend: str, new: Callable[[], str], rows: int) -> None:
     subjects = {"none": Subject(new(), None, 0)}
     for past in pasts(rows):
         subjects[past.name] = subject = Subject(new(), past, rows)
         print(f"{backend}, {past.name}: {rows:,} closed rows loaded in {subject.loading:.0f} s")
     header = [f"{backend}, ms", "no past", *list(subjects)[1:]]
     print_table(f"The present with {rows:,} closed rows behind it", header, measure(subjects))
-    if plans:
-        print_plans(subjects["dead"])
     for subject in subjects.values():
         subject.close()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    options = read_options(__doc__, argv, rows=1_000_000, plans=False)
+    options = read_options(__doc__, argv, rows=1_000_000)
     with stores(options.backend) as places:
         for backend, new in places.items():
-            run(backend, new, options.rows, options.plans)
+            run(backend, new, options.rows)
     return 0
 
 

@@ -25,16 +25,8 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql.sql.tables import Base
+from tests.benchmarks import support
 from tests.benchmarks.drivers import bare
-from tests.benchmarks.support import (
-    NewStore,
-    figures_of,
-    print_table,
-    read_options,
-    seconds,
-    status,
-    stores,
-)
 from tests.benchmarks.verifying import NAME, read, seal
 from tests.benchmarks.years import fill
 from tests.support.processes.commands import PROGRAM, start
@@ -72,19 +64,19 @@ def push(source: str, target: str, name: str = NAME) -> None:
 
 def peak(source: str, target: str, name: str = NAME) -> str:
     """Give the memory that a process has needed at most to push."""
-    [peak] = figures_of("tests.benchmarks.pushing", "--push", source, target, name)
+    [peak] = support.figures_of("tests.benchmarks.pushing", "--push", source, target, name)
     return f"{peak:.0f} MB"
 
 
-def measure(name: str, new: NewStore, count: int, repeat: int) -> tuple[str, ...]:
+def measure(name: str, new: support.NewStore, count: int, repeat: int) -> tuple[str, ...]:
     """Fill a store, and measure one line of the table."""
     source = new()
     fill(source, count, knowledge_bases=1)
     seal(source)
     copied, pushed = [], []
     for _ in range(repeat):
-        copied.append(seconds(partial(copy, source, new())))
-        pushed.append(seconds(partial(push, source, new())))
+        copied.append(support.seconds(partial(copy, source, new())))
+        pushed.append(support.seconds(partial(push, source, new())))
     return (
         f"{name}, {count:,} changes",
         f"{min(copied):.1f} s",
@@ -95,12 +87,12 @@ def measure(name: str, new: NewStore, count: int, repeat: int) -> tuple[str, ...
     )
 
 
-def measure_one(name: str, new: NewStore, count: int) -> tuple[str, ...]:
+def measure_one(name: str, new: support.NewStore, count: int) -> tuple[str, ...]:
     """Measure the push of one revision."""
     source, target = new(), new()
     with kant_sql.connect(source, knowledge_base="large") as kb:
         kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(count))
-    took = seconds(lambda: push(source, target, "large"))
+    took = support.seconds(lambda: push(source, target, "large"))
     memory = peak(source, new(), "large")
     what = f"{name}, {count:,} changes in one revision"
     return what, "", f"{took:.1f} s", f"{count / took:,.0f}", "", memory
@@ -153,13 +145,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     if [*words[:1]] == ["--push"]:
         push(*words[1:])
-        print(status("VmHWM"))
+        print(support.status("VmHWM"))
         return 0
-    given = read_options(
+    given = support.read_options(
         __doc__, words, changes=CHANGES, one=ONE_REVISION, repeat=1, seconds=SECONDS
     )
     names = given.backend
-    with stores(names) as made:
+    with support.stores(names) as made:
         rows = [
             row
             for name, new in made.items()
@@ -172,12 +164,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             )
         ]
         header = ("pushed", "bare driver", "push", "changes/s", "ratio", "peak memory")
-        print_table("A push into a store of the same dialect", header, rows)
+        support.print_table("A push into a store of the same dialect", header, rows)
         if "postgresql" in made:
-            with stores(["sqlite"]) as own:
+            with support.stores(["sqlite"]) as own:
                 robot = measure_robot(own["sqlite"](), made["postgresql"](), given.seconds)
             titles = ("a robot", "of a core, server", "a change", "the pusher's CPU")
-            print_table("A followed robot", titles, [robot])
+            support.print_table("A followed robot", titles, [robot])
     return 0
 
 

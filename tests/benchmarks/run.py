@@ -11,8 +11,7 @@ from pathlib import Path
 
 BENCHMARKS = (
     *("coffee_shop", "history", "asof", "past", "verifying", "documents", "answering"),
-    *("timeline", "sizing", "pushing", "knowledge_bases", "acting", "causing", "ros", "successors"),
-    "confirming",
+    *("timeline", "sizing", "pushing", "knowledge_bases", "adding", "causing", "ros", "successors"),
 )
 
 

@@ -156,11 +156,7 @@ def main(argv: list[str]) -> int:
             for count in (changes // 10, changes)
         ]
     header = (
-        "changes",
-        "bare driver",
-        "verify",
-        "changes/s",
-        "ratio",
+        *("changes", "bare driver", "verify", "changes/s", "ratio"),
         "with indexes",
         "peak memory",
     )

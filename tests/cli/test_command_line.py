@@ -21,16 +21,7 @@ import kant_sql
 from kant_sql import PddlTypeDto
 from kant_sql.cli.main import app, without_passwords
 from tests.cli.conftest import write_history
-from tests.support.processes.commands import (
-    CHILD_TIMEOUT,
-    PROGRAM,
-    child,
-    complaint,
-    in_terminal,
-    one_line,
-    run,
-    start,
-)
+from tests.support.processes import commands
 from tests.support.stores import new_file_store
 from tests.support.worlds.robots import robot_at
 
@@ -66,13 +57,13 @@ def with_url(words: list[str], url: str) -> list[str]:
 
 @pytest.mark.parametrize("words", [["show"], ["log"], ["dump"], ["db", "current"], ["db", "check"]])
 def test_the_environment_gives_the_default_url(store: str, words: list[str]) -> None:
-    result = run(*words, url=store)
+    result = commands.run(*words, url=store)
     assert result.exit_code == 0
-    assert result.stdout == run(*words, store).stdout
+    assert result.stdout == commands.run(*words, store).stdout
 
 
 def test_a_url_that_is_given_comes_before_the_environment(store: str) -> None:
-    assert run("show", store, url="sqlite:///missing.db").exit_code == 0
+    assert commands.run("show", store, url="sqlite:///missing.db").exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -103,7 +94,7 @@ def test_the_path_of_a_file_is_its_url(
     for number, (url, default) in enumerate(ways):
         shutil.copy("hospital.db", f"{number}.db")
         named = [word.replace("hospital", str(number)) for word in (url, default or "")]
-        result = run(*_place(words, named[0]), url=named[1] or None)
+        result = commands.run(*_place(words, named[0]), url=named[1] or None)
         written.add((result.exit_code, result.stdout, result.stderr))
     assert len(written) == 1, written
     assert written.pop()[0] == 0
@@ -120,14 +111,14 @@ def test_a_file_that_is_no_store_is_no_url(tmp_path: Path, monkeypatch: pytest.M
     shutil.copy(FILES / "kitchen.pddl", "kitchen.pddl")
     os.mkfifo("pipe")
     for words in ("load kitchen.pddl", "history pipe", "log missing.db", "log pipe"):
-        result = run(*words.split())
+        result = commands.run(*words.split())
         assert result.exit_code in (1, 2)
-        assert "sqlite:///robot.db" in one_line(result.stderr)
-    assert run("load", "kitchen.pddl", url="sqlite:///new.db").exit_code == 0
+        assert "sqlite:///robot.db" in commands.one_line(result.stderr)
+    assert commands.run("load", "kitchen.pddl", url="sqlite:///new.db").exit_code == 0
     # An empty file is an empty store, where no variable has another.
     Path("empty.db").touch()
-    assert run("load", "empty.db", "kitchen.pddl").exit_code == 0
-    assert run("load", "missing.db", "kitchen.pddl").exit_code == 2
+    assert commands.run("load", "empty.db", "kitchen.pddl").exit_code == 0
+    assert commands.run("load", "missing.db", "kitchen.pddl").exit_code == 2
     assert not Path("missing.db").exists()
 
 
@@ -146,25 +137,17 @@ def test_python_takes_the_path_of_a_file(
         assert [one.revision for one in kant_sql.operations.knowledge_bases(path)] == [3]
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        [],
-        ["db"],
-        ["nonsense"],
-        ["show"],
-        ["log"],
-        ["db", "upgrade"],
-        ["db", "sql"],
-        ["show", "--nonsense"],
-        ["show", "sqlite:///a.db", "sqlite:///b.db"],
-        ["show", "sqlite:///a.db", "--kb"],
-        ["log", "sqlite:///a.db", "--json=yes"],
-    ],
+WRONG = (
+    *("", "db", "nonsense", "show", "log", "db upgrade", "db sql", "show --nonsense"),
+    *("show sqlite:///a.db sqlite:///b.db", "show sqlite:///a.db --kb"),
+    "log sqlite:///a.db --json=yes",
 )
+
+
+@pytest.mark.parametrize("words", [words.split() for words in WRONG])
 def test_wrong_usage_is_one_line_that_names_the_help(words: list[str]) -> None:
-    result = run(*words)
-    assert one_line(result.stderr).endswith(" --help")
+    result = commands.run(*words)
+    assert commands.one_line(result.stderr).endswith(" --help")
     assert (result.exit_code, result.stdout) == (2, "")
 
 
@@ -174,8 +157,8 @@ def test_an_unreachable_server_is_one_line_without_the_password(words: list[str]
         f"postgresql://robot:{SECRET}@127.0.0.1:1/fleet",
         f"postgresql://robot@127.0.0.1:1/fleet?password={SECRET}",
     ):
-        result = run(*with_url(words, url))
-        line = one_line(result.stderr)
+        result = commands.run(*with_url(words, url))
+        line = commands.one_line(result.stderr)
         assert "no connection" in line
         assert SECRET not in line
         assert result.exit_code == 1
@@ -187,8 +170,8 @@ def test_an_unreachable_server_is_one_line_without_the_password(words: list[str]
     ["nonsense", "mysql://robot:hunter2@host/fleet", "postgresql://robot:hun@ter2@host/fleet"],
 )
 def test_what_is_no_url_of_a_store_is_one_line(words: list[str], url: str) -> None:
-    result = run(*with_url(words, url))
-    line = one_line(result.stderr)
+    result = commands.run(*with_url(words, url))
+    line = commands.one_line(result.stderr)
     assert "ter2" not in line
     # What has no scheme could be a file that was to be loaded.
     is_word = words[-1] in {*MORE, "show", "downgrade"} and url == "nonsense"
@@ -200,7 +183,7 @@ def test_what_is_no_url_of_a_store_is_one_line(words: list[str], url: str) -> No
 def test_a_file_that_is_no_database_is_one_line(words: list[str], tmp_path: Path) -> None:
     path = tmp_path / "letter.txt"
     path.write_text("Dear robot, " * 1000)
-    assert "file is not a database" in complaint(*with_url(words, f"sqlite:///{path}"))
+    assert "file is not a database" in commands.complaint(*with_url(words, f"sqlite:///{path}"))
 
 
 @pytest.mark.parametrize(
@@ -220,19 +203,19 @@ def test_no_message_repeats_a_password_of_the_command_line(url: str) -> None:
     assert "robot" in hidden
     assert "host" in hidden
     for words in (["show", "sqlite:///a.db", url], ["db", "downgrade", "sqlite:///a.db", "1", url]):
-        assert "er2" not in run(*words).stderr
+        assert "er2" not in commands.run(*words).stderr
 
 
 def test_errors_of_a_process_are_one_line_and_no_traceback(tmp_path: Path) -> None:
     for words, code in ((["show", f"sqlite:///{tmp_path / 'missing.db'}"], 1), (["nonsense"], 2)):
-        done = child(*words, program=PROGRAM)
-        one_line(done.stderr)
+        done = commands.child(*words, program=commands.PROGRAM)
+        commands.one_line(done.stderr)
         assert (done.returncode, done.stdout) == (code, "")
 
 
 def test_the_version_is_that_of_the_package() -> None:
     assert (
-        child("--version", program=PROGRAM).stdout
+        commands.child("--version", program=commands.PROGRAM).stdout
         == f"kant-sql {importlib.metadata.version('kant-sql')}\n"
     )
 
@@ -245,9 +228,9 @@ def _commands(command: Any, *path: str) -> Iterator[list[str]]:
 
 @pytest.mark.parametrize("words", [[], *_commands(get_command(app))])
 def test_help_is_short_to_ask_for_and_has_no_python_in_it(words: list[str]) -> None:
-    result = run(*words, "-h")
+    result = commands.run(*words, "-h")
     assert result.exit_code == 0
-    assert result.stdout == run(*words, "--help").stdout
+    assert result.stdout == commands.run(*words, "--help").stdout
     assert result.stdout.startswith(" ".join(["Usage: kant-sql", *words]))
     assert not re.search(r"[{}]|<\w", result.stdout), result.stdout
     assert "FILE......" not in result.stdout
@@ -259,25 +242,25 @@ def test_help_is_short_to_ask_for_and_has_no_python_in_it(words: list[str]) -> N
 def test_a_reader_that_stops_reading_ends_the_command_quietly(
     words: list[str], sqlite_store: str
 ) -> None:
-    process = start(*words, sqlite_store)
+    process = commands.start(*words, sqlite_store)
     assert process.stdout is not None
     assert process.stderr is not None
     assert process.stdout.read(10)
     process.stdout.close()
-    assert process.wait(CHILD_TIMEOUT) == 0
+    assert process.wait(commands.CHILD_TIMEOUT) == 0
     assert process.stderr.read() == b""
     process.stderr.close()
 
 
 @pytest.mark.more
 def test_ctrl_c_ends_the_command_without_a_traceback(sqlite_store: str) -> None:
-    process = start("log", sqlite_store, program=PROGRAM)
+    process = commands.start("log", sqlite_store, program=commands.PROGRAM)
     assert process.stdout is not None
     assert process.stderr is not None
     # From here on it waits for a reader: the pipe is full.
     assert process.stdout.read(10)
     process.send_signal(signal.SIGINT)
-    assert process.wait(CHILD_TIMEOUT) == 130
+    assert process.wait(commands.CHILD_TIMEOUT) == 130
     assert process.stderr.read().strip() == b""
     process.stdout.close()
     process.stderr.close()
@@ -286,9 +269,9 @@ def test_ctrl_c_ends_the_command_without_a_traceback(sqlite_store: str) -> None:
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="Linux has a device that is full")
 def test_output_that_cannot_be_written_is_an_error(sqlite_store: str) -> None:
     with open("/dev/full", "wb") as full:
-        process = start("log", sqlite_store, stdout=full)
-        _, error = process.communicate(timeout=CHILD_TIMEOUT)
-    assert "No space left on device" in one_line(error.decode())
+        process = commands.start("log", sqlite_store, stdout=full)
+        _, error = process.communicate(timeout=commands.CHILD_TIMEOUT)
+    assert "No space left on device" in commands.one_line(error.decode())
     assert process.returncode == 1
 
 
@@ -297,8 +280,8 @@ def test_output_that_cannot_be_written_is_an_error(sqlite_store: str) -> None:
 def test_closed_output_is_no_error(words: list[str], tmp_path: Path) -> None:
     url = new_file_store(tmp_path / "store.db")
     write_history(url)
-    line = shlex.join([*PROGRAM, *words, *([] if "--help" in words else [url])])
-    done = child("-c", f"{line} >&-", program=["sh"])
+    line = shlex.join([*commands.PROGRAM, *words, *([] if "--help" in words else [url])])
+    done = commands.child("-c", f"{line} >&-", program=["sh"])
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -308,13 +291,13 @@ def test_a_terminal_gets_boxes_and_styles_and_data_is_never_markup(tmp_path: Pat
     with kant_sql.connect(url, actor="[red]:smile:[/red]") as kb:
         kb.propositions.save(robot_at())
         kb.types.save_all([PddlTypeDto("[red]robot[/red]"), PddlTypeDto(long_name)])
-    shown, _ = in_terminal("show", url, width=60)
+    shown, _ = commands.in_terminal("show", url, width=60)
     assert "\x1b[1m" in shown
     assert "│ (robot_at rb1 wp1) │" in shown
     assert "[red]robot[/red]" in shown
     assert max(len(line) for line in shown.splitlines() if "│" in line) <= 60
     assert shown.count("x") == len(long_name)
-    log, _ = in_terminal("log", url, width=60)
+    log, _ = commands.in_terminal("log", url, width=60)
     assert "\x1b[32m  + fact (robot_at rb1 wp1)" in log
     assert "actor: [red]:smile:[/red]" in log
     assert f"  + type {long_name}" in log
@@ -343,7 +326,7 @@ def test_a_terminal_gets_long_output_through_a_pager(
 ) -> None:
     if store.startswith("postgresql"):
         pytest.skip("the pager does not depend on the database")
-    shown, _ = in_terminal(*words, store, width=100, variables=variables)
+    shown, _ = commands.in_terminal(*words, store, width=100, variables=variables)
     lines = shown.splitlines()
     assert len(lines) >= 1
     assert {line.startswith("paged:") for line in lines} == {is_paged}
@@ -358,28 +341,28 @@ def test_less_gets_the_options_that_git_gives_it_and_quits_on_one_screen(
     sqlite_store: str, store: str
 ) -> None:
     wanted = {"KANT_SQL_PAGER": "printenv LESS"}
-    assert in_terminal("log", store, variables=wanted)[0] == "FRX\n"
-    assert in_terminal("log", store, variables={**wanted, "LESS": "-S"})[0] == "-S\n"
+    assert commands.in_terminal("log", store, variables=wanted)[0] == "FRX\n"
+    assert commands.in_terminal("log", store, variables={**wanted, "LESS": "-S"})[0] == "-S\n"
     # Ends by itself: nobody presses q.
-    shown, _ = in_terminal(
+    shown, _ = commands.in_terminal(
         "kbs", sqlite_store, width=100, variables={"KANT_SQL_PAGER": "less", "LINES": "50"}
     )
     assert "default" in shown
 
 
 def test_who_quits_the_pager_has_read_enough(sqlite_store: str) -> None:
-    shown, _ = in_terminal("log", sqlite_store, variables={"KANT_SQL_PAGER": "head -n 2"})
+    shown, _ = commands.in_terminal("log", sqlite_store, variables={"KANT_SQL_PAGER": "head -n 2"})
     assert len(shown.splitlines()) == 2
 
 
 def test_a_pipe_has_no_pager(sqlite_store: str) -> None:
-    done = child("kbs", sqlite_store, KANT_SQL_PAGER=MARKING)
-    assert done.stdout == run("kbs", sqlite_store).stdout
+    done = commands.child("kbs", sqlite_store, KANT_SQL_PAGER=MARKING)
+    assert done.stdout == commands.run("kbs", sqlite_store).stdout
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_a_completion_script_is_written_for_each_shell(shell: str) -> None:
-    done = child(
+    done = commands.child(
         "--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1"
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -404,12 +387,12 @@ def test_commands_and_options_are_completed(
 ) -> None:
     for name, value in {"_KANT_SQL_COMPLETE": "complete_bash", **variables}.items():
         monkeypatch.setenv(name, value)
-    done = child()
+    done = commands.child()
     assert (done.returncode, done.stdout, done.stderr) == (0, expected, "")
 
 
 def test_completion_is_installed_for_the_shell_that_is_named(tmp_path: Path) -> None:
-    done = child(
+    done = commands.child(
         "--install-completion", "bash", HOME=str(tmp_path),
         _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1",
     )  # fmt: skip
@@ -427,7 +410,7 @@ from kant_sql.knowledge_base import KnowledgeBase
 assert kant_sql.KnowledgeBase is KnowledgeBase
 print([name for name in {heavy} if name in sys.modules])
 """
-    assert child(program=[sys.executable, "-c", program]).stdout == "[]\n"
+    assert commands.child(program=[sys.executable, "-c", program]).stdout == "[]\n"
 
 
 @pytest.mark.more
@@ -451,7 +434,7 @@ def test_help_and_check_import_neither_sqlalchemy_nor_a_driver(
             monkeypatch.delenv(name)
     (tmp_path / "domain.pddl").write_text("(define (domain d))")
     program = [sys.executable, "-X", "importtime", "-m", "kant_sql.cli.main"]
-    done = child(*words, program=program, cwd=tmp_path)
+    done = commands.child(*words, program=program, cwd=tmp_path)
     assert (done.returncode, done.stdout[: len(said)]) == (0, said)
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "kant_sql.errors" in imported

@@ -21,15 +21,7 @@ from kant_sql.sql import schema
 from kant_sql.sql.predicate_views import update_views
 from kant_sql.sql.tables.base import VERSION_TABLE
 from tests.migrations.extra import add_migration
-from tests.support.processes.commands import (
-    CHILD_TIMEOUT,
-    PROGRAM,
-    child,
-    complaint,
-    one_line,
-    run,
-    start,
-)
+from tests.support.processes import commands
 from tests.support.processes.warm import MODULES, python
 from tests.support.worlds.robots import robot_at
 
@@ -60,21 +52,23 @@ def test_upgrade_creates_the_tables_and_downgrade_drops_them(new_url: str) -> No
         (["downgrade", new_url, "base"], 0, "none\n"),
         (["check", new_url], 1, ""),
     ):
-        result = run("db", *command)
+        result = commands.run("db", *command)
         assert (result.exit_code, result.stdout) == (code, output), (command, result.stderr)
-        assert code == 0 or one_line(result.stderr)
+        assert code == 0 or commands.one_line(result.stderr)
 
 
 def test_check_fails_while_migrations_are_pending(
     new_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run("db", "upgrade", new_url)
+    commands.run("db", "upgrade", new_url)
     monkeypatch.setattr(schema, "VERSIONS", (HEAD, "9999"))
-    assert f"of version {HEAD}, this library needs 9999" in complaint("db", "check", new_url)
+    assert f"of version {HEAD}, this library needs 9999" in commands.complaint(
+        "db", "check", new_url
+    )
 
 
 def test_tables_of_a_newer_version_are_refused(new_url: str) -> None:
-    run("db", "upgrade", new_url)
+    commands.run("db", "upgrade", new_url)
     run_sql(new_url, f"UPDATE {VERSION_TABLE} SET version_num = '9999'")
     for words in (
         ["show"],
@@ -83,15 +77,15 @@ def test_tables_of_a_newer_version_are_refused(new_url: str) -> None:
         ["db", "upgrade"],
         ["db", "downgrade", "base"],
     ):
-        result = run(*words, url=new_url)
-        assert "version 9999" in one_line(result.stderr)
+        result = commands.run(*words, url=new_url)
+        assert "version 9999" in commands.one_line(result.stderr)
         assert "install a newer kant-sql" in result.stderr
         assert result.exit_code == 1
 
 
 def test_one_back_is_a_version_to_go_back_to(new_url: str) -> None:
-    run("db", "upgrade", new_url)
-    assert run("db", "downgrade", "-1", url=new_url).stdout == f"{schema.VERSIONS[-2]}\n"
+    commands.run("db", "upgrade", new_url)
+    assert commands.run("db", "downgrade", "-1", url=new_url).stdout == f"{schema.VERSIONS[-2]}\n"
 
 
 @pytest.mark.parametrize(
@@ -107,15 +101,15 @@ def test_one_back_is_a_version_to_go_back_to(new_url: str) -> None:
 def test_a_version_that_does_not_exist_is_refused(
     store: str, revision: str, code: int, message: str
 ) -> None:
-    assert message in complaint("db", "downgrade", store, revision, code=code)
+    assert message in commands.complaint("db", "downgrade", store, revision, code=code)
     assert schema.current(store) == HEAD
 
 
 def test_a_later_version_is_not_gone_back_to(new_url: str) -> None:
-    run("db", "upgrade", new_url)
-    assert run("db", "downgrade", new_url, "0001").stdout == "0001\n"
-    assert run("db", "downgrade", new_url, "0001").stdout == "0001\n"
-    assert "of version 0001, which is before 0002; nothing was changed" in complaint(
+    commands.run("db", "upgrade", new_url)
+    assert commands.run("db", "downgrade", new_url, "0001").stdout == "0001\n"
+    assert commands.run("db", "downgrade", new_url, "0001").stdout == "0001\n"
+    assert "of version 0001, which is before 0002; nothing was changed" in commands.complaint(
         "db", "downgrade", new_url, "0002"
     )
 
@@ -176,19 +170,19 @@ LOST = "this drops all tables and 3 revisions of 1 knowledge base: tiago (3)"
 
 def test_what_would_destroy_revisions_is_refused_where_nobody_can_be_asked(own_store: str) -> None:
     for words in (["base"], ["base", "--json"]):
-        result = run("db", "downgrade", own_store, *words)
+        result = commands.run("db", "downgrade", own_store, *words)
         assert f"{LOST}; nothing was changed; to do it, add --yes" in (result.stderr)
         assert (result.exit_code, result.stdout) == (1, "")
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         assert kb.revision == 3
-    result = run("db", "downgrade", own_store, "base", "--yes", "--json")
+    result = commands.run("db", "downgrade", own_store, "base", "--yes", "--json")
     assert json.loads(result.stdout) == {"version": None, "newest": HEAD, "lost_revisions": 3}
 
 
 def test_one_back_from_the_first_version_is_base_and_asks(own_store: str) -> None:
     assert schema.earlier_version(own_store, revision=f"-{len(schema.VERSIONS)}") == "base"
-    result = run("db", "downgrade", own_store, f"-{len(schema.VERSIONS)}")
-    assert LOST in one_line(result.stderr)
+    result = commands.run("db", "downgrade", own_store, f"-{len(schema.VERSIONS)}")
+    assert LOST in commands.one_line(result.stderr)
 
 
 @pytest.mark.parametrize(("answer", "code"), [("y", 0), ("n", 1), ("", 1), ("\x03", 130)])
@@ -199,9 +193,9 @@ def test_in_a_terminal_it_asks(own_store: str, answer: str, code: int) -> None:
         pytest.skip("the question does not depend on the database")
     controller, terminal = pty.openpty()
     # The signal is for the program itself: nothing that stands for it passes it on.
-    process = start(
+    process = commands.start(
         "db", "downgrade", own_store, "base", stdin=terminal, stderr=terminal,
-        start_new_session=True, program=PROGRAM if answer == "\x03" else (),
+        start_new_session=True, program=commands.PROGRAM if answer == "\x03" else (),
     )  # fmt: skip
     os.close(terminal)
     asked = b""
@@ -216,7 +210,7 @@ def test_in_a_terminal_it_asks(own_store: str, answer: str, code: int) -> None:
                 process.wait(timeout=2)
     else:
         os.write(controller, f"{answer}\n".encode())
-    output, _ = process.communicate(timeout=CHILD_TIMEOUT)
+    output, _ = process.communicate(timeout=commands.CHILD_TIMEOUT)
     os.close(controller)
     assert (process.returncode, output) == (code, b"" if code else b"none\n")
     assert schema.current(own_store) == (HEAD if code else None)
@@ -231,15 +225,15 @@ def test_every_command_writes_json(new_url: str) -> None:
         (["downgrade", "base"], {"version": None, "newest": HEAD, "lost_revisions": 0}),
         (["current"], {"version": None, "newest": HEAD}),
     ):
-        result = run("db", *words, "--json", url=new_url)
+        result = commands.run("db", *words, "--json", url=new_url)
         assert json.loads(result.stdout) == document, result.stderr
-    result = run("db", "check", "--json", url=new_url)
+    result = commands.run("db", "check", "--json", url=new_url)
     error = json.loads(result.stderr)
     assert "db upgrade" in error.pop("error")
     assert error == {"type": "SchemaMissingError", "exit_code": 1}
     assert (result.exit_code, result.stdout) == (1, "")
-    sql = json.loads(run("db", "sql", "--json", url=new_url).stdout)
-    assert sql == {"version": HEAD, "sql": run("db", "sql", url=new_url).stdout}
+    sql = json.loads(commands.run("db", "sql", "--json", url=new_url).stdout)
+    assert sql == {"version": HEAD, "sql": commands.run("db", "sql", url=new_url).stdout}
 
 
 def test_an_upgrade_that_fails_leaves_no_new_file(
@@ -255,11 +249,11 @@ def test_an_upgrade_that_fails_leaves_no_new_file(
 
 
 def test_downgrade_needs_just_a_url_and_a_version(new_url: str) -> None:
-    run("db", "upgrade", new_url)
+    commands.run("db", "upgrade", new_url)
     for known in (new_url, None):
         for words in ([new_url], [], [new_url, "base", "more"]):
-            result = run("db", "downgrade", *words, url=known)
-            one_line(result.stderr)
+            result = commands.run("db", "downgrade", *words, url=known)
+            commands.one_line(result.stderr)
             assert result.exit_code == 2
     assert schema.current(new_url) == HEAD
 
@@ -267,21 +261,21 @@ def test_downgrade_needs_just_a_url_and_a_version(new_url: str) -> None:
 def test_downgrade_of_what_has_no_tables_is_an_error(new_url: str) -> None:
     if new_url.startswith("sqlite"):
         Path(new_url.removeprefix("sqlite:///")).touch()
-    assert "db upgrade" in complaint("db", "downgrade", new_url, "base")
+    assert "db upgrade" in commands.complaint("db", "downgrade", new_url, "base")
 
 
 def test_the_offline_sql_makes_a_store_that_opens(new_url: str) -> None:
-    result = run("db", "sql", new_url)
+    result = commands.run("db", "sql", new_url)
     assert result.exit_code == 0, result.stderr
     assert schema.current(new_url) is None
     run_sql(new_url, result.stdout)
-    assert run("db", "check", new_url).exit_code == 0
+    assert commands.run("db", "check", new_url).exit_code == 0
     with kant_sql.connect(new_url) as kb:
         kb.propositions.save(robot_at())
 
 
 def test_the_offline_sql_needs_no_server() -> None:
-    result = run("db", "sql", "postgresql://nobody@127.0.0.1:1/nothing")
+    result = commands.run("db", "sql", "postgresql://nobody@127.0.0.1:1/nothing")
     assert "CREATE TABLE knowledge_base" in result.stdout
 
 
@@ -289,15 +283,15 @@ def test_the_offline_sql_needs_no_server() -> None:
 def test_plain_alembic_migrates_from_a_clone(new_url: str) -> None:
     option = ["-x", f"url={new_url}"]
     for command, version in ((["upgrade", "head"], HEAD), (["downgrade", "base"], None)):
-        done = child(*command, program=ALEMBIC, KANT_SQL_URL=new_url)
+        done = commands.child(*command, program=ALEMBIC, KANT_SQL_URL=new_url)
         assert (done.returncode, schema.current(new_url)) == (0, version), done.stderr
     for command, version in ((["upgrade", "head"], HEAD), (["downgrade", "base"], None)):
-        done = child(*option, *command, program=[str(python(*MODULES)), "-m", "alembic"])
+        done = commands.child(*option, *command, program=[str(python(*MODULES)), "-m", "alembic"])
         assert (done.returncode, schema.current(new_url)) == (0, version), done.stderr
 
 
 def test_plain_alembic_without_a_url_says_how_to_give_one() -> None:
-    done = child("upgrade", "head", program=ALEMBIC)
+    done = commands.child("upgrade", "head", program=ALEMBIC)
     assert "set KANT_SQL_URL, or run alembic -x url=URL" in done.stderr
     assert done.returncode != 0
     assert "Traceback" not in done.stderr
@@ -321,9 +315,9 @@ def test_a_file_that_does_not_exist_is_said_to_be_missing_and_is_not_made(
     monkeypatch.chdir(tmp_path)
     problem = tmp_path / "problem.pddl"
     problem.write_text("(define (problem p) (:domain d) (:goal (and)))")
-    result = run(*words, url="sqlite:///missing.db")
+    result = commands.run(*words, url="sqlite:///missing.db")
     assert os.listdir(tmp_path) == [problem.name]
-    line = one_line(result.stderr)
+    line = commands.one_line(result.stderr)
     # Not that it needs an upgrade, which would make an empty store of a mistyped path.
     assert f"no such file: {tmp_path}/missing.db; check the path" in line
     assert "upgrade" not in line
@@ -333,13 +327,13 @@ def test_a_file_that_does_not_exist_is_said_to_be_missing_and_is_not_made(
 def test_the_version_of_a_database_without_tables_is_none(new_url: str) -> None:
     if new_url.startswith("sqlite"):
         Path(new_url.removeprefix("sqlite:///")).touch()
-    result = run("db", "current", new_url)
+    result = commands.run("db", "current", new_url)
     assert (result.exit_code, result.stdout) == (0, "none\n")
 
 
 def test_an_empty_file_is_left_empty_by_those_who_read(tmp_path: Path) -> None:
     path = tmp_path / "empty.db"
     path.touch()
-    result = run("show", f"sqlite:///{path}")
-    assert "there are no kant_sql tables" in one_line(result.stderr)
+    result = commands.run("show", f"sqlite:///{path}")
+    assert "there are no kant_sql tables" in commands.one_line(result.stderr)
     assert path.read_bytes() == b""

@@ -18,17 +18,7 @@ import kant_sql
 from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlTypeDto
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.sql.catalog import written_names
-from tests.support.processes.commands import (
-    CHILD_TIMEOUT,
-    PROGRAM,
-    child,
-    complaint,
-    environment,
-    in_terminal,
-    one_line,
-    run,
-    start,
-)
+from tests.support.processes import commands
 from tests.support.processes.workers import wait_for
 
 FILES = Path(__file__).parent / "files"
@@ -61,7 +51,7 @@ def revision(url: str, name: str = "default") -> int:
 def test_a_domain_and_a_problem_become_one_revision(new_url: str) -> None:
     kant_sql.upgrade(new_url)
     words = ["--kb", "tiago", "--actor", "operator", "--reason", "a new shift"]
-    result = run("load", new_url, WATERING, BALCONY, *words)
+    result = commands.run("load", new_url, WATERING, BALCONY, *words)
     assert result.exit_code == 0, result.stderr
     assert result.stdout == (
         "knowledge base tiago, revision 1\n"
@@ -84,20 +74,20 @@ def test_a_domain_and_a_problem_become_one_revision(new_url: str) -> None:
 
 
 def test_a_process_of_its_own_creates_the_store(url: str) -> None:
-    done = child("load", url, DOMAIN, PROBLEM)
+    done = commands.child("load", url, DOMAIN, PROBLEM)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("knowledge base default, revision 1\n+ 3 actions, ")
 
 
 def test_to_load_the_same_again_changes_nothing(url: str) -> None:
-    run("load", url, DOMAIN, PROBLEM)
-    result = run("load", url, DOMAIN, PROBLEM, "--actor", "somebody else")
+    commands.run("load", url, DOMAIN, PROBLEM)
+    result = commands.run("load", url, DOMAIN, PROBLEM, "--actor", "somebody else")
     assert result.stdout == "knowledge base default, revision 1: nothing has changed\n"
     assert (result.exit_code, revision(url)) == (0, 1)
 
 
 def test_the_order_of_the_files_does_not_matter_for_what_is_in_them_does(url: str) -> None:
-    assert run("load", url, PROBLEM, DOMAIN).exit_code == 0
+    assert commands.run("load", url, PROBLEM, DOMAIN).exit_code == 0
     with kant_sql.connect(url) as kb:
         assert kb.pddl.problem().name == "coffee"
 
@@ -107,7 +97,7 @@ def test_several_files_are_one_domain(url: str, write: Callable[[str, str], str]
         "more.pddl",
         "(define (domain delivery) (:requirements :strips :typing) (:predicates (shut ?w - wp)))",
     )
-    assert run("load", url, DOMAIN, more, PROBLEM).exit_code == 0
+    assert commands.run("load", url, DOMAIN, more, PROBLEM).exit_code == 0
     with kant_sql.connect(url) as kb:
         assert kb.revision == 1
         assert [each.name for each in kb.pddl.domain().predicates] == [
@@ -122,7 +112,7 @@ def test_one_file_with_both_is_read_for_both_without_a_warning(
     url: str, write: Callable[[str, str], str]
 ) -> None:
     both = write("both.pddl", Path(PROBLEM).read_text() + Path(DOMAIN).read_text())
-    result = run("load", url, both, "--strict")
+    result = commands.run("load", url, both, "--strict")
     assert (result.exit_code, result.stderr) == (0, "")
     with kant_sql.connect(url) as kb:
         domain = read_domain(Path(DOMAIN))
@@ -140,12 +130,12 @@ def test_errors_in_a_file_with_both_have_their_place(
         "both.pddl", f"{domain}; a comment (\n{Path(PROBLEM).read_text()}".replace("cup", "mug", 1)
     )
     line = domain.count("\n") + 1 + 4
-    assert f"both.pddl:{line}:32: " in complaint("load", url, both)
+    assert f"both.pddl:{line}:32: " in commands.complaint("load", url, both)
 
 
 def test_a_hyphen_is_standard_input(url: str) -> None:
     text = Path(DOMAIN).read_bytes() + Path(PROBLEM).read_bytes()
-    done = child("load", url, "-", given=text.decode())
+    done = commands.child("load", url, "-", given=text.decode())
     assert (done.returncode, done.stderr) == (0, "")
     with kant_sql.connect(url) as kb:
         assert kb.store.revisions()[0].source == {
@@ -154,11 +144,11 @@ def test_a_hyphen_is_standard_input(url: str) -> None:
 
 
 def test_a_problem_alone_is_of_the_domain_that_is_stored(url: str) -> None:
-    assert run("load", url, DOMAIN).exit_code == 0
-    assert run("load", url, PROBLEM).exit_code == 0
+    assert commands.run("load", url, DOMAIN).exit_code == 0
+    assert commands.run("load", url, PROBLEM).exit_code == 0
     assert revision(url) == 2
-    assert "found the domain watering, expected the domain delivery" in one_line(
-        run("load", url, BALCONY).stderr
+    assert "found the domain watering, expected the domain delivery" in commands.one_line(
+        commands.run("load", url, BALCONY).stderr
     )
     assert revision(url) == 2
 
@@ -166,13 +156,13 @@ def test_a_problem_alone_is_of_the_domain_that_is_stored(url: str) -> None:
 def test_a_problem_alone_creates_neither_a_store_nor_a_knowledge_base(
     url: str, tmp_path: Path
 ) -> None:
-    result = run("load", url, PROBLEM)
-    line = one_line(result.stderr)
+    result = commands.run("load", url, PROBLEM)
+    line = commands.one_line(result.stderr)
     assert "no such file" in line
     assert f"a problem needs its domain: give the file of the domain, too, before {PROBLEM}" in line
     assert (result.exit_code, list(tmp_path.iterdir())) == (1, [])
-    run("load", url, DOMAIN, "--kb", "tiago")
-    assert complaint("load", url, PROBLEM).endswith("choose one with --kb: 'tiago'")
+    commands.run("load", url, DOMAIN, "--kb", "tiago")
+    assert commands.complaint("load", url, PROBLEM).endswith("choose one with --kb: 'tiago'")
     assert kant_sql.sql.catalog.written_names(url) == ["tiago"]
 
 
@@ -184,11 +174,11 @@ def test_what_the_files_do_not_say_is_retracted_or_kept(
         "(define (problem coffee) (:domain delivery) (:objects rb2 - robot kitchen - wp)"
         "(:init (at rb2 kitchen)) (:goal (and)))",
     )
-    run("load", url, DOMAIN, PROBLEM)
-    assert run("load", url, other, "--merge").exit_code == 0
+    commands.run("load", url, DOMAIN, PROBLEM)
+    assert commands.run("load", url, other, "--merge").exit_code == 0
     with kant_sql.connect(url) as kb:
         assert len(kb.pddl.problem().objects) == 5
-    result = run("load", url, other)
+    result = commands.run("load", url, other)
     assert result.stdout == (
         "knowledge base default, revision 3\n"
         "+ 1 document\n"
@@ -202,11 +192,11 @@ def test_what_violates_the_standard_is_warned_of_with_its_place_or_refused(
     url: str, write: Callable[[str, str], str]
 ) -> None:
     path = write("bent.pddl", "(define (domain bent)\n  (:predicates (near ?a - place)))")
-    result = run("load", url, path, "--strict")
-    line = one_line(result.stderr)
+    result = commands.run("load", url, path, "--strict")
+    line = commands.one_line(result.stderr)
     assert f"{path}:" in line
     assert (result.exit_code, revision(url)) == (1, 0)
-    result = run("load", url, path)
+    result = commands.run("load", url, path)
     assert result.exit_code == 0
     warnings = result.stderr.splitlines()
     assert len(warnings) == 2
@@ -215,8 +205,8 @@ def test_what_violates_the_standard_is_warned_of_with_its_place_or_refused(
 
 
 def test_two_problems_are_refused(url: str) -> None:
-    result = run("load", url, DOMAIN, PROBLEM, BALCONY)
-    assert one_line(result.stderr).endswith("each have a problem: load one of them")
+    result = commands.run("load", url, DOMAIN, PROBLEM, BALCONY)
+    assert commands.one_line(result.stderr).endswith("each have a problem: load one of them")
     assert (result.exit_code, result.stdout) == (1, "")
 
 
@@ -249,19 +239,19 @@ def test_a_file_that_cannot_be_read_is_one_line_and_nothing_is_stored(
     if content is not None:
         path.write_bytes(content)
     for words in ([str(path)], [DOMAIN, str(path)], [str(path), PROBLEM]):
-        result = run("load", url, *words)
-        line = one_line(result.stderr)
+        result = commands.run("load", url, *words)
+        line = commands.one_line(result.stderr)
         assert (result.exit_code, result.stdout) == (1, "")
         assert revision(url) == 0
-    result = run("load", url, str(path))
-    line = one_line(result.stderr)
+    result = commands.run("load", url, str(path))
+    line = commands.one_line(result.stderr)
     assert line.startswith(f"kant-sql: {path}:")
     assert message in line
 
 
 def test_a_process_ends_with_one_line_too(url: str) -> None:
-    done = child("load", url, "-", given=NESTING.decode())
-    one_line(done.stderr)
+    done = commands.child("load", url, "-", given=NESTING.decode())
+    commands.one_line(done.stderr)
     assert (done.returncode, done.stdout) == (1, "")
 
 
@@ -269,26 +259,26 @@ def test_a_domain_is_not_stored_when_its_problem_is_refused(
     url: str, write: Callable[[str, str], str]
 ) -> None:
     path = write("wrong.pddl", Path(PROBLEM).read_text().replace("(lies cup table1)", "(lies cup)"))
-    result = run("load", url, DOMAIN, path)
-    assert f"{path}:5:" in one_line(result.stderr)
+    result = commands.run("load", url, DOMAIN, path)
+    assert f"{path}:5:" in commands.one_line(result.stderr)
     assert (result.exit_code, revision(url)) == (1, 0)
 
 
 def test_a_store_that_cannot_be_written_is_one_line(url: str) -> None:
-    run("load", url, DOMAIN)
-    result = run("load", f"{url}?mode=ro", DOMAIN, PROBLEM)
-    assert "cannot be written" in one_line(result.stderr)
+    commands.run("load", url, DOMAIN)
+    result = commands.run("load", f"{url}?mode=ro", DOMAIN, PROBLEM)
+    assert "cannot be written" in commands.one_line(result.stderr)
     assert (result.exit_code, revision(url)) == (1, 1)
 
 
 @pytest.mark.parametrize("words", [[DOMAIN], [DOMAIN, PROBLEM], ["sqlite:///robot.db"]])
 def test_without_a_url_or_a_file_the_usage_is_wrong(words: list[str]) -> None:
-    assert "(or set KANT_SQL_URL) and FILE..." in complaint("load", *words, code=2)
+    assert "(or set KANT_SQL_URL) and FILE..." in commands.complaint("load", *words, code=2)
 
 
 def test_what_a_revision_cannot_keep_is_one_line(url: str) -> None:
-    result = run("load", url, DOMAIN, "--actor", "\udcff")
-    one_line(result.stderr)
+    result = commands.run("load", url, DOMAIN, "--actor", "\udcff")
+    commands.one_line(result.stderr)
     assert (result.exit_code, revision(url)) == (1, 0)
 
 
@@ -300,10 +290,10 @@ def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Pat
     except OSError:
         pytest.skip("this file system has only names that are Unicode text")
     done = subprocess.run(
-        [*(os.fsencode(word) for word in [*PROGRAM, "load", url]), path],
+        [*(os.fsencode(word) for word in [*commands.PROGRAM, "load", url]), path],
         capture_output=True,
-        env=environment(),
-        timeout=CHILD_TIMEOUT,
+        env=commands.environment(),
+        timeout=commands.CHILD_TIMEOUT,
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, b"")
@@ -312,8 +302,8 @@ def test_a_path_that_is_no_unicode_text_is_kept_readable(url: str, tmp_path: Pat
 
 
 def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None:
-    assert child("load", url, DOMAIN).stderr == ""
-    shown, output = in_terminal("load", url, PROBLEM, is_output=False)
+    assert commands.child("load", url, DOMAIN).stderr == ""
+    shown, output = commands.in_terminal("load", url, PROBLEM, is_output=False)
     assert "loading" in shown
     assert re.search(r"\d+%", shown)
     assert output.startswith("knowledge base default, revision 2\n")
@@ -321,8 +311,8 @@ def test_a_terminal_shows_what_is_going_on_and_a_pipe_does_not(url: str) -> None
 
 @pytest.mark.more
 def test_nothing_is_shown_without_standard_error(url: str) -> None:
-    line = shlex.join([*PROGRAM, "load", url, DOMAIN])
-    done = child("-c", f"{line} 2>&-", program=["sh"])
+    line = shlex.join([*commands.PROGRAM, "load", url, DOMAIN])
+    done = commands.child("-c", f"{line} 2>&-", program=["sh"])
     assert done.returncode == 0
 
 
@@ -343,17 +333,17 @@ def test_json_says_what_was_loaded(url: str) -> None:
         "retracted": {},
         "warnings": [],
     }
-    result = run("load", url, DOMAIN, PROBLEM, "--json")
+    result = commands.run("load", url, DOMAIN, PROBLEM, "--json")
     assert (json.loads(result.stdout), result.stderr) == (document, "")
-    result = run("load", url, DOMAIN, PROBLEM, "--json")
+    result = commands.run("load", url, DOMAIN, PROBLEM, "--json")
     again = {**document, "revision": None, "asserted": {}}
     assert json.loads(result.stdout) == again
 
 
 def test_json_has_the_warnings_in_it(url: str, write: Callable[[str, str], str]) -> None:
     odd = write("odd.pddl", "(define (domain d) (:predicates (p)) (:requirements :strips))")
-    text = run("load", url, odd)
-    result = run("load", url, odd, "--json")
+    text = commands.run("load", url, odd)
+    result = commands.run("load", url, odd, "--json")
     assert result.stderr == ""
     (warning,) = json.loads(result.stdout)["warnings"]
     assert f"{warning['source']}:{warning['line']}:{warning['column']}" in text.stderr
@@ -367,7 +357,7 @@ def test_a_load_that_fails_leaves_no_new_file_and_one_that_was_there(
     if is_there:
         (tmp_path / "robot.db").touch()
     wrong = write("wrong.pddl", "(define (domain d) (:predicates (p)) (:action a :effect (q)))")
-    complaint("load", url, wrong)
+    commands.complaint("load", url, wrong)
     assert ((tmp_path / "robot.db").exists(), os.path.exists(wrong)) == (is_there, True)
     assert is_there or os.listdir(tmp_path) == ["wrong.pddl"]
 
@@ -383,7 +373,7 @@ def test_a_load_that_fails_leaves_what_somebody_else_has_written(
         raise InvalidKnowledgeError("no")
 
     monkeypatch.setattr(KnowledgeBase, "transaction", fail)
-    assert run("load", url, DOMAIN).exit_code == 1
+    assert commands.run("load", url, DOMAIN).exit_code == 1
     assert written_names(url) == ["other"]
     path.unlink()
     opened = []
@@ -394,7 +384,7 @@ def test_a_load_that_fails_leaves_what_somebody_else_has_written(
         raise InvalidKnowledgeError("no")
 
     monkeypatch.setattr(KnowledgeBase, "transaction", open_only)
-    assert run("load", url, DOMAIN).exit_code == 1
+    assert commands.run("load", url, DOMAIN).exit_code == 1
     monkeypatch.undo()
     with opened[0] as other:
         other.types.save(PddlTypeDto("robot"))
@@ -411,13 +401,13 @@ def test_a_load_that_is_stopped_leaves_no_new_file(tmp_path: Path, number: signa
         f"(define (problem q) (:domain d) (:objects {objects}) (:init {facts}) (:goal (and)))"
     )
     # The warm process does not pass this signal on.
-    program = PROGRAM if number == signal.SIGHUP else ()
+    program = commands.PROGRAM if number == signal.SIGHUP else ()
     words = "load", f"sqlite:///{tmp_path}/new.db", f"{tmp_path}/large.pddl"
-    process = start(*words, program=program)
+    process = commands.start(*words, program=program)
     wait_for(lambda: (tmp_path / "new.db").exists() or process.poll() is not None)
     assert process.poll() is None
     process.send_signal(number)
-    output, error = process.communicate(timeout=CHILD_TIMEOUT)
+    output, error = process.communicate(timeout=commands.CHILD_TIMEOUT)
     assert (process.returncode, output, error) == (128 + number, b"", b"")
     assert os.listdir(tmp_path) == ["large.pddl"]
 

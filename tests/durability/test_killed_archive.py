@@ -10,16 +10,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.history.replication import batch as replicating
-from tests.support.archives import (
-    Rows,
-    intact,
-    rows_of,
-    states,
-    target_url,
-    versions_after,
-    versions_of,
-    versions_upto,
-)
+from tests.support import archives
 from tests.support.processes.crashes import die_after
 from tests.support.processes.workers import dies
 from tests.support.stores import Connect
@@ -56,18 +47,21 @@ def archive_and_die(here: str, there: str, before: int, statements: int) -> None
         kb.store.archive(before, to=there)
 
 
-def check(here: str, there: str, before: Rows, upto: int) -> bool:
+def check(here: str, there: str, before: archives.Rows, upto: int) -> bool:
     """Check the store and its archive after a kill; tell whether all of it was done."""
-    left, moved = versions_of(rows_of(here)), versions_of(rows_of(there))
-    is_done = left != versions_of(before)
+    left, moved = (
+        archives.versions_of(archives.rows_of(here)),
+        archives.versions_of(archives.rows_of(there)),
+    )
+    is_done = left != archives.versions_of(before)
     if is_done:
-        assert left == versions_after(before, upto)
-        assert moved == versions_upto(before, upto)
+        assert left == archives.versions_after(before, upto)
+        assert moved == archives.versions_upto(before, upto)
     else:
         with kant_sql.connect(there, knowledge_base="tiago") as archive:
             at = archive.revision
         assert at <= upto
-        assert moved == versions_upto(before, at)
+        assert moved == archives.versions_upto(before, at)
     return is_done
 
 
@@ -76,9 +70,9 @@ def test_a_killed_archive_is_gone_on_with(
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     upto = live(kb)
-    head, before = kb.revision, rows_of(shared_url)
-    then = states(kb, range(head + 1))
-    there, kills, is_done = target_url(tmp_path), 0, False
+    head, before = kb.revision, archives.rows_of(shared_url)
+    then = archives.states(kb, range(head + 1))
+    there, kills, is_done = archives.target_url(tmp_path), 0, False
     kant_sql.upgrade(there)
     while not is_done:
         # The first one never reaches the end, so that there is always one to be gone on with.
@@ -89,7 +83,7 @@ def test_a_killed_archive_is_gone_on_with(
     assert kb.store.archive(upto + 1, to=there).revision is None
     assert kb.revision == head + 1
     with kant_sql.connect(there, knowledge_base="tiago") as archive:
-        assert states(archive, range(upto + 1)) == {r: then[r] for r in range(upto + 1)}
-    assert states(kb, range(upto, head + 1)) == {r: then[r] for r in range(upto, head + 1)}
-    intact(shared_url)
-    intact(there)
+        assert archives.states(archive, range(upto + 1)) == {r: then[r] for r in range(upto + 1)}
+    assert archives.states(kb, range(upto, head + 1)) == {r: then[r] for r in range(upto, head + 1)}
+    archives.intact(shared_url)
+    archives.intact(there)

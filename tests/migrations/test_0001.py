@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import ColumnElement, select, text
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.sql.intervals import fork
 from kant_sql.sql.schema import VERSIONS
-from kant_sql.sql.tables import PropositionVersionRow as VERSION
-from tests.migrations.stores import (
-    REVISIONS,
-    Make,
-    as_before,
-    record,
-    rows_of,
-    write_migrated_story,
-    write_story,
-)
-from tests.migrations.test_golden import connected, digest_of
+from tests.migrations import stores
+from tests.migrations.test_golden import digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
 from tests.support.reading import findings
@@ -33,19 +21,17 @@ from tests.support.stores import Connect
 # A migration that has landed is frozen.
 pytestmark = pytest.mark.more
 
-FORKED = ("proposition_version", "function_value_version")
-
 
 @pytest.fixture
-def old_url(make: Make) -> str:
+def old_url(make: stores.Make) -> str:
     """The URL of a store as version 0001 of the tables had it."""
-    return make(write_story)
+    return make(stores.write_story)
 
 
 @pytest.fixture
-def new_url(make: Make) -> str:
+def new_url(make: stores.Make) -> str:
     """The URL of that store after all migrations: the library reads no other."""
-    return make(write_migrated_story)
+    return make(stores.write_migrated_story)
 
 
 def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
@@ -53,17 +39,17 @@ def open_tiago(url: str, connect: Connect) -> KnowledgeBase:
 
 
 def test_every_row_survives_each_step_up_and_down(old_url: str) -> None:
-    before = as_before(old_url)
+    before = stores.as_before(old_url)
     assert len(before) > 25
-    assert digest_of(old_url) == record("0001", old_url)
+    assert digest_of(old_url) == stores.record("0001", old_url)
     for version in VERSIONS[1:]:
         kant_sql.upgrade(old_url, revision=version)
-        assert as_before(old_url) == before
-        assert digest_of(old_url) == record(version, old_url)
+        assert stores.as_before(old_url) == before
+        assert digest_of(old_url) == stores.record(version, old_url)
     for version in VERSIONS[-2::-1]:
         kant_sql.operations.downgrade(old_url, revision=version)
-        assert as_before(old_url) == before
-        assert digest_of(old_url) == record(version, old_url)
+        assert stores.as_before(old_url) == before
+        assert digest_of(old_url) == stores.record(version, old_url)
 
 
 def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Connect) -> None:
@@ -74,7 +60,7 @@ def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Conne
     assert [str(dto) for dto in kb.types.get_all()] == ["place", "robot", "dock - place"]
     assert [str(goal) for goal in kb.goals.get_all()] == ["(or (idle) (at rb1 Home))"]
     assert "(= (battery rb1) 79.5)" in kb.problem_pddl()
-    texts = {row["text"] for row in rows_of(new_url)["action_version"]}
+    texts = {row["text"] for row in stores.rows_of(new_url)["action_version"]}
     written = [*kb.actions.get_all(), *kb.pddl.processes.get_all()]
     assert {str(dto) for dto in written} == texts
     seen = datetime(2026, 5, 4, 9, 31, 58, 500_000, tzinfo=UTC)
@@ -95,16 +81,17 @@ def test_it_can_be_planned_from(new_url: str, connect: Connect) -> None:
 
 
 def test_the_hashes_recompute_and_the_chain_goes_on(new_url: str, connect: Connect) -> None:
-    assert check_chain(new_url) == REVISIONS
+    assert check_chain(new_url) == stores.REVISIONS
     kb = open_tiago(new_url, connect)
     with kb.transaction(observed_at=datetime(2026, 5, 4, 10, tzinfo=UTC)):
         kb.objects.save(PddlObjectDto(PddlTypeDto("dock"), "d1"))
     kb.plans.record(Plan((), "hand", ""))
     kb.propositions.delete_all()
-    assert check_chain(new_url) == {**REVISIONS, "tiago": REVISIONS["tiago"] + 3}
+    assert check_chain(new_url) == {**stores.REVISIONS, "tiago": stores.REVISIONS["tiago"] + 3}
     assert findings(new_url) == []
     forms = {
-        (row["form"], row["number"] > REVISIONS["tiago"]) for row in rows_of(new_url)["revision"]
+        (row["form"], row["number"] > stores.REVISIONS["tiago"])
+        for row in stores.rows_of(new_url)["revision"]
     }
     assert forms == {(1, False), (2, True)}
 
@@ -119,7 +106,7 @@ def test_to_save_what_the_older_library_wrote_changes_nothing(
     ]
     for dao in daos:
         dao.save_all(dao.get_all())
-    assert kb.revision == REVISIONS["tiago"]
+    assert kb.revision == stores.REVISIONS["tiago"]
 
 
 def test_the_views_of_each_version_show_it(old_url: str) -> None:
@@ -145,54 +132,3 @@ def test_the_views_of_each_version_show_it(old_url: str) -> None:
             "SELECT count(*), count(observed_at), count(plan_id), max(form) FROM audit_revision"
         )
         assert ask(old_url, revisions) == ["10 | 2 | 1 | 1"]
-
-
-def test_ended_versions_are_found_by_their_forks(old_url: str) -> None:
-    rows = rows_of(old_url)
-    for table in FORKED:
-        ends = [(row["since"], row["until"], row["fork"]) for row in rows[table]]
-        assert all(place == fork(since, until) for since, until, place in ends)
-        assert any(place for _, _, place in ends)
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("table", FORKED)
-def test_sqlite_finds_the_past_by_forks(tmp_path: Path, table: str, version: str) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    kant_sql.upgrade(url, revision=version)
-    owner = "predicate_id" if table.startswith("proposition") else "function_id"
-    # As the library asks: the beginning of a version chooses no index.
-    query = (
-        f"SELECT since FROM {table} WHERE kb_id = 1 AND {owner} = 2 AND fork IN (0, 4, 6, 7, 8)"
-        " AND +since <= 7 AND (until IS NULL OR until > 7)"
-    )
-    with connected(url) as connection:
-        plan = connection.execute(text(f"EXPLAIN QUERY PLAN {query}")).all()
-    used = f"ix_{table}_history (kb_id=? AND {owner}=? AND fork=?)"
-    assert used in plan[0][3]
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize(
-    ("held", "index"),
-    [
-        (VERSION.until.is_(None), "ix_proposition_version_goal (kb_id=? AND until=?)"),
-        (
-            VERSION.fork.in_([0, 4, 6, 7, 8])
-            & (VERSION.since <= 7)
-            & (VERSION.until.is_(None) | (VERSION.until > 7)),
-            "ix_proposition_version_goal_history (kb_id=? AND fork=? AND since<?)",
-        ),
-    ],
-    ids=["now", "then"],
-)
-def test_sqlite_finds_goals_by_their_indexes(
-    tmp_path: Path, held: ColumnElement[bool], index: str, version: str
-) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    kant_sql.upgrade(url, revision=version)
-    goals = select(VERSION.proposition_id).where(VERSION.kb_id == 1, held, VERSION.is_goal)
-    with connected(url) as connection:
-        sql = goals.compile(connection, compile_kwargs={"literal_binds": True})
-        plan = connection.execute(text(f"EXPLAIN QUERY PLAN {sql}")).all()
-    assert f"INDEX {index}" in plan[0][3]

@@ -13,18 +13,7 @@ import kant_sql
 from kant_sql.errors import KantSqlError
 from kant_sql.sql.intervals import fork
 from kant_sql.sql.schema import alembic_config, current, upgrade_sql
-from tests.migrations.stores import (
-    ADDED,
-    Make,
-    answers,
-    in_form_1,
-    record,
-    rows_of,
-    run_script,
-    views,
-    without,
-    written,
-)
+from tests.migrations import stores
 from tests.migrations.test_golden import digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
@@ -49,31 +38,31 @@ FORKED = (FACTS, "function_value_version")
 
 
 @pytest.fixture
-def old_url(make: Make) -> str:
+def old_url(make: stores.Make) -> str:
     """The URL of a store with a story in it, as version 0001 of the tables has it."""
-    return make(written("store", "0001"))
+    return make(stores.written("store", "0001"))
 
 
 def unchanged(url: str, change: Callable[[], None]) -> bool:
     """Tell whether the tables and views say the same before and after a change."""
-    before = (rows_of(url), answers(url, VIEWS))
+    before = (stores.rows_of(url), stores.answers(url, VIEWS))
     change()
-    return (rows_of(url), answers(url, VIEWS)) == before
+    return (stores.rows_of(url), stores.answers(url, VIEWS)) == before
 
 
 def test_data_and_answers_survive_up_and_down(old_url: str) -> None:
-    assert digest_of(old_url) == record("0001", old_url)
-    assert views(old_url) == VIEWS
+    assert digest_of(old_url) == stores.record("0001", old_url)
+    assert stores.views(old_url) == VIEWS
     assert unchanged(old_url, lambda: kant_sql.upgrade(old_url, revision="0002"))
-    assert views(old_url) == {*VIEWS, NEW}
-    assert digest_of(old_url) == record("0002", old_url)
+    assert stores.views(old_url) == {*VIEWS, NEW}
+    assert digest_of(old_url) == stores.record("0002", old_url)
     assert unchanged(old_url, lambda: kant_sql.operations.downgrade(old_url, revision="0001"))
-    assert digest_of(old_url) == record("0001", old_url)
+    assert digest_of(old_url) == stores.record("0001", old_url)
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
-    assert len(answers(old_url, VIEWS)["audit_change"]) > 20
+    assert len(stores.answers(old_url, VIEWS)["audit_change"]) > 20
     kant_sql.operations.downgrade(old_url, revision="base")
-    assert (views(old_url), rows_of(old_url), current(old_url)) == (set(), {}, None)
+    assert (stores.views(old_url), stores.rows_of(old_url), current(old_url)) == (set(), {}, None)
 
 
 def test_the_new_view_says_where_a_knowledge_base_stands(old_url: str) -> None:
@@ -85,17 +74,17 @@ def test_the_new_view_says_where_a_knowledge_base_stands(old_url: str) -> None:
 
 def test_a_view_of_somebody_elses_on_these_is_not_dropped_by_the_way(old_url: str) -> None:
     kant_sql.upgrade(old_url)
-    run_script(old_url, "CREATE VIEW theirs AS SELECT text FROM audit_fact")
+    stores.run_script(old_url, "CREATE VIEW theirs AS SELECT text FROM audit_fact")
     if make_url(old_url).get_backend_name() == "sqlite":
         kant_sql.operations.downgrade(old_url, revision="0001")
-        assert views(old_url) == {*VIEWS, "theirs"}
+        assert stores.views(old_url) == {*VIEWS, "theirs"}
         kant_sql.upgrade(old_url)
     else:
         before = current(old_url)
         with pytest.raises(KantSqlError, match="other objects depend on it"):
             kant_sql.operations.downgrade(old_url, revision="0001")
         assert current(old_url) == before
-    assert views(old_url) == {*VIEWS, NEW, *LATER, "theirs"}
+    assert stores.views(old_url) == {*VIEWS, NEW, *LATER, "theirs"}
     assert len(ask(old_url, "SELECT * FROM theirs")) == len(
         ask(old_url, "SELECT 1 FROM audit_fact")
     )
@@ -156,9 +145,9 @@ def read_states(url: str, connect: Connect) -> list[str]:
 
 def test_every_past_state_survives_down_and_up(empty_url: str, connect: Connect) -> None:
     kant_sql.upgrade(empty_url)
-    with in_form_1():
+    with stores.in_form_1():
         write_history(empty_url, connect)
-    before = rows_of(empty_url)
+    before = stores.rows_of(empty_url)
     for table in FORKED:
         assert len(before[table]) > 10
         for row in before[table]:
@@ -166,8 +155,10 @@ def test_every_past_state_survives_down_and_up(empty_url: str, connect: Connect)
     states = read_states(empty_url, connect)
     assert len(set(states)) > 10
     kant_sql.operations.downgrade(empty_url, revision="0001")
-    assert rows_of(empty_url) == {table: without(before[table], *ADDED) for table in before}
+    assert stores.rows_of(empty_url) == {
+        table: stores.without(before[table], *stores.ADDED) for table in before
+    }
     kant_sql.upgrade(empty_url)
-    assert rows_of(empty_url) == before
+    assert stores.rows_of(empty_url) == before
     assert read_states(empty_url, connect) == states
     check_chain(empty_url)

@@ -5,26 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
-from sqlalchemy import Connection, text
+from sqlalchemy import text
 
 import kant_sql
 from kant_sql.acts import recording
 from kant_sql.sql.audit_views import AUDIT_VIEWS
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.schema import VERSIONS
-from tests.migrations.stores import (
-    Fill,
-    Make,
-    answers,
-    record,
-    refusal,
-    rows_of,
-    run_script,
-    views,
-    without,
-    write_story,
-)
-from tests.migrations.test_golden import connected, digest_of, dump_of
+from tests.migrations import stores
+from tests.migrations.test_golden import connected, digest_of
 from tests.support.pages import ask
 from tests.support.reading import findings
 
@@ -39,11 +28,11 @@ SIZE = 20_000
 
 
 @cache
-def written(version: str) -> Fill:
+def written(version: str) -> stores.Fill:
     """Write what the first version wrote, and bring the tables to a later one."""
 
     def fill(url: str) -> None:
-        write_story(url)
+        stores.write_story(url)
         kant_sql.upgrade(url, revision=version)
 
     return fill
@@ -57,21 +46,21 @@ def columns_of(url: str, view: str) -> str:
 @pytest.mark.parametrize(
     "version", [*(pytest.param(each, marks=LANDED) for each in VERSIONS[3:6]), VERSIONS[6]]
 )
-def test_rows_and_answers_are_carried_up_and_down(make: Make, version: str) -> None:
+def test_rows_and_answers_are_carried_up_and_down(make: stores.Make, version: str) -> None:
     older = VERSIONS[VERSIONS.index(version) - 1]
     url = make(written(older))
-    rows, names = rows_of(url), views(url)
+    rows, names = stores.rows_of(url), stores.views(url)
     assert names | NEW_VIEWS == AUDIT_VIEWS.keys()
     columns = {name: columns_of(url, name) for name in names}
-    said = answers(url, names)
-    assert digest_of(url) == record(older, url)
+    said = stores.answers(url, names)
+    assert digest_of(url) == stores.record(older, url)
 
     kant_sql.upgrade(url, revision=version)
-    assert digest_of(url) == record(version, url)
-    after = rows_of(url)
+    assert digest_of(url) == stores.record(version, url)
+    after = stores.rows_of(url)
     if version == "0006":
         assert {row[name] for row in after["head"] for name in ORIGIN} == {None}
-        after["head"] = without(after["head"], *ORIGIN)
+        after["head"] = stores.without(after["head"], *ORIGIN)
     assert after == rows
     for name in names:
         assert sorted(ask(url, f"SELECT {columns[name]} FROM {name}")) == said[name]
@@ -79,33 +68,8 @@ def test_rows_and_answers_are_carried_up_and_down(make: Make, version: str) -> N
     assert findings(url) == []
 
     kant_sql.operations.downgrade(url, revision=older)
-    assert (rows_of(url), digest_of(url)) == (rows, record(older, url))
-    assert answers(url, names) == said
-
-
-@pytest.mark.parametrize("dialect", ["sqlite"])
-@pytest.mark.parametrize("version", [pytest.param("0005", marks=LANDED), "0007"])
-def test_sqlite_runs_the_same_programs_as_before(make: Make, version: str) -> None:
-    """What 0005 wrote for DuckDB, and 0007 took away, is a comment to SQLite."""
-    url = make(written(VERSIONS[VERSIONS.index(version) - 1]))
-    with connected(url) as connection:
-        before = {view: program(connection, view) for view in views(url)}
-    kant_sql.upgrade(url, revision=version)
-    with connected(url) as connection:
-        assert {view: program(connection, view) for view in views(url)} == before
-    assert ("/*" in dump_of(url)) is (version == "0005")
-
-
-def program(connection: Connection, view: str) -> list[str]:
-    """Give SQLite's instructions, without the addresses of pages."""
-    rows = connection.execute(text(f"EXPLAIN SELECT * FROM {view}"))
-    return [str(row[1]) for row in rows]
-
-
-@pytest.mark.parametrize("dialect", ["postgresql"])
-def test_postgresql_has_no_words_for_duckdb(make: Make) -> None:
-    url = make(written("0006"))
-    assert record("0007", url) == record("0006", url)
+    assert (stores.rows_of(url), digest_of(url)) == (rows, stores.record(older, url))
+    assert stores.answers(url, names) == said
 
 
 @LANDED
@@ -135,7 +99,7 @@ def test_running_steps_are_found_without_reading_the_others(empty_url: str) -> N
 
 
 @pytest.fixture
-def old_url(make: Make) -> str:
+def old_url(make: stores.Make) -> str:
     """The URL of a store of version 0005."""
     return make(written("0005"))
 
@@ -155,7 +119,9 @@ def test_the_last_column_of_each_view_finds_one_knowledge_base(old_url: str, vie
 
 @LANDED
 def test_views_of_users_survive_the_way_up(old_url: str) -> None:
-    run_script(old_url, "CREATE VIEW mine AS SELECT text FROM audit_fact WHERE until IS NULL")
+    stores.run_script(
+        old_url, "CREATE VIEW mine AS SELECT text FROM audit_fact WHERE until IS NULL"
+    )
     before = ask(old_url, "SELECT * FROM mine")
     kant_sql.upgrade(old_url)
     assert ask(old_url, "SELECT * FROM mine") == before
@@ -163,22 +129,22 @@ def test_views_of_users_survive_the_way_up(old_url: str) -> None:
 
 @LANDED
 def test_what_was_verified_and_replicated_is_lost_on_the_way_down(old_url: str) -> None:
-    before = rows_of(old_url)
+    before = stores.rows_of(old_url)
     kant_sql.upgrade(old_url)
-    run_script(
+    stores.run_script(
         old_url,
         f"UPDATE head SET origin = 'sqlite:///r.db', origin_revision = 9, heard_at = '{TIME}';"
         f"INSERT INTO verification VALUES (1, 1, 'x', '{TIME}', NULL)",
     )
     kant_sql.operations.downgrade(old_url, revision="0005")
-    assert rows_of(old_url) == before
+    assert stores.rows_of(old_url) == before
 
 
 @LANDED
 def test_promotions_which_hashes_cover_are_not_dropped(old_url: str) -> None:
     kant_sql.upgrade(old_url)
-    run_script(old_url, "INSERT INTO promotion VALUES (1, 999, 2, 1, 'sqlite:///r.db', 'x')")
+    stores.run_script(old_url, "INSERT INTO promotion VALUES (1, 999, 2, 1, 'sqlite:///r.db', 'x')")
     for revision in ("0005", "0001", f"-{len(VERSIONS) - 5}"):
-        assert "promotions (1)" in refusal(old_url, revision)
+        assert "promotions (1)" in stores.refusal(old_url, revision)
     kant_sql.operations.downgrade(old_url, revision="base")
-    assert rows_of(old_url) == {}
+    assert stores.rows_of(old_url) == {}

@@ -10,17 +10,7 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
 from tests.contract.test_hash import last_hash
-from tests.migrations.stores import (
-    Make,
-    answers,
-    as_before,
-    record,
-    refusal,
-    rows_of,
-    run_script,
-    views,
-    written,
-)
+from tests.migrations import stores
 from tests.migrations.test_golden import digest_of
 from tests.support.chain import check_chain
 from tests.support.pages import ask
@@ -32,9 +22,9 @@ NAME = "rounds"
 
 
 @pytest.fixture
-def old_url(make: Make) -> str:
+def old_url(make: stores.Make) -> str:
     """The URL of a store with plans, whose steps have every status."""
-    return make(written("store"))
+    return make(stores.written("store"))
 
 
 def open_rounds(url: str, connect: Connect) -> KnowledgeBase:
@@ -42,17 +32,20 @@ def open_rounds(url: str, connect: Connect) -> KnowledgeBase:
 
 
 def test_rows_and_hashes_are_carried_up_and_down(old_url: str) -> None:
-    before, said = rows_of(old_url), answers(old_url, {"audit_revision", "audit_change"})
-    rows = as_before(old_url)
+    before, said = (
+        stores.rows_of(old_url),
+        stores.answers(old_url, {"audit_revision", "audit_change"}),
+    )
+    rows = stores.as_before(old_url)
     kant_sql.upgrade(old_url, revision="0008")
-    assert digest_of(old_url) == record("0008", old_url)
-    assert as_before(old_url) == rows
-    assert answers(old_url, {"audit_revision", "audit_change"}) == said
+    assert digest_of(old_url) == stores.record("0008", old_url)
+    assert stores.as_before(old_url) == rows
+    assert stores.answers(old_url, {"audit_revision", "audit_change"}) == said
     kant_sql.upgrade(old_url)
     assert findings(old_url) == []
     kant_sql.operations.downgrade(old_url, revision="0007")
-    assert (rows_of(old_url), digest_of(old_url)) == (before, record("0007", old_url))
-    assert "audit_execution" not in views(old_url)
+    assert (stores.rows_of(old_url), digest_of(old_url)) == (before, stores.record("0007", old_url))
+    assert "audit_execution" not in stores.views(old_url)
 
 
 def test_every_status_is_an_outcome(old_url: str, connect: Connect) -> None:
@@ -95,7 +88,7 @@ def test_every_status_is_an_outcome(old_url: str, connect: Connect) -> None:
 @pytest.mark.more
 def test_what_was_carried_is_verified(old_url: str, change: str) -> None:
     kant_sql.upgrade(old_url)
-    run_script(old_url, change)
+    stores.run_script(old_url, change)
     assert findings(old_url)
 
 
@@ -114,19 +107,19 @@ def test_what_runs_goes_on(old_url: str, connect: Connect) -> None:
         kb.apply(kb.plans.get_all()[2].steps[1])
     kb.close()
     assert findings(old_url) == []
-    assert "revisions of form 2 (3)" in refusal(old_url, "0007")
+    assert "revisions of form 2 (3)" in stores.refusal(old_url, "0007")
     # As the library of version 0008 writes them, which has form 1 only.
-    run_script(old_url, "UPDATE revision SET form = 1, seed = NULL")
-    assert "outcomes of executions (3)" in refusal(old_url, "0007")
+    stores.run_script(old_url, "UPDATE revision SET form = 1, seed = NULL")
+    assert "outcomes of executions (3)" in stores.refusal(old_url, "0007")
     kant_sql.operations.downgrade(old_url, revision="base")
-    assert rows_of(old_url) == {}
+    assert stores.rows_of(old_url) == {}
 
 
 @pytest.mark.more
 def test_an_archive_and_its_store_go_on_together(
-    make: Make, old_url: str, connect: Connect, tmp_path: Path
+    make: stores.Make, old_url: str, connect: Connect, tmp_path: Path
 ) -> None:
-    archive = make(written("archive"))
+    archive = make(stores.written("archive"))
     for url in (old_url, archive):
         kant_sql.upgrade(url)
         assert findings(url) == []
@@ -141,12 +134,12 @@ def test_an_archive_and_its_store_go_on_together(
 
 
 def test_a_replica_goes_on_from_where_it_was(
-    make: Make, old_url: str, connect: Connect, tmp_path: Path
+    make: stores.Make, old_url: str, connect: Connect, tmp_path: Path
 ) -> None:
     """Both are migrated by themselves, and have the same keys."""
     replica = f"sqlite:///{tmp_path / 'replica.db'}"
-    written("store")(replica)
-    run_script(replica, "UPDATE head SET origin = 'elsewhere', heard_at = committed_at")
+    stores.written("store")(replica)
+    stores.run_script(replica, "UPDATE head SET origin = 'elsewhere', heard_at = committed_at")
     for url in (old_url, replica):
         kant_sql.upgrade(url)
     kb = open_rounds(old_url, connect)

@@ -17,8 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from alembic.autogenerate import compare_metadata
-from alembic.migration import MigrationContext
 from sqlalchemy import Connection, create_engine, make_url, text
 
 import kant_sql
@@ -113,14 +111,6 @@ def test_the_models_make_the_schema_that_the_migrations_make(
         with_dialects().create_all(connection)
     # The models have no views.
     assert dump_of(second_empty_url) == dump_of(empty_url, without=[VERSION_TABLE, "views"])
-
-
-def test_autogenerate_finds_nothing_to_migrate(empty_url: str) -> None:
-    kant_sql.upgrade(empty_url)
-    with connected(empty_url) as connection:
-        options = {"version_table": VERSION_TABLE, "compare_type": True}
-        context = MigrationContext.configure(connection, opts=options)
-        assert compare_metadata(context, with_dialects()) == []
 
 
 def test_the_sql_that_is_written_offline_makes_the_same_schema(

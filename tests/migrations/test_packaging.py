@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from zipfile import ZipFile
 
 from hatchling.builders.wheel import WheelBuilder
+
+from tests.support.processes.commands import child
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,14 +51,8 @@ def test_an_installed_library_creates_a_store_by_the_migrations_in_it(tmp_path: 
     ignore = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "kant_sql", package, ignore=ignore)
     shutil.copytree(ROOT / "migrations", package / "migrations", ignore=ignore)
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", PROGRAM],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(package.parent)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words, variables = ("-W", "error", "-c", PROGRAM), {"PYTHONPATH": str(package.parent)}
+    done = child(*words, program=[sys.executable], cwd=tmp_path, **variables)
     assert (done.stdout.splitlines(), done.stderr) == (
         [str(package / "__init__.py"), str(package / "migrations"), "1"],
         "",

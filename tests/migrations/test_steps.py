@@ -15,19 +15,8 @@ import kant_sql
 from kant_sql.errors import SchemaError, SchemaTooNewError, StoreError, StoreIntegrityError
 from kant_sql.sql import schema
 from kant_sql.sql.schema import alembic_config, current, earlier_version
+from tests.migrations import stores
 from tests.migrations.extra import VERSION, add_migration
-from tests.migrations.stores import (
-    REVISIONS,
-    Make,
-    as_before,
-    record,
-    refusal,
-    rows_of,
-    run_script,
-    without,
-    write_migrated_story,
-    write_story,
-)
 from tests.migrations.test_golden import digest_of, dump_of
 from tests.support.chain import check_chain
 from tests.support.reading import findings
@@ -87,9 +76,9 @@ def add(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Add:
 
 
 @pytest.fixture
-def old_url(make: Make) -> str:
+def old_url(make: stores.Make) -> str:
     """The URL of a store with a story in it, of the last version."""
-    return make(write_migrated_story)
+    return make(stores.write_migrated_story)
 
 
 def is_sqlite(url: str) -> bool:
@@ -97,41 +86,41 @@ def is_sqlite(url: str) -> bool:
 
 
 def test_data_is_carried_up_and_down(old_url: str, add: Add) -> None:
-    before = rows_of(old_url)
+    before = stores.rows_of(old_url)
     assert before["formula_term"]
     add(DEPTHS)
     kant_sql.upgrade(old_url)
     assert current(old_url) == VERSION
-    after = rows_of(old_url)
+    after = stores.rows_of(old_url)
     assert {row["depth"] for row in after[TABLE]} == {0, 1}
     assert all((row["depth"] == 0) == (row["parent"] is None) for row in after[TABLE])
     for table, rows in before.items():
-        assert without(after[table], "depth") == rows, table
+        assert stores.without(after[table], "depth") == rows, table
     whole = dump_of(old_url)
     kant_sql.operations.downgrade(old_url, revision=LAST)
-    assert rows_of(old_url) == before
-    assert digest_of(old_url) == record(LAST, old_url)
+    assert stores.rows_of(old_url) == before
+    assert digest_of(old_url) == stores.record(LAST, old_url)
     kant_sql.upgrade(old_url, revision=VERSION)
-    assert (rows_of(old_url), dump_of(old_url)) == (after, whole)
+    assert (stores.rows_of(old_url), dump_of(old_url)) == (after, whole)
 
 
 @pytest.mark.more
 def test_several_steps_at_once(old_url: str, add: Add) -> None:
-    before = as_before(old_url)
+    before = stores.as_before(old_url)
     add(DEPTHS)
     kant_sql.upgrade(old_url, revision="+1")
     whole = dump_of(old_url)
     first, steps = schema.VERSIONS[0], len(schema.VERSIONS) - 1
     assert earlier_version(old_url, f"-{steps}") == first
     kant_sql.operations.downgrade(old_url, revision=f"-{steps}")
-    assert (current(old_url), as_before(old_url)) == (first, before)
+    assert (current(old_url), stores.as_before(old_url)) == (first, before)
     with pytest.raises(SchemaError, match=f"only {', '.join(schema.VERSIONS)}"):
         kant_sql.upgrade(old_url, revision=f"+{steps + 1}")
     kant_sql.upgrade(old_url, revision=f"+{steps}")
     assert (current(old_url), dump_of(old_url)) == (VERSION, whole)
     assert earlier_version(old_url, f"-{steps + 1}") == "base"
     kant_sql.operations.downgrade(old_url, revision=f"-{steps + 1}")
-    assert (current(old_url), rows_of(old_url)) == (None, {})
+    assert (current(old_url), stores.rows_of(old_url)) == (None, {})
 
 
 def test_a_new_store_goes_through_all_of_them(empty_url: str, add: Add) -> None:
@@ -147,10 +136,10 @@ def test_what_the_older_library_wrote_goes_down_and_up_with_its_hashes(
     with monkeypatch.context() as patched:
         add_migration(patched, tmp_path, DEPTHS)
         kant_sql.upgrade(old_url)
-        assert check_chain(old_url) == REVISIONS
+        assert check_chain(old_url) == stores.REVISIONS
         kant_sql.operations.downgrade(old_url, revision=LAST)
     connect(old_url, knowledge_base="tiago").propositions.delete_all()
-    assert check_chain(old_url) == {**REVISIONS, "tiago": REVISIONS["tiago"] + 1}
+    assert check_chain(old_url) == {**stores.REVISIONS, "tiago": stores.REVISIONS["tiago"] + 1}
     assert findings(old_url) == []
 
 
@@ -175,11 +164,11 @@ def test_the_library_refuses_what_a_newer_one_migrated(
 def test_what_an_older_version_has_no_place_for_is_not_dropped(old_url: str, add: Add) -> None:
     add(DEPTHS)
     kant_sql.upgrade(old_url)
-    run_script(old_url, NESTED)
+    stores.run_script(old_url, NESTED)
     for revision in (LAST, "0001", "-1", "-2"):
-        assert refusal(old_url, revision).endswith("nested metrics (1); nothing was changed")
+        assert stores.refusal(old_url, revision).endswith("nested metrics (1); nothing was changed")
     kant_sql.operations.downgrade(old_url, revision="base")
-    assert (rows_of(old_url), current(old_url)) == ({}, None)
+    assert (stores.rows_of(old_url), current(old_url)) == ({}, None)
 
 
 def test_a_downgrade_as_sql_cannot_look_and_is_refused(dialect: str, add: Add) -> None:
@@ -213,10 +202,10 @@ def test_a_migration_that_fails_half_way_changes_nothing(
     {statement}
 """
     add(f"def upgrade():{work}\n\ndef downgrade():\n    pass\n")
-    before = rows_of(old_url), dump_of(old_url)
+    before = stores.rows_of(old_url), dump_of(old_url)
     with pytest.raises(error):
         kant_sql.upgrade(old_url)
-    assert (rows_of(old_url), dump_of(old_url)) == before
+    assert (stores.rows_of(old_url), dump_of(old_url)) == before
     assert current(old_url) == LAST
 
 
@@ -234,19 +223,19 @@ def test_a_migration_that_fails_half_way_down_changes_nothing(
     make = 'op.create_table("half", sa.Column("done", sa.Integer()))'
     add(f"def upgrade():\n    {make}\n\n\ndef downgrade():{work}")
     kant_sql.upgrade(old_url)
-    before = rows_of(old_url), dump_of(old_url)
+    before = stores.rows_of(old_url), dump_of(old_url)
     # Of two steps, too, whichever fails.
     for revision in (LAST, "0001"):
         with pytest.raises(error):
             kant_sql.operations.downgrade(old_url, revision=revision)
-        assert (rows_of(old_url), dump_of(old_url)) == before
+        assert (stores.rows_of(old_url), dump_of(old_url)) == before
         assert current(old_url) == VERSION
 
 
 def test_rows_that_would_refer_to_nothing_are_counted_on_sqlite(tmp_path: Path, add: Add) -> None:
     """SQLite checks no foreign key while it migrates: all of them are checked in the end."""
     url = f"sqlite:///{tmp_path / 'store.db'}"
-    write_story(url)
+    stores.write_story(url)
     kant_sql.upgrade(url)
     delete = "DELETE FROM formula_node WHERE operator = '>'"
     add(f'def upgrade():\n    op.execute("{delete}")\n\n\ndef downgrade():\n    pass\n')

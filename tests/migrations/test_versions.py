@@ -10,10 +10,9 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
 import kant_sql
-from kant_sql.sql.schema import VERSIONS, alembic_config, current, migrations_folder
+from kant_sql.sql.schema import VERSIONS, alembic_config, migrations_folder
 from kant_sql.sql.tables.base import VERSION_TABLE
-from tests.migrations.stores import Make, write_migrated_story
-from tests.migrations.test_golden import connected, dump_of
+from tests.migrations.test_golden import connected
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, navigation, robot_at
 
@@ -67,20 +66,6 @@ def test_base_leaves_nothing_but_the_tables_of_others(empty_url: str, connect: C
     with connected(empty_url) as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "theirs"
         assert connection.scalar(text("SELECT charge FROM battery")) == 80
-
-
-@pytest.mark.more
-def test_each_step_down_and_up_again_gives_the_same_schema(make: Make) -> None:
-    """Of form 1: no version before 0010 can verify what is written now."""
-    url = make(write_migrated_story)
-    whole = dump_of(url)
-    for version in [*VERSIONS[-2::-1], None]:
-        kant_sql.operations.downgrade(url, revision="-1")
-        assert current(url) == version
-    for version in VERSIONS:
-        kant_sql.upgrade(url, revision="+1")
-        assert current(url) == version
-    assert dump_of(url) == whole
 
 
 def test_a_store_that_went_down_to_base_and_up_again_is_a_new_one(

@@ -5,36 +5,29 @@ from __future__ import annotations
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
 
-from kant_sql.dto.formulas import (
-    ARITHMETIC,
-    ASSIGNMENTS,
-    COMPARISONS,
-    MODALS,
-    TIMES,
-    Arithmetic,
-    Assign,
-    Branch,
-    Comparison,
-    FormulaNode,
-    Modal,
-    Node,
-    Preference,
-    Timed,
-    walk,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Domain, Problem
 from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
 from tests.support.generators.documents import domains_and_problems
 
 NODES = {
     kind.__name__
-    for kind in (*Node.__subclasses__(), *FormulaNode.__subclasses__(), *Branch.__subclasses__())
+    for kind in (
+        *f.Node.__subclasses__(),
+        *f.FormulaNode.__subclasses__(),
+        *f.Branch.__subclasses__(),
+    )
     if kind.__module__.startswith("kant_sql.dto.")
 } - {"Branch", "Count", "FormulaNode"}
 
 
-def roots(domain: Domain, problem: Problem) -> list[Node]:
-    found: list[Node] = [*domain.constraints, *domain.derived, *problem.goal, *problem.constraints]
+def roots(domain: Domain, problem: Problem) -> list[f.Node]:
+    found: list[f.Node] = [
+        *domain.constraints,
+        *domain.derived,
+        *problem.goal,
+        *problem.constraints,
+    ]
     found += [*problem.literals, *problem.facts, *problem.timed]
     found += [problem.metric] if problem.metric is not None else []
     for action in domain.actions:
@@ -42,14 +35,14 @@ def roots(domain: Domain, problem: Problem) -> list[Node]:
     return found
 
 
-def labels(node: Node) -> set[str]:
+def labels(node: f.Node) -> set[str]:
     found = {type(node).__name__}
     match node:
-        case Comparison() | Arithmetic() | Assign() | Modal():
+        case f.Comparison() | f.Arithmetic() | f.Assign() | f.Modal():
             found.add(f"{type(node).__name__} {node.operator}")
-        case Timed():
+        case f.Timed():
             found.add(node.time)
-        case Preference():
+        case f.Preference():
             found.add("named" if node.name else "unnamed")
     return found
 
@@ -69,7 +62,7 @@ def draw(drawn: set[str], seed_: int) -> None:
         domain, problem = documents
         drawn.update(used_requirements(domain, problem=problem))
         drawn.update(action.kind for action in domain.actions)
-        for node in walk(*roots(domain, problem)):
+        for node in f.walk(*roots(domain, problem)):
             drawn.update(labels(node))
 
     note()
@@ -78,11 +71,11 @@ def draw(drawn: set[str], seed_: int) -> None:
 @pytest.mark.more
 def test_every_construct_is_drawn() -> None:
     drawn: set[str] = set()
-    wanted = NODES | set(TIMES) | {"named", "unnamed", ACTION, DURATIVE_ACTION, PROCESS, EVENT}
-    wanted |= {f"Comparison {operator}" for operator in COMPARISONS}
-    wanted |= {f"Arithmetic {operator}" for operator in ARITHMETIC}
-    wanted |= {f"Assign {operator}" for operator in ASSIGNMENTS}
-    wanted |= {f"Modal {operator}" for operator in MODALS}
+    wanted = NODES | set(f.TIMES) | {"named", "unnamed", ACTION, DURATIVE_ACTION, PROCESS, EVENT}
+    wanted |= {f"Comparison {operator}" for operator in f.COMPARISONS}
+    wanted |= {f"Arithmetic {operator}" for operator in f.ARITHMETIC}
+    wanted |= {f"Assign {operator}" for operator in f.ASSIGNMENTS}
+    wanted |= {f"Modal {operator}" for operator in f.MODALS}
     # Costs are a matter of chance: numbers that happen to be used for nothing else.
     wanted |= set(REQUIREMENTS) - {":action-costs"}
     # What is rare may take more: what is drawn depends on the constants in the code.

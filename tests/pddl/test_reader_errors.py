@@ -14,18 +14,8 @@ from pathlib import Path
 import pytest
 
 import kant_sql
+from kant_sql import errors
 from kant_sql.dto.formulas import MAX_NESTING
-from kant_sql.errors import (
-    DependantsError,
-    DivergedError,
-    InvalidKnowledgeError,
-    KantSqlError,
-    NoPlanError,
-    NotApplicableError,
-    PddlError,
-    SourceMissingError,
-    StaleRevisionError,
-)
 from kant_sql.pddl import Domain, Problem, read, read_domain, read_problem, write
 from kant_sql.pddl.given import read_action, read_function, read_object, read_predicate, read_type
 from kant_sql.pddl.symbols import SymbolTable
@@ -54,8 +44,8 @@ def parse(text: str) -> object:
     return read_problem(text, domain=DOMAIN) if "(problem" in text else read_domain(text)
 
 
-def refusal(text: str) -> PddlError:
-    with pytest.raises(PddlError) as refused:
+def refusal(text: str) -> errors.PddlError:
+    with pytest.raises(errors.PddlError) as refused:
         parse(text)
     return refused.value
 
@@ -63,10 +53,10 @@ def refusal(text: str) -> PddlError:
 def test_the_parts_of_an_error(tmp_path: Path) -> None:
     path = tmp_path / "domain.pddl"
     path.write_text(action(":effect (and (r)\n  (pp ?x))"))
-    with pytest.raises(InvalidKnowledgeError) as refused:
+    with pytest.raises(errors.InvalidKnowledgeError) as refused:
         read_domain(path)
     error = refused.value
-    assert isinstance(error, PddlError)
+    assert isinstance(error, errors.PddlError)
     assert (error.source, error.line, error.column) == (str(path), 7, 4)
     assert error.found == "the predicate 'pp'"
     assert error.expected == "a predicate that is declared (did you mean p?)"
@@ -80,17 +70,17 @@ def test_the_parts_of_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "error",
     [
-        PddlError("<string>", 1, 2, "'x'", "'y'", "action move"),
-        DependantsError("it is used", ["(at rb1)"]),
-        DivergedError("they differ", 3, "aa", "bb"),
-        NoPlanError("none was found", "timeout"),
-        NotApplicableError("it cannot be applied", [1]),
-        SourceMissingError(2, "No such file", "domain.pddl"),
-        StaleRevisionError("it moved on", 3, 4),
+        errors.PddlError("<string>", 1, 2, "'x'", "'y'", "action move"),
+        errors.DependantsError("it is used", ["(at rb1)"]),
+        errors.DivergedError("they differ", 3, "aa", "bb"),
+        errors.NoPlanError("none was found", "timeout"),
+        errors.NotApplicableError("it cannot be applied", [1]),
+        errors.SourceMissingError(2, "No such file", "domain.pddl"),
+        errors.StaleRevisionError("it moved on", 3, 4),
     ],
     ids=lambda error: type(error).__name__,
 )
-def test_an_error_goes_to_another_process_as_it_is(error: KantSqlError) -> None:
+def test_an_error_goes_to_another_process_as_it_is(error: errors.KantSqlError) -> None:
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
@@ -311,19 +301,19 @@ def test_forms(text: str, place: tuple[int, int], found: str, expected: str) -> 
     ],
 )
 def test_what_is_no_name_is_refused_without_the_domain_too(body: str) -> None:
-    with pytest.raises(PddlError):
+    with pytest.raises(errors.PddlError):
         read_problem(f"(define (problem s) (:domain d) {body})")
 
 
 def test_a_domain_is_no_problem() -> None:
-    with pytest.raises(PddlError, match="1:10: found 'domain', expected problem"):
+    with pytest.raises(errors.PddlError, match="1:10: found 'domain', expected problem"):
         read_problem(f"{HEAD})")
-    with pytest.raises(PddlError, match="expected one problem"):
+    with pytest.raises(errors.PddlError, match="expected one problem"):
         read_problem(problem("(:init)") * 2)
 
 
 def test_two_domains_in_one_source_must_agree() -> None:
-    with pytest.raises(PddlError, match="found 'e', expected d, as in <string>"):
+    with pytest.raises(errors.PddlError, match="found 'e', expected d, as in <string>"):
         read_domain("(define (domain d)) (define (domain e))")
 
 
@@ -479,7 +469,7 @@ def test_any_prefix_and_any_token_left_out_is_read_or_refused() -> None:
             kb.load_domain(f"{HEAD})")
             for variant in variants:
                 before = kb.revision
-                with suppress(PddlError):
+                with suppress(errors.PddlError):
                     [document] = read(variant + " ")
                     load(kb, document)
                 if kb.revision == before:
@@ -566,7 +556,7 @@ read_move = partial(read_action, symbols=SymbolTable.of_domain(DOMAIN))
 def test_elements_that_stand_alone(
     reads: Callable[[str], object], text: str, column: int, found: str, expected: str
 ) -> None:
-    with pytest.raises(PddlError) as refused:
+    with pytest.raises(errors.PddlError) as refused:
         reads(text)
     error = refused.value
     assert (error.column, error.found, error.expected) == (column, found, expected)

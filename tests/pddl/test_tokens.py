@@ -12,13 +12,7 @@ from typing import Any
 
 import pytest
 
-from kant_sql.errors import (
-    InvalidArgumentError,
-    KantSqlError,
-    PddlError,
-    SourceError,
-    SourceMissingError,
-)
+from kant_sql import errors
 from kant_sql.pddl.lexer import MAX_UNMATCHED, Blocks, Text, load, tokenize, unmatched
 
 
@@ -84,32 +78,21 @@ def test_a_comment_in_another_encoding_is_remembered(tmp_path: Path) -> None:
 def test_code_in_another_encoding_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "latin.pddl"
     path.write_bytes(b"; \xe9\n(caf\xe9)")
-    with pytest.raises(PddlError) as refused:
+    with pytest.raises(errors.PddlError) as refused:
         load(path)
     assert str(refused.value) == f"{path}:2:5: found the byte 0xE9, expected PDDL text in UTF-8"
 
 
 @pytest.mark.parametrize("text", ["(a \0)", "; \0\n(a)"])
 def test_nul_is_refused(text: str) -> None:
-    with pytest.raises(PddlError, match="found a NUL character"):
+    with pytest.raises(errors.PddlError, match="found a NUL character"):
         load(text)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "(a)",
-        "",
-        "  ",
-        "a\nb",
-        "a\rb",
-        " \t(a",
-        "\ufeff(a)",
-        "; (a)",
-        "x (define (domain d))",
-        "( DEFINE",
-    ],
-)
+TEXTS = ["(a)", "", "  ", "a\nb", "a\rb", " \t(a", "\ufeff(a)", "; (a)", "x (define (domain d))"]
+
+
+@pytest.mark.parametrize("text", [*TEXTS, "( DEFINE"])
 def test_what_is_text(text: str) -> None:
     assert load(text).name == "<string>"
 
@@ -134,19 +117,21 @@ def test_a_path_object_is_never_text(tmp_path: Path, monkeypatch: pytest.MonkeyP
     "source", ["nowhere.pddl", "no (1)/where.pddl", Path("(define"), Path("a\0b"), "\ud800"]
 )
 def test_a_file_that_is_not_there(source: str | Path) -> None:
-    with pytest.raises(SourceMissingError, match="give the path of a readable file") as missing:
+    with pytest.raises(
+        errors.SourceMissingError, match="give the path of a readable file"
+    ) as missing:
         load(source)
     error = missing.value
     assert isinstance(error, FileNotFoundError)
-    assert isinstance(error, KantSqlError)
+    assert isinstance(error, errors.KantSqlError)
     assert (error.errno, error.filename) == (errno.ENOENT, str(source))
     again = pickle.loads(pickle.dumps(error))
-    assert (type(again), str(again)) == (SourceMissingError, str(error))
+    assert (type(again), str(again)) == (errors.SourceMissingError, str(error))
 
 
 @pytest.mark.parametrize("source", [Path("."), "x" * 5000])
 def test_a_file_that_cannot_be_read(source: str | Path) -> None:
-    with pytest.raises(SourceError) as refused:
+    with pytest.raises(errors.SourceError) as refused:
         load(source)
     assert not isinstance(refused.value, FileNotFoundError)
 
@@ -198,5 +183,5 @@ def test_lexing_takes_memory_in_proportion() -> None:
 
 @pytest.mark.parametrize("source", [5, None, b"(a)", ["(a)"]])
 def test_what_is_no_source_is_refused(source: Any) -> None:
-    with pytest.raises(InvalidArgumentError, match="a source is a path, or a string"):
+    with pytest.raises(errors.InvalidArgumentError, match="a source is a path, or a string"):
         load(source)

@@ -19,31 +19,20 @@ from tests.support.corpus import PAIRS, needs_corpus, small_pairs
 from tests.support.profile import PROFILE
 
 unified_planning = pytest.importorskip("unified_planning")
-from unified_planning import model  # noqa: E402
-from unified_planning.shortcuts import (  # noqa: E402
-    GE,
-    LT,
-    BoolType,
-    IntType,
-    Or,
-    RealType,
-    Times,
-    UserType,
-    get_environment,
-)
+from unified_planning import model, shortcuts  # noqa: E402
 
-NUMBER = RealType()
+NUMBER = shortcuts.RealType()
 
 
 @pytest.fixture
 def problem() -> model.Problem:
     """A robot that moves, on a battery."""
-    place = UserType("Place")
+    place = shortcuts.UserType("Place")
     made = model.Problem("patrol 1")
-    at = made.add_fluent("robot at", BoolType(), default_initial_value=False, place=place)
+    at = made.add_fluent("robot at", shortcuts.BoolType(), default_initial_value=False, place=place)
     battery = made.add_fluent("battery", NUMBER)
     move = model.InstantaneousAction("move", to=place)
-    move.add_precondition(GE(battery(), 1))
+    move.add_precondition(shortcuts.GE(battery(), 1))
     move.add_effect(at(move.parameter("to")), True)
     move.add_decrease_effect(battery, Fraction(5, 2))
     made.add_action(move)
@@ -82,7 +71,7 @@ def test_what_is_written_is_read_strictly(problem: model.Problem) -> None:
 
 def test_names_that_pddl_cannot_carry() -> None:
     made = model.Problem("2 robots")
-    thing = UserType("Thing")
+    thing = shortcuts.UserType("Thing")
     made.add_fluent("and", default_initial_value=False)
     made.add_fluent("thing", default_initial_value=False)
     made.add_object("5th", thing)
@@ -96,8 +85,8 @@ def test_names_that_pddl_cannot_carry() -> None:
 
 def test_names_that_letters_case_alone_tells_apart_are_refused() -> None:
     made = model.Problem("p")
-    made.add_object("left", UserType("arm"))
-    made.add_object("Left", UserType("arm"))
+    made.add_object("left", shortcuts.UserType("arm"))
+    made.add_object("Left", shortcuts.UserType("arm"))
     with pytest.raises(InvalidNameError, match="object Left and object left would both be named"):
         from_unified_planning(made)
 
@@ -105,7 +94,7 @@ def test_names_that_letters_case_alone_tells_apart_are_refused() -> None:
 def test_numbers_are_exact(problem: model.Problem) -> None:
     battery = problem.fluent("battery")
     problem.action("move").add_effect(
-        problem.add_fluent("third", NUMBER), Times(battery(), Fraction(1, 3))
+        problem.add_fluent("third", NUMBER), shortcuts.Times(battery(), Fraction(1, 3))
     )
     domain, _ = from_unified_planning(problem)
     third = Arithmetic("/", (Number(Decimal(1)), Number(Decimal(3))))
@@ -124,7 +113,7 @@ def test_objects_that_an_action_names_are_constants(problem: model.Problem) -> N
 def test_a_truth_value_that_a_condition_decides(problem: model.Problem) -> None:
     low = problem.add_fluent("low", default_initial_value=False)
     battery = problem.fluent("battery")
-    problem.action("move").add_effect(low, LT(battery(), 3))
+    problem.action("move").add_effect(low, shortcuts.LT(battery(), 3))
     domain, _ = from_unified_planning(problem)
     assert [str(effect) for effect in domain.actions[0].effect[-2:]] == [
         "(when (< (battery) 3) (low))",
@@ -151,7 +140,9 @@ def test_intervals_of_a_durative_action(problem: model.Problem) -> None:
 
 
 def test_default_values_are_written_out(problem: model.Problem) -> None:
-    problem.add_fluent("free", BoolType(), default_initial_value=True, place=UserType("Place"))
+    problem.add_fluent(
+        "free", shortcuts.BoolType(), default_initial_value=True, place=shortcuts.UserType("Place")
+    )
     problem.add_fluent("load", NUMBER, default_initial_value=7)
     _, asked = from_unified_planning(problem)
     assert {"(free wp1)", "(free wp2)"} < set(map(str, asked.facts))
@@ -200,11 +191,11 @@ def _simulated(problem: model.Problem) -> None:
     ("spoil", "message"),
     [
         (
-            lambda made: made.add_fluent("level", IntType(0, 3)),
+            lambda made: made.add_fluent("level", shortcuts.IntType(0, 3)),
             r"integer\[0, 3\] level in fluent level: a number has no bounds",
         ),
         (
-            lambda made: made.add_fluent("level", floor=IntType(0, 3)),
+            lambda made: made.add_fluent("level", floor=shortcuts.IntType(0, 3)),
             "a parameter of type integer.* in fluent level: parameters are objects",
         ),
         (lambda made: made.add_fluent("open"), "unknown values of open in the initial state"),
@@ -230,7 +221,7 @@ def test_other_kinds_of_problems_are_refused() -> None:
 def test_true_and_false() -> None:
     made = model.Problem("p")
     x = made.add_fluent("x", default_initial_value=False)
-    made.add_goal(Or(x, True))
+    made.add_goal(shortcuts.Or(x, True))
     _, asked = from_unified_planning(made)
     assert [str(goal) for goal in asked.goal] == ["(or (x) (and))"]
     assert And() in [part for goal in asked.goal for part in getattr(goal, "formulas", ())]
@@ -271,7 +262,7 @@ def test_what_unified_planning_reads_goes_there_and_back() -> None:
     from unified_planning.io import PDDLReader
 
     compared = 0
-    environment = get_environment()
+    environment = shortcuts.get_environment()
     for pair in PAIRS if PROFILE.is_whole else small_pairs(6_000)[:8]:
         try:
             theirs = PDDLReader(environment).parse_problem(str(pair.domain), str(pair.problem))

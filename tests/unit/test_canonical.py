@@ -14,17 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql.errors import InvalidMetadataError
-from kant_sql.knowledge.canonical import (
-    FORM,
-    Metadata,
-    commit_to,
-    make_metadata,
-    revision_hash,
-    salt_of,
-    sealed_hash,
-    text_time,
-    time_text,
-)
+from kant_sql.knowledge import canonical
 
 Change = tuple[str, str, str]
 
@@ -59,16 +49,16 @@ def document(
     previous: str | None,
     name: str,
     number: int,
-    metadata: Metadata,
+    metadata: canonical.Metadata,
     changes: list[Change],
     source: Any = None,
-    form: int = FORM,
+    form: int = canonical.FORM,
 ) -> bytes:
     """The whole document, by the library."""
     observed_at, step = metadata.observed_at, metadata.plan_step
     return rfc8785.dumps(
         {
-            "observed_at": None if observed_at is None else time_text(observed_at),
+            "observed_at": None if observed_at is None else canonical.time_text(observed_at),
             "plan_step": None if step is None else [*step],
             "form": form,
             "previous": previous,
@@ -84,7 +74,7 @@ def document(
 
 
 def _commitment(label: str, text: str | None) -> str | None:
-    return None if text is None else commit_to(salt_of(SEED, label, text), text)
+    return None if text is None else canonical.commit_to(canonical.salt_of(SEED, label, text), text)
 
 
 @given(
@@ -109,12 +99,14 @@ def test_a_revision_hashes_the_document_that_rfc_8785_writes(
     plan_step: tuple[int, int] | None,
     changes: list[Change],
 ) -> None:
-    metadata = make_metadata(actor, reason, source, observed_at, plan_step)
+    metadata = canonical.make_metadata(actor, reason, source, observed_at, plan_step)
     given_ = previous, name, number
     for form in (7, 1):
         expected = sha256(document(*given_, metadata, changes, source, form)).hexdigest()
-        assert revision_hash(*given_, TIME, metadata, iter(changes), None, form) == expected
-    sealed = Metadata(
+        assert (
+            canonical.revision_hash(*given_, TIME, metadata, iter(changes), None, form) == expected
+        )
+    sealed = canonical.Metadata(
         _commitment("actor", actor),
         _commitment("reason", reason),
         _commitment("source", metadata.source),
@@ -122,25 +114,25 @@ def test_a_revision_hashes_the_document_that_rfc_8785_writes(
     )
     told = [(sign, kind, _commitment(sign + kind, text) or "") for sign, kind, text in changes]
     expected = sha256(document(*given_, sealed, told, sealed.source)).hexdigest()
-    assert revision_hash(*given_, TIME, metadata, iter(changes), SEED) == expected
+    assert canonical.revision_hash(*given_, TIME, metadata, iter(changes), SEED) == expected
     said = sealed[:3]
-    assert sealed_hash(*given_, TIME, metadata, said, told) == expected
+    assert canonical.sealed_hash(*given_, TIME, metadata, said, told) == expected
 
 
 @pytest.mark.parametrize("count", [0, 1, 999, 1_000, 1_001, 2_500])
 def test_the_hash_does_not_depend_on_how_changes_are_batched(count: int) -> None:
     changes = [("+", "fact", f'(p "{number}\\') for number in range(count)]
-    metadata = Metadata(None, None, None)
+    metadata = canonical.Metadata(None, None, None)
     expected = sha256(document(None, "kb", 1, metadata, changes, form=1)).hexdigest()
-    assert revision_hash(None, "kb", 1, TIME, metadata, changes, None, 1) == expected
+    assert canonical.revision_hash(None, "kb", 1, TIME, metadata, changes, None, 1) == expected
     told = [(sign, kind, _commitment(sign + kind, text) or "") for sign, kind, text in changes]
     expected = sha256(document(None, "kb", 1, metadata, told)).hexdigest()
-    assert revision_hash(None, "kb", 1, TIME, metadata, changes, SEED) == expected
+    assert canonical.revision_hash(None, "kb", 1, TIME, metadata, changes, SEED) == expected
 
 
 @given(JSON)
 def test_a_source_is_kept_as_its_canonical_text(source: object) -> None:
-    metadata = make_metadata(None, None, source)
+    metadata = canonical.make_metadata(None, None, source)
     if source is None:
         assert metadata.source is None
     else:
@@ -153,36 +145,22 @@ def test_a_source_is_kept_as_its_canonical_text(source: object) -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        float("nan"),
-        float("inf"),
-        -float("inf"),
-        2**53,
-        -(2**53),
-        10**400,
-        {1, 2},
-        b"bytes",
-        object(),
-        datetime.now(UTC),
-        1j,
-        {5: "a key that is not a string"},
-        {None: 1},
-        {"a": {"b": [object()]}},
-        "\ud800",
-        {"\udfff": 1},
-        ["\ud800"],
+        *(float("nan"), float("inf"), -float("inf"), 2**53, -(2**53), 10**400, {1, 2}, b"bytes"),
+        *(object(), datetime.now(UTC), 1j, {5: "a key that is not a string"}, {None: 1}),
+        *({"a": {"b": [object()]}}, "\ud800", {"\udfff": 1}, ["\ud800"]),
     ],
     ids=lambda source: repr(source)[:20],
 )
 def test_a_source_that_is_not_json_is_refused(source: object) -> None:
     with pytest.raises(InvalidMetadataError, match="source is not a JSON document: "):
-        make_metadata(None, None, source)
+        canonical.make_metadata(None, None, source)
 
 
 def test_a_source_that_contains_itself_is_refused() -> None:
     endless: list[object] = []
     endless.append(endless)
     with pytest.raises(InvalidMetadataError, match="source is not a JSON document: "):
-        make_metadata(None, None, endless)
+        canonical.make_metadata(None, None, endless)
 
 
 @pytest.mark.parametrize(
@@ -190,20 +168,22 @@ def test_a_source_that_contains_itself_is_refused() -> None:
 )
 def test_what_was_observed_has_a_time_with_its_zone(value: object) -> None:
     with pytest.raises(InvalidMetadataError, match="observed_at is a time with its zone"):
-        make_metadata(None, None, None, value)  # type: ignore[arg-type]
+        canonical.make_metadata(None, None, None, value)  # type: ignore[arg-type]
 
 
 def test_a_time_of_observation_that_utc_cannot_say_is_refused() -> None:
     with pytest.raises(InvalidMetadataError, match="outside the years 1 to 9999"):
-        make_metadata(None, None, None, datetime.min.replace(tzinfo=timezone(timedelta(hours=1))))
+        canonical.make_metadata(
+            None, None, None, datetime.min.replace(tzinfo=timezone(timedelta(hours=1)))
+        )
 
 
 @pytest.mark.parametrize("value", [5, b"perception", ["perception"], True, "a\0b", "\ud800"])
 def test_actor_and_reason_are_text_that_a_database_can_keep(value: object) -> None:
     with pytest.raises(InvalidMetadataError, match=r"^actor "):
-        make_metadata(value, None, None)  # type: ignore[arg-type]
+        canonical.make_metadata(value, None, None)  # type: ignore[arg-type]
     with pytest.raises(InvalidMetadataError, match=r"^reason "):
-        make_metadata(None, value, None)  # type: ignore[arg-type]
+        canonical.make_metadata(None, value, None)  # type: ignore[arg-type]
 
 
 @given(st.datetimes(datetime(1, 1, 3), datetime(9999, 12, 30)), st.integers(-1439, 1439))
@@ -211,6 +191,6 @@ def test_a_moment_is_written_in_utc_with_six_digits_and_read_back(
     local: datetime, minutes_east: int
 ) -> None:
     moment = local.replace(tzinfo=timezone(timedelta(minutes=minutes_east)))
-    text = time_text(moment)
+    text = canonical.time_text(moment)
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z", text)
-    assert text_time(text) == moment
+    assert canonical.text_time(text) == moment

@@ -11,22 +11,7 @@ from pathlib import Path
 import pytest
 
 import kant_sql
-from kant_sql import (
-    DaoFactory,
-    KantSqlError,
-    KnowledgeBase,
-    PddlTypeDto,
-    StoreError,
-    StoreUnreachableError,
-    create_dao_factory,
-)
-from kant_sql.dao.interfaces import (
-    PddlActionDao,
-    PddlObjectDao,
-    PddlPredicateDao,
-    PddlPropositionDao,
-    PddlTypeDao,
-)
+from kant_sql.dao import interfaces
 from kant_sql.errors import InvalidMetadataError, InvalidUrlError
 from kant_sql.factory import FAMILIES, PostgresqlDaoFactory, SqliteDaoFactory
 from kant_sql.sql import schema
@@ -56,7 +41,7 @@ def test_the_url_alone_picks_the_family(tmp_path: Path, one_url: str) -> None:
         (f"sqlite:///{tmp_path / 'robot.db'}", SqliteDaoFactory),
         (one_url, PostgresqlDaoFactory),
     ):
-        factory = create_dao_factory(url)
+        factory = kant_sql.create_dao_factory(url)
         assert type(factory) is family
         factory.close()
 
@@ -75,7 +60,7 @@ def test_postgres_is_postgresql_wherever_a_url_is_taken(
 ) -> None:
     url = one_url.replace("postgresql://", f"{scheme}://")
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
-        kb.types.save(PddlTypeDto("robot"))
+        kb.types.save(kant_sql.PddlTypeDto("robot"))
     assert written_names(url) == ["tiago"]
     assert schema.current(url) == schema.VERSIONS[-1]
     assert create_roles(url, dry_run=True).statements
@@ -83,23 +68,23 @@ def test_postgres_is_postgresql_wherever_a_url_is_taken(
     schema.upgrade_sql(url, out)
     assert "BIGINT" in out.getvalue()
     with kant_sql.connect(f"sqlite:///{tmp_path / 'robot.db'}", knowledge_base="rb1") as kb:
-        kb.types.save(PddlTypeDto("robot"))
+        kb.types.save(kant_sql.PddlTypeDto("robot"))
         assert kb.store.archive(kb.revision, to=url).target.startswith("postgresql")
 
 
 def test_a_factory_creates_a_dao_of_each_element() -> None:
-    factory = create_dao_factory("sqlite://")
-    assert isinstance(factory.create_pddl_type_dao(), PddlTypeDao)
-    assert isinstance(factory.create_pddl_object_dao(), PddlObjectDao)
-    assert isinstance(factory.create_pddl_predicate_dao(), PddlPredicateDao)
-    assert isinstance(factory.create_pddl_proposition_dao(), PddlPropositionDao)
-    assert isinstance(factory.create_pddl_action_dao(), PddlActionDao)
+    factory = kant_sql.create_dao_factory("sqlite://")
+    assert isinstance(factory.create_pddl_type_dao(), interfaces.PddlTypeDao)
+    assert isinstance(factory.create_pddl_object_dao(), interfaces.PddlObjectDao)
+    assert isinstance(factory.create_pddl_predicate_dao(), interfaces.PddlPredicateDao)
+    assert isinstance(factory.create_pddl_proposition_dao(), interfaces.PddlPropositionDao)
+    assert isinstance(factory.create_pddl_action_dao(), interfaces.PddlActionDao)
     factory.close()
 
 
 def test_a_factory_cannot_be_half_made() -> None:
     with pytest.raises(TypeError, match="abstract"):
-        DaoFactory("sqlite://")  # type: ignore[abstract]
+        kant_sql.DaoFactory("sqlite://")  # type: ignore[abstract]
 
 
 @pytest.fixture
@@ -142,15 +127,15 @@ def test_a_package_joins_with_a_family_by_an_entry_point(connect: Connect) -> No
     assert kb.types.get_all() == []
 
 
-class OtherFactory(DaoFactory):
+class OtherFactory(kant_sql.DaoFactory):
     """A family that is not built on SQL: it has DAOs, which these tests do without."""
 
     def __init__(self, url: str, **_: object) -> None:
         assert url == "other://"
 
 
-def other_family(monkeypatch: pytest.MonkeyPatch) -> KnowledgeBase:
-    for name in DaoFactory.__abstractmethods__ - {"__init__"}:
+def other_family(monkeypatch: pytest.MonkeyPatch) -> kant_sql.KnowledgeBase:
+    for name in kant_sql.DaoFactory.__abstractmethods__ - {"__init__"}:
         monkeypatch.setattr(OtherFactory, name, lambda self: None, raising=False)
     monkeypatch.setattr(OtherFactory, "__abstractmethods__", frozenset())
     monkeypatch.setitem(FAMILIES, "other", OtherFactory)
@@ -172,7 +157,7 @@ def other_family(monkeypatch: pytest.MonkeyPatch) -> KnowledgeBase:
     ],
 )
 def test_a_question_names_a_family_that_has_daos_only(
-    monkeypatch: pytest.MonkeyPatch, ask: Callable[[KnowledgeBase], object]
+    monkeypatch: pytest.MonkeyPatch, ask: Callable[[kant_sql.KnowledgeBase], object]
 ) -> None:
     with (
         other_family(monkeypatch) as kb,
@@ -185,13 +170,13 @@ def test_a_question_names_a_family_that_has_daos_only(
 def test_an_entry_point_that_is_no_factory_is_refused() -> None:
     message = r"^impostor: entry point 'duck_family:Impostor' is not a DaoFactory class$"
     with pytest.raises(InvalidUrlError, match=message):
-        create_dao_factory("impostor://")
+        kant_sql.create_dao_factory("impostor://")
 
 
 @pytest.mark.usefixtures("plugins")
 def test_a_family_that_nobody_has_is_refused_naming_those_that_there_are() -> None:
     with pytest.raises(InvalidUrlError) as caught:
-        create_dao_factory("oracle://host/db")
+        kant_sql.create_dao_factory("oracle://host/db")
     assert str(caught.value) == (
         "oracle: no DAO family supports this URL; choose one of: duckdb, http, "
         "https, impostor, postgresql, sqlite"
@@ -218,7 +203,7 @@ def test_an_unknown_option_is_refused_naming_what_is_known(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InvalidUrlError) as caught:
-        create_dao_factory(url)
+        kant_sql.create_dao_factory(url)
     assert known in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 
@@ -226,34 +211,21 @@ def test_an_unknown_option_is_refused_naming_what_is_known(
 @pytest.mark.parametrize(
     "url",
     [
-        "",
-        "robot.db",
-        "sqlite",
-        "sqlite:",
-        "sqlite:/robot.db",
-        "://",
-        " sqlite://",
-        "postgresql://host:port/db",
-        "sqlite:///a\0b.db",
-        "sqlite:///\ud800.db",
-        "postgresql://\ud800@host/db",
-        None,
-        5,
-        b"sqlite://",
-        Path("robot.db"),
-        object(),
+        *("", "robot.db", "sqlite", "sqlite:", "sqlite:/robot.db", "://", " sqlite://"),
+        *("postgresql://host:port/db", "sqlite:///a\0b.db", "sqlite:///\ud800.db"),
+        *("postgresql://\ud800@host/db", None, 5, b"sqlite://", Path("robot.db"), object()),
     ],
 )
 def test_what_is_no_url_is_refused_with_examples_of_urls(url: object) -> None:
     with pytest.raises(InvalidUrlError, match="this is not a database URL") as raised:
-        create_dao_factory(url)  # type: ignore[arg-type]
+        kant_sql.create_dao_factory(url)  # type: ignore[arg-type]
     assert "write sqlite:///robot.db" in str(raised.value)
 
 
 @pytest.mark.parametrize("url", ["sqlite://robot.db", "sqlite://robot.db/x", "sqlite://me@/x.db"])
 def test_a_file_with_two_slashes_too_few_does_not_become_a_store_in_memory(url: str) -> None:
     with pytest.raises(InvalidUrlError, match="SQLite has no host; write three slashes"):
-        create_dao_factory(url)
+        kant_sql.create_dao_factory(url)
 
 
 @pytest.mark.parametrize(
@@ -278,30 +250,30 @@ def test_a_file_with_two_slashes_too_few_does_not_become_a_store_in_memory(url: 
     ],
 )
 def test_no_message_shows_a_password_nor_does_what_it_was_raised_from(url: str) -> None:
-    with pytest.raises(KantSqlError) as caught:
-        create_dao_factory(url)
+    with pytest.raises(kant_sql.KantSqlError) as caught:
+        kant_sql.create_dao_factory(url)
     for error in chain(caught.value):
         assert SECRET not in str(error)
         assert SECRET not in repr(error)
 
 
 def test_a_server_that_does_not_answer_is_named_without_the_password() -> None:
-    with pytest.raises(StoreUnreachableError) as caught:
-        create_dao_factory(f"postgresql://me:{SECRET}@{NOBODY}/db")
+    with pytest.raises(kant_sql.StoreUnreachableError) as caught:
+        kant_sql.create_dao_factory(f"postgresql://me:{SECRET}@{NOBODY}/db")
     assert str(caught.value).startswith(f"postgresql://me:***@{NOBODY}/db")
-    assert isinstance(caught.value, StoreError)
+    assert isinstance(caught.value, kant_sql.StoreError)
 
 
 @pytest.mark.parametrize("name", ["", "x" * 256, "a\0b", "a\nb", "\ud800", None, 5])
 def test_a_knowledge_base_has_a_printable_name(name: object) -> None:
     with pytest.raises(InvalidMetadataError, match="cannot name a knowledge base"):
-        create_dao_factory("sqlite://", knowledge_base=name)  # type: ignore[arg-type]
+        kant_sql.create_dao_factory("sqlite://", knowledge_base=name)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("actor", [5, b"me", "a\0b", "\ud800"])
 def test_an_actor_that_cannot_be_kept_is_refused_at_once(actor: object) -> None:
     with pytest.raises(InvalidMetadataError, match=r"^actor"):
-        create_dao_factory("sqlite://", knowledge_base="tiago", actor=actor)  # type: ignore[arg-type]
+        kant_sql.create_dao_factory("sqlite://", knowledge_base="tiago", actor=actor)  # type: ignore[arg-type]
 
 
 def test_every_error_of_the_library_is_one_tree() -> None:
@@ -311,4 +283,4 @@ def test_every_error_of_the_library_is_one_tree() -> None:
         if isinstance(value, type) and issubclass(value, Exception)
     ]
     assert len(errors) > 20
-    assert all(issubclass(error, KantSqlError) for error in errors)
+    assert all(issubclass(error, kant_sql.KantSqlError) for error in errors)

@@ -23,7 +23,7 @@ from ...errors import (
 )
 from ...sql.changes import SIGNS, keyed_changes_of
 from ...sql.dialects import create_backend
-from ...sql.dialects.base import Row
+from ...sql.dialects.base import Row, Session
 from ...sql.query import Query
 from ...store.store import Store
 from ...store.transaction import Transaction
@@ -73,7 +73,7 @@ class ArchivedPart:
         self._store = store
         self._target = target
         self._source = ReplicationSide(store.backend, store.name)
-        self.upto = 0
+        self.upto, self._rest = 0, ""
 
     def check(self) -> None:
         """Check that the archive is intact, and has all of this history up to some revision."""
@@ -85,6 +85,7 @@ class ArchivedPart:
                     f"nothing of knowledge base {name!r} was moved to an archive; leave archive= "
                     "(--archive) out: 'kant-sql push' erases in replicas"
                 )
+            self._check_rest(here, own_id or 0)
             state = read_state(there, kb_id)
             check_archive(Stores(here, own_id or 0, there, kb_id or 0), name, state.revision)
             if state.archived_revision or state.origin is None:
@@ -111,8 +112,7 @@ class ArchivedPart:
                 transaction = stack.enter_context(self._store.transaction(actor, reason))
                 if head.hash == transaction.head.hash:
                     self.stores = Stores(there, kb_id, transaction.session, transaction.kb_id)
-                    self.upto = transaction.head.archived_revision
-                    self._rest = self._check_rest()
+                    self._refuse_moved()
                     yield transaction
                     return
         raise StoreBusyError(
@@ -120,18 +120,30 @@ class ArchivedPart:
             "faster than its archive follows; nothing was erased: try again"
         )
 
-    def _check_rest(self) -> str:
+    def _check_rest(self, session: Session, kb_id: int) -> None:
         """Check what is left here of the archived revisions: another hash of it is recorded."""
-        *_, session, kb_id = self.stores
-        rest = rest_digest(session, kb_id, self.upto)
-        records = read_archives(Check(session, kb_id, Report()))
-        if [(one.revision, one.rest) for one in records[-1:]] != [(self.upto, rest)]:
+        self.upto = read_state(session, kb_id).archived_revision
+        self._rest = rest_digest(session, kb_id, self.upto)
+        if not self._is_last_rest(session, kb_id):
             raise StoreIntegrityError(
                 f"{self._source.backend.label}: what is left of the revisions of knowledge base "
                 f"{self._store.name!r} up to {self.upto} differs from that when versions were "
                 "moved to an archive; nothing was erased: 'kant-sql verify' shows more"
             )
-        return rest
+
+    def _is_last_rest(self, session: Session, kb_id: int) -> bool:
+        records = read_archives(Check(session, kb_id, Report()))
+        return [(one.revision, one.rest) for one in records[-1:]] == [(self.upto, self._rest)]
+
+    def _refuse_moved(self) -> None:
+        """Refuse what another moved or erased there since the check, which no writer waits for."""
+        *_, session, kb_id = self.stores
+        if not self._is_last_rest(session, kb_id):
+            raise StoreBusyError(
+                f"{self._source.backend.label}: versions of knowledge base {self._store.name!r} "
+                "were moved to its archive, or erased there, meanwhile; nothing was erased: try "
+                "again"
+            )
 
     def writer(self, renaming: Renaming) -> TextWriter:
         """Return what renames an object in the archive, and here."""
@@ -161,6 +173,7 @@ class ArchivedPart:
         if rest != self._rest:
             label = self._target.backend.label
             record_archive(transaction, Leaving(self.upto, self.upto, {}), rest, label)
+            self._rest = rest
         fault = first_fault(session, kb_id, name, {*touched_by(session, kb_id, [erasure_id])})
         if fault is not None:
             raise StoreIntegrityError(

@@ -84,7 +84,9 @@ def _key(letter: str) -> str:
 @cache
 def _keys() -> dict[int, str]:
     letters = map(chr, range(_CASED))
-    return {ord(letter): key for letter in letters if (key := _key(letter)) != letter}
+    # Few letters are others in lower case, and only these take long.
+    cased = [each for each in letters if not each == each.casefold() == each.lower()]
+    return {ord(letter): key for letter in cased if (key := _key(letter)) != letter}
 
 
 @cache

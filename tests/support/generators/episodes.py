@@ -21,16 +21,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 from kant_sql import KnowledgeBase
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import ROOT_TYPE, fold
-from kant_sql.pddl.document import (
-    ACTION,
-    DURATIVE_ACTION,
-    Action,
-    Domain,
-    Function,
-    FunctionValue,
-    Predicate,
-    Problem,
-)
+from kant_sql.pddl import document
 from kant_sql.pddl.requirements import used_requirements
 from tests.support.evaluator import Ground, State, Theory
 from tests.support.generators.documents import (
@@ -109,8 +100,8 @@ class Episode:
     """A domain with a problem, changes of the state that it begins with, and questions."""
 
     seed: int
-    domain: Domain
-    problem: Problem
+    domain: document.Domain
+    problem: document.Problem
     changes: tuple[Change, ...]
     questions: tuple[Question, ...]
 
@@ -131,13 +122,13 @@ def ground(node: f.Atom | f.Fluent) -> Ground:
     return (fold(name), *(fold(str(term)) for term in node.terms))
 
 
-def theory_of(domain: Domain) -> Theory:
+def theory_of(domain: document.Domain) -> Theory:
     """The types and the rules of a domain."""
     parents = {fold(part.name): tuple(map(fold, part.types)) for part in domain.types}
     return Theory(parents, domain.derived)
 
 
-def state_of(domain: Domain, problem: Problem) -> State:
+def state_of(domain: document.Domain, problem: document.Problem) -> State:
     """The initial state of a problem."""
     values = {
         ground(fluent): Fraction(value.value) if isinstance(value, f.Number) else fold(value.name)
@@ -239,7 +230,7 @@ class Conditions(Formulas):
         below = [name for name in self.world.parents if self.world.fits((name,), types)]
         return (self.pick(below),) if below and self.random.random() < 0.2 else types
 
-    def rule(self, predicate: Predicate) -> f.Derived:
+    def rule(self, predicate: document.Predicate) -> f.Derived:
         """A rule: any condition, or a join with some variables more, as in a transitive closure."""
         self.layer = self.layers[fold(predicate.name)]
         parts = tuple(
@@ -257,14 +248,14 @@ class Conditions(Formulas):
         self.layer = len(self.layers) + 1
         return f.Derived(predicate.name, parts, body)
 
-    def action(self, name: str) -> Action:
+    def action(self, name: str) -> document.Action:
         scope = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 3, 0])))
         condition = self.conjuncts(lambda: self.goal(scope, 2), 2)
-        return Action(
-            ACTION, name, scope, (), condition, self.conjuncts(lambda: self.effect(scope))
+        return document.Action(
+            document.ACTION, name, scope, (), condition, self.conjuncts(lambda: self.effect(scope))
         )
 
-    def durative(self, name: str) -> Action:
+    def durative(self, name: str) -> document.Action:
         """A durative action, each of whose conditional effects has one time."""
         scope = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 3, 0])))
         condition = tuple(f.Timed(self.pick(f.TIMES), self.goal(scope, 2)) for _ in range(3))
@@ -276,8 +267,8 @@ class Conditions(Formulas):
                 made = f.When(f.Timed(time, self.goal(scope, 1)), made)
             effect.append(made)
         changed = self.continuous(scope) if self.random.random() < 0.5 else None
-        return Action(
-            DURATIVE_ACTION,
+        return document.Action(
+            document.DURATIVE_ACTION,
             name,
             scope,
             tuple(self.lasts(scope) for _ in range(self.pick([1, 1, 2]))),
@@ -304,7 +295,7 @@ def _no_draw(*_: object, **__: object) -> NoReturn:
     raise AssertionError("an episode is made without draws")
 
 
-def free_variables(domain: Domain, formula: f.Formula) -> dict[str, list[tuple[str, ...]]]:
+def free_variables(domain: document.Domain, formula: f.Formula) -> dict[str, list[tuple[str, ...]]]:
     """The free variables, as they first occur, each with the types that its atoms allow."""
     declared = {fold(p.name): p for p in domain.predicates}
     functions = {fold(function.name): function for function in domain.functions}
@@ -387,14 +378,16 @@ def _world(words: Conditions, names: list[str]) -> tuple[World, dict[str, int]]:
     words.world = World(parents, (), (), ())
     many = words.random.choices(range(7), [1, 2, 2, 3, 6, 8, 4])[0]
     objects = words.variables(names[4 : 4 + many])
-    predicates = [Predicate(names[10])]
+    predicates = [document.Predicate(names[10])]
     for name in names[11 : 11 + words.between(3, 6)]:
         count = words.random.choices([0, 1, 2, 3, 4], [1, 6, 8, 3, 1])[0]
-        predicates.append(Predicate(name, words.variables([f"a{i}" for i in range(count)])))
+        predicates.append(
+            document.Predicate(name, words.variables([f"a{i}" for i in range(count)]))
+        )
     functions = []
     for name in names[17 : 17 + words.between(0, 4)]:
         parameters = words.variables([f"a{i}" for i in range(words.pick([1, 0, 1, 2]))])
-        functions.append(Function(name, parameters, words.types() if words.flip() else ()))
+        functions.append(document.Function(name, parameters, words.types() if words.flip() else ()))
     ruled = [predicate.name for predicate in predicates[2:] if words.random.random() < 0.4]
     layers = {fold(name): words.between(0, 1) for name in ruled}
     return World(parents, objects, tuple(predicates), tuple(functions), frozenset(layers)), layers
@@ -410,7 +403,7 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
     words = Conditions(random, replace(world, things=world.things[:count]), layers)
     ruled = [predicate for predicate in world.predicates if fold(predicate.name) in layers]
     rules = [words.rule(predicate) for predicate in ruled for _ in range(2)]
-    domain = Domain(
+    domain = document.Domain(
         names[29],
         types=tuple(f.TypedName(name, (above,)) for name, above in world.parents.items()),
         constants=words.world.things,
@@ -424,7 +417,7 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
     )
     words.world = world
     begin = changes(random, world, begins=True)
-    problem = Problem(
+    problem = document.Problem(
         names[28],
         domain.name,
         objects=world.things[count:],
@@ -442,10 +435,10 @@ def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
     )
 
 
-def _value(fluent: f.Fluent, value: Fraction | str) -> FunctionValue:
+def _value(fluent: f.Fluent, value: Fraction | str) -> document.FunctionValue:
     if isinstance(value, str):
-        return FunctionValue(fluent, f.Constant(value))
-    return FunctionValue(fluent, f.Number(Decimal(str(float(value)))))
+        return document.FunctionValue(fluent, f.Constant(value))
+    return document.FunctionValue(fluent, f.Number(Decimal(str(float(value)))))
 
 
 EPISODES: SearchStrategy[Episode] = st.builds(episode, st.integers(0, 2**32 - 1))

@@ -42,20 +42,7 @@ from kant_sql import (
     Plan,
     PlanStep,
 )
-from kant_sql.dto.formulas import (
-    Atom,
-    Comparison,
-    Constant,
-    Derived,
-    Fluent,
-    Metric,
-    Modal,
-    Not,
-    Number,
-    TimedLiteral,
-    TypedName,
-    Variable,
-)
+from kant_sql.dto import formulas as f
 from kant_sql.operations import Anchor
 from tests.support.parts import PATHS, part
 from tests.support.worlds import depot
@@ -209,12 +196,12 @@ JUNK: dict[str, Callable[[], Any]] = {
     "own parent": looped_type,
     "either of itself": looped_either,
     "3,000 parents": tall_type,
-    "atom": lambda: Atom("at", (Constant("t1"), Variable("p"))),
-    "constant": lambda: Constant("t1"),
-    "variable": lambda: Variable("x"),
-    "number": lambda: Number(1),
-    "metric": lambda: Metric("minimise", Fluent("fuel")),
-    "modal": lambda: Modal("never", (), ()),
+    "atom": lambda: f.Atom("at", (f.Constant("t1"), f.Variable("p"))),
+    "constant": lambda: f.Constant("t1"),
+    "variable": lambda: f.Variable("x"),
+    "number": lambda: f.Number(1),
+    "metric": lambda: f.Metric("minimise", f.Fluent("fuel")),
+    "modal": lambda: f.Modal("never", (), ()),
     "plan": lambda: Plan((PlanStep(None, "nosuch", ("x",)),), engine="x", status="x"),
     "anchor": lambda: Anchor("junk"),  # type: ignore[arg-type]
     **{
@@ -237,7 +224,7 @@ SLOW = {"10 MB"}
 CHECKED = (
     Plan,
     PlanStep,
-    TypedName,
+    f.TypedName,
     kant_sql.pddl.Action,
     kant_sql.pddl.Domain,
     kant_sql.pddl.Function,
@@ -289,13 +276,13 @@ class World:
         "events": PddlEventDto("fail"),
     }
     formulas: typing.ClassVar[dict[str, Any]] = {
-        "derived_predicates": Derived("idle", (), Not(Not(Atom("idle")))),
-        "timed_initial_literals": TimedLiteral(Number(1), Atom("idle")),
-        "initial_literals": Not(Atom("idle")),
-        "goals": Comparison(">", Fluent("fuel", (Constant("t1"),)), Number(1)),
-        "constraints": Modal("always", (), (Atom("idle"),)),
-        "domain_constraints": Modal("always", (), (Atom("idle"),)),
-        "metric": Metric("minimize", Fluent("fuel", (Constant("t1"),))),
+        "derived_predicates": f.Derived("idle", (), f.Not(f.Not(f.Atom("idle")))),
+        "timed_initial_literals": f.TimedLiteral(f.Number(1), f.Atom("idle")),
+        "initial_literals": f.Not(f.Atom("idle")),
+        "goals": f.Comparison(">", f.Fluent("fuel", (f.Constant("t1"),)), f.Number(1)),
+        "constraints": f.Modal("always", (), (f.Atom("idle"),)),
+        "domain_constraints": f.Modal("always", (), (f.Atom("idle"),)),
+        "metric": f.Metric("minimize", f.Fluent("fuel", (f.Constant("t1"),))),
     }
 
     def usual(self, owner: str, name: str) -> Any:
@@ -489,10 +476,10 @@ class Calling:
         examples: list[tuple[str, Any]] = [
             ("Iterable[PddlTypeDto]", [ROBOT]), ("PddlTypeDto", ROBOT),
             ("PddlFunctionDto", self._world.dtos["functions"]),
-            ("PddlPredicateDto", PddlPredicateDto("idle")), ("tuple[", ()), ("Fluent", Fluent("f")),
-            ("Expression", Number(1)), ("Formula", depot.IDLE), ("Atom", depot.IDLE),
-            ("Term", Constant("c")), ("Number", Number(1)), ("bool", True), ("int", 1),
-            ("Sequence[", ()), ("Iterable[Verdict]", ()), ("str", "x"),
+            ("PddlPredicateDto", PddlPredicateDto("idle")), ("tuple[", ()),
+            ("Fluent", f.Fluent("f")), ("Expression", f.Number(1)), ("Formula", depot.IDLE),
+            ("Atom", depot.IDLE), ("Term", f.Constant("c")), ("Number", f.Number(1)),
+            ("bool", True), ("int", 1), ("Sequence[", ()), ("Iterable[Verdict]", ()), ("str", "x"),
         ]  # fmt: skip
         return next((value for key, value in examples if key in text), None)
 

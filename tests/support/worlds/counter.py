@@ -8,40 +8,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from kant_sql import (
-    KnowledgeBase,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-    StaleRevisionError,
-)
+import kant_sql
 
-COUNTER = PddlTypeDto("counter")
-NUMBER = PddlTypeDto("number")
-THE_COUNTER = PddlObjectDto(COUNTER, "c")
-VALUE = PddlPredicateDto("value", [COUNTER, NUMBER])
-COPY = PddlPredicateDto("copy", [COUNTER, NUMBER])
+COUNTER = kant_sql.PddlTypeDto("counter")
+NUMBER = kant_sql.PddlTypeDto("number")
+THE_COUNTER = kant_sql.PddlObjectDto(COUNTER, "c")
+VALUE = kant_sql.PddlPredicateDto("value", [COUNTER, NUMBER])
+COPY = kant_sql.PddlPredicateDto("copy", [COUNTER, NUMBER])
 
 
-def facts_of(number: int) -> list[PddlPropositionDto]:
+def facts_of(number: int) -> list[kant_sql.PddlPropositionDto]:
     """The facts that say that the counter is at a number."""
-    at = PddlObjectDto(NUMBER, f"n{number}")
-    return [PddlPropositionDto(predicate, [THE_COUNTER, at]) for predicate in (VALUE, COPY)]
+    at = kant_sql.PddlObjectDto(NUMBER, f"n{number}")
+    return [
+        kant_sql.PddlPropositionDto(predicate, [THE_COUNTER, at]) for predicate in (VALUE, COPY)
+    ]
 
 
-def start(kb: KnowledgeBase) -> None:
+def start(kb: kant_sql.KnowledgeBase) -> None:
     """Begin to count, in one revision."""
     kb.propositions.save_all(facts_of(0))
 
 
-def number_of(facts: Iterable[PddlPropositionDto]) -> int:
+def number_of(facts: Iterable[kant_sql.PddlPropositionDto]) -> int:
     """What the facts of one predicate say of the counter."""
     (fact,) = facts
     return int(fact.objects[1].name[1:])
 
 
-def read(kb: KnowledgeBase) -> int:
+def read(kb: kant_sql.KnowledgeBase) -> int:
     """Read the counter by one call, and check that the call saw one whole revision."""
     facts = kb.propositions.get_all()
     value = number_of(fact for fact in facts if fact.predicate.name == "value")
@@ -50,7 +45,7 @@ def read(kb: KnowledgeBase) -> int:
     return value
 
 
-def read_by_calls(kb: KnowledgeBase) -> int:
+def read_by_calls(kb: kant_sql.KnowledgeBase) -> int:
     """Read the counter by several calls on one revision, and check that they agree."""
     then = kb.at(kb.revision)
     value = number_of(then.propositions.get_by_predicate("value"))
@@ -60,7 +55,7 @@ def read_by_calls(kb: KnowledgeBase) -> int:
     return value
 
 
-def move(kb: KnowledgeBase, value: int) -> None:
+def move(kb: kant_sql.KnowledgeBase, value: int) -> None:
     """Move the counter on by one, within a transaction."""
     for fact in facts_of(value):
         assert kb.propositions.delete(fact)
@@ -68,14 +63,14 @@ def move(kb: KnowledgeBase, value: int) -> None:
         assert kb.propositions.insert(fact)
 
 
-def increment(kb: KnowledgeBase, times: int) -> None:
+def increment(kb: kant_sql.KnowledgeBase, times: int) -> None:
     """Count, each time in a transaction that reads, and so keeps other writers out."""
     for _ in range(times):
         with kb.transaction(reason="count"):
             move(kb, read(kb))
 
 
-def increment_expecting(kb: KnowledgeBase, times: int) -> None:
+def increment_expecting(kb: kant_sql.KnowledgeBase, times: int) -> None:
     """Count, each time from a revision that was read before and is expected not to have passed."""
     for _ in range(times):
         while True:
@@ -84,7 +79,7 @@ def increment_expecting(kb: KnowledgeBase, times: int) -> None:
             try:
                 with kb.transaction(reason="count", expected_revision=seen.revision):
                     move(kb, value)
-            except StaleRevisionError:
+            except kant_sql.StaleRevisionError:
                 continue
             break
 
