@@ -11,7 +11,8 @@ from pathlib import Path
 
 BENCHMARKS = (
     *("coffee_shop", "history", "asof", "past", "verifying", "documents", "answering"),
-    *("timeline", "sizing", "pushing", "knowledge_bases", "adding", "causing", "ros", "successors"),
+    *("two_clocks", "timeline", "sizing", "pushing", "knowledge_bases", "adding", "causing", "ros"),
+    "successors",
 )
 
 
