@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import re
@@ -216,6 +217,8 @@ def run() -> None:
         # As standard error does by default: escape what the encoding lacks.
         sys.stdout.reconfigure(errors="backslashreplace")
     _log()
+    # Most of a short command is imports, which leave no garbage to look for.
+    gc.set_threshold(100_000)
     app()
 
 
