@@ -214,24 +214,6 @@ def test_atoms_of_objects_that_are_gone_go_and_come_back(
         intact(url)
 
 
-def test_plans_come_along_and_tell_what_the_planner_was_given(
-    file_url: str, archive_url: str, connect: Connect
-) -> None:
-    write_whole_story(file_url)
-    kb = connect(file_url, knowledge_base="tiago")
-    plans = [(plan.id, plan.domain_pddl(), plan.problem_pddl()) for plan in kb.plans.get_all()]
-    with kb.transaction():
-        kb.propositions.delete_all()
-        kb.actions.delete_all()
-    kb.store.archive(kb.revision, to=archive_url)
-    archive = connect(archive_url, knowledge_base="tiago")
-    there = archive.plans.get_all()
-    assert [(plan.id, plan.domain_pddl(), plan.problem_pddl()) for plan in there] == plans
-    for plan in kb.plans.get_all():
-        with pytest.raises(ArchivedError):
-            plan.problem_pddl()
-
-
 def test_much_leaves_in_several_revisions(
     file_kb: KnowledgeBase,
     file_url: str,

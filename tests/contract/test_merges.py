@@ -104,10 +104,8 @@ def merge_all(kb: KnowledgeBase, url: str, name: str, size: int) -> dict[str, tu
         merge(kb, text)
         after = rows_of(url, name)
         found[case], before = written(before, after), after
-    assert (again(kb).pddl.domain(), again(kb).pddl.problem()) == (
-        kb.pddl.domain(),
-        kb.pddl.problem(),
-    )
+    assert again(kb).pddl.domain() == kb.pddl.domain()
+    assert again(kb).pddl.problem() == kb.pddl.problem()
     check_text(kb)
     assert kb.store.verify().is_intact
     return found
@@ -153,12 +151,8 @@ def test_a_merge_keeps_an_order_that_is_not_that_of_the_elements(fresh_kb: Knowl
     merge(fresh_kb, problem("d - t", "(p d)", rest))
     for kb in (fresh_kb, again(fresh_kb)):
         assert [part.name for part in kb.pddl.problem().objects] == ["c", "a", "b", "d"]
-        assert [str(goal) for goal in kb.pddl.problem().goal] == [
-            "(not (p1))",
-            "(p b)",
-            "(p a)",
-            "(p d)",
-        ]
+        goals = [str(goal) for goal in kb.pddl.problem().goal]
+        assert goals == ["(not (p1))", "(p b)", "(p a)", "(p d)"]
         assert kb.pddl.problem().requirements == (":adl",)
         assert kb.at(3).problem_pddl() == before
         check_text(kb)
@@ -203,11 +197,8 @@ def test_merges_are_restored_and_replaced(fresh_kb: KnowledgeBase) -> None:
     for text in (problem("new by_hand - t", "(p new)"), PROBLEMS["requirement and object"][0]):
         merge(fresh_kb, text)
         texts.append(fresh_kb.problem_pddl())
-    assert [part.name for part in fresh_kb.pddl.problem().objects][-3:] == [
-        "by_hand",
-        "new",
-        "newer",
-    ]
+    names = [part.name for part in fresh_kb.pddl.problem().objects]
+    assert names[-3:] == ["by_hand", "new", "newer"]
     fresh_kb.load_problem(problem(O1))
     for revision, text in ((2, texts[0]), (4, texts[1]), (5, texts[2])):
         fresh_kb.restore(revision)

@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-import math
-import random
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import pytest
 
-import kant_sql
 from kant_sql import (
     KantSqlError,
     KnowledgeBase,
@@ -28,8 +25,8 @@ from kant_sql import (
 )
 from kant_sql.errors import InvalidKnowledgeError, InvalidTimeoutError, PlanError, UnknownNameError
 from kant_sql.planning import solving
-from tests.support.generators.junk import JUNK, SLOW, Calling, Case, World, cases, sample
-from tests.support.parts import PATHS, part
+from tests.support.generators.junk import Calling, Case, World, cases, sample, signature
+from tests.support.parts import part
 from tests.support.profile import PROFILE
 from tests.support.stores import Connect
 
@@ -55,37 +52,24 @@ def test_only_errors_of_the_library_come_of_nonsense(
     assert calling.faults == [], "\n".join(calling.faults)
 
 
-def asynchronous_cases(kb: aio.AsyncKnowledgeBase) -> list[Case]:
-    """List the public calls of the asynchronous front door, each with a few kinds of junk."""
-    chooser, quick = random.Random(8), sorted(set(JUNK) - SLOW)
-    found = []
-    for path in PATHS:
-        owner, thing = f"kb.{path}".rstrip("."), part(kb, path)
-        for name in dir(type(thing)):
-            is_part = f"{path}.{name}".lstrip(".") in PATHS
-            if not (name.startswith("_") or is_part or name in ("close", "factory")):
-                found += [Case(owner, name, None, junk) for junk in chooser.sample(quick, 3)]
-    return found
-
-
 WATCHING = ("watch", "watch_rules")
 
 
-async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
-    """Call with junk where the synchronous method has its first parameter, and use the answer."""
-    thing = part(kb, case.owner[3:])
-    given = one_argument(kb, case)
-    # What stands before keywords has no name to be given by.
-    many = [given.pop(name) for name in POSITIONAL_ONLY if name in given and is_unnamed(kb, case)]
-    many += [JUNK[case.junk]()] if case.method == "load_domain" else []
-    made = getattr(thing, case.method)(
-        *many,
-        **({"reason": JUNK[case.junk]()} if case.method == "transaction" else {}),
-        **({"limit": JUNK[case.junk]()} if case.method in ("log", "revisions") else {}),
-        **({"timeout": JUNK[case.junk]()} if case.method in ("plan", *WATCHING) else {}),
-        **({"after": JUNK[case.junk]()} if case.method == "changes" else {}),
-        **given,
-    )
+def asynchronous_cases(world: World) -> list[Case]:
+    """Choose calls that the asynchronous front door has, too."""
+    found = [
+        case
+        for case in cases(world)
+        if case.owner.startswith("kb") and case.parameter is not None
+        # An infinite timeout is none, and those who watch wait.
+        if not (case.method in WATCHING and case.junk == "inf")
+    ]
+    assert len(found) > 10_000
+    return sample(found, PROFILE.junk, seed=8)
+
+
+async def use(made: Any) -> None:
+    """Use what an asynchronous call gives."""
     if inspect.isawaitable(made):
         await made
     elif hasattr(made, "__aenter__"):
@@ -95,53 +79,32 @@ async def asynchronous_call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
         await anext(made, None)
 
 
-POSITIONAL_ONLY = ("condition",)
-
-
-def is_unnamed(kb: aio.AsyncKnowledgeBase, case: Case) -> bool:
-    """Whether the first parameter is given by position alone."""
-    parameters = list(inspect.signature(getattr(type(kb._kb), case.method)).parameters.values())
-    return len(parameters) > 1 and parameters[1].kind is inspect.Parameter.POSITIONAL_ONLY
-
-
-def one_argument(kb: aio.AsyncKnowledgeBase, case: Case) -> dict[str, object]:
-    """Give junk for each parameter that must be given."""
-    thing = part(kb._kb, case.owner[3:])
-    found = getattr(type(thing), case.method)
-    if not callable(found):
-        return {}
-    parameters = list(inspect.signature(found).parameters.values())[1:]
-    return {
-        parameter.name: JUNK[case.junk]()
-        for parameter in parameters
-        if parameter.default is parameter.empty
-        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    }
-
-
-def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path) -> None:
+def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path, connect: Connect) -> None:
+    where: dict[str, Any] = {"knowledge_base": "tiago", "actor": "test"}
     url = f"sqlite:///{tmp_path / 'nonsense.db'}"
-    with kant_sql.connect(url, knowledge_base="tiago", actor="test") as kb:
-        calling = Calling(lambda: World(kb, tmp_path))
+    world = World(connect(url, **where), tmp_path)
+    calling = Calling(lambda: world)
 
-        async def main() -> None:
-            async with aio.connect(url, knowledge_base="tiago", actor="test") as asynchronous:
-                found = asynchronous_cases(asynchronous)
-                assert len(found) > 300
-                for case in found:
-                    # An infinite timeout is none, and those who watch wait.
-                    if case.method in WATCHING and JUNK[case.junk]() == math.inf:
-                        continue
-                    try:
-                        await asyncio.wait_for(asynchronous_call(asynchronous, case), 20)
-                    except kant_sql.KantSqlError as error:
-                        calling._judge_error(case, error)
-                    except Exception as error:
-                        calling._judge_other(case, error)
-                assert (await asynchronous.store.verify()).is_intact
+    async def call(kb: aio.AsyncKnowledgeBase, case: Case) -> None:
+        taken = signature(getattr(world.subjects()[case.owner](), case.method))
+        positional, keywords = calling.arguments(case, taken)
+        path = case.owner.removeprefix("kb").lstrip(".")
+        await use(getattr(part(kb, path), case.method)(*positional, **keywords))
 
-        with mock.patch.object(solving, "_race", side_effect=NoPlanError("none", "internal_error")):
-            asyncio.run(main())
+    async def main() -> None:
+        async with aio.connect(url, **where) as kb:
+            for case in asynchronous_cases(world):
+                before = world.kb.revision
+                try:
+                    await asyncio.wait_for(call(kb, case), 20)
+                except KantSqlError as error:
+                    calling._judge_error(case, error)
+                except Exception as error:
+                    calling._judge_other(case, error)
+                calling._check_store(case, before)
+
+    with mock.patch.object(solving, "_race", side_effect=NoPlanError("none", "internal_error")):
+        asyncio.run(main())
     assert calling.faults == [], "\n".join(calling.faults)
 
 

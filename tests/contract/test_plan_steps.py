@@ -84,10 +84,8 @@ def test_a_step_is_started_and_ends(fresh_kb: KnowledgeBase) -> None:
     ]
     assert spans(fresh_kb, first) == [("running", 3, 4), ("failed", 4, None)]
     started, failed = now(fresh_kb, first).outcomes
-    assert (started.kind, failed.text) == (
-        "execution",
-        f"(:execution {plan.id}.0 (Move rb1 Wp1 wp2) failed)",
-    )
+    assert started.kind == "execution"
+    assert failed.text == f"(:execution {plan.id}.0 (Move rb1 Wp1 wp2) failed)"
     assert failed.since == started.until == fresh_kb.store.revisions()[3]
     assert (failed.since.actor, failed.since.reason) == ("executive", "blocked")
     assert now(fresh_kb, second) == second

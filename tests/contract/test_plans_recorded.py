@@ -337,7 +337,7 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
     kb: KnowledgeBase, tmp_path: Path, connect: Connect
 ) -> None:
     made = recorded(kb)
-    text = made.problem_pddl()
+    texts = made.domain_pddl(), made.problem_pddl()
     kept = kb.plans.record(plan_of(revision=1), domain_pddl="a", problem_pddl="b")
     with kb.transaction():
         kb.propositions.delete_all()
@@ -351,7 +351,8 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
         made.problem_pddl()
     refuses(kb, plan_of(revision=1), error=ArchivedError)
     moved = present(connect(url, knowledge_base="tiago").plans.get(made.id))
-    assert moved.problem_pddl() == text
+    assert moved == made
+    assert (moved.domain_pddl(), moved.problem_pddl()) == texts
 
 
 def test_a_plan_that_was_read_is_recorded(fresh_kb: KnowledgeBase) -> None:

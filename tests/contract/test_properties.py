@@ -111,6 +111,8 @@ REGRESSIONS: dict[str, list[Step]] = {
         save(HERE),
         on("objects", "save", WP2),
         Block([save(THERE), READ, on("propositions", "delete", THERE)]),
+        # Now another one has its id.
+        save(robot_at(is_goal=True)),
         save(THERE),
     ],
     "retracted and asserted around a spill": [

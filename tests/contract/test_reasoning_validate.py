@@ -127,11 +127,9 @@ def test_goals_constraints_and_numbers_are_judged(rounds: KnowledgeBase) -> None
     assert (found.valid, found.violated_preferences) == (False, {})
     tired = Plan.read("(move rb1 home lab)\n(move rb1 lab home)\n(move rb1 home lab)\n")
     failed = present(rounds.validate(tired).failed_step)
-    assert (failed.position, [str(one) for one in failed.unsatisfied]) == (
-        2,
-        ["(> (battery rb1) 1): the sides are 1 and 1"],
-    )
-    assert (failed.unsatisfied[0].left, failed.unsatisfied[0].right) == (Decimal(1), Decimal(1))
+    (unsatisfied,) = failed.unsatisfied
+    assert (failed.position, str(unsatisfied)) == (2, "(> (battery rb1) 1): the sides are 1 and 1")
+    assert (unsatisfied.left, unsatisfied.right) == (Decimal(1), Decimal(1))
 
 
 def test_what_is_no_plan_is_refused(rounds: KnowledgeBase) -> None:

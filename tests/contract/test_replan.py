@@ -161,10 +161,8 @@ def test_another_plan_takes_the_place_of_one_that_broke(
     # An old plan is over, whatever the world is like.
     kb.propositions.save("(open d2)")
     again = kb.replan(1, engines=knows(NEAR))
-    assert (again.plan.id, again.broken) == (
-        3,
-        "step 0 of plan 1, (go hall kitchen d1), is aborted",
-    )
+    assert again.plan.id == 3
+    assert again.broken == "step 0 of plan 1, (go hall kitchen d1), is aborted"
     assert kb.store.verify().is_intact
 
 

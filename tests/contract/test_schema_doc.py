@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from itertools import count, pairwise
-from typing import Any
 
 import pytest
 from psycopg.errors import FeatureNotSupported
 
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import VERSION_TABLE
-from tests.support.pages import Page, opened
+from tests.support.pages import Page, ask, rows_of
 from tests.support.stores import CITUS
 
 PAGE = Page("schema.md")
@@ -61,33 +60,22 @@ def test_every_block_of_sql_has_an_answer() -> None:
     assert len(QUESTIONS) == len(PAGE.of("sql")) == 6
 
 
-def shown(value: Any) -> str:
-    return "NULL" if value is None else str(value)
-
-
 @pytest.mark.parametrize(("question", "answer"), QUESTIONS, ids=count(1))
 def test_a_question_has_the_answer_given(
     request: pytest.FixtureRequest, filled_url: str, question: str, answer: str
 ) -> None:
-    is_distributed = request.node.callspec.params["shared_url"] in CITUS
-    with opened(filled_url) as store:
-        if is_distributed and "RECURSIVE" in question:
-            # As docs/citus.md says.
-            with pytest.raises(FeatureNotSupported, match="recursive CTEs are only supported"):
-                store.execute(question, {})
-            return
-        rows = store.execute(question, {})
-    assert [" | ".join(map(shown, row)) for row in rows] == answer.splitlines()
+    if request.node.callspec.params["shared_url"] in CITUS and "RECURSIVE" in question:
+        # As docs/citus.md says.
+        with pytest.raises(FeatureNotSupported, match="recursive CTEs are only supported"):
+            ask(filled_url, question)
+    else:
+        assert ask(filled_url, question) == answer.splitlines()
 
 
 def test_the_tree_of_the_effect_is_as_drawn(filled_url: str) -> None:
     drawn = next(block for block in PAGE.of("text") if block.startswith("0 and"))
-    with opened(filled_url) as store:
-        rows = store.execute(
-            "SELECT position, operator, parent FROM action_node "
-            "WHERE section = 'effect' ORDER BY position",
-            {},
-        )
+    columns = "SELECT position, operator, parent FROM action_node"
+    rows = rows_of(filled_url, f"{columns} WHERE section = 'effect' ORDER BY position")
     depths: dict[int, int] = {}
     for position, operator, parent in rows:
         depths[position] = 0 if parent is None else depths[parent] + 1

@@ -14,7 +14,6 @@ import pytest
 from kant_sql import KnowledgeBase
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.store.ledger import PropositionLedger
-from tests.support.atoms import Atoms
 from tests.support.chain import check_chain, check_sqlite
 from tests.support.processes.workers import watch_with
 from tests.support.servers import Server
@@ -107,17 +106,6 @@ def test_what_a_transaction_has_done_so_far_is_seen_by_its_own_thread_alone(
         ]
 
 
-def test_a_transaction_within_another_joins_it(kb: KnowledgeBase) -> None:
-    with kb.transaction(actor="outer", reason="first"):
-        kb.propositions.save(robot_at())
-        with kb.transaction(actor="inner", reason="second", expected_revision=0):
-            kb.propositions.save(robot_at(place=WP2))
-        assert kb.revision == 0
-    (revision,) = kb.store.revisions()
-    assert (revision.actor, revision.reason) == ("outer", "first")
-    assert kb.propositions.get_all() == [robot_at(), robot_at(place=WP2)]
-
-
 def test_readers_do_not_wait_for_a_writer(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url)
     kb.propositions.save(robot_at())
@@ -152,21 +140,6 @@ def test_writers_of_different_knowledge_bases_do_not_wait_on_postgresql(
         )
         assert time.monotonic() - began < PROMPTLY
     assert check_chain(url) == {"a": 1, "b": 2, "c": 1}
-
-
-def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(
-    kb: KnowledgeBase, url: str
-) -> None:
-    kb.propositions.save(robot_at())
-    kb.objects.save(WP2)
-    with kb.transaction():
-        kb.propositions.save(robot_at(place=WP2))
-        assert len(kb.propositions.get_all()) == 2  # Now it has an id in the tables.
-        kb.propositions.delete(robot_at(place=WP2))
-    kb.goals.save(robot_at(is_goal=True))  # Now another one has this id.
-    kb.propositions.save(robot_at(place=WP2))
-    assert Atoms(kb).get_all() == [robot_at(), robot_at(place=WP2), robot_at(is_goal=True)]
-    assert check(kb, url) == {"tiago": 4}
 
 
 def test_what_a_slow_thread_has_seen_does_not_hide_what_a_quicker_one_has_done(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
@@ -19,13 +18,13 @@ from kant_sql.knowledge.canonical import text_time, time_text
 from kant_sql.store import transaction
 from tests.support.pages import Page
 from tests.support.reading import (
-    Undone,
     beside,
     facts,
     last_changes,
     nothing_changes,
     rows,
     store_of,
+    undone,
 )
 from tests.support.statements import count, recorded
 from tests.support.stores import new_file_store
@@ -204,11 +203,10 @@ def test_a_block_within_speaks_of_the_same(kb: KnowledgeBase) -> None:
 def test_a_block_that_fails_takes_back_what_it_said(kb: KnowledgeBase) -> None:
     with kb.transaction(valid_from=ago(60), valid_until=ago(30)):
         kb.propositions.save(HALL)
-        with suppress(Undone), kb.transaction():
+        with undone(kb):
             kb.propositions.delete(HALL)
             kb.propositions.save("(open)")
             kb.propositions.get_all()
-            raise Undone
     assert [row[1].split(" :from")[0] for row in sayings(kb)] == [f"(:held {HALL}"]
 
 

@@ -18,15 +18,12 @@ from kant_sql import (
     UnknownRevisionError,
 )
 
-AT = PddlPredicateDto("at", [PddlTypeDto("robot"), PddlTypeDto("room")])
+ROBOT, ROOM = PddlTypeDto("robot"), PddlTypeDto("room")
+AT = PddlPredicateDto("at", [ROBOT, ROOM])
 
 
 def fact(room: str) -> PddlPropositionDto:
-    robot, place = (
-        PddlObjectDto(PddlTypeDto("robot"), "rb1"),
-        PddlObjectDto(PddlTypeDto("room"), room),
-    )
-    return PddlPropositionDto(AT, [robot, place])
+    return PddlPropositionDto(AT, [PddlObjectDto(ROBOT, "rb1"), PddlObjectDto(ROOM, room)])
 
 
 def rooms(kb: KnowledgeBase) -> list[str]:

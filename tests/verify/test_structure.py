@@ -13,7 +13,6 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql.errors import StoreIntegrityError
 from kant_sql.history.verify.structure import TABLES
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects import postgresql_structure as indexes
@@ -341,35 +340,6 @@ def test_a_view_in_place_of_a_table_is_a_finding(filled: str, table: str) -> Non
         f"CREATE VIEW {table} AS SELECT * FROM hidden",
     )
     assert f"{table}: table {table} is missing: the migrations create it" in messages(filled)
-
-
-@pytest.mark.parametrize("value", ["500.5", "9e999", "'many'", "x'00'", "NULL"])
-@pytest.mark.parametrize(
-    "column", ["next_id", "revision", "definition_revision", "archived_revision"]
-)
-@pytest.mark.more
-def test_a_head_with_no_integer_is_a_finding_and_no_revision_is_made(
-    tmp_path: Path, connect: Connect, column: str, value: str
-) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    with connect(url, knowledge_base="tiago") as kb:
-        kb.propositions.save(FACT)
-    if value == "NULL":
-        tamper(url, "PRAGMA ignore_check_constraints = ON")
-        with pytest.raises(sqlite3.IntegrityError):
-            tamper(url, f"UPDATE head SET {column} = {value}")
-        return
-    tamper(url, f"UPDATE head SET {column} = {value}")
-    with connect(url, knowledge_base="tiago") as kb:
-        assert any(
-            each.table == "head" and f"column {column} has 1 value that" in each.message
-            for each in kb.store.verify().findings
-        )
-        with pytest.raises(StoreIntegrityError, match=f"column {column} of table head has"):
-            kb.propositions.save(OTHER)
-        if column != "next_id":
-            with pytest.raises(StoreIntegrityError, match=f"column {column} of table head has"):
-                kb.log()
 
 
 def test_a_source_that_is_bytes_is_a_finding(tmp_path: Path, connect: Connect) -> None:

@@ -12,9 +12,12 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from kant_sql.errors import StoreBusyError
+from kant_sql.planning import Plan, PlanStep
 from kant_sql.web.rendering import breaking, csv_text
 from tests.browser.addresses import ADDRESSES
 from tests.support.crawling import PATHS
+from tests.support.statements import fill
+from tests.web.conftest import Filled, statements_of
 
 
 def test_the_home_page_lists_the_knowledge_bases(client: TestClient) -> None:
@@ -208,3 +211,42 @@ def test_only_long_words_may_be_broken() -> None:
     assert breaking(words) == words
     long = "a" * 70
     assert breaking(f"<b> {long}") == f"&lt;b&gt; {'a' * 32}<wbr>{'a' * 32}<wbr>{'a' * 6}"
+
+
+# The most statements of pages, whatever is stored.
+BUDGETS = {
+    **{
+        f"/log?{query}": 12
+        for query in ("", "actor=filler", "text=rb1", "element=(robot_at+rb1+wp1)")
+    },
+    **{"/revision?number=2": 12, "/difference?a=1": 12, "/plans?": 24, "/plan?id=1": 24},
+    **{f"/state?{query}": 20 for query in ("", "at=1", "object=rb1", "predicate=robot_at")},
+    **{"/state?text=wp1": 20, "/state?kind=fact": 20, "/action?name=navigation": 24},
+    **{"/object?name=rb1": 24, "/object?name=wp1": 24, "/search?q=wp1": 24},
+}
+FACT = "/fact?text=(robot_at+rb1+wp1)"
+
+
+@pytest.mark.more
+def test_pages_take_as_many_statements_however_much_is_stored(filled: Filled) -> None:
+    kb, client = filled
+    taken: dict[str, list[int]] = {}
+    step = PlanStep(None, "navigation", ("rb1", "wp0", "wp1"))
+    for size in (2, 400, 11_000):
+        fill(kb, size)
+        for number in range(1, min(size, 80)):
+            kb.propositions.delete(f"(robot_at rb1 wp{number})")
+        for _ in range(1, min(size, 25)):
+            plan = kb.plans.record(Plan((step,) * min(size, 10), "by hand", "unknown"))
+            kb.plans.set_status(plan.steps[0], status="running")
+        kb.propositions.save("(robot_at rb1 wp1)")
+        for path in (FACT, *BUDGETS):
+            # The plan that was made last is the longest.
+            asked = path.replace("id=1", f"id={plan.id}")
+            taken.setdefault(path, []).append(statements_of(client, f"{asked}&kb=courier"))
+    # Conditions are judged by the definitions of their times, and each size adds objects: two more.
+    first, *more = taken.pop(FACT)
+    assert first <= 26
+    assert more == [first + 2, first + 4]
+    assert all(len({*counts}) == 1 for counts in taken.values()), taken
+    assert all(max(taken[path]) <= most for path, most in BUDGETS.items()), taken

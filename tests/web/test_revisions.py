@@ -17,7 +17,7 @@ from kant_sql.sql import changes
 from kant_sql.web.rendering import shifted
 from kant_sql.web.report import report_html
 from tests.support.statements import fill
-from tests.web.conftest import Filled, archive_some, get, statements_of, walk
+from tests.web.conftest import Filled, archive_some, get, walk
 
 
 def numbers(page: Any) -> list[int]:
@@ -216,29 +216,6 @@ def test_a_page_that_begins_nowhere_is_refused(client: TestClient) -> None:
             answer = client.get(f"/api/{path}", params=given)
             assert answer.status_code == 400, answer.text
             assert "the value of `next` of a page" in answer.text
-
-
-@pytest.mark.more
-def test_pages_take_as_many_statements_however_much_is_stored(
-    filled: Filled,
-) -> None:
-    kb, client = filled
-    taken: dict[str, set[int]] = {}
-    for size in (2, 400, 6_000):
-        fill(kb, size)
-        for number in range(2, min(size, 80)):
-            kb.propositions.delete(f"(robot_at rb1 wp{number})")
-        kb.propositions.delete("(robot_at rb1 wp1)")
-        for path in (
-            "/log?kb=courier",
-            "/log?kb=courier&actor=filler",
-            "/log?kb=courier&text=rb1",
-            "/log?kb=courier&element=(robot_at+rb1+wp1)",
-            "/revision?kb=courier&number=2",
-            "/difference?kb=courier&a=1",
-        ):
-            taken.setdefault(path, set()).add(statements_of(client, path))
-    assert all(len(counts) == 1 and max(counts) <= 12 for counts in taken.values()), taken
 
 
 def test_a_revision_in_an_archive_says_so(filled: Filled, tmp_path: Path) -> None:

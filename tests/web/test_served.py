@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode, urlsplit
 
 import psutil
@@ -53,9 +54,9 @@ def everything(pages: Sequence[str] = ALL) -> Iterator[str]:
 
 
 @contextmanager
-def serving(url: str, folder: Path, *words: str) -> Iterator[Serving]:
+def serving(url: str, folder: Path, *words: str, **options: Any) -> Iterator[Serving]:
     """Serve a store for a while."""
-    served = Serving(url, folder, *words)
+    served = Serving(url, folder, *words, **options)
     try:
         yield served
     finally:
@@ -192,17 +193,14 @@ def test_a_kept_connection_is_no_slower_than_new_ones(served: Serving) -> None:
 
 
 def test_its_memory_does_not_grow_with_requests(sqlite_story: str, tmp_path: Path) -> None:
-    running = Serving(sqlite_story, tmp_path, program=PROGRAM)
-    process, paths = psutil.Process(running.process.pid), list(everything(FIRST))
-    try:
+    with serving(sqlite_story, tmp_path, program=PROGRAM) as running:
+        process, paths = psutil.Process(running.process.pid), list(everything(FIRST))
         for path in paths * 8:
             ask(running, path)
         before = process.memory_info().rss
         for path in paths * 16:
             ask(running, path)
         grown = process.memory_info().rss - before
-    finally:
-        running.stop()
     # An answer that is kept has more than this.
     assert grown < 8_000 * 16 * len(paths)
 

@@ -13,7 +13,7 @@ from kant_sql.history import state_parts
 from kant_sql.history.state_parts import StateFilter, read_state
 from kant_sql.knowledge_base import state_of
 from tests.support.statements import fill
-from tests.web.conftest import Filled, statements_of
+from tests.web.conftest import Filled
 
 
 def part(data: Any, kind: str) -> Any:
@@ -174,18 +174,3 @@ def test_a_text_is_looked_for_in_a_long_state_part_by_part(
         assert all(one["is_searched"] for one in pages)
         assert found == sorted(f"(robot_at rb1 wp{n})" for n in (44, *range(440, 450)))
     state_parts._indexed.cache_clear()
-
-
-@pytest.mark.more
-def test_a_state_takes_as_many_statements_however_much_holds(
-    filled: Filled,
-) -> None:
-    kb, client = filled
-    taken: dict[str, set[int]] = {}
-    for size in (2, 500, 11_000):
-        fill(kb, size)
-        kb.propositions.delete("(robot_at rb1 wp1)")
-        for query in ("", "at=1", "object=rb1", "text=wp1", "predicate=robot_at", "kind=fact"):
-            number = statements_of(client, f"/state?kb=courier&{query}")
-            taken.setdefault(query, set()).add(number)
-    assert all(len(numbers) == 1 and max(numbers) <= 20 for numbers in taken.values()), taken

@@ -90,11 +90,8 @@ def test_each_write_is_a_revision_of_the_actor_of_the_token(loaded: Post, url: s
     assert loaded("values", set={"(battery rb1)": "12.5"})["results"] == [True]
     assert loaded("apply", step="(move rb1  wp2 wp1)")["revision"] == 4
     (execution,) = loaded("start", step="(charge rb1)")["results"]
-    assert loaded("end", step="(charge rb1)") == {
-        "revision": 6,
-        "results": [execution],
-        **PLAIN,
-    }
+    ended = loaded("end", step="(charge rb1)")
+    assert ended == {"revision": 6, "results": [execution], **PLAIN}
     assert loaded("facts", delete=["(robot_at rb1 wp2)"])["revision"] is None
     with kant_sql.connect(url, knowledge_base="tiago", read_only=True) as kb:
         revisions = kb.store.revisions()
@@ -148,12 +145,7 @@ def test_what_happened_since_is_the_answer_to_a_stale_writer(loaded: Post) -> No
         ("end", 409, {"step": "(charge rb1)"}, "running"),
         ("load", 400, {}, "nothing to load"),
         ("load", 400, {"domain": "/etc/passwd"}, "PDDL text"),
-        (
-            "load",
-            409,
-            {"domain": OTHER, "mode": "merge"},
-            "robot_at",
-        ),
+        ("load", 409, {"domain": OTHER, "mode": "merge"}, "robot_at"),
     ],
 )
 def test_what_cannot_be_written_is_refused_by_name(
