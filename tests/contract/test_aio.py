@@ -46,13 +46,10 @@ from tests.contract.test_closed import calls
 from tests.support.generators.junk import World
 from tests.support.parts import DAOS, FRONTS, part
 from tests.support.profile import PROFILE, hunting
+from tests.support.reading import Undone
 from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
 Test = Callable[[AsyncKnowledgeBase], Awaitable[None]]
-
-
-class Failed(Exception):
-    """What ends a block that is to fail."""
 
 
 def run(url: str, test: Test) -> None:
@@ -143,11 +140,11 @@ def test_each_transaction_is_its_own_tasks(url: str) -> None:
             may_end.set()
             async with kb.transaction(actor="badly"):
                 await kb.propositions.save(robot_at(place=WP2))
-                raise Failed
+                raise Undone
 
         async with free_loop():
             ends = await asyncio.gather(well(), badly(), return_exceptions=True)
-        assert [type(end) for end in ends] == [type(None), Failed]
+        assert [type(end) for end in ends] == [type(None), Undone]
         assert await written(kb) == [("well", ["(robot_at rb1 wp1)"])]
 
     run(url, test)
@@ -233,10 +230,10 @@ def test_an_inner_block_that_fails_is_undone_alone(url: str) -> None:
     async def test(kb: AsyncKnowledgeBase) -> None:
         async with kb.transaction():
             await kb.propositions.save(robot_at())
-            with suppress(Failed):
+            with suppress(Undone):
                 async with kb.transaction():
                     await kb.propositions.save(robot_at(place=WP2))
-                    raise Failed
+                    raise Undone
         assert await kb.propositions.get_all() == [robot_at()]
         with pytest.raises(StaleRevisionError):
             async with kb.transaction(expected_revision=7):

@@ -23,15 +23,12 @@ from kant_sql.errors import TransactionOpenError
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.store.ownership import OPEN
 from tests.support.profile import PROFILE, hunting
+from tests.support.reading import Undone
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
 # Who waits for another waits longer.
 PROMPTLY = Backend.patience / 2
-
-
-class Failed(Exception):
-    """What ends a block that is to fail."""
 
 
 def written(kb: KnowledgeBase) -> list[tuple[str | None, list[str]]]:
@@ -67,7 +64,7 @@ def test_a_task_never_joins_the_block_of_another(kb: KnowledgeBase) -> None:
             assert "in task 'first'" in message
             assert "kant_sql.aio" in message
         may_end.set()
-        raise Failed
+        raise Undone
 
     async def main() -> Any:
         is_open, may_end = asyncio.Event(), asyncio.Event()
@@ -76,7 +73,7 @@ def test_a_task_never_joins_the_block_of_another(kb: KnowledgeBase) -> None:
         return await asyncio.gather(first, meanwhile(may_end), return_exceptions=True)
 
     ends = asyncio.run(main())
-    assert isinstance(ends[1], Failed)
+    assert isinstance(ends[1], Undone)
     assert ends[0] is None
     assert written(kb) == [("well", ["(robot_at rb1 wp1)"])]
 
@@ -201,9 +198,9 @@ def test_in_memory_a_read_that_would_see_what_is_not_committed_is_refused() -> N
                 assert kb.propositions.get_all() == []
                 assert kb.at(1).propositions.get_all() == [robot_at()]
                 await asyncio.create_task(reader())
-                raise Failed
+                raise Undone
 
-        with pytest.raises(Failed):
+        with pytest.raises(Undone):
             asyncio.run(main())
         assert kb.propositions.get_all() == [robot_at()]
 
@@ -281,17 +278,13 @@ def test_nothing_is_kept_of_a_block_that_has_ended() -> None:
 
 Program = list[tuple[int, bool, int]]
 _programs = st.lists(
-    st.tuples(st.integers(0, 2), st.booleans(), st.integers(0, 3)),
-    min_size=1,
-    max_size=5,
+    st.tuples(st.integers(0, 2), st.booleans(), st.integers(0, 3)), min_size=1, max_size=5
 )
 
 
 @hunting(PROFILE.tasks)
 @given(programs=st.lists(_programs, min_size=2, max_size=4))
-def test_what_tasks_acknowledge_is_there_and_nothing_else(
-    programs: list[Program],
-) -> None:
+def test_what_tasks_acknowledge_is_there_and_nothing_else(programs: list[Program]) -> None:
     """Tasks of one thread write in blocks that end well or not, in whatever order they come on."""
     with kant_sql.connect("sqlite://") as kb:
         expected: list[tuple[str, list[str]]] = []
@@ -309,10 +302,10 @@ def test_what_tasks_acknowledge_is_there_and_nothing_else(
                             for _ in range(pauses):
                                 await asyncio.sleep(0)
                         if fails:
-                            raise Failed
+                            raise Undone
                     if facts:
                         expected.append((name, sorted(facts)))
-                except (Failed, TransactionOpenError):
+                except (Undone, TransactionOpenError):
                     await asyncio.sleep(0)
 
         async def main() -> None:

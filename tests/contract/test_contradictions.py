@@ -51,11 +51,7 @@ def places(problem: Problem) -> list[tuple[int, int]]:
     ],
 )
 def test_of_two_values_the_last_one_holds(
-    fresh_kb: KnowledgeBase,
-    init: str,
-    fluent: Fluent,
-    value: Number | Constant,
-    columns: list[int],
+    fresh_kb: KnowledgeBase, init: str, fluent: Fluent, value: Number | Constant, columns: list[int]
 ) -> None:
     problem = agree(fresh_kb, init)
     assert problem.values == (FunctionValue(fluent, value),)

@@ -268,9 +268,7 @@ def test_a_term_that_does_not_fit_is_refused_saying_position_got_and_expected(
     assert "is of type 'robot', expected 'wp' or a subtype" in str(caught.value)
 
 
-def test_a_parameter_of_a_subtype_fits_and_of_a_supertype_does_not(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_parameter_of_a_subtype_fits_and_of_a_supertype_does_not(fresh_kb: KnowledgeBase) -> None:
     t = PddlObjectDto(TIAGO, "t")
     assert fresh_kb.actions.save(Action("go", [t, S], [at_start(t, S)])) is True
     thing = PddlObjectDto(PddlTypeDto("object"), "x")
@@ -298,9 +296,7 @@ def test_a_parameter_hides_an_object_of_its_name(fresh_kb: KnowledgeBase) -> Non
     assert fresh_kb.actions.get("navigation") is not None
 
 
-def test_a_term_whose_type_disagrees_with_its_parameter_is_refused(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_term_whose_type_disagrees_with_its_parameter_is_refused(fresh_kb: KnowledgeBase) -> None:
     action = Action("go", [R, S], [at_start(PddlObjectDto(WAYPOINT, "r"), S)])
     caught = refuses(fresh_kb, TypeMismatchError, lambda: fresh_kb.actions.save(action))
     assert "?r is given the type 'wp', but the parameter of this name has 'robot'" in str(

@@ -224,9 +224,7 @@ def test_a_nested_transaction_that_fails_after_a_spill_is_undone_alone(
 
 
 @pytest.mark.usefixtures("tight")
-def test_a_transaction_that_fails_after_a_spill_has_not_happened(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_transaction_that_fails_after_a_spill_has_not_happened(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save_all([near(1), near(2)])
     for _ in range(2):
         with nothing_changes(fresh_kb), undone(fresh_kb):
@@ -265,9 +263,7 @@ def test_definitions_may_change_before_and_after_a_spill(fresh_kb: KnowledgeBase
 
 
 @pytest.mark.usefixtures("tight")
-def test_a_generator_may_read_and_write_the_same_knowledge_base(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_generator_may_read_and_write_the_same_knowledge_base(fresh_kb: KnowledgeBase) -> None:
     def facts_and_more() -> Iterator[PddlPropositionDto]:
         for number in range(COUNT):
             yield near(number)

@@ -73,9 +73,7 @@ def test_saving_a_type_without_a_parent_puts_it_under_the_root(fresh_kb: Knowled
     ]
 
 
-def test_a_type_on_which_only_definitions_depend_can_be_redefined(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_type_on_which_only_definitions_depend_can_be_redefined(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.types.save(CAR)
     fresh_kb.objects.save(Object(CAR, "c1"))
     fresh_kb.predicates.save(Predicate("free", [CAR]))
@@ -109,9 +107,7 @@ def test_elements_are_read_in_the_order_in_which_they_were_first_known(
     assert state(fresh_kb)["types"] == ["b", "c", "a"]
 
 
-def test_results_share_nothing_with_what_was_saved_or_read_before(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_results_share_nothing_with_what_was_saved_or_read_before(fresh_kb: KnowledgeBase) -> None:
     given = Type("car", parent=Type("vehicle"))
     fresh_kb.types.save(given)
     given.name = "changed"
@@ -124,9 +120,7 @@ def test_results_share_nothing_with_what_was_saved_or_read_before(
 # The hierarchy: parents that must agree, no cycles, and one root.
 
 
-def test_a_reference_that_does_not_say_the_parent_agrees_with_any(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_reference_that_does_not_say_the_parent_agrees_with_any(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.types.save(TAXI)
     fresh_kb.objects.save(Object(Type("taxi"), "t1"))
     assert state(fresh_kb)["types"] == ["vehicle", "car - vehicle", "taxi - car"]
@@ -171,9 +165,7 @@ def test_a_dto_that_contains_itself_is_refused(fresh_kb: KnowledgeBase) -> None:
 
 def test_the_root_has_no_parent(fresh_kb: KnowledgeBase) -> None:
     caught = refuses(
-        fresh_kb,
-        InvalidKnowledgeError,
-        lambda: fresh_kb.types.save(Type("Object", parent=VEHICLE)),
+        fresh_kb, InvalidKnowledgeError, lambda: fresh_kb.types.save(Type("Object", parent=VEHICLE))
     )
     assert "is the root of all types and has no parent, not 'vehicle'" in str(caught.value)
     assert fresh_kb.types.save(Type("object")) is True
@@ -210,17 +202,11 @@ def test_the_type_of_an_object_is_saved_along_with_its_parents(fresh_kb: Knowled
 def test_an_object_without_dependants_can_change_its_type(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.objects.save(RB1)
     fresh_kb.objects.save(Object(WAYPOINT, "rb1"))
-    assert last_changes(fresh_kb) == [
-        "+ object rb1 - wp",
-        "+ type wp",
-        "- object rb1 - robot",
-    ]
+    assert last_changes(fresh_kb) == ["+ object rb1 - wp", "+ type wp", "- object rb1 - robot"]
     assert versions(fresh_kb, "object") == [("rb1 - robot", 1, 2), ("rb1 - wp", 2, None)]
 
 
-def test_the_message_shows_some_dependants_and_the_error_has_all(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_the_message_shows_some_dependants_and_the_error_has_all(fresh_kb: KnowledgeBase) -> None:
     robots = [Object(ROBOT, f"r{number:02}") for number in range(12)]
     fresh_kb.propositions.save_all([robot_at(robot) for robot in robots])
     caught = refuses(fresh_kb, DependantsError, lambda: fresh_kb.objects.save(Object(ROBOT, "wp1")))

@@ -250,9 +250,7 @@ def test_propositions_are_read_in_the_order_in_which_they_were_first_known(
     assert fresh_kb.propositions.get_all() == three
 
 
-def test_within_one_result_propositions_share_what_they_refer_to(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_within_one_result_propositions_share_what_they_refer_to(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save_all([robot_at(), robot_at(RB1, WP2)])
     one, other = fresh_kb.propositions.get_all()
     assert one.predicate is other.predicate

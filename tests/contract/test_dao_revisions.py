@@ -1,8 +1,11 @@
-"""Revisions say who wrote, when, why and from what; a call that changes nothing makes none."""
+"""Revisions say who wrote, when, why and from what; a call that changes nothing makes none.
+
+When something was sensed is kept beside the time at which it was written.
+"""
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from typing import Any
 
 import pytest
@@ -10,43 +13,18 @@ import pytest
 from kant_sql import KnowledgeBase, PddlTypeDto, UnknownRevisionError
 from kant_sql.errors import InvalidMetadataError
 from kant_sql.sql.dialects.base import Session
-from tests.support.reading import last_changes, nothing_changes
+from tests.support.chain import check_chain
+from tests.support.reading import last_changes, nothing_changes, present, undone
 from tests.support.stores import Connect
-from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, robot_at, waypoint
+from tests.support.worlds.depot import again
+from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP2, robot_at, waypoint
 
 SOURCES: list[Any] = [
-    "camera",
-    "5",
-    '"quoted"',
-    "null",
-    "",
-    5,
-    -1,
-    2**53 - 1,
-    0.5,
-    1e16,
-    6.473672162563846e16,
-    -1e300,
-    5e-324,
-    True,
-    False,
-    [],
-    {},
-    [None],
+    *("camera", "5", '"quoted"', "null", "", "x" * 100_000, "\x7f\x85'\"\\%s"),
+    *(5, -1, 2**53 - 1, 0.5, 1e16, 6.473672162563846e16, -1e300, 5e-324, True, False),
+    *([], {}, [None]),
     {"a": None, "ü": ["x\0y", "\u2028", "🤖"], "": {"nested": [1, 2.5, {"deep": []}]}},
-    "x" * 100_000,
-    "\x7f\x85'\"\\%s",
 ]
-
-
-def test_an_empty_knowledge_base_has_no_revision(fresh_kb: KnowledgeBase) -> None:
-    assert fresh_kb.revision == 0
-    assert fresh_kb.store.revisions() == []
-    assert list(fresh_kb.log()) == []
-    assert fresh_kb.at(0).revision == 0
-    with fresh_kb.transaction():
-        assert fresh_kb.revision == 0
-    assert fresh_kb.revision == 0
 
 
 def test_revisions_are_numbered_without_gaps_and_time_does_not_go_back(
@@ -101,12 +79,7 @@ def test_actor_and_reason_are_recorded(fresh_kb: KnowledgeBase) -> None:
     with fresh_kb.transaction(reason="x" * 100_000):
         fresh_kb.types.save(WAYPOINT)
     said = [(revision.actor, revision.reason) for revision in fresh_kb.store.revisions()]
-    assert said == [
-        ("test", None),
-        ("executive", strange),
-        ("", ""),
-        ("test", "x" * 100_000),
-    ]
+    assert said == [("test", None), ("executive", strange), ("", ""), ("test", "x" * 100_000)]
 
 
 def test_without_an_actor_there_is_none(common_url: str, connect: Connect) -> None:
@@ -206,14 +179,85 @@ def test_the_log_is_newest_first_and_in_the_order_of_the_hash(fresh_kb: Knowledg
     assert [len(list(fresh_kb.log(limit=limit))) for limit in (0, 1, 2, 3)] == [0, 1, 2, 2]
 
 
-def test_what_is_saved_along_is_in_the_same_revision(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at(RB1, WP1))
-    assert fresh_kb.revision == 1
-    assert [line.split(" ")[1] for line in last_changes(fresh_kb)] == [
-        "fact",
-        "object",
-        "object",
-        "predicate",
-        "type",
-        "type",
-    ]
+SEEN = datetime(2026, 1, 31, 9, 30, 15, 123456, tzinfo=UTC)
+
+
+def observed(kb: KnowledgeBase) -> list[datetime | None]:
+    return [revision.observed_at for revision in kb.store.revisions()]
+
+
+@pytest.mark.parametrize(
+    "moment",
+    [
+        SEEN,
+        SEEN.astimezone(timezone(timedelta(hours=13, minutes=45))),
+        datetime.now(UTC) + timedelta(days=365),
+        datetime.min.replace(tzinfo=UTC),
+        datetime.max.replace(tzinfo=UTC),
+    ],
+    ids=["utc", "another zone", "later than now", "first moment", "last moment"],
+)
+def test_it_is_kept_to_the_microsecond_in_utc(fresh_kb: KnowledgeBase, moment: datetime) -> None:
+    with fresh_kb.transaction(observed_at=moment):
+        fresh_kb.propositions.save(robot_at())
+    (revision,) = again(fresh_kb).store.revisions()
+    assert revision.observed_at == moment
+    assert present(revision.observed_at).utcoffset() == timedelta(0)
+    # The store's own clock goes on.
+    assert abs(revision.committed_at - datetime.now(UTC)) < timedelta(minutes=5)
+
+
+def test_late_data_is_visible_as_late(fresh_kb: KnowledgeBase) -> None:
+    with fresh_kb.transaction(observed_at=SEEN):
+        fresh_kb.propositions.save(robot_at())
+    fresh_kb.propositions.save(robot_at(RB1, WP2))
+    assert observed(fresh_kb) == [SEEN, None]
+    assert [entry.revision.observed_at for entry in fresh_kb.log()] == [None, SEEN]
+    assert present(fresh_kb.blame(robot_at())).since.observed_at == SEEN
+    # It is not a time of the store's: states are found by when they were written.
+    assert fresh_kb.at(SEEN).revision == 0
+
+
+def test_a_nested_transaction_has_the_outer_one_s(fresh_kb: KnowledgeBase) -> None:
+    other = SEEN + timedelta(hours=1)
+    with fresh_kb.transaction(observed_at=SEEN), fresh_kb.transaction(observed_at=other):
+        fresh_kb.propositions.save(robot_at())
+    with fresh_kb.transaction():
+        fresh_kb.propositions.save(robot_at(RB1, WP2))
+        with fresh_kb.transaction(observed_at=other):
+            fresh_kb.propositions.delete(robot_at())
+        with undone(fresh_kb):
+            fresh_kb.types.delete_all()
+    assert observed(fresh_kb) == [SEEN, None]
+
+
+@pytest.mark.parametrize(
+    "moment",
+    [
+        datetime(2026, 1, 31),
+        1_769_851_800,
+        SEEN.date(),
+        datetime.min.replace(tzinfo=timezone(timedelta(hours=14))),
+        datetime.max.replace(tzinfo=timezone(timedelta(hours=-12))),
+    ],
+    ids=str,
+)
+def test_what_is_no_moment_is_refused(fresh_kb: KnowledgeBase, moment: Any) -> None:
+    fresh_kb.propositions.save(robot_at())
+    with nothing_changes(fresh_kb):
+        with pytest.raises(InvalidMetadataError, match="observed_at"):
+            fresh_kb.transaction(observed_at=moment).__enter__()
+        with (
+            fresh_kb.transaction(),
+            pytest.raises(InvalidMetadataError),
+            fresh_kb.transaction(observed_at=moment),
+        ):
+            fresh_kb.types.delete_all()
+
+
+def test_the_hash_covers_it(shared_url: str, connect: Connect) -> None:
+    kb = connect(shared_url)
+    with kb.transaction(observed_at=SEEN):
+        kb.propositions.save(robot_at())
+    kb.propositions.delete(robot_at())
+    assert check_chain(shared_url)

@@ -11,9 +11,9 @@ from tests.support.parts import dao_of
 from tests.support.reading import State, beside, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
 from tests.support.worlds.robots import (
+    ELEMENTS,
     RB1,
     ROBOT,
-    ROBOT_AT,
     WAYPOINT,
     WP1,
     WP2,
@@ -28,13 +28,6 @@ EMPTY: State = {
     "actions": [],
     "facts": [],
     "goals": [],
-}
-ELEMENTS = {
-    "types": ROBOT,
-    "objects": RB1,
-    "predicates": ROBOT_AT,
-    "propositions": robot_at(),
-    "actions": navigation(),
 }
 _numbers = count(1)
 
@@ -62,6 +55,9 @@ def test_an_empty_knowledge_base_answers_every_question(fresh_kb: KnowledgeBase)
         assert kb.revision == 0
         assert kb.store.revisions() == []
         assert list(kb.log()) == []
+    with fresh_kb.transaction():
+        assert fresh_kb.revision == 0
+    assert fresh_kb.revision == 0
 
 
 def test_nothing_can_be_deleted_from_or_updated_in_an_empty_knowledge_base(

@@ -202,9 +202,7 @@ def test_redefining_there_and_back_changes_nothing(
     assert kb.propositions.delete(robot_at()) is True
 
 
-def test_an_action_is_redefined_in_one_transaction_as_often_as_one_likes(
-    kb: KnowledgeBase,
-) -> None:
+def test_an_action_is_redefined_in_one_transaction_as_often_as_one_likes(kb: KnowledgeBase) -> None:
     with kb.transaction():
         for duration in range(5):
             kb.actions.save(PddlActionDto("navigation", duration=duration))
@@ -247,9 +245,7 @@ def test_the_first_transaction_expects_revision_0(fresh_kb: KnowledgeBase) -> No
     assert fresh_kb.revision == 1
 
 
-def test_a_transaction_object_that_ended_badly_leaves_the_next_one_free(
-    kb: KnowledgeBase,
-) -> None:
+def test_a_transaction_object_that_ended_badly_leaves_the_next_one_free(kb: KnowledgeBase) -> None:
     for _ in range(3):
         with undone(kb), undone(kb):
             kb.propositions.delete(robot_at())
@@ -269,24 +265,10 @@ def test_the_past_can_be_read_within_a_transaction(kb: KnowledgeBase) -> None:
         assert [revision.number for revision in kb.store.revisions()] == [1]
         assert [entry.revision.number for entry in kb.log()] == [1]
         kb.propositions.save(robot_at(RB1, WP1))
-    assert last_changes(kb) == [
-        "- object wp2 - wp",
-        "- type car",
-        "- type vehicle",
-    ]
+    assert last_changes(kb) == ["- object wp2 - wp", "- type car", "- type vehicle"]
 
 
 # Within one another.
-
-
-def test_a_nested_transaction_that_fails_is_undone_alone(kb: KnowledgeBase) -> None:
-    with kb.transaction():
-        kb.propositions.save(robot_at(RB1, WP2))
-        fail_within(kb)
-        assert facts(kb) == ["(robot_at rb1 wp1)", "(robot_at rb1 wp2)"]
-        fail_within(kb)
-        kb.objects.save(waypoint(3))
-    assert last_changes(kb) == ["+ fact (robot_at rb1 wp2)", "+ object wp3 - wp"]
 
 
 @pytest.mark.parametrize("reading", range(4))

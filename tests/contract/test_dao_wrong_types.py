@@ -47,19 +47,8 @@ GOOD: dict[str, Dto] = {
 }
 # Anything but a value that belongs somewhere: not even an empty list.
 JUNK: list[Any] = [
-    5,
-    2.5,
-    "?",
-    b"x",
-    [None],
-    [5],
-    [[]],
-    ["?"],
-    {"x": 1},
-    object(),
-    object,
-    robot_at(),
-    [robot_at()],
+    *(5, 2.5, "?", b"x", [None], [5], [[]], ["?"], {"x": 1}, object(), object),
+    *(robot_at(), [robot_at()]),
 ]
 # What may be left unsaid.
 OPTIONAL = {"parent", "parameter_names"}

@@ -378,11 +378,7 @@ CONTRADICTIONS = {
     "another domain": ("(domain depot)", "(domain other)", "domain 'depot' is stored"),
     "another parent": ("machine place)", "machine - place place)", "type machine is stored"),
     "another constant": ("hub - place", "hub - crane", "hub - place) is stored"),
-    "another predicate": (
-        "(reachable ?p - place)",
-        "(reachable)",
-        "predicate (reachable ?p",
-    ),
+    "another predicate": ("(reachable ?p - place)", "(reachable)", "predicate (reachable ?p"),
     "another function": ("(fuel ?t - truck)", "(fuel)", "function (fuel ?t - truck) is stored"),
     "another value": ("- place\n              (total", "- crane (total", "function (home"),
     "another action": (":effect (idle)", ":effect (not (idle))", "action 'act' is stored"),
@@ -409,10 +405,7 @@ def test_merging_a_contradiction_is_refused(
 
 PROBLEM_CONTRADICTIONS: dict[str, tuple[str, str]] = {
     "another problem": (PROBLEM.replace("monday", "tuesday"), "problem 'monday' is stored"),
-    "another object": (
-        PROBLEM.replace("c1 - crane", "c1 - place"),
-        "object c1 - crane is stored",
-    ),
+    "another object": (PROBLEM.replace("c1 - crane", "c1 - place"), "object c1 - crane is stored"),
     "another number": (
         PROBLEM.replace("7.50", "7.51"),
         "(= (fuel t1) 7.50) is stored, but the document has (= (fuel t1) 7.51)",

@@ -74,7 +74,7 @@ def fill(kb: KnowledgeBase) -> KnowledgeBase:
 
 
 @pytest.fixture
-def filled(kb: KnowledgeBase) -> KnowledgeBase:
+def kb(kb: KnowledgeBase) -> KnowledgeBase:
     return fill(kb)
 
 
@@ -91,8 +91,7 @@ def everything(kb: KnowledgeBase) -> str:
     return repr([*map(str, said), said]).lower()
 
 
-def test_an_erased_name_is_in_no_answer_and_the_chain_is_intact(filled: KnowledgeBase) -> None:
-    kb = filled
+def test_an_erased_name_is_in_no_answer_and_the_chain_is_intact(kb: KnowledgeBase) -> None:
     anchor, revision = kb.store.anchor(), kb.revision
     assert kb.store.verify().findings == ()
     assert NAME in everything(kb)
@@ -111,8 +110,7 @@ def test_an_erased_name_is_in_no_answer_and_the_chain_is_intact(filled: Knowledg
     assert kb.history("(at erased-1 hall)")
 
 
-def test_a_second_name_in_the_same_texts_is_erased_too(filled: KnowledgeBase) -> None:
-    kb = filled
+def test_a_second_name_in_the_same_texts_is_erased_too(kb: KnowledgeBase) -> None:
     kb.erase(NAME, reason="she asked for it")
     kb.propositions.save("(at erased-1 hall)")
     assert kb.erase("bath", reason="rebuilt").pseudonym == "erased-2"
@@ -164,8 +162,7 @@ def test_a_reader_of_the_log_is_named(tmp_path: Path, connect: Connect) -> None:
         assert "wal_checkpoint" in remaining
 
 
-def test_what_revisions_say_is_erased(filled: KnowledgeBase) -> None:
-    kb = filled
+def test_what_revisions_say_is_erased(kb: KnowledgeBase) -> None:
     number = next(entry.revision.number for entry in kb.log() if entry.revision.reason)
     erased = kb.erase(revisions=[number], parts=["reason", "source", "actor"], reason="asked")
     assert (erased.element_id, erased.parts, erased.revisions) == (None, 3, 1)
@@ -177,8 +174,7 @@ def test_what_revisions_say_is_erased(filled: KnowledgeBase) -> None:
     assert kb.store.verify().findings == ()
 
 
-def test_what_cannot_be_erased_is_refused_with_a_remedy(filled: KnowledgeBase) -> None:
-    kb = filled
+def test_what_cannot_be_erased_is_refused_with_a_remedy(kb: KnowledgeBase) -> None:
     before = kb.revision
     for wrong, error in (
         ({"element": NAME, "reason": f"{NAME.title()} asked"}, InvalidArgumentError),
@@ -202,16 +198,11 @@ def test_what_cannot_be_erased_is_refused_with_a_remedy(filled: KnowledgeBase) -
     assert kb.holds(f"(at {NAME} bath)")
 
 
-def test_a_preview_lists_what_would_stay_and_changes_nothing(filled: KnowledgeBase) -> None:
-    kb = filled
+def test_a_preview_lists_what_would_stay_and_changes_nothing(kb: KnowledgeBase) -> None:
     kb.objects.save(PddlObjectDto(PddlTypeDto("person"), "marja_sklodowska"))
     before = kb.revision
     found = kb.erasure_preview(NAME)
-    assert (found.pseudonym, found.form_1, found.similar) == (
-        "erased-1",
-        0,
-        ("marja_sklodowska",),
-    )
+    assert (found.pseudonym, found.form_1, found.similar) == ("erased-1", 0, ("marja_sklodowska",))
     assert {mention.place for mention in found.mentions} == {"reason", "source", "plan's problem"}
     assert (kb.revision, kb.store.verify().findings) == (before, ())
     assert kb.erase(NAME, reason="asked").parts == found.parts
@@ -289,7 +280,8 @@ def test_a_source_that_is_restored_brings_no_name_back(
     assert not restored.store.verify(kb.store.anchor()).is_intact
 
 
-def test_old_revisions_forget_by_rules(kb: KnowledgeBase) -> None:
+def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
+    kb = connect(url, knowledge_base="tiago", actor="test")
     for actor in ("camera", "executive"):
         with kb.transaction(actor=actor, reason="seen", source={"by": actor}):
             kb.types.save(PddlTypeDto(f"by_{actor}"))

@@ -1,4 +1,7 @@
-"""Restoring: the state becomes what it was, as a new revision that can be undone as well."""
+"""Restoring: the state becomes what it was, as a new revision that can be undone as well.
+
+And the difference of two states: what holds at one and not at the other.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kant_sql import (
-    KantSqlError,
-    KnowledgeBase,
-    PddlFunctionDto,
-    ReadOnlyError,
-    UnknownRevisionError,
-)
+from kant_sql import KantSqlError, KnowledgeBase, ReadOnlyError, UnknownRevisionError
+from kant_sql.dao import AnyDao
 from kant_sql.dto.formulas import Comparison, Derived, Exists, Metric, Modal, Not, TimedLiteral
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
@@ -27,45 +25,16 @@ from tests.support.atoms import Atoms
 from tests.support.chain import check_chain
 from tests.support.generators.documents import domains_and_problems
 from tests.support.generators.programs import Program, programs, run
-from tests.support.parts import dao_of
+from tests.support.parts import DAOS, part
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import last_changes, undone
 from tests.support.statements import count
 from tests.support.stores import Connect, Everywhere
 from tests.support.worlds.depot import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
-from tests.support.worlds.robots import (
-    BATTERY,
-    RB1,
-    ROBOT,
-    STORY,
-    WAYPOINT,
-    WP1,
-    WP2,
-    robot_at,
-    waypoint,
-)
+from tests.support.worlds.robots import BATTERY, RB1, ROBOT, STORY, WP2, robot_at, waypoint
 
-AT_DOCK = PddlFunctionDto("dock", [ROBOT], value_types=[WAYPOINT])
 REACHABLE = Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
 _numbers = itertools.count(1)
-
-DAOS = (
-    "types",
-    "objects",
-    "predicates",
-    "functions",
-    "function_values",
-    "propositions",
-    "actions",
-    "processes",
-    "events",
-    "derived_predicates",
-    "timed_initial_literals",
-    "initial_literals",
-    "goals",
-    "constraints",
-    "domain_constraints",
-)
 
 
 def text_of(call: Callable[[], str]) -> str:
@@ -78,7 +47,8 @@ def text_of(call: Callable[[], str]) -> str:
 
 def everything(kb: KnowledgeBase) -> dict[str, str]:
     """All that a knowledge base can be asked for."""
-    told = {dao: repr(dao_of(kb, dao).get_all()) for dao in DAOS}
+    daos = [path for path, cls in DAOS.items() if issubclass(cls, AnyDao)]
+    told = {path: repr(part(kb, path).get_all()) for path in daos}
     told["metric"] = repr(kb.pddl.metric.get())
     told["domain"], told["problem"] = text_of(kb.domain_pddl), text_of(kb.problem_pddl)
     return told
@@ -94,7 +64,6 @@ def check_is_as_at(kb: KnowledgeBase, revision: int) -> None:
 
 DEPOT_STORY: list[Callable[[KnowledgeBase], object]] = [
     load,
-    lambda kb: kb.function_values.set(AT_DOCK, objects=[RB1], value=WP1),
     lambda kb: kb.goals.save(Comparison(">", fuel(), number("2.50"))),
     lambda kb: kb.pddl.metric.set(Metric("minimize", fuel())),
     lambda kb: kb.pddl.constraints.save(Modal("always", (), (IDLE,))),
@@ -353,3 +322,76 @@ def test_any_documents_are_restored(everywhere: Everywhere) -> None:
         everywhere(check)
 
     restored()
+
+
+def lines(kb: KnowledgeBase, a: Any, b: Any) -> list[str]:
+    return [" ".join(change) for change in kb.diff(a, b)]
+
+
+def held(kb: KnowledgeBase) -> set[tuple[str, str]]:
+    """Kind and text of all that holds, from what each revision changed."""
+    held: set[tuple[str, str]] = set()
+    for entry in reversed(list(kb.log())):
+        held -= {(kind, text) for sign, kind, text in entry.changes if sign == "-"}
+        held |= {(kind, text) for sign, kind, text in entry.changes if sign == "+"}
+    return held
+
+
+@pytest.fixture
+def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    for step in STORY:
+        step(fresh_kb)
+    assert fresh_kb.revision == len(STORY)
+    return fresh_kb
+
+
+def test_it_is_the_difference_of_any_two_states(told: KnowledgeBase) -> None:
+    states = [held(told.at(revision)) for revision in range(len(STORY) + 1)]
+    for a, here in enumerate(states):
+        for b, there in enumerate(states):
+            expected = [("+", *each) for each in there - here]
+            expected += [("-", *each) for each in here - there]
+            assert [tuple(change) for change in told.diff(a, b)] == sorted(expected)
+
+
+def test_what_came_and_went_in_between_is_no_difference(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.propositions.save(robot_at())
+    for _ in range(3):
+        fresh_kb.propositions.save(robot_at(RB1, WP2))
+        fresh_kb.propositions.delete(robot_at(RB1, WP2))
+        fresh_kb.propositions.delete(robot_at())
+        fresh_kb.propositions.save(robot_at())
+    assert lines(fresh_kb, 1, fresh_kb.revision) == ["+ object wp2 - wp"]
+    assert lines(fresh_kb, fresh_kb.revision, 1) == ["- object wp2 - wp"]
+
+
+def test_a_value_is_a_difference_by_what_is_written(told: KnowledgeBase) -> None:
+    assert lines(told, 4, 6) == [
+        "+ value (= (battery rb1) 5)",
+        "- fact (robot_at rb1 wp1)",
+        "- value (= (battery rb1) 10.0)",
+    ]
+
+
+def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> None:
+    start = load(fresh_kb)
+    fresh_kb.goals.save(Comparison(">", fuel(), number("2")))
+    fresh_kb.pddl.metric.set(Metric("minimize", fuel()))
+    assert lines(fresh_kb, start, fresh_kb.revision) == [
+        "+ goal (> (fuel t1) 2)",
+        "+ metric (:metric minimize (fuel t1))",
+    ]
+
+
+def test_times_name_states(told: KnowledgeBase) -> None:
+    moments = [revision.committed_at for revision in told.store.revisions()]
+    before = moments[0] - timedelta(microseconds=1)
+    assert told.diff(before, moments[-1]) == told.diff(0, len(STORY))
+    assert told.diff(moments[-1], before) == told.diff(len(STORY), 0)
+
+
+def test_of_nothing_there_is_no_difference(fresh_kb: KnowledgeBase) -> None:
+    assert fresh_kb.diff(0, 0) == []
+    fresh_kb.types.save(ROBOT)
+    assert fresh_kb.diff(1, 1) == []
+    assert lines(fresh_kb, 0, 1) == ["+ type robot"]

@@ -246,21 +246,12 @@ UNKNOWN = [
     "nobody - robot",
 ]
 NEVER: list[Any] = [
-    "(robot_at \ud800 wp1)",
-    "(robot_at wp1 rb1)",
-    "(robot_at rb1)",
-    "(robot_at)",
-    "(battery wp1)",
-    "(= (battery wp1) 3)",
-    "(> (battery rb9) 3)",
-    PddlTypeDto("nothing"),
-    PddlObjectDto(ROBOT, "robot"),
-    PddlObjectDto(ROBOT, "\ud800"),
-    PddlObjectDto(ROBOT, ""),
-    robot_at(RB1, waypoint(77)),
+    *("(robot_at \ud800 wp1)", "(robot_at wp1 rb1)", "(robot_at rb1)", "(robot_at)"),
+    *("(battery wp1)", "(= (battery wp1) 3)", "(> (battery rb9) 3)"),
+    *(PddlTypeDto("nothing"), f.Constant("nobody"), robot_at(RB1, waypoint(77))),
+    *(PddlObjectDto(ROBOT, name) for name in ("robot", "\ud800", "")),
     PddlFunctionValueDto(PddlFunctionDto("robot_at"), [RB1, WP1]),
     PddlPropositionDto(PddlPredicateDto("battery"), [RB1]),
-    f.Constant("nobody"),
 ]
 
 
@@ -284,27 +275,10 @@ def test_a_text_with_a_name_that_never_was_is_refused(kb_with_past: KnowledgeBas
 
 
 REFUSED: list[Any] = [
-    None,
-    3,
-    b"rb1",
-    ["rb1"],
-    ("robot_at", "rb1"),
-    "",
-    "  ",
-    "two words",
-    "?x",
-    "(",
-    ")",
-    "()",
-    "(())",
-    "((robot_at) rb1)",
-    "(robot_at rb1 wp1",
-    "(robot_at rb1 wp1))",
-    "(robot_at rb1 wp1) (robot_at rb1 wp2)",
-    "a\0b",
-    f.Variable("x"),
+    *(None, 3, b"rb1", ["rb1"], ("robot_at", "rb1"), PddlTypeDto, f.Variable("x")),
+    *("", "  ", "two words", "?x", "a\0b", "(", ")", "()", "(())", "((robot_at) rb1)"),
+    *("(robot_at rb1 wp1", "(robot_at rb1 wp1))", "(robot_at rb1 wp1) (robot_at rb1 wp2)"),
     PddlConditionEffectDto(ROBOT_AT, [RB1, WP1]),
-    PddlTypeDto,
 ]
 
 

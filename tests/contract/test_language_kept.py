@@ -81,30 +81,6 @@ def is_ground(condition: f.Formula) -> bool:
     return isinstance(condition, f.Atom) and "(" not in "".join(map(str, condition.terms))
 
 
-def test_each_condition_is_kept_as_a_precondition(depot_kb: KnowledgeBase) -> None:
-    actions, wanted = [], []
-    for position, condition in enumerate(CONDITIONS.values()):
-        actions.append(PddlActionDto(f"a{position}", [], [condition], [IDLE], durative=False))
-        wanted.append(condition)
-        # A preference has its place outside of what is timed.
-        if "(preference" not in str(condition):
-            timed = f.Timed("over all", condition)
-            actions.append(PddlActionDto(f"d{position}", [], [timed], [f.Timed("at end", IDLE)]))
-            wanted.append(timed)
-    assert depot_kb.actions.save_all(actions) == len(actions)
-    made = depot_kb.revision
-    for reader in (depot_kb, again(depot_kb), depot_kb.at(made)):
-        found = reader.pddl.domain().actions
-        assert [action.condition for action in found] == [(part,) for part in wanted]
-        assert [str(dto) for dto in reader.actions.get_all()] == [str(dto) for dto in actions]
-        check_text(reader)
-    # What is read can be saved: it says the same.
-    assert depot_kb.actions.save_all(again(depot_kb).actions.get_all()) == 0
-    assert depot_kb.actions.delete_all() == len(actions)
-    assert depot_kb.pddl.domain().actions == ()
-    assert len(depot_kb.at(made).pddl.domain().actions) == len(actions)
-
-
 def test_a_conjunction_of_goals_is_each_of_them(depot_kb: KnowledgeBase) -> None:
     crane = f.Atom("ready", (T,))
     someone = f.Exists((TRUCK,), crane)
@@ -344,8 +320,9 @@ def test_what_a_transaction_saves_and_deletes_leaves_nothing(fresh_kb: Knowledge
 
 PARAMETERS = [PddlObjectDto(Type("truck"), "t"), PddlObjectDto(Type("place"), "p")]
 END = f.Timed("at end", IDLE)
-# Whether an action is durative, its duration, its effect.
-Parts = tuple[bool, tuple[f.Formula, ...], tuple[f.Formula, ...]]
+FIXED = (f.Comparison("=", DURATION, number("10")),)
+# Whether an action is durative, its duration, its condition, its effect.
+Parts = tuple[bool, tuple[f.Formula, ...], tuple[f.Formula, ...], tuple[f.Formula, ...]]
 CHARGE = PddlProcessDto(
     "charge",
     PARAMETERS,
@@ -369,19 +346,19 @@ def check(kb: KnowledgeBase, parts: list[Parts]) -> None:
     """Save actions of such parts in every way of asking, and delete them."""
     world = load(kb)
     dtos = [
-        PddlActionDto(f"a{number}", PARAMETERS, [], effect, durative, duration=duration)
-        for number, (durative, duration, effect) in enumerate(parts)
+        PddlActionDto(f"a{number}", PARAMETERS, needed, effect, durative, duration=duration)
+        for number, (durative, duration, needed, effect) in enumerate(parts)
     ]
     wanted = tuple(
         Action(
             "durative-action" if durative else "action",
             f"a{number}",
             (TRUCK, PLACE),
-            tuple(duration),
-            (),
-            tuple(effect),
+            duration,
+            needed,
+            effect,
         )
-        for number, (durative, duration, effect) in enumerate(parts)
+        for number, (durative, duration, needed, effect) in enumerate(parts)
     )
     assert kb.actions.save_all(dtos) == len(dtos)
     made = [line for line in last_changes(kb) if line.startswith("+ action")]
@@ -401,17 +378,26 @@ def check(kb: KnowledgeBase, parts: list[Parts]) -> None:
     assert rows(kb, live) == [(0,)]
 
 
+def test_each_condition_is_kept_as_a_precondition(fresh_kb: KnowledgeBase) -> None:
+    check(fresh_kb, [(False, (), (condition,), (IDLE,)) for condition in CONDITIONS.values()])
+
+
+def test_each_condition_with_a_time_is_kept(fresh_kb: KnowledgeBase) -> None:
+    # A preference has its place outside of what is timed.
+    inside = [each for each in CONDITIONS.values() if "(preference" not in str(each)]
+    check(fresh_kb, [(True, FIXED, (f.Timed("over all", each),), (END,)) for each in inside])
+
+
 def test_each_effect_is_kept(fresh_kb: KnowledgeBase) -> None:
-    check(fresh_kb, [(False, (), (effect, IDLE)) for effect in EFFECTS.values()])
+    check(fresh_kb, [(False, (), (), (effect, IDLE)) for effect in EFFECTS.values()])
 
 
 def test_each_effect_with_a_time_is_kept(fresh_kb: KnowledgeBase) -> None:
-    fixed = (f.Comparison("=", DURATION, number("10")),)
-    check(fresh_kb, [(True, fixed, (effect, END)) for effect in TIMED_EFFECTS.values()])
+    check(fresh_kb, [(True, FIXED, (), (effect, END)) for effect in TIMED_EFFECTS.values()])
 
 
 def test_each_duration_is_kept(fresh_kb: KnowledgeBase) -> None:
-    check(fresh_kb, [(True, duration, (END,)) for duration in DURATIONS.values()])
+    check(fresh_kb, [(True, duration, (), (END,)) for duration in DURATIONS.values()])
 
 
 def test_a_fixed_duration_is_read_as_the_number_that_it_is(depot_kb: KnowledgeBase) -> None:

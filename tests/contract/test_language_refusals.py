@@ -35,13 +35,17 @@ from tests.support.worlds.depot import (
 
 ALWAYS = f.Modal("always", (), (IDLE,))
 ZERO = number("0")
+
+
+def less(number: f.Expression) -> f.Comparison:
+    """A formula in which a number stands."""
+    return f.Comparison("<", number, ZERO)
+
+
 # What is not a goal, and so no precondition either.
 NO_GOALS: dict[str, tuple[Any, str]] = {
     "unknown predicate": (f.Atom("near", (T1,)), "predicate 'near'"),
-    "unknown function": (
-        f.Comparison("<", f.Fluent("speed"), ZERO),
-        "function 'speed', which is not known",
-    ),
+    "unknown function": (less(f.Fluent("speed")), "function 'speed', which is not known"),
     "unknown object": (f.Not(at(f.Constant("t9"))), "object 't9' is not known"),
     "unknown type": (
         f.Exists((f.TypedName("x", ("ship",)),), IDLE),
@@ -53,32 +57,23 @@ NO_GOALS: dict[str, tuple[Any, str]] = {
         "?t is neither a parameter nor bound",
     ),
     "too few terms": (f.Not(f.Atom("at", (T1,))), "has 1 terms, expected 2"),
-    "too many terms": (
-        f.Comparison("<", f.Fluent("fuel", (T1, T1)), ZERO),
-        "has 2 terms, expected 1",
-    ),
+    "too many terms": (less(f.Fluent("fuel", (T1, T1))), "has 2 terms, expected 1"),
     "another type": (f.Not(at(C1)), "term 1 of (at c1 p1) does not fit"),
     "a variable of another type": (f.Exists((PLACE,), at(P)), "term 1 of (at ?p p1) does not fit"),
     "a fluent of another type": (f.Not(at(home())), "term 1 of"),
     "a number as a term": (f.Not(at(T1, fuel())), "is a number, not an object"),
-    "an object as a number": (f.Comparison("<", home(), ZERO), "is an object, not a number"),
-    "a duration": (f.Comparison("<", DURATION, ZERO), "?duration is not a number"),
-    "continuous time": (f.Comparison("<", f.ContinuousTime(), ZERO), "#t is not a number here"),
+    "an object as a number": (less(home()), "is an object, not a number"),
+    "a duration": (less(DURATION), "?duration is not a number"),
+    "continuous time": (less(f.ContinuousTime()), "#t is not a number here"),
     "a violated preference": (f.Comparison("=", f.IsViolated("p1"), ZERO), "is not a number here"),
     "a function that is not declared": (
-        f.Comparison("<", f.Fluent("total-time"), ZERO),
+        less(f.Fluent("total-time")),
         "'total-time', which is not known",
     ),
     "no comparison": (f.Comparison("!=", fuel(), ZERO), "'!=' is not a comparison"),
-    "no operation": (
-        f.Comparison("<", f.Arithmetic("^", (ZERO, ZERO)), ZERO),
-        "'^' is not an operation",
-    ),
-    "too few operands": (f.Comparison("<", calculated("+", ZERO), ZERO), "(+ 0) has 1 operands"),
-    "too many operands": (
-        f.Comparison("<", calculated("-", ZERO, ZERO, ZERO), ZERO),
-        "(- 0 0 0) has 3 operands",
-    ),
+    "no operation": (less(f.Arithmetic("^", (ZERO, ZERO))), "'^' is not an operation"),
+    "too few operands": (less(calculated("+", ZERO)), "(+ 0) has 1 operands"),
+    "too many operands": (less(calculated("-", ZERO, ZERO, ZERO)), "(- 0 0 0) has 3 operands"),
     "a variable bound twice": (
         f.Forall((TRUCK, f.TypedName("T", ("place",))), IDLE),
         "binds a variable twice",
@@ -331,7 +326,7 @@ def test_what_is_wrong_deep_within_is_said_briefly(depot_kb: KnowledgeBase) -> N
         formula = f.Not(formula)
     deep = [
         formula,
-        f.Comparison("<", sums, ZERO),
+        less(sums),
         f.Forall((TRUCK,), f.Preference(None, formula)),
         f.Exists((TRUCK,), f.Equal(fluent, P1)),
     ]

@@ -115,9 +115,7 @@ def test_a_question_is_cancelled_by_another_thread(
     assert works(filled)
 
 
-def test_a_session_that_was_stopped_leaves_no_dead_connection_behind(
-    filled: KnowledgeBase,
-) -> None:
+def test_a_session_that_was_stopped_leaves_no_dead_connection_behind(filled: KnowledgeBase) -> None:
     backend = store_of(filled).backend
     with limited() as limit:
         session = backend.reader()
@@ -268,11 +266,7 @@ def test_waiting_is_not_limited_and_can_be_cancelled(filled: KnowledgeBase) -> N
     with limited(seconds=0.2):
         assert filled.watch(1, timeout=0.4) is None
     started = time.monotonic()
-    with (
-        limited() as limit,
-        cancelled_after(limit, 0.1),
-        pytest.raises(QuestionCancelledError),
-    ):
+    with limited() as limit, cancelled_after(limit, 0.1), pytest.raises(QuestionCancelledError):
         filled.watch(1, timeout=60)
     assert time.monotonic() - started < SOON
     assert works(filled)

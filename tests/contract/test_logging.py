@@ -229,10 +229,7 @@ def test_a_lost_connection_within_a_transaction_is_told(
 
 
 def test_a_commit_whose_answer_was_lost_is_told(
-    server: Server,
-    connect: Connect,
-    monkeypatch: pytest.MonkeyPatch,
-    log: pytest.LogCaptureFixture,
+    server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch, log: pytest.LogCaptureFixture
 ) -> None:
     url = server.new_store()
     kb = connect(url, knowledge_base="tiago")

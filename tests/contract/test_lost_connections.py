@@ -212,10 +212,7 @@ def test_a_server_that_does_not_come_back_is_not_waited_for_for_ever(
     with closed_door(shared_url) as close_door:
         close_door()
         began = time.monotonic()
-        calls: tuple[Callable[[], object], ...] = (
-            kb.propositions.get_all,
-            lambda: one_call(kb),
-        )
+        calls: tuple[Callable[[], object], ...] = (kb.propositions.get_all, lambda: one_call(kb))
         for call in calls:
             with pytest.raises(StoreError, match="not currently accepting connections"):
                 call()

@@ -99,6 +99,16 @@ def charge_often(kb: KnowledgeBase) -> None:
     charge(kb, 10)
 
 
+# One element of each kind, by its DAO.
+ELEMENTS = {
+    "types": ROBOT,
+    "objects": RB1,
+    "predicates": ROBOT_AT,
+    "propositions": robot_at(),
+    "actions": navigation(),
+    "function_values": PddlFunctionValueDto(BATTERY, [RB1], 1),
+}
+
 # Each makes a revision: what holds comes and goes, and so do definitions, each in several ways.
 STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.propositions.save(robot_at()),
@@ -119,4 +129,6 @@ STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.function_values.set(BATTERY, objects=[RB1], value=10),
     lambda kb: kb.objects.delete(WP1),
     lambda kb: kb.objects.save(PddlObjectDto(WAYPOINT, "wp3")),
+    lambda kb: kb.function_values.set(LOCATION, objects=[RB1], value=WP2),
+    lambda kb: kb.function_values.unset(BATTERY, objects=[RB1]),
 ]
