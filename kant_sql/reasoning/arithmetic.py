@@ -43,11 +43,10 @@ class Numbers(NamedTuple, Generic[T]):
 
     def calculate(self, symbol: str, operands: Sequence[T | None]) -> T | None:
         """Apply an operator to one operand or more; None if one has no value."""
-        found: T | None
-        found, *others = operands
-        if not others:
+        found = operands[0]
+        if len(operands) == 1:
             return None if found is None else self.apply("-", self.of(Decimal(0)), found)
-        for operand in others:
+        for operand in operands[1:]:
             if found is None or operand is None:
                 return None
             found = self.apply(symbol, found, operand)

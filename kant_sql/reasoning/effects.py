@@ -291,7 +291,7 @@ def combined(
         if operator == "scale-down" and not by:
             return FailedCondition(text, "the step divides it by 0")
         assert number is not None
-        assert isinstance(by, Decimal | Fraction)
+        assert not isinstance(by, int)
         number = EXACT.apply(CHANGES[operator], number, by)
     assert number is not None
     return decimal_of(number)

@@ -237,7 +237,11 @@ def _number(
 
         def operation(env: Env) -> NumberIn:
             of, inner = quantity.operator, [each(env) for each in operands]
-            return lambda values: EXACT.calculate(of, [each(values) for each in inner])
+            calculate = EXACT.calculate
+            if len(inner) == 2:
+                left, right = inner
+                return lambda values: calculate(of, (left(values), right(values)))
+            return lambda values: calculate(of, [each(values) for each in inner])
 
         return operation
     number = compiler.number(quantity)
