@@ -21,17 +21,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kant_sql
-from kant_sql import (
-    InvalidKnowledgeError,
-    KnowledgeBase,
-    LogEntry,
-    PddlPropositionDto,
-    PddlTypeDto,
-    StaleRevisionError,
-    StoreBusyError,
-    UnknownRevisionError,
-    aio,
-)
 from kant_sql.aio import AsyncKnowledgeBase
 from kant_sql.errors import (
     ClosedError,
@@ -57,7 +46,7 @@ def run(url: str, test: Test) -> None:
     before = {thread for thread in threading.enumerate() if thread.name.startswith("kant_sql")}
 
     async def main() -> None:
-        async with aio.connect(url, knowledge_base="tiago", actor="base") as kb:
+        async with kant_sql.aio.connect(url, knowledge_base="tiago", actor="base") as kb:
             await asyncio.wait_for(test(kb), 60)
 
     asyncio.run(main(), debug=False)
@@ -108,12 +97,12 @@ def test_types_are_those_of_the_synchronous_methods() -> None:
 
     async def test(kb: AsyncKnowledgeBase) -> None:
         await kb.types.save(ROBOT, cascade=True)
-        assert_type(await kb.types.get("robot"), PddlTypeDto | None)
-        assert_type(await kb.propositions.get_all(), list[PddlPropositionDto])
+        assert_type(await kb.types.get("robot"), kant_sql.PddlTypeDto | None)
+        assert_type(await kb.propositions.get_all(), list[kant_sql.PddlPropositionDto])
         assert_type(await kb.watch(0, timeout=1), int | None)
         async for entry in kb.changes(0):
-            assert_type(entry, LogEntry)
-        with pytest.raises(InvalidKnowledgeError):
+            assert_type(entry, kant_sql.LogEntry)
+        with pytest.raises(kant_sql.InvalidKnowledgeError):
             await kb.types.save(5)  # type: ignore[arg-type]
         with pytest.raises(TypeError):
             await kb.restore(1, "reason")  # type: ignore[call-arg]
@@ -181,7 +170,7 @@ def test_the_seconds_of_the_url_bound_the_wait_for_a_turn(tmp_path: Path) -> Non
 
         holding = asyncio.create_task(hold())
         await is_open.wait()
-        with pytest.raises(StoreBusyError, match=r"over 0\.2 s"):
+        with pytest.raises(kant_sql.StoreBusyError, match=r"over 0\.2 s"):
             await kb.objects.save(RB1)
         holding.cancel()
 
@@ -235,7 +224,7 @@ def test_an_inner_block_that_fails_is_undone_alone(url: str) -> None:
                     await kb.propositions.save(robot_at(place=WP2))
                     raise Undone
         assert await kb.propositions.get_all() == [robot_at()]
-        with pytest.raises(StaleRevisionError):
+        with pytest.raises(kant_sql.StaleRevisionError):
             async with kb.transaction(expected_revision=7):
                 raise AssertionError
         await kb.propositions.save(robot_at(place=WP2))
@@ -374,7 +363,7 @@ def test_a_write_that_has_not_begun_is_dropped_when_cancelled(shared_url: str) -
             begun.wait(20)
             return is_over.wait(20)
 
-        async with aio.open_store(shared_url, connections=2) as store:
+        async with kant_sql.aio.open_store(shared_url, connections=2) as store:
             kb, other = store.knowledge_base("tiago"), store.knowledge_base("pepper")
             await kb.objects.save(RB1)
             slow = [
@@ -401,15 +390,15 @@ def test_a_write_that_has_not_begun_is_dropped_when_cancelled(shared_url: str) -
 def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
     shared_url: str, where: str
 ) -> None:
-    def write(kb: KnowledgeBase) -> None:
+    def write(kb: kant_sql.KnowledgeBase) -> None:
         with pytest.raises(
             TransactionOpenError, match=r"transaction of kant_sql\.aio open by task"
         ):
             kb.propositions.save(robot_at(place=WP2))
         assert kb.propositions.get_all() == []
 
-    async def main(kb: KnowledgeBase) -> None:
-        async with aio.connect(shared_url) as door:
+    async def main(kb: kant_sql.KnowledgeBase) -> None:
+        async with kant_sql.aio.connect(shared_url) as door:
             await door.objects.save_all([RB1, WP2])
             entered, leave, done = asyncio.Event(), asyncio.Event(), asyncio.Event()
 
@@ -462,11 +451,11 @@ def test_no_task_waits_for_a_block_of_its_own_by_another_door(shared_url: str) -
         assert len(await one.propositions.get_all()) == 2
 
     async def main() -> None:
-        async with aio.open_store(shared_url, connections=3) as store:
+        async with kant_sql.aio.open_store(shared_url, connections=3) as store:
             await check(store.knowledge_base("tiago"), store.knowledge_base("tiago"))
         async with (
-            aio.connect(shared_url, knowledge_base="pepper") as one,
-            aio.connect(shared_url, knowledge_base="pepper") as other,
+            kant_sql.aio.connect(shared_url, knowledge_base="pepper") as one,
+            kant_sql.aio.connect(shared_url, knowledge_base="pepper") as other,
         ):
             await check(one, other)
 
@@ -492,7 +481,7 @@ def test_changes_and_log_are_followed(url: str) -> None:
             await kb.function_values.set(kant_sql.PddlFunctionDto("n"), objects=(), value=number)
         assert [entry.revision.number async for entry in kb.changes(2)] == [3, 4, 5]
         assert [entry.revision.number async for entry in kb.log(limit=2)] == [5, 4]
-        with pytest.raises(UnknownRevisionError):
+        with pytest.raises(kant_sql.UnknownRevisionError):
             await anext(kb.changes(99))
         past = await kb.at(2)
         assert await past.revision() == 2
@@ -607,13 +596,16 @@ def test_several_loops_share_it(shared_url: str) -> None:
 def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
     async def main() -> None:
         with pytest.raises(kant_sql.errors.InvalidUrlError):
-            await aio.connect("nonsense")
-        kb = await aio.connect("sqlite://")
+            await kant_sql.aio.connect("nonsense")
+        kb = await kant_sql.aio.connect("sqlite://")
         assert await kb.revision() == 0
         await kb.close()
 
     asyncio.run(main())
-    assert inspect.signature(aio.connect).parameters["actor"].kind is inspect.Parameter.KEYWORD_ONLY
+    assert (
+        inspect.signature(kant_sql.aio.connect).parameters["actor"].kind
+        is inspect.Parameter.KEYWORD_ONLY
+    )
 
 
 def test_every_call_after_close_is_refused(shared_url: str, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from kant_sql import (
     ReadOnlyError,
     aio,
 )
-from kant_sql.errors import ClosedError, ExtraMissingError, StoreIntegrityError
+from kant_sql.errors import ExtraMissingError, StoreIntegrityError
 from kant_sql.sql.audit_views import AUDIT_VIEWS, arrow_schema
 from tests.support.citus import is_distributed
 from tests.support.pages import opened
@@ -159,12 +159,6 @@ def test_without_pyarrow_the_extra_is_named(
     for call in calls:
         with pytest.raises(ExtraMissingError, match=r"pip install 'kant-sql\[data\]'"):
             call()
-
-
-def test_a_closed_knowledge_base_has_no_tables(kb: KnowledgeBase) -> None:
-    kb.close()
-    with pytest.raises(ClosedError):
-        kb.store.to_arrow("fact")
 
 
 def test_answers_are_columns_of_names(kb: KnowledgeBase) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -39,6 +39,7 @@ from tests.support.worlds.robots import (
     WP1,
     WP2,
     assigned,
+    changed,
     literals,
     navigation,
     robot_at,
@@ -174,12 +175,6 @@ def test_each_dao_answers_as_the_originals_does(
     assert dao.delete_all() is True
     # What is there already, or is not, is no fault: it is answered, not logged.
     assert caplog.records == []
-
-
-def changed(change: Callable[[PddlActionDto], object]) -> PddlActionDto:
-    action = navigation()
-    change(action)
-    return action
 
 
 ILL_TYPED: dict[str, list[tuple[Any, str]]] = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -28,6 +27,7 @@ from tests.support.worlds.robots import (
     WAYPOINT,
     WP1,
     assigned,
+    changed,
     literals,
     navigation,
     robot_at,
@@ -173,12 +173,6 @@ def test_renaming_a_parameter_is_a_change(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.actions.save(action("bot"))
     assert fresh_kb.revision == 2
     assert "?bot - robot" in str(fresh_kb.actions.get("go"))
-
-
-def changed(change: Callable[[PddlActionDto], object]) -> PddlActionDto:
-    action = navigation()
-    change(action)
-    return action
 
 
 @pytest.mark.parametrize(

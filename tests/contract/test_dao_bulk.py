@@ -23,19 +23,9 @@ from kant_sql import (
 from kant_sql.dao import base
 from kant_sql.errors import TypeMismatchError
 from kant_sql.store import transaction as propositions
+from tests.support import reading
 from tests.support.atoms import Atoms
 from tests.support.parts import dao_of
-from tests.support.reading import (
-    Undone,
-    facts,
-    last_changes,
-    nothing_changes,
-    refuses,
-    rows,
-    state,
-    undone,
-    versions,
-)
 from tests.support.worlds.robots import (
     RB1,
     ROBOT,
@@ -73,18 +63,18 @@ def texts(*numbers: int) -> list[str]:
 def fails_after(count: int) -> Iterator[PddlPropositionDto]:
     """Facts, and then an error of the caller's own."""
     yield from many(count)
-    raise Undone
+    raise reading.Undone
 
 
 def fact_versions(kb: KnowledgeBase) -> list[tuple[str, int, int | None]]:
-    return sorted(versions(kb, "proposition"))
+    return sorted(reading.versions(kb, "proposition"))
 
 
 def test_a_generator_is_saved_in_one_revision(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.propositions.save_all(many()) == COUNT
     assert fresh_kb.revision == 1
-    assert facts(fresh_kb) == texts(*range(COUNT))
-    with nothing_changes(fresh_kb):
+    assert reading.facts(fresh_kb) == texts(*range(COUNT))
+    with reading.nothing_changes(fresh_kb):
         assert fresh_kb.propositions.save_all(many()) == 0
         assert fresh_kb.propositions.save_all(iter([])) == 0
 
@@ -93,8 +83,8 @@ def test_duplicates_count_once(fresh_kb: KnowledgeBase, tight: None) -> None:
     shouted = PddlPropositionDto(PddlPredicateDto("NEAR", NEAR.types), near(1).objects)
     given = [near(1), shouted, near(2), near(1), near(3), near(2), *many(6), near(0)]
     assert Atoms(fresh_kb).save_all(given) == 6
-    assert facts(fresh_kb) == texts(*range(6))
-    assert len(last_changes(fresh_kb)) == 6 + 6 + 1 + 1
+    assert reading.facts(fresh_kb) == texts(*range(6))
+    assert len(reading.last_changes(fresh_kb)) == 6 + 6 + 1 + 1
 
 
 def test_a_large_number_of_facts_is_written_piece_by_piece(
@@ -106,7 +96,7 @@ def test_a_large_number_of_facts_is_written_piece_by_piece(
     pairs = [PddlPropositionDto(NEAR, [one, other]) for one in wps for other in wps]
     assert fresh_kb.propositions.save_all(iter(pairs)) == 3_600
     assert fresh_kb.revision == 1
-    assert len(last_changes(fresh_kb)) == 3_600 + 60 + 1 + 1
+    assert len(reading.last_changes(fresh_kb)) == 3_600 + 60 + 1 + 1
     assert fresh_kb.propositions.get_all() == pairs
     assert fresh_kb.at(0).propositions.get_all() == []
     assert fresh_kb.propositions.delete_all() == 3_600
@@ -124,11 +114,11 @@ def test_one_bad_fact_and_nothing_is_stored(fresh_kb: KnowledgeBase, position: i
     ):
         given: list[PddlPropositionDto | None] = [*many()]
         given.insert(position, bad)
-        refuses(fresh_kb, error, fresh_kb.propositions.save_all, given)
-        refuses(fresh_kb, error, fresh_kb.propositions.save_all, iter(given))
-    refuses(fresh_kb, Undone, fresh_kb.propositions.save_all, fails_after(position))
+        reading.refuses(fresh_kb, error, fresh_kb.propositions.save_all, given)
+        reading.refuses(fresh_kb, error, fresh_kb.propositions.save_all, iter(given))
+    reading.refuses(fresh_kb, reading.Undone, fresh_kb.propositions.save_all, fails_after(position))
     assert fresh_kb.propositions.save_all(many()) == COUNT - 1
-    assert facts(fresh_kb) == sorted([*texts(*range(COUNT)), "(robot_at rb1 wp1)"])
+    assert reading.facts(fresh_kb) == sorted([*texts(*range(COUNT)), "(robot_at rb1 wp1)"])
 
 
 @pytest.mark.usefixtures("tight")
@@ -147,10 +137,10 @@ def test_within_a_transaction_more_follows_after_a_spill(fresh_kb: KnowledgeBase
         assert fresh_kb.propositions.save_all([near(3), near(5)]) == 1
         assert fresh_kb.propositions.delete(near(3)) is True
     left = [number for number in range(COUNT) if number not in (2, 3)]
-    assert facts(fresh_kb) == sorted([*texts(*left), "(robot_at rb1 wp1)"])
+    assert reading.facts(fresh_kb) == sorted([*texts(*left), "(robot_at rb1 wp1)"])
     new = [number for number in left if number != 1]
     objects = [f"+ object wp{number} - wp" for number in range(COUNT) if number not in (0, 1, 2)]
-    assert last_changes(fresh_kb) == [
+    assert reading.last_changes(fresh_kb) == [
         *(f"+ fact {text}" for text in texts(*new)),
         *sorted(objects),
         "- fact (near wp2 wp0)",
@@ -173,14 +163,14 @@ def test_a_spill_that_is_taken_back_leaves_no_version_and_no_revision(
     fresh_kb.objects.save_all(waypoint(number) for number in range(COUNT))
     before = fact_versions(fresh_kb)
     for _ in range(2):
-        with nothing_changes(fresh_kb), fresh_kb.transaction():
+        with reading.nothing_changes(fresh_kb), fresh_kb.transaction():
             assert fresh_kb.propositions.save_all(many()) == COUNT - 2
             assert fresh_kb.propositions.delete_all() == COUNT
             assert fresh_kb.propositions.save_all([near(1), near(2)]) == 2
         assert fact_versions(fresh_kb) == before
     assert fresh_kb.propositions.save_all(many()) == COUNT - 2
     assert fresh_kb.propositions.delete(near(1)) is True
-    assert facts(fresh_kb) == texts(0, *range(2, COUNT))
+    assert reading.facts(fresh_kb) == texts(0, *range(2, COUNT))
 
 
 @pytest.mark.usefixtures("tight")
@@ -192,22 +182,22 @@ def test_a_nested_transaction_that_fails_after_a_spill_is_undone_alone(
         fresh_kb.propositions.save(near(3))
         fresh_kb.propositions.delete(near(1))
         for _ in range(2):
-            with undone(fresh_kb):
+            with reading.undone(fresh_kb):
                 fresh_kb.propositions.save_all(many())
                 fresh_kb.propositions.delete(near(2))
-                with undone(fresh_kb):
+                with reading.undone(fresh_kb):
                     fresh_kb.propositions.delete_all()
                     fresh_kb.propositions.save_all(many(5))
-                assert facts(fresh_kb) == sorted(
+                assert reading.facts(fresh_kb) == sorted(
                     [*texts(0, 1, *range(3, COUNT)), "(robot_at rb1 wp1)"]
                 )
-            assert facts(fresh_kb) == sorted([*texts(2, 3), "(robot_at rb1 wp1)"])
-        with pytest.raises(Undone):
+            assert reading.facts(fresh_kb) == sorted([*texts(2, 3), "(robot_at rb1 wp1)"])
+        with pytest.raises(reading.Undone):
             fresh_kb.propositions.save_all(fails_after(10))
         assert fresh_kb.propositions.insert(near(3)) is False
         assert fresh_kb.propositions.insert(near(1)) is True
         assert fresh_kb.propositions.delete(near(2)) is True
-    assert last_changes(fresh_kb) == [
+    assert reading.last_changes(fresh_kb) == [
         "+ fact (near wp3 wp0)",
         "+ object wp3 - wp",
         "- fact (near wp2 wp0)",
@@ -227,12 +217,12 @@ def test_a_nested_transaction_that_fails_after_a_spill_is_undone_alone(
 def test_a_transaction_that_fails_after_a_spill_has_not_happened(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save_all([near(1), near(2)])
     for _ in range(2):
-        with nothing_changes(fresh_kb), undone(fresh_kb):
+        with reading.nothing_changes(fresh_kb), reading.undone(fresh_kb):
             fresh_kb.propositions.save_all(many())
             fresh_kb.propositions.delete(near(1))
     assert fresh_kb.propositions.insert(near(1)) is False
     assert fresh_kb.propositions.insert(near(3)) is True
-    assert facts(fresh_kb) == texts(1, 2, 3)
+    assert reading.facts(fresh_kb) == texts(1, 2, 3)
 
 
 @pytest.mark.usefixtures("tight")
@@ -250,16 +240,16 @@ def test_definitions_may_change_before_and_after_a_spill(fresh_kb: KnowledgeBase
         )
         fresh_kb.types.delete(PddlTypeDto("early"))
         fresh_kb.types.save(PddlTypeDto("late"))
-    assert facts(fresh_kb) == [f"(near wp{number})" for number in range(6)]
-    assert state(fresh_kb)["types"] == ["robot", "wp", "late"]
-    assert last_changes(fresh_kb) == [
+    assert reading.facts(fresh_kb) == [f"(near wp{number})" for number in range(6)]
+    assert reading.state(fresh_kb)["types"] == ["robot", "wp", "late"]
+    assert reading.last_changes(fresh_kb) == [
         *(f"+ fact (near wp{number})" for number in range(6)),
         *sorted(f"+ object wp{number} - wp" for number in range(COUNT) if number != 1),
         "+ predicate (near ?w0 - wp)",
         "+ type late",
         "- fact (robot_at rb1 wp1)",
     ]
-    assert state(fresh_kb.at(1))["facts"] == ["(robot_at rb1 wp1)"]
+    assert reading.state(fresh_kb.at(1))["facts"] == ["(robot_at rb1 wp1)"]
 
 
 @pytest.mark.usefixtures("tight")
@@ -272,7 +262,7 @@ def test_a_generator_may_read_and_write_the_same_knowledge_base(fresh_kb: Knowle
 
     assert fresh_kb.propositions.save_all(facts_and_more()) == COUNT
     assert fresh_kb.revision == 1
-    assert len(facts(fresh_kb)) == 2 * COUNT
+    assert len(reading.facts(fresh_kb)) == 2 * COUNT
 
 
 @pytest.mark.usefixtures("tight")
@@ -297,14 +287,14 @@ def test_many_named_elements_are_saved_whole_or_not_at_all(fresh_kb: KnowledgeBa
     def objects() -> Iterator[PddlObjectDto]:
         for number in range(10):
             yield waypoint(number)
-        raise Undone
+        raise reading.Undone
 
-    refuses(fresh_kb, Undone, fresh_kb.objects.save_all, objects())
+    reading.refuses(fresh_kb, reading.Undone, fresh_kb.objects.save_all, objects())
     bad: list[PddlObjectDto | None] = [*map(waypoint, range(10)), None]
-    refuses(fresh_kb, InvalidKnowledgeError, fresh_kb.objects.save_all, bad)
+    reading.refuses(fresh_kb, InvalidKnowledgeError, fresh_kb.objects.save_all, bad)
     assert fresh_kb.objects.save_all(map(waypoint, range(10))) == 10
     assert fresh_kb.revision == 1
-    assert len(rows(fresh_kb, "SELECT * FROM object_version WHERE kb_id = :kb")) == 10
+    assert len(reading.rows(fresh_kb, "SELECT * FROM object_version WHERE kb_id = :kb")) == 10
 
 
 # By DAO: a list to save, what the first of it is called by, and one that is not stored.
@@ -352,7 +342,7 @@ def test_a_list_is_saved_and_deleted_in_one_revision(fresh_kb: KnowledgeBase, na
 def test_a_list_redefines_with_cascade(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save([near(1), near(2)])
     wider = [PddlPredicateDto("near", [WAYPOINT]), PddlPredicateDto("far", [WAYPOINT])]
-    refuses(fresh_kb, DependantsError, lambda: fresh_kb.predicates.save(wider))
+    reading.refuses(fresh_kb, DependantsError, lambda: fresh_kb.predicates.save(wider))
     assert fresh_kb.predicates.get("far") is None
     assert fresh_kb.predicates.save(wider, cascade=True)
-    assert facts(fresh_kb) == []
+    assert reading.facts(fresh_kb) == []

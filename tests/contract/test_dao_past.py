@@ -151,14 +151,6 @@ def test_the_past_can_be_looked_at_from_the_past(
     assert fresh_kb.at(3).at(fresh_kb.store.revisions()[-1].committed_at).revision == 3
 
 
-def test_closing_a_view_of_the_past_leaves_the_present_open(
-    fresh_kb: KnowledgeBase, states: list[State]
-) -> None:
-    with fresh_kb.at(1) as past:
-        assert state(past) == states[1]
-    assert state(fresh_kb) == states[-1]
-
-
 def test_nothing_can_be_written_to_the_past(fresh_kb: KnowledgeBase, states: list[State]) -> None:
     past = fresh_kb.at(3)
     with nothing_changes(fresh_kb):

@@ -10,16 +10,7 @@ from kant_sql import KnowledgeBase, PddlTypeDto, UnknownNameError
 from tests.support.parts import dao_of
 from tests.support.reading import State, beside, facts, nothing_changes, state, undone
 from tests.support.stores import Connect
-from tests.support.worlds.robots import (
-    ELEMENTS,
-    RB1,
-    ROBOT,
-    WAYPOINT,
-    WP1,
-    WP2,
-    navigation,
-    robot_at,
-)
+from tests.support.worlds import robots
 
 EMPTY: State = {
     "types": [],
@@ -54,7 +45,11 @@ def test_an_empty_knowledge_base_answers_every_question(fresh_kb: KnowledgeBase)
             kb.propositions.get_by_predicate("robot_at")
         assert kb.revision == 0
         assert kb.store.revisions() == []
-        assert list(kb.log()) == []
+        assert list(kb.log()) == list(kb.changes()) == list(kb.changes(0, limit=5)) == []
+        with pytest.raises(UnknownNameError):
+            kb.history("rb1")
+        assert kb.history(robots.RB1) == []
+        assert kb.blame(robots.robot_at()) is None
     with fresh_kb.transaction():
         assert fresh_kb.revision == 0
     assert fresh_kb.revision == 0
@@ -64,28 +59,28 @@ def test_nothing_can_be_deleted_from_or_updated_in_an_empty_knowledge_base(
     fresh_kb: KnowledgeBase,
 ) -> None:
     with nothing_changes(fresh_kb):
-        for kind, element in ELEMENTS.items():
+        for kind, element in robots.ELEMENTS.items():
             dao = dao_of(fresh_kb, kind)
             assert dao.delete(element) is False
             assert dao.update(element) is False
             assert dao.delete_all() == 0
             assert dao.save_all([]) == 0
     with nothing_changes(fresh_kb), undone(fresh_kb):
-        fresh_kb.propositions.save(robot_at())
+        fresh_kb.propositions.save(robots.robot_at())
 
 
 def test_two_knowledge_bases_do_not_see_each_other(
     pair: tuple[KnowledgeBase, KnowledgeBase],
 ) -> None:
     one, other = pair
-    one.propositions.save(robot_at())
-    one.actions.save(navigation())
+    one.propositions.save(robots.robot_at())
+    one.actions.save(robots.navigation())
     assert state(other) == EMPTY
     assert other.revision == 0
     assert other.store.revisions() == []
     # The same names, with other definitions.
-    other.types.save(PddlTypeDto("WP", parent=ROBOT))
-    other.propositions.save(robot_at(RB1, WP2))
+    other.types.save(PddlTypeDto("WP", parent=robots.ROBOT))
+    other.propositions.save(robots.robot_at(robots.RB1, robots.WP2))
     assert state(other)["types"] == ["robot", "WP - robot"]
     assert facts(other) == ["(robot_at rb1 wp2)"]
     assert facts(one) == ["(robot_at rb1 wp1)"]
@@ -95,7 +90,11 @@ def test_two_knowledge_bases_do_not_see_each_other(
     assert state(one) == EMPTY
     assert [revision.actor for revision in one.store.revisions()] == ["one"] * 3
     assert [revision.actor for revision in other.store.revisions()] == ["other"] * 2
-    assert [entry.revision.number for entry in other.log()] == [2, 1]
+    entries = [*other.changes()]
+    assert [entry.revision.number for entry in entries] == [1, 2]
+    assert entries == [*other.log()][::-1]
+    assert str(robots.robot_at()) not in str(entries)
+    assert other.history(robots.robot_at()) == []
     assert facts(one.at(1)) == ["(robot_at rb1 wp1)"]
 
 
@@ -103,14 +102,14 @@ def test_deleting_in_one_knowledge_base_leaves_the_facts_of_the_other(
     pair: tuple[KnowledgeBase, KnowledgeBase],
 ) -> None:
     for kb in pair:
-        kb.propositions.save_all([robot_at(), robot_at(RB1, WP2)])
+        kb.propositions.save_all([robots.robot_at(), robots.robot_at(robots.RB1, robots.WP2)])
     one, other = pair
-    one.objects.delete(WP1)
-    one.predicates.delete(robot_at().predicate)
+    one.objects.delete(robots.WP1)
+    one.predicates.delete(robots.robot_at().predicate)
     assert facts(one) == []
     assert facts(other) == ["(robot_at rb1 wp1)", "(robot_at rb1 wp2)"]
-    one.types.delete(WAYPOINT)
-    assert other.propositions.delete(robot_at()) is True
+    one.types.delete(robots.WAYPOINT)
+    assert other.propositions.delete(robots.robot_at()) is True
     assert facts(other) == ["(robot_at rb1 wp2)"]
 
 
@@ -129,6 +128,6 @@ def test_names_of_knowledge_bases_are_compared_exactly(common_url: str, connect:
 
 def test_two_stores_in_memory_are_two(connect: Connect) -> None:
     one, other = connect("sqlite://"), connect("sqlite://")
-    one.types.save(ROBOT)
-    assert one.types.get_all() == [ROBOT]
+    one.types.save(robots.ROBOT)
+    assert one.types.get_all() == [robots.ROBOT]
     assert other.types.get_all() == []

@@ -14,18 +14,7 @@ from typing import Any
 
 import pytest
 
-from kant_sql import (
-    Dto,
-    InvalidKnowledgeError,
-    KnowledgeBase,
-    PddlActionDto,
-    PddlConditionEffectDto,
-    PddlError,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+import kant_sql
 from kant_sql.errors import InvalidNameError
 from tests.support.parts import dao_of
 from tests.support.reading import Undone, nothing_changes, refuses
@@ -33,17 +22,19 @@ from tests.support.worlds.robots import ROBOT, robot_at
 
 Path = tuple[str | int, ...]
 
-VEHICLE = PddlTypeDto("vehicle")
-CAR = PddlTypeDto("car", parent=VEHICLE)
-C1 = PddlObjectDto(CAR, "c1")
-PARKED = PddlPredicateDto("parked", [CAR])
-LITERAL = PddlConditionEffectDto(PARKED, [C1], PddlConditionEffectDto.AT_END)
-GOOD: dict[str, Dto] = {
+VEHICLE = kant_sql.PddlTypeDto("vehicle")
+CAR = kant_sql.PddlTypeDto("car", parent=VEHICLE)
+C1 = kant_sql.PddlObjectDto(CAR, "c1")
+PARKED = kant_sql.PddlPredicateDto("parked", [CAR])
+LITERAL = kant_sql.PddlConditionEffectDto(PARKED, [C1], kant_sql.PddlConditionEffectDto.AT_END)
+GOOD: dict[str, kant_sql.Dto] = {
     "types": CAR,
     "objects": C1,
     "predicates": PARKED,
-    "propositions": PddlPropositionDto(PARKED, [C1]),
-    "actions": PddlActionDto("park", [PddlObjectDto(CAR, "x")], [LITERAL], [LITERAL]),
+    "propositions": kant_sql.PddlPropositionDto(PARKED, [C1]),
+    "actions": kant_sql.PddlActionDto(
+        "park", [kant_sql.PddlObjectDto(CAR, "x")], [LITERAL], [LITERAL]
+    ),
 }
 # Anything but a value that belongs somewhere: not even an empty list.
 JUNK: list[Any] = [
@@ -70,14 +61,14 @@ def paths(dto: Any) -> Iterator[Path]:
 def _items(value: Any) -> list[tuple[Any, int | None]]:
     if isinstance(value, list):
         return [(item, position) for position, item in enumerate(value)]
-    return [(value, None)] if isinstance(value, Dto) else []
+    return [(value, None)] if isinstance(value, kant_sql.Dto) else []
 
 
 def _steps(step: int | None) -> Path:
     return () if step is None else (step,)
 
 
-def replaced(dto: Dto, path: Path, value: Any) -> Dto:
+def replaced(dto: kant_sql.Dto, path: Path, value: Any) -> kant_sql.Dto:
     """A copy of a DTO with something else at one place."""
     copied: Any = copy.deepcopy(dto)
     place = copied
@@ -98,14 +89,14 @@ def junk_for(path: Path) -> list[Any]:
     return [value for value in junk if not isinstance(value, fits)]
 
 
-def try_methods(kb: KnowledgeBase, kind: str, dto: Dto) -> None:
+def try_methods(kb: kant_sql.KnowledgeBase, kind: str, dto: kant_sql.Dto) -> None:
     dao = dao_of(kb, kind)
     for method in (dao.save, dao.insert, dao.update, lambda dto: dao.save_all([dto])):
-        with suppress(Undone, InvalidKnowledgeError), kb.transaction():
+        with suppress(Undone, kant_sql.InvalidKnowledgeError), kb.transaction():
             # An element that is there is not inserted, and one that is not is not updated.
             assert method(dto) is False
             raise Undone
-    with suppress(Undone, InvalidKnowledgeError), kb.transaction():
+    with suppress(Undone, kant_sql.InvalidKnowledgeError), kb.transaction():
         assert dao.delete(dto) in (True, False)
         raise Undone
 
@@ -113,7 +104,7 @@ def try_methods(kb: KnowledgeBase, kind: str, dto: Dto) -> None:
 @pytest.mark.parametrize("populated", [False, True], ids=["empty", "populated"])
 @pytest.mark.parametrize("kind", GOOD)
 def test_what_does_not_belong_in_a_dto_is_refused_and_nothing_of_it_stored(
-    fresh_kb: KnowledgeBase, kind: str, populated: bool
+    fresh_kb: kant_sql.KnowledgeBase, kind: str, populated: bool
 ) -> None:
     fresh_kb.propositions.save(robot_at())
     if populated:
@@ -127,19 +118,19 @@ def test_what_does_not_belong_in_a_dto_is_refused_and_nothing_of_it_stored(
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: KnowledgeBase, kind: str) -> None:
+def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: kant_sql.KnowledgeBase, kind: str) -> None:
     dao = dao_of(fresh_kb, kind)
     others = [dto for other, dto in GOOD.items() if other != kind]
     for wrong in [None, *JUNK[:-2], *others, LITERAL]:
         is_text = isinstance(wrong, str)
-        error = PddlError if is_text else InvalidKnowledgeError
+        error = kant_sql.PddlError if is_text else kant_sql.InvalidKnowledgeError
         for method in (dao.save, dao.insert, dao.update, dao.delete):
             if method == dao.delete and is_text and kind != "propositions":
                 # It deletes by name, too.
                 assert method(wrong) is False
                 continue
             has_text = method == dao.save and wrong == ["?"]
-            caught = refuses(fresh_kb, PddlError if has_text else error, method, wrong)
+            caught = refuses(fresh_kb, kant_sql.PddlError if has_text else error, method, wrong)
             if is_text or has_text:
                 assert "'?'" in str(caught.value)
             elif "take lists" in str(caught.value):
@@ -153,14 +144,14 @@ def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: KnowledgeBase, kind: st
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_save_all_takes_an_iterable(fresh_kb: KnowledgeBase, kind: str) -> None:
+def test_save_all_takes_an_iterable(fresh_kb: kant_sql.KnowledgeBase, kind: str) -> None:
     dao = dao_of(fresh_kb, kind)
     for wrong in (None, 5, object(), GOOD[kind]):
-        caught = refuses(fresh_kb, InvalidKnowledgeError, dao.save_all, wrong)
+        caught = refuses(fresh_kb, kant_sql.InvalidKnowledgeError, dao.save_all, wrong)
         assert "is an iterable of DTOs, not" in str(caught.value)
 
 
-def test_what_is_no_name_cannot_be_asked_for(fresh_kb: KnowledgeBase) -> None:
+def test_what_is_no_name_cannot_be_asked_for(fresh_kb: kant_sql.KnowledgeBase) -> None:
     reads: list[Any] = [
         fresh_kb.types.get,
         fresh_kb.objects.get,
@@ -175,17 +166,17 @@ def test_what_is_no_name_cannot_be_asked_for(fresh_kb: KnowledgeBase) -> None:
         fresh_kb.propositions.save(robot_at())
 
 
-def test_a_subclass_of_a_dto_is_one(fresh_kb: KnowledgeBase) -> None:
-    class Place(PddlTypeDto):
+def test_a_subclass_of_a_dto_is_one(fresh_kb: kant_sql.KnowledgeBase) -> None:
+    class Place(kant_sql.PddlTypeDto):
         pass
 
     place = Place("place")
     fresh_kb.types.save(place)
-    fresh_kb.objects.save(PddlObjectDto(place, "kitchen"))
-    assert fresh_kb.types.get("place") == PddlTypeDto("place")
+    fresh_kb.objects.save(kant_sql.PddlObjectDto(place, "kitchen"))
+    assert fresh_kb.types.get("place") == kant_sql.PddlTypeDto("place")
 
 
-def test_a_tuple_does_for_a_list(fresh_kb: KnowledgeBase) -> None:
+def test_a_tuple_does_for_a_list(fresh_kb: kant_sql.KnowledgeBase) -> None:
     fact = robot_at()
     fact.objects = tuple(fact.objects)  # type: ignore[assignment]
     fresh_kb.propositions.save(fact)

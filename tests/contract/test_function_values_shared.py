@@ -18,24 +18,11 @@ from tests.support.processes.workers import change, in_processes
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, last_changes, rows, undone
 from tests.support.stores import Connect
-from tests.support.worlds.robots import (
-    BATTERY,
-    DISTANCE,
-    LOCATION,
-    RB1,
-    STEP,
-    WP1,
-    WP2,
-    charge,
-    charge_often,
-    distance,
-    robot_at,
-    waypoint,
-)
+from tests.support.worlds import robots
 
 
 def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
-    kb.function_values.save_all(map(distance, range(2)))
+    kb.function_values.save_all(map(robots.distance, range(2)))
     store: Any = kb.store.factory._store  # type: ignore[attr-defined]
     with store.transaction() as transaction:
         functions, objects = transaction.definitions.functions, transaction.definitions.objects
@@ -53,46 +40,46 @@ def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
 
 def test_a_process_sees_what_another_has_set_and_defined(shared_url: str, connect: Connect) -> None:
     one, other = connect(shared_url), connect(shared_url)
-    one.propositions.save(robot_at())
+    one.propositions.save(robots.robot_at())
     assert other.function_values.get_all() == []
-    one.function_values.set(LOCATION, objects=[RB1], value=WP2)
-    assert other.function_values.get("loc", objects=["rb1"]) == WP2
-    one.function_values.set(BATTERY, objects=[RB1], value=1)
+    one.function_values.set(robots.LOCATION, objects=[robots.RB1], value=robots.WP2)
+    assert other.function_values.get("loc", objects=["rb1"]) == robots.WP2
+    one.function_values.set(robots.BATTERY, objects=[robots.RB1], value=1)
     assert other.function_values.increase("battery", objects=["rb1"], by=1) == 2
     assert one.function_values.increase("battery", objects=["rb1"], by=1) == 3
     assert other.function_values.set("battery", objects=["rb1"], value=3) is False
-    one.functions.delete(BATTERY)
+    one.functions.delete(robots.BATTERY)
     assert other.function_values.get("battery", objects=["rb1"]) is None
     assert [str(dto) for dto in other.function_values.get_all()] == ["(= (loc rb1) wp2)"]
 
 
 def test_threads_that_increase_lose_no_update(kb: KnowledgeBase) -> None:
-    kb.function_values.set(BATTERY, objects=[RB1], value=0)
+    kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=0)
     with ThreadPoolExecutor(4) as pool:
-        list(pool.map(charge, [kb] * 4, [5] * 4))
-    assert kb.function_values.get("battery", objects=["rb1"]) == 20 * STEP
+        list(pool.map(robots.charge, [kb] * 4, [5] * 4))
+    assert kb.function_values.get("battery", objects=["rb1"]) == 20 * robots.STEP
     assert kb.revision == 41
 
 
 def test_processes_that_increase_lose_no_update(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
-    kb.function_values.set(BATTERY, objects=[RB1], value=0)
-    in_processes(*[(change, shared_url, charge_often)] * 3)
-    assert kb.function_values.get("battery", objects=["rb1"]) == 30 * STEP
+    kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=0)
+    in_processes(*[(change, shared_url, robots.charge_often)] * 3)
+    assert kb.function_values.get("battery", objects=["rb1"]) == 30 * robots.STEP
     assert check_chain(shared_url) == {"tiago": 61}
 
 
 def test_a_transaction_that_comes_to_nothing_leaves_nothing_behind(kb: KnowledgeBase) -> None:
     cost = PddlFunctionDto("total-cost")
-    kb.function_values.set(BATTERY, objects=[RB1], value=1)
-    kb.objects.save(WP1)
-    kb.functions.save_all([LOCATION, cost])
+    kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=1)
+    kb.objects.save(robots.WP1)
+    kb.functions.save_all([robots.LOCATION, cost])
     with kb.transaction():
-        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
+        kb.function_values.set(robots.LOCATION, objects=[robots.RB1], value=robots.WP1)
         assert len(kb.function_values.get_all()) == 2  # Now it has an id in the tables.
-        kb.function_values.unset(LOCATION, objects=[RB1])
+        kb.function_values.unset(robots.LOCATION, objects=[robots.RB1])
     kb.function_values.set(cost, objects=[], value=5)  # Now another one has this id.
-    assert kb.function_values.set(LOCATION, objects=[RB1], value=WP1) is True
+    assert kb.function_values.set(robots.LOCATION, objects=[robots.RB1], value=robots.WP1) is True
     assert [str(dto) for dto in kb.function_values.get_all()] == [
         "(= (battery rb1) 1)",
         "(= (total-cost) 5)",
@@ -106,13 +93,15 @@ def test_values_are_part_of_a_revision_that_was_too_much_to_keep(
 ) -> None:
     monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", 2)
     kb = connect(shared_url)
-    kb.function_values.set(BATTERY, objects=[RB1], value=1)
+    kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=1)
     with kb.transaction():
-        kb.function_values.set(BATTERY, objects=[RB1], value=2)
-        kb.function_values.set(LOCATION, objects=[RB1], value=WP1)
-        kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(9))
-        kb.function_values.set(BATTERY, objects=[RB1], value=3)
-        kb.function_values.unset(LOCATION, objects=[RB1])
+        kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=2)
+        kb.function_values.set(robots.LOCATION, objects=[robots.RB1], value=robots.WP1)
+        kb.propositions.save_all(
+            robots.robot_at(robots.RB1, robots.waypoint(number)) for number in range(9)
+        )
+        kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=3)
+        kb.function_values.unset(robots.LOCATION, objects=[robots.RB1])
     values = [line for line in last_changes(kb) if " value " in line]
     assert values == ["+ value (= (battery rb1) 3)", "- value (= (battery rb1) 1)"]
     assert kb.function_values.increase("battery", objects=["rb1"], by=1) == 4
@@ -182,9 +171,9 @@ def test_any_program_has_the_results_of_a_dict(
     @given(_programs)
     def holds_for(program: list[Any]) -> None:
         kb = beside(root, f"values {next(numbers)}")
-        kb.functions.save_all([BATTERY, DISTANCE])
-        kb.propositions.save_all([robot_at(), robot_at(place=WP2)])
-        kb.objects.save(type(RB1)(RB1.type, "rb2"))
+        kb.functions.save_all([robots.BATTERY, robots.DISTANCE])
+        kb.propositions.save_all([robots.robot_at(), robots.robot_at(place=robots.WP2)])
+        kb.objects.save(type(robots.RB1)(robots.RB1.type, "rb2"))
         state: State = {}
         states = [dict(state)]
         for step in program:

@@ -87,15 +87,7 @@ def write_history(kb: KnowledgeBase) -> None:
 
 SOURCES: list[object] = [
     {"\U0001f916": 1, "\uff21": 2, "b": [1.0, 1e21, 1e-7, 0.1, -0.0], "a": {"c": None}},
-    "5",
-    0.1,
-    1e21,
-    1e-7,
-    0,
-    True,
-    [],
-    "",
-    'a\0b\n"\\',
+    *("5", 0.1, 1e21, 1e-7, 0, True, [], "", 'a\0b\n"\\'),
 ]
 
 

@@ -434,11 +434,6 @@ def test_it_goes_on_to_the_head_as_it_is_when_it_comes_there(kb: KnowledgeBase) 
     assert numbers(feed) == [2, 3, 4, 5, 6, 7]
 
 
-def test_what_never_was_written_to_has_no_changes(kb: KnowledgeBase) -> None:
-    assert list(kb.changes()) == []
-    assert list(kb.changes(0, limit=5)) == []
-
-
 def test_a_feed_may_begin_after_a_time(kb: KnowledgeBase) -> None:
     write(kb, 3)
     then = kb.store.revisions(limit=2)[1].committed_at
@@ -448,17 +443,6 @@ def test_a_feed_may_begin_after_a_time(kb: KnowledgeBase) -> None:
     assert numbers(kb.changes(kb.at(then).revision)) == numbers(kb.changes(then))
     assert kb.watch("yesterday", timeout=0) == 3
     assert kb.watch("now", timeout=0) is None
-
-
-def test_other_knowledge_bases_have_feeds_of_their_own(url: str, connect: Connect) -> None:
-    if url == "sqlite://":
-        pytest.skip("each store in memory has one knowledge base")
-    one, other = connect(url, knowledge_base="one"), connect(url, knowledge_base="other")
-    write(one, 2)
-    write(other, 3)
-    write(one, 1)
-    assert numbers(one.changes()) == numbers(other.changes()) == [1, 2, 3]
-    assert {change.text for entry in one.changes(2) for change in entry.changes} == {"wp1002 - wp"}
 
 
 def test_what_other_processes_write_is_seen(shared_url: str, connect: Connect) -> None:

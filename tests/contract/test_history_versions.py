@@ -21,34 +21,8 @@ from kant_sql import (
 )
 from kant_sql.dto import formulas as f
 from kant_sql.dto.formulas import Comparison
-from tests.support.reading import beside, present
-from tests.support.worlds.depot import (
-    HUB,
-    IDLE,
-    PLACE,
-    T1,
-    TRUCK,
-    P,
-    T,
-    again,
-    at,
-    fuel,
-    home,
-    number,
-)
-from tests.support.worlds.robots import (
-    BATTERY,
-    RB1,
-    ROBOT,
-    ROBOT_AT,
-    WAYPOINT,
-    WP1,
-    WP2,
-    assigned,
-    navigation,
-    robot_at,
-    waypoint,
-)
+from tests.support.reading import present
+from tests.support.worlds import depot, robots
 
 Told = list[tuple[str, str, int, int | None]]
 
@@ -65,22 +39,22 @@ def told(kb: KnowledgeBase, element: Any) -> Told:
 def kb_with_past(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A robot that goes, a battery that drains, and definitions that change."""
     kb = fresh_kb
-    kb.propositions.save(robot_at())  # 1
-    kb.goals.save(robot_at(is_goal=True))  # 2
+    kb.propositions.save(robots.robot_at())  # 1
+    kb.goals.save(robots.robot_at(is_goal=True))  # 2
     with kb.transaction(actor="driver", reason="off it goes", source={"step": 3}):
-        kb.propositions.delete(robot_at())  # 3
-        kb.propositions.save(robot_at(RB1, WP2))
-    kb.function_values.set(BATTERY, objects=[RB1], value=90)  # 4
-    kb.function_values.set(BATTERY, objects=[RB1], value=80)  # 5
-    kb.propositions.save(robot_at())  # 6
+        kb.propositions.delete(robots.robot_at())  # 3
+        kb.propositions.save(robots.robot_at(robots.RB1, robots.WP2))
+    kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=90)  # 4
+    kb.function_values.set(robots.BATTERY, objects=[robots.RB1], value=80)  # 5
+    kb.propositions.save(robots.robot_at())  # 6
     kb.types.save(PddlTypeDto("wp", parent=PddlTypeDto("place")), cascade=True)  # 7
-    kb.actions.save(navigation())  # 8
-    kb.objects.delete(WP1)  # 9
+    kb.actions.save(robots.navigation())  # 8
+    kb.objects.delete(robots.WP1)  # 9
     return kb
 
 
 def test_a_fact_has_a_version_for_each_time_that_it_held(kb_with_past: KnowledgeBase) -> None:
-    versions = kb_with_past.history(robot_at())
+    versions = kb_with_past.history(robots.robot_at())
     revisions = kb_with_past.store.revisions()
     assert [(each.since, each.until) for each in versions] == [
         (revisions[0], revisions[2]),
@@ -92,8 +66,8 @@ def test_a_fact_has_a_version_for_each_time_that_it_held(kb_with_past: Knowledge
 
 
 def test_fact_and_goal_are_two_elements(kb_with_past: KnowledgeBase) -> None:
-    fact, goal = "(robot_at rb1 wp1)", robot_at(is_goal=True)
-    assert told(kb_with_past, robot_at()) == [("fact", fact, 1, 3), ("fact", fact, 6, 7)]
+    fact, goal = "(robot_at rb1 wp1)", robots.robot_at(is_goal=True)
+    assert told(kb_with_past, robots.robot_at()) == [("fact", fact, 1, 3), ("fact", fact, 6, 7)]
     assert told(kb_with_past, goal) == [("goal", fact, 2, 7)]
     assert told(kb_with_past, fact) == [
         ("fact", fact, 1, 3),
@@ -110,7 +84,8 @@ def test_fact_and_goal_are_two_elements(kb_with_past: KnowledgeBase) -> None:
         "  ( robot_at\n rb1\twp2 ) ",
         f.Atom("Robot_At", (f.Constant("rb1"), f.Constant("WP2"))),
         PddlPropositionDto(
-            PddlPredicateDto("ROBOT_AT"), [PddlObjectDto(ROBOT, "RB1"), PddlObjectDto(ROBOT, "WP2")]
+            PddlPredicateDto("ROBOT_AT"),
+            [PddlObjectDto(robots.ROBOT, "RB1"), PddlObjectDto(robots.ROBOT, "WP2")],
         ),
     ],
     ids=["as stored", "spelled otherwise", "blanks", "a formula", "a DTO of names alone"],
@@ -125,8 +100,8 @@ def test_any_spelling_finds_it(kb_with_past: KnowledgeBase, text: Any) -> None:
         "(battery rb1)",
         "(= (battery rb1) 90)",
         "(= (BATTERY RB1) 12345)",
-        PddlFunctionValueDto(BATTERY, [RB1], 7),
-        PddlFunctionValueDto(BATTERY, [RB1]),
+        PddlFunctionValueDto(robots.BATTERY, [robots.RB1], 7),
+        PddlFunctionValueDto(robots.BATTERY, [robots.RB1]),
         f.Fluent("battery", (f.Constant("rb1"),)),
     ],
     ids=str,
@@ -140,15 +115,15 @@ def test_of_a_fluent_all_its_values_are_told(kb_with_past: KnowledgeBase, elemen
 
 def test_each_kind_of_definition_has_versions(kb_with_past: KnowledgeBase) -> None:
     kb = kb_with_past
-    assert told(kb, WAYPOINT) == [("type", "wp", 1, 7), ("type", "wp - place", 7, None)]
+    assert told(kb, robots.WAYPOINT) == [("type", "wp", 1, 7), ("type", "wp - place", 7, None)]
     assert told(kb, "wp1 - wp") == [("object", "wp1 - wp", 1, 9)]
-    assert told(kb, BATTERY) == [("function", "(battery ?r0 - robot)", 4, None)]
-    assert told(kb, ROBOT_AT) == [("predicate", "(robot_at ?r0 - robot ?w1 - wp)", 1, None)]
+    assert told(kb, robots.BATTERY) == [("function", "(battery ?r0 - robot)", 4, None)]
+    assert told(kb, robots.ROBOT_AT) == [("predicate", "(robot_at ?r0 - robot ?w1 - wp)", 1, None)]
     action = PddlActionDto("NAVIGATION")
     assert [(entry[0], *entry[2:]) for entry in told(kb, action)] == [("action", 8, None)]
 
 
-@pytest.mark.parametrize("element", ["WP1", WP1])
+@pytest.mark.parametrize("element", ["WP1", robots.WP1])
 def test_of_an_object_all_that_involved_it_is_told(
     kb_with_past: KnowledgeBase, element: Any
 ) -> None:
@@ -164,11 +139,11 @@ def test_of_an_object_all_that_involved_it_is_told(
 
 def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.types.save(PddlTypeDto("home"))
-    fresh_kb.objects.save(PddlObjectDto(ROBOT, "Home"))
-    fresh_kb.predicates.save(PddlPredicateDto("home", [ROBOT]))
+    fresh_kb.objects.save(PddlObjectDto(robots.ROBOT, "Home"))
+    fresh_kb.predicates.save(PddlPredicateDto("home", [robots.ROBOT]))
     fresh_kb.functions.save(PddlFunctionDto("HOME"))
     fresh_kb.actions.save(PddlActionDto("home", durative=False))
-    fresh_kb.objects.delete(PddlObjectDto(ROBOT, "home"))
+    fresh_kb.objects.delete(PddlObjectDto(robots.ROBOT, "home"))
     assert [entry[0:1] + entry[2:] for entry in told(fresh_kb, "hOmE")] == [
         ("type", 1, None),
         ("object", 2, 6),
@@ -179,17 +154,17 @@ def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> Non
 
 
 def test_the_text_of_any_change_finds_what_it_is_of(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(robot_at(is_goal=True))
-    depot_kb.actions.save_all([navigation(), PddlActionDto("wait", durative=False)])
-    depot_kb.goals.save(f.Comparison(">", fuel(), number("2.50")))
-    depot_kb.goals.save(f.Equal(home(), HUB))
-    depot_kb.pddl.timed_initial_literals.save(f.TimedLiteral(number("5"), at()))
-    depot_kb.pddl.initial_literals.save(f.Not(IDLE))
-    depot_kb.pddl.constraints.save(f.Modal("always", (), (IDLE,)))
-    depot_kb.pddl.domain_constraints.save(f.Modal("sometime", (), (IDLE,)))
-    depot_kb.pddl.metric.set(f.Metric("minimize", fuel()))
+    depot_kb.goals.save(robots.robot_at(is_goal=True))
+    depot_kb.actions.save_all([robots.navigation(), PddlActionDto("wait", durative=False)])
+    depot_kb.goals.save(f.Comparison(">", depot.fuel(), depot.number("2.50")))
+    depot_kb.goals.save(f.Equal(depot.home(), depot.HUB))
+    depot_kb.pddl.timed_initial_literals.save(f.TimedLiteral(depot.number("5"), depot.at()))
+    depot_kb.pddl.initial_literals.save(f.Not(depot.IDLE))
+    depot_kb.pddl.constraints.save(f.Modal("always", (), (depot.IDLE,)))
+    depot_kb.pddl.domain_constraints.save(f.Modal("sometime", (), (depot.IDLE,)))
+    depot_kb.pddl.metric.set(f.Metric("minimize", depot.fuel()))
     depot_kb.pddl.derived_predicates.save(
-        f.Derived("reachable", (PLACE,), f.Exists((TRUCK,), at(T, P)))
+        f.Derived("reachable", (depot.PLACE,), f.Exists((depot.TRUCK,), depot.at(depot.T, depot.P)))
     )
     kinds = set()
     for entry in depot_kb.log():
@@ -206,23 +181,26 @@ def test_the_text_of_any_change_finds_what_it_is_of(depot_kb: KnowledgeBase) -> 
 
 
 FORMULAS: list[tuple[Any, list[str]]] = [
-    (f.Comparison(">", fuel(), number("2.5")), ["goal"]),
+    (f.Comparison(">", depot.fuel(), depot.number("2.5")), ["goal"]),
     ("(> (Fuel t1) 2.500)", ["goal"]),
-    (f.Not(IDLE), ["initial", "goal"]),
+    (f.Not(depot.IDLE), ["initial", "goal"]),
     ("(not (idle))", ["initial", "goal"]),
-    (f.And((f.Not(IDLE), f.Comparison(">", fuel(), number("2.50")))), ["goal", "initial", "goal"]),
+    (
+        f.And((f.Not(depot.IDLE), f.Comparison(">", depot.fuel(), depot.number("2.50")))),
+        ["goal", "initial", "goal"],
+    ),
     ("(and (and) (not (idle)))", ["initial", "goal"]),
-    (f.Comparison(">", fuel(), number("3")), []),
+    (f.Comparison(">", depot.fuel(), depot.number("3")), []),
     ("(and)", []),
     ("(not (nowhere))", []),
-    (at(T1, home()), []),
+    (depot.at(depot.T1, depot.home()), []),
 ]
 
 
 def test_a_formula_is_found_in_whatever_section(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(f.Comparison(">", fuel(), number("2.50")))
-    depot_kb.pddl.initial_literals.save(f.Not(IDLE))
-    depot_kb.goals.save(f.Not(IDLE))
+    depot_kb.goals.save(f.Comparison(">", depot.fuel(), depot.number("2.50")))
+    depot_kb.pddl.initial_literals.save(f.Not(depot.IDLE))
+    depot_kb.goals.save(f.Not(depot.IDLE))
     depot_kb.goals.delete_all()
     for formula, kinds in FORMULAS:
         found = told(depot_kb, formula)
@@ -231,7 +209,7 @@ def test_a_formula_is_found_in_whatever_section(depot_kb: KnowledgeBase) -> None
 
 
 def test_an_equation_may_be_a_value_and_a_goal(depot_kb: KnowledgeBase) -> None:
-    depot_kb.goals.save(f.Comparison("=", fuel(), number("7")))
+    depot_kb.goals.save(f.Comparison("=", depot.fuel(), depot.number("7")))
     assert told(depot_kb, "(= (fuel t1) 7)") == [
         ("value", "(= (fuel t1) 7.50)", 1, None),
         ("goal", "(= (fuel t1) 7)", 2, None),
@@ -248,10 +226,14 @@ UNKNOWN = [
 NEVER: list[Any] = [
     *("(robot_at \ud800 wp1)", "(robot_at wp1 rb1)", "(robot_at rb1)", "(robot_at)"),
     *("(battery wp1)", "(= (battery wp1) 3)", "(> (battery rb9) 3)"),
-    *(PddlTypeDto("nothing"), f.Constant("nobody"), robot_at(RB1, waypoint(77))),
-    *(PddlObjectDto(ROBOT, name) for name in ("robot", "\ud800", "")),
-    PddlFunctionValueDto(PddlFunctionDto("robot_at"), [RB1, WP1]),
-    PddlPropositionDto(PddlPredicateDto("battery"), [RB1]),
+    *(
+        PddlTypeDto("nothing"),
+        f.Constant("nobody"),
+        robots.robot_at(robots.RB1, robots.waypoint(77)),
+    ),
+    *(PddlObjectDto(robots.ROBOT, name) for name in ("robot", "\ud800", "")),
+    PddlFunctionValueDto(PddlFunctionDto("robot_at"), [robots.RB1, robots.WP1]),
+    PddlPropositionDto(PddlPredicateDto("battery"), [robots.RB1]),
 ]
 
 
@@ -278,7 +260,7 @@ REFUSED: list[Any] = [
     *(None, 3, b"rb1", ["rb1"], ("robot_at", "rb1"), PddlTypeDto, f.Variable("x")),
     *("", "  ", "two words", "?x", "a\0b", "(", ")", "()", "(())", "((robot_at) rb1)"),
     *("(robot_at rb1 wp1", "(robot_at rb1 wp1))", "(robot_at rb1 wp1) (robot_at rb1 wp2)"),
-    PddlConditionEffectDto(ROBOT_AT, [RB1, WP1]),
+    PddlConditionEffectDto(robots.ROBOT_AT, [robots.RB1, robots.WP1]),
 ]
 
 
@@ -290,11 +272,11 @@ def test_what_is_no_element_is_refused(kb_with_past: KnowledgeBase) -> None:
 
 
 WRONG: list[Any] = [
-    assigned(PddlTypeDto("three"), name=3),
-    assigned(robot_at(), predicate="robot_at"),
-    assigned(robot_at(), objects=["rb1"]),
-    assigned(PddlFunctionValueDto(BATTERY, [RB1]), function="battery"),
-    assigned(PddlFunctionValueDto(BATTERY), objects=["rb1"]),
+    robots.assigned(PddlTypeDto("three"), name=3),
+    robots.assigned(robots.robot_at(), predicate="robot_at"),
+    robots.assigned(robots.robot_at(), objects=["rb1"]),
+    robots.assigned(PddlFunctionValueDto(robots.BATTERY, [robots.RB1]), function="battery"),
+    robots.assigned(PddlFunctionValueDto(robots.BATTERY), objects=["rb1"]),
 ]
 
 
@@ -306,32 +288,19 @@ def test_a_dto_of_the_wrong_things_is_refused(kb_with_past: KnowledgeBase) -> No
 
 def test_names_that_are_gone_are_still_known_to_a_newcomer(kb_with_past: KnowledgeBase) -> None:
     kb_with_past.types.delete_all()
-    newcomer = again(kb_with_past)
-    assert told(newcomer, robot_at())[0] == ("fact", "(robot_at rb1 wp1)", 1, 3)
+    newcomer = depot.again(kb_with_past)
+    assert told(newcomer, robots.robot_at())[0] == ("fact", "(robot_at rb1 wp1)", 1, 3)
     assert told(newcomer, "rb1 - robot") == [("object", "rb1 - robot", 1, 10)]
 
 
-def test_of_an_empty_knowledge_base_nothing_is_told(fresh_kb: KnowledgeBase) -> None:
-    with pytest.raises(UnknownNameError):
-        fresh_kb.history("rb1")
-    assert fresh_kb.history(RB1) == []
-    assert fresh_kb.blame(robot_at()) is None
-
-
-def test_knowledge_bases_are_apart(common_url: str, fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at())
-    other = beside(fresh_kb, "another one")
-    assert other.history(robot_at()) == []
-
-
 def test_it_names_the_revision_that_asserted_it(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at())
-    fresh_kb.propositions.delete(robot_at())
+    fresh_kb.propositions.save(robots.robot_at())
+    fresh_kb.propositions.delete(robots.robot_at())
     with fresh_kb.transaction(actor="camera", reason="seen", source={"frame": 7}):
-        fresh_kb.propositions.save(robot_at())
-    fresh_kb.propositions.save(robot_at())
-    fresh_kb.propositions.save(robot_at(RB1, WP2))
-    blamed = present(fresh_kb.blame(robot_at()))
+        fresh_kb.propositions.save(robots.robot_at())
+    fresh_kb.propositions.save(robots.robot_at())
+    fresh_kb.propositions.save(robots.robot_at(robots.RB1, robots.WP2))
+    blamed = present(fresh_kb.blame(robots.robot_at()))
     assert blamed.since == fresh_kb.store.revisions()[2]
     assert (blamed.since.actor, blamed.since.reason) == ("camera", "seen")
     assert (blamed.kind, blamed.text, blamed.until) == ("fact", "(robot_at rb1 wp1)", None)
@@ -339,26 +308,26 @@ def test_it_names_the_revision_that_asserted_it(fresh_kb: KnowledgeBase) -> None
 
 
 def test_what_does_not_hold_is_nobody_s(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at())
-    fresh_kb.propositions.delete(robot_at())
-    assert fresh_kb.blame(robot_at()) is None
-    assert fresh_kb.blame(robot_at(RB1, WP2)) is None
-    assert fresh_kb.at(1).blame(robot_at()) is not None
+    fresh_kb.propositions.save(robots.robot_at())
+    fresh_kb.propositions.delete(robots.robot_at())
+    assert fresh_kb.blame(robots.robot_at()) is None
+    assert fresh_kb.blame(robots.robot_at(robots.RB1, robots.WP2)) is None
+    assert fresh_kb.at(1).blame(robots.robot_at()) is not None
 
 
 def test_what_holds_comes_before_what_is_wanted(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.goals.save(robot_at(is_goal=True))
+    fresh_kb.goals.save(robots.robot_at(is_goal=True))
     text = "(robot_at rb1 wp1)"
     for kind in ("goal", "fact"):
         assert present(fresh_kb.blame(text)).kind == kind
-        fresh_kb.propositions.save(robot_at())
-    of_goal = present(fresh_kb.blame(robot_at(is_goal=True)))
+        fresh_kb.propositions.save(robots.robot_at())
+    of_goal = present(fresh_kb.blame(robots.robot_at(is_goal=True)))
     assert (of_goal.kind, of_goal.since.number) == ("goal", 1)
 
 
 def test_each_element_has_its_own(depot_kb: KnowledgeBase) -> None:
     depot_kb.function_values.set("fuel", objects=["t1"], value=3)
-    goal = Comparison(">", fuel(), number("1"))
+    goal = Comparison(">", depot.fuel(), depot.number("1"))
     depot_kb.goals.save(goal)
     depot_kb.types.save(PddlTypeDto("drone"))
     for element, text, since in (
@@ -373,7 +342,7 @@ def test_each_element_has_its_own(depot_kb: KnowledgeBase) -> None:
 
 def test_what_stands_for_several_things_is_refused(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.types.save(PddlTypeDto("home"))
-    fresh_kb.functions.save(PddlFunctionDto("home", [ROBOT]))
+    fresh_kb.functions.save(PddlFunctionDto("home", [robots.ROBOT]))
     with pytest.raises(
         InvalidKnowledgeError,
         match=r"^'home' matches several elements: type home, function \(home \?r0 - robot\); "
@@ -385,9 +354,9 @@ def test_what_stands_for_several_things_is_refused(fresh_kb: KnowledgeBase) -> N
 
 
 def test_a_text_may_have_many_arguments(fresh_kb: KnowledgeBase) -> None:
-    stops = [waypoint(each) for each in range(100)]
+    stops = [robots.waypoint(each) for each in range(100)]
     for length in (8, 100):
-        tour = PddlPredicateDto(f"tour{length}", [WAYPOINT] * length)
+        tour = PddlPredicateDto(f"tour{length}", [robots.WAYPOINT] * length)
         fresh_kb.propositions.save(PddlPropositionDto(tour, stops[:length]))
         blamed = fresh_kb.blame(f"(TOUR{length} {' '.join(each.name for each in stops[:length])})")
         assert blamed is not None

@@ -197,12 +197,19 @@ def test_the_name_of_a_file_makes_no_line_of_its_own(
     assert all(record.getMessage().isprintable() for record in log.records)
 
 
-def test_retries_and_lost_connections_are_told(
-    server: Server, connect: Connect, log: pytest.LogCaptureFixture
-) -> None:
+@pytest.fixture
+def on_server(server: Server, connect: Connect) -> tuple[str, KnowledgeBase]:
+    """A store of a server, and a knowledge base with some facts."""
     url = server.new_store()
-    kb = connect(url)
+    kb = connect(url, knowledge_base="tiago")
     fill(kb, 3)
+    return url, kb
+
+
+def test_retries_and_lost_connections_are_told(
+    on_server: tuple[str, KnowledgeBase], log: pytest.LogCaptureFixture
+) -> None:
+    url, kb = on_server
     terminate(url)
     kb.propositions.get_all()
     (retried,) = said(log, "retry", logging.WARNING)
@@ -212,11 +219,9 @@ def test_retries_and_lost_connections_are_told(
 
 
 def test_a_lost_connection_within_a_transaction_is_told(
-    server: Server, connect: Connect, log: pytest.LogCaptureFixture
+    on_server: tuple[str, KnowledgeBase], log: pytest.LogCaptureFixture
 ) -> None:
-    url = server.new_store()
-    kb = connect(url)
-    fill(kb, 3)
+    url, kb = on_server
 
     def work() -> None:
         with kb.transaction():
@@ -229,11 +234,11 @@ def test_a_lost_connection_within_a_transaction_is_told(
 
 
 def test_a_commit_whose_answer_was_lost_is_told(
-    server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch, log: pytest.LogCaptureFixture
+    on_server: tuple[str, KnowledgeBase],
+    monkeypatch: pytest.MonkeyPatch,
+    log: pytest.LogCaptureFixture,
 ) -> None:
-    url = server.new_store()
-    kb = connect(url, knowledge_base="tiago")
-    fill(kb, 3)
+    url, kb = on_server
     last = kb.revision
     lose_answer(monkeypatch, True, lambda: terminate(url))
     kb.propositions.save(fact(4))

@@ -61,6 +61,13 @@ def navigation() -> PddlActionDto:
     )
 
 
+def changed(change: Callable[[PddlActionDto], object]) -> PddlActionDto:
+    """The same action, changed."""
+    action = navigation()
+    change(action)
+    return action
+
+
 def literals(parts: Iterable[PddlConditionEffectDto | Node]) -> list[PddlConditionEffectDto]:
     """What an action needs or does, when literals are all of it."""
     found = [part for part in parts if isinstance(part, PddlConditionEffectDto)]
