@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from html import escape
 from itertools import islice
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 from .errors import KantSqlError, printable
 
@@ -33,14 +33,6 @@ _UNSEEN = re.compile(
 _LAYOUT = re.compile(r"[\t\n]+")
 
 Row = Mapping[str, object]
-
-
-class HasRow(Protocol):
-    """What can be a row of a table."""
-
-    def _html_row_(self) -> Row: ...
-
-
 T_co = TypeVar("T_co", covariant=True)
 T = TypeVar("T")
 
