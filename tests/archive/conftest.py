@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from kant_sql import KnowledgeBase
-from tests.support.archives import target_url
+from tests.support.archives import count, target_url
 from tests.support.stores import Connect
 
 
@@ -36,3 +36,10 @@ def file_url(tmp_path: Path) -> str:
 def file_kb(file_url: str, connect: Connect) -> KnowledgeBase:
     """An empty knowledge base in a file: what does not depend on the backend is tested there."""
     return connect(file_url, knowledge_base="tiago")
+
+
+@pytest.fixture
+def counted(file_kb: KnowledgeBase) -> KnowledgeBase:
+    """The same with six revisions."""
+    count(file_kb, 6)
+    return file_kb

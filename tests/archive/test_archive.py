@@ -102,22 +102,20 @@ def test_before_the_first_revision_there_was_nothing_to_archive(
 
 
 def test_counting_changes_nothing_and_creates_nothing(
-    file_kb: KnowledgeBase, tmp_path: Path
+    counted: KnowledgeBase, tmp_path: Path
 ) -> None:
-    count(file_kb, 6)
-    done = file_kb.store.archive(5, to=target_url(tmp_path), dry_run=True)
+    done = counted.store.archive(5, to=target_url(tmp_path), dry_run=True)
     assert done.versions == {"proposition_version": 6}
-    assert (done.upto, done.revision, file_kb.revision) == (4, None, 6)
+    assert (done.upto, done.revision, counted.revision) == (4, None, 6)
     assert not (tmp_path / "archive.db").exists()
-    assert file_kb.at(1).propositions.get_all()
+    assert counted.at(1).propositions.get_all()
 
 
-def test_a_time_means_what_ended_before_it(file_kb: KnowledgeBase, tmp_path: Path) -> None:
-    count(file_kb, 6)
-    third = file_kb.store.revisions(after=2, limit=1)[0].committed_at
+def test_a_time_means_what_ended_before_it(counted: KnowledgeBase, tmp_path: Path) -> None:
+    third = counted.store.revisions(after=2, limit=1)[0].committed_at
     url = target_url(tmp_path)
-    assert file_kb.store.archive(third, to=url, dry_run=True).upto == 2
-    assert file_kb.store.archive(third + timedelta(microseconds=1), to=url, dry_run=True).upto == 3
+    assert counted.store.archive(third, to=url, dry_run=True).upto == 2
+    assert counted.store.archive(third + timedelta(microseconds=1), to=url, dry_run=True).upto == 3
 
 
 @pytest.mark.parametrize("before", [0, 1, 2])
@@ -136,38 +134,34 @@ def test_an_unused_knowledge_base_has_nothing_to_move(
     assert file_kb.store.archive(0, to=target_url(tmp_path)).revision is None
 
 
-def test_moving_again_moves_nothing(file_kb: KnowledgeBase, archive_url: str) -> None:
-    count(file_kb, 6)
-    file_kb.store.archive(5, to=archive_url)
+def test_moving_again_moves_nothing(counted: KnowledgeBase, archive_url: str) -> None:
+    counted.store.archive(5, to=archive_url)
     for before in (5, 4, 1):
-        assert file_kb.store.archive(before, to=archive_url).revision is None
-    assert file_kb.revision == 7
+        assert counted.store.archive(before, to=archive_url).revision is None
+    assert counted.revision == 7
 
 
-def test_the_revision_says_who_archived_and_why(file_kb: KnowledgeBase, archive_url: str) -> None:
-    count(file_kb, 6)
-    file_kb.store.archive(5, to=archive_url, reason="retention of 90 days", actor="cron")
-    entry = next(file_kb.log())
+def test_the_revision_says_who_archived_and_why(counted: KnowledgeBase, archive_url: str) -> None:
+    counted.store.archive(5, to=archive_url, reason="retention of 90 days", actor="cron")
+    entry = next(counted.log())
     assert (entry.revision.actor, entry.revision.reason) == ("cron", "retention of 90 days")
     (change,) = entry.changes
     assert (change.sign, change.kind) == ("+", "archive")
     assert ":upto 4 " in change.text
 
 
-def test_verification_says_what_is_where(file_kb: KnowledgeBase, archive_url: str) -> None:
-    count(file_kb, 6)
-    assert file_kb.store.archive(5, to=archive_url).revision == 7
-    verification = file_kb.store.verify()
+def test_verification_says_what_is_where(counted: KnowledgeBase, archive_url: str) -> None:
+    assert counted.store.archive(5, to=archive_url).revision == 7
+    verification = counted.store.verify()
     assert verification.is_intact
     (said,) = verification.archives
     place = f"that ended up to revision 4 were moved to {archive_url} in revision 7: verify that"
     assert place in said
 
 
-def test_progress_is_told(file_kb: KnowledgeBase, archive_url: str) -> None:
-    count(file_kb, 6)
+def test_progress_is_told(counted: KnowledgeBase, archive_url: str) -> None:
     told: list[tuple[int, int]] = []
-    file_kb.store.archive(5, to=archive_url, progress=lambda done, all_: told.append((done, all_)))
+    counted.store.archive(5, to=archive_url, progress=lambda done, all_: told.append((done, all_)))
     assert told[-1] == (4, 4)
 
 

@@ -58,55 +58,50 @@ def test_a_store_is_no_archive_of_its_own(shared_url: str, connect: Connect) -> 
     assert rows_of(shared_url) == before
 
 
-def test_an_archive_in_memory_is_refused(file_kb: KnowledgeBase) -> None:
-    count(file_kb, 6)
+def test_an_archive_in_memory_is_refused(counted: KnowledgeBase) -> None:
     with pytest.raises(ConflictError, match="name a file"):
-        file_kb.store.archive(5, to="sqlite://")
-    assert file_kb.revision == 6
+        counted.store.archive(5, to="sqlite://")
+    assert counted.revision == 6
 
 
-def test_a_server_must_have_the_tables(file_kb: KnowledgeBase, server: Server) -> None:
-    count(file_kb, 6)
+def test_a_server_must_have_the_tables(counted: KnowledgeBase, server: Server) -> None:
     with pytest.raises(SchemaMissingError, match="kant-sql db upgrade"):
-        file_kb.store.archive(5, to=server.new_database())
+        counted.store.archive(5, to=server.new_database())
 
 
 def test_another_knowledge_base_of_the_name_is_left_alone(
-    file_kb: KnowledgeBase, archive_url: str, connect: Connect
+    counted: KnowledgeBase, archive_url: str, connect: Connect
 ) -> None:
-    count(file_kb, 6)
     with connect(archive_url, knowledge_base="tiago") as other:
         counter.start(other)
     before = rows_of(archive_url)
     with pytest.raises(ConflictError, match="has another knowledge base"):
-        file_kb.store.archive(5, to=archive_url)
+        counted.store.archive(5, to=archive_url)
     assert rows_of(archive_url) == before
-    assert file_kb.revision == 6
+    assert counted.revision == 6
 
 
 def test_an_archive_that_was_written_to_is_left_alone(
-    file_kb: KnowledgeBase, archive_url: str, connect: Connect
+    counted: KnowledgeBase, archive_url: str, connect: Connect
 ) -> None:
-    count(file_kb, 6)
-    file_kb.store.archive(4, to=archive_url)
+    counted.store.archive(4, to=archive_url)
     with connect(archive_url, knowledge_base="tiago") as archive:
         with pytest.raises(ReplicaError):
             archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
         archive.store.promote()
         archive.objects.save(PddlObjectDto(RB1.type, "rb2"))
     with pytest.raises(ConflictError, match="was written to"):
-        file_kb.store.archive(6, to=archive_url)
-    assert file_kb.revision == 7
+        counted.store.archive(6, to=archive_url)
+    assert counted.revision == 7
 
 
 def test_what_was_moved_before_must_be_where_the_rest_goes(
-    file_kb: KnowledgeBase, archive_url: str, tmp_path: Path
+    counted: KnowledgeBase, archive_url: str, tmp_path: Path
 ) -> None:
-    count(file_kb, 6)
-    file_kb.store.archive(4, to=archive_url)
+    counted.store.archive(4, to=archive_url)
     with pytest.raises(ConflictError, match="it lacks the versions that ended up to revision 3"):
-        file_kb.store.archive(6, to=target_url(tmp_path, "another.db"))
-    assert file_kb.store.archive(6, to=archive_url).upto == 5
+        counted.store.archive(6, to=target_url(tmp_path, "another.db"))
+    assert counted.store.archive(6, to=archive_url).upto == 5
 
 
 def test_nothing_is_removed_that_the_archive_has_lost(

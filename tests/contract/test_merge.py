@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import Callable
 from functools import partial
@@ -18,7 +17,6 @@ from kant_sql import (
     Merge,
     ReadOnlyError,
     StaleRevisionError,
-    aio,
 )
 from kant_sql.errors import MergeConflictError, ReplicaError, RuleViolatedError, TypeCycleError
 from kant_sql.history.merge import _Merging
@@ -474,19 +472,6 @@ def test_a_replica_has_the_merge_and_takes_none(
     replica.store.promote()
     assert replica.merge(trial).revision == replica.revision
     assert replica.store.verify().is_intact
-
-
-def test_of_asyncio(url: str) -> None:
-    async def run() -> None:
-        async with aio.connect(url, knowledge_base="tiago") as kb:
-            await kb.predicates.save("(busy)")
-            async with kb.branch(url="sqlite://") as trial:
-                await trial.propositions.save("(busy)")
-                assert len((await kb.merge_preview(trial)).changes) == 1
-                made = await kb.merge(trial, expected_revision=1)
-            assert (made.revision, await kb.holds("(busy)")) == (2, True)
-
-    asyncio.run(run())
 
 
 def test_read_only_it_previews_without_trying(

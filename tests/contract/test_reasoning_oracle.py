@@ -93,6 +93,20 @@ def is_refused(act: Callable[[str], object], step: str) -> bool:
     return False
 
 
+def ranges_of(
+    plain: Evaluator, free: dict[str, list[tuple[str, ...]]], names: list[str]
+) -> list[list[str]]:
+    """The objects that fit all places of each of some variables."""
+    return [
+        [
+            object_
+            for object_, types in plain.state.objects.items()
+            if all(plain.theory.fits(types, wanted) for wanted in free[name])
+        ]
+        for name in names
+    ]
+
+
 class Judge:
     """Compares what a view of a knowledge base answers with what holds in a state."""
 
@@ -141,14 +155,7 @@ class Judge:
             name: value for name, value in question.fixed.items() if name in free
         }
         names = [name for name in free if name not in fixed]
-        ranges = [
-            [
-                object_
-                for object_, types in self.plain.state.objects.items()
-                if all(self.plain.theory.fits(types, wanted) for wanted in free[name])
-            ]
-            for name in names
-        ]
+        ranges = ranges_of(self.plain, free, names)
         try:
             answers = self.view.query(asked, **fixed)
         except TypeMismatchError:

@@ -17,6 +17,7 @@ from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
 from kant_sql.dto.formulas import Constant, Node, variables_text, walk
 from kant_sql.dto.lexical import fold
 from kant_sql.pddl import write
+from tests.contract.test_reasoning_oracle import ranges_of
 from tests.support.evaluator import Evaluator
 from tests.support.generators.episodes import (
     Episode,
@@ -94,25 +95,10 @@ class Judge:
         given = {name: fold(value) for name, value in fixed.items()}
         rows: list[set[tuple[str, ...]]] = []
         for state in self.states:
-            ranges = [
-                [
-                    object_
-                    for object_, types in state.state.objects.items()
-                    if all(state.theory.fits(types, wanted) for wanted in free[name])
-                ]
-                for name in names
-            ]
             known = self.has_names(state, question.formula, given.values())
-            rows.append(
-                {
-                    objects
-                    for objects in itertools.product(*ranges)
-                    if known
-                    and state.holds(
-                        question.formula, {**given, **dict(zip(names, objects, strict=True))}
-                    )
-                }
-            )
+            every = itertools.product(*ranges_of(state, free, names)) if known else ()
+            bound = {each: given | dict(zip(names, each, strict=True)) for each in every}
+            rows.append({each for each in bound if state.holds(question.formula, bound[each])})
         return self.compare(rows, asked, fixed, question)
 
     @staticmethod

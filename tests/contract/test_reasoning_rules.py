@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
@@ -24,11 +24,13 @@ from kant_sql import (
     UnsupportedConstructError,
     Verdicts,
 )
+from kant_sql.dto.formulas import MODALS, Modal, Number
 from kant_sql.errors import ArchivedError, SourceMissingError
 from kant_sql.pddl import read_problem
 from tests.support.reading import beside
 from tests.support.statements import count
 from tests.support.stores import Connect
+from tests.unit.test_reasoning_trajectory import States, satisfied
 
 ROBOT, ROOM = PddlTypeDto("robot"), PddlTypeDto("room")
 AT = PddlPredicateDto("robot_at", [ROBOT, ROOM])
@@ -345,63 +347,23 @@ def test_nothing_was_recorded(fresh_kb: KnowledgeBase) -> None:
 # Random pasts, judged by the definitions.
 
 ATOMS = ("(robot_at rb1 hall)", "(robot_at rb1 kitchen)", "(child_in hall)", "(child_in kitchen)")
-States = Sequence[tuple[Decimal, set[str]]]
-Held = Callable[[int], bool]
 
 
-def violates(rule: Sequence[str], states: States) -> bool:
-    """Whether states violate a rule, by the definitions of PDDL 3.0."""
+def is_kept(rule: Sequence[str], states: States) -> bool:
+    """Whether states keep a rule, by the definitions of PDDL 3.0."""
     operator, *words = rule
-    numbers = [Decimal(word) for word in words if not word.startswith("(")]
-    first, *others = [word for word in words if word.startswith("(")]
-    every = range(len(states))
-    times = [time for time, _ in states]
-
-    def held(atom: str) -> Held:
-        return lambda i: atom in states[i][1]
-
-    a, b = held(first), held(others[0] if others else first)
-    starts = [i for i in every if a(i) and not (i and a(i - 1))]
-
-    def window(begin: Decimal, end: Decimal) -> list[int]:
-        inside = [i for i in every if begin <= times[i] < end]
-        before = [i for i in every if times[i] <= begin]
-        if before and any(time > begin for time in times):
-            inside.append(before[-1])
-        return inside
-
-    kept = {
-        "always": lambda: all(map(a, every)),
-        "sometime": lambda: any(map(a, every)),
-        "at-most-once": lambda: len(starts) <= 1,
-        "sometime-before": lambda: all(any(b(j) for j in range(i)) for i in every if a(i)),
-        "sometime-after": lambda: all(any(b(j) for j in every[i:]) for i in every if a(i)),
-        "within": lambda: any(a(i) for i in every if times[i] <= numbers[0]),
-        "always-within": lambda: all(
-            any(b(j) for j in every[i:] if times[j] - times[i] <= numbers[0]) for i in every if a(i)
-        ),
-        "hold-during": lambda: all(map(a, window(numbers[0], numbers[-1]))),
-        "hold-after": lambda: all(map(a, window(numbers[0], Decimal("Infinity")))),
-    }
-    return not kept[operator]()
-
-
-SHAPES = {
-    "always": (0, 1),
-    "sometime": (0, 1),
-    "at-most-once": (0, 1),
-    "sometime-before": (0, 2),
-    "sometime-after": (0, 2),
-    "within": (1, 1),
-    "always-within": (1, 2),
-    "hold-during": (2, 1),
-    "hold-after": (1, 1),
-}
+    numbers = tuple(Number(Decimal(word)) for word in words if not word.startswith("("))
+    atoms = [word for word in words if word.startswith("(")]
+    held = [
+        (time, {name for name, atom in zip("ab", atoms, strict=False) if atom in facts})
+        for time, facts in states
+    ]
+    return satisfied(Modal(operator, numbers, ()), held)
 
 
 def random_rules(random: Random) -> list[tuple[str, ...]]:
     rules = []
-    for operator, (numbers, atoms) in SHAPES.items():
+    for operator, (numbers, atoms) in sorted(MODALS.items()):
         for _ in range(4):
             times = random.sample(("0", "1", "2.5", "4", "7", "11"), numbers)
             times.sort(key=Decimal)
@@ -433,17 +395,17 @@ def test_verdicts_of_a_random_past(fresh_kb: KnowledgeBase, seed: int) -> None:
         "\n".join(f"({' '.join(rule)})" for rule in rules), clock="observed"
     )
     for rule, verdict in zip(rules, verdicts, strict=True):
-        assert verdict.is_satisfied is not violates(rule, trajectory), (rule, trajectory)
+        assert verdict.is_satisfied is is_kept(rule, trajectory), (rule, trajectory)
     for low, high in ((3, kb.revision - 1), (5, 5)):
         cut = trajectory[low - 1 : high]
         moved = [(time - cut[0][0], held) for time, held in cut]
         for rule in rules[::3]:
             text = f"({' '.join(rule)})"
             [verdict] = kb.pddl.check_rules(text, clock="observed", since=low, until=high)
-            assert verdict.is_satisfied is not violates(rule, moved), (rule, low, high)
+            assert verdict.is_satisfied is is_kept(rule, moved), (rule, low, high)
 
 
-def observed(kb: KnowledgeBase) -> list[tuple[Decimal, set[str]]]:
+def observed(kb: KnowledgeBase) -> States:
     """The state of each revision, read by itself."""
     states = []
     for revision in kb.store.revisions():

@@ -15,8 +15,6 @@ from kant_sql import KnowledgeBase, ReadOnlyError, StoreError, UnknownRevisionEr
 from kant_sql.errors import InvalidTimeoutError, StoreIntegrityError
 from kant_sql.history import follow as watching
 from kant_sql.sql.dialects import postgresql
-from kant_sql.sql.dialects import postgresql as postgresql_session
-from kant_sql.sql.dialects import postgresql as postgresql_waiting
 from kant_sql.sql.dialects.base import Session
 from tests.support.faults import on_file, on_server, terminate
 from tests.support.processes.forks import fork_beside_a_watching_thread
@@ -29,6 +27,14 @@ from tests.support.worlds.robots import waypoint
 
 def save(kb: KnowledgeBase, number: int) -> None:
     assert kb.objects.insert(waypoint(number))
+
+
+@pytest.fixture
+def tiago(shared_url: str, connect: Connect) -> KnowledgeBase:
+    """A knowledge base with a revision, in a store that processes share."""
+    kb = connect(shared_url, knowledge_base="tiago")
+    save(kb, 0)
+    return kb
 
 
 @pytest.fixture
@@ -138,21 +144,19 @@ def test_what_changes_nothing_is_no_news(kb: KnowledgeBase) -> None:
 
 
 @pytest.mark.usefixtures("only_told")
-def test_other_processes_make_news(shared_url: str, connect: Connect) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
-    save(kb, 0)
-    with waiting(kb) as call:
+def test_other_processes_make_news(shared_url: str, tiago: KnowledgeBase) -> None:
+    with waiting(tiago) as call:
         in_processes((write_many, shared_url, 1, 1))
         assert call.result() == 2
 
 
 @on_file
 @pytest.mark.usefixtures("only_told")
-def test_who_may_only_read_can_wait(shared_url: str, connect: Connect) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
-    save(kb, 0)
+def test_who_may_only_read_can_wait(
+    shared_url: str, connect: Connect, tiago: KnowledgeBase
+) -> None:
     with waiting(connect(f"{shared_url}?mode=ro", knowledge_base="tiago")) as call:
-        save(kb, 1)
+        save(tiago, 1)
         assert call.result() == 2
 
 
@@ -180,30 +184,26 @@ def test_many_threads_wait_and_leave_the_connections_to_who_works(
     assert [call.result() for call in calls] == [2] * 5
 
 
-def test_nothing_stays_open(shared_url: str, connect: Connect) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
-    save(kb, 0)
+def test_nothing_stays_open(tiago: KnowledgeBase) -> None:
     before = open_files()
     for number in range(20):
-        assert kb.watch(timeout=0.001) is None
-        with waiting(kb) as call:
-            save(kb, 1 + number)
+        assert tiago.watch(timeout=0.001) is None
+        with waiting(tiago) as call:
+            save(tiago, 1 + number)
             call.result()
     # The pools keep what was in use at once: a few connections, of some files each.
     assert open_files() < before + 20
 
 
-def test_every_revision_is_met_while_several_write(shared_url: str, connect: Connect) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
-    save(kb, 0)
+def test_every_revision_is_met_while_several_write(shared_url: str, tiago: KnowledgeBase) -> None:
     with ThreadPoolExecutor(1) as pool:
         writers = [(write_many, shared_url, 100 * writer, 20) for writer in (1, 2)]
         running = pool.submit(in_processes, *writers)
         seen: list[int] = []
         while len(seen) < 41:
-            news = kb.watch(len(seen), timeout=PATIENCE)
+            news = tiago.watch(len(seen), timeout=PATIENCE)
             assert news is not None
-            seen += [entry.revision.number for entry in kb.changes(len(seen))]
+            seen += [entry.revision.number for entry in tiago.changes(len(seen))]
             assert seen[-1] >= news
         running.result(PATIENCE)
     assert seen == list(range(1, 42))
@@ -214,22 +214,20 @@ def test_every_revision_is_met_while_several_write(shared_url: str, connect: Con
 
 @on_server
 @pytest.mark.usefixtures("only_told")
-def test_lost_connections_are_made_anew(shared_url: str, connect: Connect) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
-    save(kb, 0)
-    with waiting(kb) as call:
+def test_lost_connections_are_made_anew(shared_url: str, tiago: KnowledgeBase) -> None:
+    with waiting(tiago) as call:
         for _ in range(3):
             terminate(shared_url)
         in_processes((write_many, shared_url, 1, 1))
         assert call.result() == 2
-    assert kb.watch(2, timeout=0.01) is None
+    assert tiago.watch(2, timeout=0.01) is None
 
 
 @on_server
 def test_news_of_which_no_word_came_is_found(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(postgresql_session, "channel", lambda _: "elsewhere")
+    monkeypatch.setattr(postgresql, "channel", lambda _: "elsewhere")
     kb = connect(shared_url, knowledge_base="tiago")
     save(kb, 0)
     with waiting(kb) as call:
@@ -243,7 +241,7 @@ def test_a_standby_that_cannot_be_listened_to_is_looked_at(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusal = "kant_sql; DO $$ BEGIN RAISE SQLSTATE '25006'; END $$"
-    monkeypatch.setattr(postgresql_waiting, "channel", lambda _: refusal)
+    monkeypatch.setattr(postgresql, "channel", lambda _: refusal)
     kb = connect(shared_url, knowledge_base="tiago")
     save(kb, 0)
     with waiting(kb) as call:
@@ -256,7 +254,7 @@ def test_a_notification_that_fails_does_not_undo_what_is_committed(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     too_long = "x" * 9_000
-    monkeypatch.setattr(postgresql_session, "channel", lambda kb: f"kant_sql_{kb}, '{too_long}'")
+    monkeypatch.setattr(postgresql, "channel", lambda kb: f"kant_sql_{kb}, '{too_long}'")
     kb = connect(shared_url, knowledge_base="tiago")
     save(kb, 0)
     with kb.transaction():
@@ -267,10 +265,8 @@ def test_a_notification_that_fails_does_not_undo_what_is_committed(
 
 @on_server
 def test_a_commit_that_is_refused_is_no_notification_that_failed(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch, tiago: KnowledgeBase
 ) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
-    save(kb, 0)
     commit = Session.commit
 
     def commit_too_much(session: Session, changed: int | None = None) -> None:
@@ -282,8 +278,8 @@ def test_a_commit_that_is_refused_is_no_notification_that_failed(
 
     monkeypatch.setattr(Session, "commit", commit_too_much)
     with pytest.raises(StoreIntegrityError, match="nothing was written"):
-        save(kb, 1)
-    assert kb.revision == 1
+        save(tiago, 1)
+    assert tiago.revision == 1
 
 
 def test_a_fork_beside_a_thread_that_waits_is_survived(shared_url: str) -> None:

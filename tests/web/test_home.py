@@ -18,7 +18,7 @@ from tests.support.faults import change
 from tests.support.statements import count
 from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at, waypoint
-from tests.web.conftest import BASE
+from tests.web.conftest import BASE, Filled
 
 
 def listed(client: TestClient, query: str = "") -> list[dict[str, Any]]:
@@ -26,40 +26,38 @@ def listed(client: TestClient, query: str = "") -> list[dict[str, Any]]:
     return found
 
 
-def test_goals_are_counted_or_asked_for(shared_url: str, connect: Connect) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
+def test_goals_are_counted_or_asked_for(filled: Filled) -> None:
+    kb, client = filled
     kb.propositions.save(robot_at())
-    with TestClient(create_app(shared_url), base_url=BASE) as client:
-        assert 'class="none">none' in client.get("/").text
-        kb.goals.save(robot_at(is_goal=True))
-        kb.goals.save(robot_at(place=WP2, is_goal=True))
-        assert [(one["goals"], one["reached"]) for one in listed(client)] == [(2, 1)]
-        assert "1 of 2" in client.get("/").text
-        kb.goals.save("(not (robot_at rb1 wp2))")
-        assert [one["is_goal_reached"] for one in listed(client)] == [False]
-        assert "not all reached" in client.get("/").text
+    assert 'class="none">none' in client.get("/").text
+    kb.goals.save(robot_at(is_goal=True))
+    kb.goals.save(robot_at(place=WP2, is_goal=True))
+    assert [(one["goals"], one["reached"]) for one in listed(client)] == [(2, 1)]
+    assert "1 of 2" in client.get("/").text
+    kb.goals.save("(not (robot_at rb1 wp2))")
+    assert [one["is_goal_reached"] for one in listed(client)] == [False]
+    assert "not all reached" in client.get("/").text
 
 
 def test_a_goal_that_cannot_be_judged_hides_nothing(
-    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    filled: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(state: State) -> bool:
         raise UnsupportedConstructError("not this")
 
     monkeypatch.setattr(home, "is_goal_reached", refuse)
-    kb = connect(shared_url, knowledge_base="tiago")
+    kb, client = filled
     kb.propositions.save(robot_at())
     kb.goals.save("(not (robot_at rb1 wp1))")
-    with TestClient(create_app(shared_url), base_url=BASE) as client:
-        assert [one["is_goal_reached"] for one in listed(client)] == [None]
-        assert 'href="/ask?kb=tiago"' in client.get("/").text
+    assert [one["is_goal_reached"] for one in listed(client)] == [None]
+    assert 'href="/ask?kb=courier"' in client.get("/").text
 
 
 @pytest.mark.parametrize("goals", [2, 300])
 def test_the_head_the_goals_and_whether_all_hold_take_a_statement_each(
-    shared_url: str, connect: Connect, goals: int
+    filled: Filled, goals: int
 ) -> None:
-    kb = connect(shared_url, knowledge_base="tiago")
+    kb, _ = filled
     kb.propositions.save(robot_at())
     kb.goals.save("(or (robot_at rb1 wp1) (robot_at rb1 wp1))")
     places = [waypoint(number) for number in range(goals)]
