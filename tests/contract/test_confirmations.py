@@ -15,13 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kant_sql
-from kant_sql import KnowledgeBase, Version
-from kant_sql.errors import (
-    InvalidArgumentError,
-    InvalidKnowledgeError,
-    ReadOnlyError,
-    UnsupportedConstructError,
-)
+from kant_sql import KnowledgeBase, Version, errors
 from tests.support.archives import damage
 from tests.support.reading import last_changes, loaded, nothing_changes, present
 from tests.support.statements import count, recorded
@@ -72,15 +66,15 @@ def test_a_confirmation_is_a_revision_and_no_change_of_the_state(kb: KnowledgeBa
 def test_what_does_not_hold_cannot_be_confirmed(kb: KnowledgeBase) -> None:
     with nothing_changes(kb):
         for facts in ([AT_HALL], [AT_ROOM, AT_HALL], ["(clean hall)"]):
-            with pytest.raises(InvalidKnowledgeError, match=r"does not hold.*save"):
+            with pytest.raises(errors.InvalidKnowledgeError, match=r"does not hold.*save"):
                 kb.propositions.confirm(facts)
         for wrong in (-1, True, "soon", float("nan")):
-            with pytest.raises(InvalidArgumentError, match="not_within"):
+            with pytest.raises(errors.InvalidArgumentError, match="not_within"):
                 kb.propositions.confirm(AT_ROOM, not_within=wrong)  # type: ignore[arg-type]
         for odd in (3, None, b"(at rb1 room)", [3]):
-            with pytest.raises(InvalidKnowledgeError, match="a fact"):
+            with pytest.raises(errors.InvalidKnowledgeError, match="a fact"):
                 kb.propositions.confirm(odd)  # type: ignore[arg-type]
-        with pytest.raises(ReadOnlyError):
+        with pytest.raises(errors.ReadOnlyError):
             kb.at(kb.revision).propositions.confirm(AT_ROOM)
 
 
@@ -196,7 +190,7 @@ def test_the_oldest_come_first_and_the_young_are_left_out(kb: KnowledgeBase) -> 
     assert texts(kb.unconfirmed(older_than=0)) == texts(found)
     # A past state is as old as it was then.
     assert kb.at(found[1].since.number).unconfirmed(older_than=3600) == []
-    with pytest.raises(InvalidArgumentError, match="seconds"):
+    with pytest.raises(errors.InvalidArgumentError, match="seconds"):
         kb.unconfirmed(older_than=-1)
 
 
@@ -228,7 +222,7 @@ def test_stale_facts_of_a_condition(kb: KnowledgeBase) -> None:
     assert kb.stale("(clean hall)", than=0) == []
     assert texts(kb.at(kb.revision - 1).stale("(at rb1 ?p)", than=0)) == [AT_ROOM]
     for wrong in ("(exists (?p - place) (clean ?p))", "(or (clean hall) (clean room))"):
-        with pytest.raises(UnsupportedConstructError, match="conjunction"):
+        with pytest.raises(errors.UnsupportedConstructError, match="conjunction"):
             kb.stale(wrong, than=1)
 
 

@@ -13,15 +13,7 @@ import psycopg
 import pytest
 
 import kant_sql
-from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan
-from kant_sql.errors import (
-    ConflictError,
-    DivergedError,
-    InvalidArgumentError,
-    ReadOnlyError,
-    UnknownNameError,
-    UnknownRevisionError,
-)
+from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan, errors
 from kant_sql.history.erasure.retention import read_rules
 from kant_sql.history.verify.chain import stream_chain
 from kant_sql.knowledge.canonical import revision_hash
@@ -177,21 +169,24 @@ def test_what_revisions_say_is_erased(kb: KnowledgeBase) -> None:
 def test_what_cannot_be_erased_is_refused_with_a_remedy(kb: KnowledgeBase) -> None:
     before = kb.revision
     for wrong, error in (
-        ({"element": NAME, "reason": f"{NAME.title()} asked"}, InvalidArgumentError),
-        ({"element": NAME, "reason": "asked", "actor": NAME}, InvalidArgumentError),
-        ({"element": "nobody", "reason": "asked"}, UnknownNameError),
-        ({"revisions": [before + 1], "parts": ["reason"], "reason": "x"}, UnknownRevisionError),
-        ({"reason": "x"}, InvalidArgumentError),
+        ({"element": NAME, "reason": f"{NAME.title()} asked"}, errors.InvalidArgumentError),
+        ({"element": NAME, "reason": "asked", "actor": NAME}, errors.InvalidArgumentError),
+        ({"element": "nobody", "reason": "asked"}, errors.UnknownNameError),
+        (
+            {"revisions": [before + 1], "parts": ["reason"], "reason": "x"},
+            errors.UnknownRevisionError,
+        ),
+        ({"reason": "x"}, errors.InvalidArgumentError),
         (
             {"element": "bob", "revisions": [1], "parts": ["reason"], "reason": "x"},
-            InvalidArgumentError,
+            errors.InvalidArgumentError,
         ),
-        ({"revisions": [1], "reason": "x"}, InvalidArgumentError),
-        ({"revisions": [1], "parts": ["hash"], "reason": "x"}, InvalidArgumentError),
+        ({"revisions": [1], "reason": "x"}, errors.InvalidArgumentError),
+        ({"revisions": [1], "parts": ["hash"], "reason": "x"}, errors.InvalidArgumentError),
     ):
         with pytest.raises(error):
             kb.erase(**wrong)
-    with kb.transaction(), pytest.raises(ReadOnlyError, match="transaction open"):
+    with kb.transaction(), pytest.raises(errors.ReadOnlyError, match="transaction open"):
         kb.erase(NAME, reason="asked")
     assert kb.erase(revisions=[1], parts=["reason"], reason="x").revision is None
     assert kb.revision == before
@@ -270,7 +265,7 @@ def test_a_source_that_is_restored_brings_no_name_back(
     if writes:
         restored.propositions.save(f"(at {NAME} hall)")
     why = f"differs is {head}" if writes else "has again what was erased"
-    with pytest.raises(DivergedError, match=why) as caught:
+    with pytest.raises(errors.DivergedError, match=why) as caught:
         restored.store.push(f"sqlite:///{replica}")
     assert str(replica) in str(caught.value)
     kept = connect(f"sqlite:///{replica}", knowledge_base="tiago")
@@ -295,7 +290,7 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     assert kb.store.retain(read_rules(["* 0s reason"]), reason="all").parts == 1
     assert kb.store.verify().findings == ()
     for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):
-        with pytest.raises(InvalidArgumentError, match="camera 30d reason,source"):
+        with pytest.raises(errors.InvalidArgumentError, match="camera 30d reason,source"):
             read_rules([wrong])
 
 
@@ -348,7 +343,7 @@ def test_what_was_erased_can_be_archived(tmp_path: Path, connect: Connect) -> No
     assert kb.store.archive(kb.revision, to=archive).versions
     assert kb.store.verify().findings == ()
     assert connect(archive, knowledge_base="tiago").store.verify().findings == ()
-    with pytest.raises(ConflictError, match="archive"):
+    with pytest.raises(errors.ConflictError, match="archive"):
         kb.erase("bob", reason="asked")
 
 
@@ -374,7 +369,7 @@ def test_revisions_of_form_1_are_erased_when_asked(tmp_path: Path, connect: Conn
     rehash(url)
     kb = connect(url, knowledge_base="tiago")
     anchor = kb.store.anchor()
-    with pytest.raises(ConflictError, match="9 revisions of form 1"):
+    with pytest.raises(errors.ConflictError, match="9 revisions of form 1"):
         kb.erase(NAME, reason="asked")
     for name in (NAME, "bath"):
         assert kb.erase(name, reason="asked", also=["reason", "source"], form_1=True).form_1 > 5

@@ -21,6 +21,7 @@ from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import create_app
 from tests.support.faults import change
 from tests.support.processes.commands import run
+from tests.support.reading import present
 from tests.support.statements import count, fill
 from tests.support.stores import CITUS, Connect
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
@@ -30,6 +31,12 @@ from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 def catalog_of(url: str) -> Iterator[Catalog]:
     with open_store(url, read_only=True) as store:
         yield store.catalog
+
+
+def write(url: str, connect: Connect, *names: str) -> None:
+    """Save a fact in each of some knowledge bases."""
+    for name in names:
+        connect(url, knowledge_base=name).propositions.save(robot_at())
 
 
 def test_it_says_who_changed_what_and_what_there_is(shared_url: str, connect: Connect) -> None:
@@ -65,8 +72,7 @@ def test_reached_is_unknown_where_counting_does_not_tell(shared_url: str, connec
 
 
 def test_pages_go_through_all_and_can_be_searched(shared_url: str, connect: Connect) -> None:
-    for number in range(7):
-        connect(shared_url, knowledge_base=f"Robot %{number}").propositions.save(robot_at())
+    write(shared_url, connect, *(f"Robot %{number}" for number in range(7)))
     with catalog_of(shared_url) as catalog:
         names, after, has_more = [], None, True
         while has_more:
@@ -105,11 +111,9 @@ REPLICA = (
 
 
 def test_it_says_how_far_a_replica_is_behind(shared_url: str, connect: Connect) -> None:
-    for name in ("tiago", "pepper"):
-        connect(shared_url, knowledge_base=name).propositions.save(robot_at())
+    write(shared_url, connect, "tiago", "pepper")
     one, other = knowledge_bases(shared_url)
-    assert one.committed_at is not None
-    later = one.committed_at + timedelta(seconds=90)
+    later = present(one.committed_at) + timedelta(seconds=90)
     change(shared_url, REPLICA.format(at=time_text(later)))
     one, other = knowledge_bases(shared_url)
     assert (one.origin, one.origin_revision) == ("postgresql://fleet@server/robots", 5)
@@ -131,8 +135,7 @@ def test_it_says_how_far_a_replica_is_behind(shared_url: str, connect: Connect) 
 
 
 def test_it_says_how_far_each_was_verified(shared_url: str, connect: Connect) -> None:
-    for name in ("tiago", "pepper"):
-        connect(shared_url, knowledge_base=name).propositions.save(robot_at())
+    write(shared_url, connect, "tiago", "pepper")
     change(
         shared_url,
         "INSERT INTO verification (kb_id, revision, hash, verified_at, complete_at)"
@@ -193,8 +196,7 @@ UNREADABLE = [(*where, sql) for where, statements in UNKNOWN.items() for sql in 
 
 def make_fleet(url: str, connect: Connect) -> None:
     """Write two knowledge bases: a verified replica, and another one."""
-    for name in ("tiago", "pepper"):
-        connect(url, knowledge_base=name).propositions.save(robot_at())
+    write(url, connect, "tiago", "pepper")
     change(
         url,
         REPLICA.format(at="2026-03-02T15:00:00.000000Z"),
@@ -256,8 +258,7 @@ FILES = [("sqlite-file", *damage) for damage in DAMAGED_FILES.values()]
 def test_damage_of_one_is_a_line_among_all_others(
     shared_url: str, connect: Connect, sql: str, name: str, said: str
 ) -> None:
-    for each in ("tiago", "pepper", "rosie"):
-        connect(shared_url, knowledge_base=each).propositions.save(robot_at())
+    write(shared_url, connect, "tiago", "pepper", "rosie")
     pragma = ["PRAGMA ignore_check_constraints = ON"] if shared_url.startswith("sqlite") else []
     change(shared_url, *pragma, sql)
     listed = knowledge_bases(shared_url)
