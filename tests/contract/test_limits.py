@@ -25,10 +25,10 @@ from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at
 
 # It ends by itself after minutes.
-COUNT = (
+COUNTING = (
     "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {}) SELECT {} FROM n"
 )
-SLOW, SLOW_ROWS = (raw(COUNT.format(2_000_000_000, what)) for what in ("count(*)", "i"))
+SLOW, SLOW_ROWS = (raw(COUNTING.format(2_000_000_000, what)) for what in ("count(*)", "i"))
 SOON = 10.0
 
 
@@ -182,7 +182,7 @@ def test_a_read_within_a_read_leaves_the_outer_one_limited(filled: KnowledgeBase
 
 
 def test_what_was_limited_is_not_limited_for_the_next(filled: KnowledgeBase) -> None:
-    long = raw(COUNT.format(200_000, "count(*)"))
+    long = raw(COUNTING.format(200_000, "count(*)"))
     with limited(seconds=0.001), pytest.raises(StatementTimeoutError):
         ask_slowly(filled)
     assert store_of(filled).query(lambda session, _: session.rows(long)) == [(200_000,)]
