@@ -143,6 +143,16 @@ def views(url: str) -> set[str]:
         return set(inspect(connection).get_view_names())
 
 
+def columns_of(url: str) -> dict[str, str]:
+    """The columns of each view, as text."""
+    names = views(url)
+    with connected(url) as connection:
+        empty = {
+            view: connection.exec_driver_sql(f"SELECT * FROM {view} LIMIT 0") for view in names
+        }
+        return {view: ", ".join(rows.keys()) for view, rows in empty.items()}
+
+
 def answers(url: str, names: set[str]) -> dict[str, list[str]]:
     """All that views say."""
     return {view: sorted(ask(url, f"SELECT * FROM {view}")) for view in names}

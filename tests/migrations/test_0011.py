@@ -1,4 +1,4 @@
-"""Migrations 0011 and 0012 add views and an index: what was stored and said stays as it was."""
+"""Migration 0011 adds views of what was said: rows, and answers of others, stay as they were."""
 
 from __future__ import annotations
 
@@ -35,12 +35,6 @@ def write_0010(url: str) -> None:
     run_script(url, SAID)
 
 
-def write_0011(url: str) -> None:
-    """Create one of version 0011, with the same in it."""
-    write_0010(url)
-    kant_sql.upgrade(url, revision="0011")
-
-
 @pytest.mark.more
 def test_views_show_what_was_said_before_they_came(make: Make) -> None:
     url = make(write_0010)
@@ -59,14 +53,3 @@ def test_views_show_what_was_said_before_they_came(make: Make) -> None:
     kant_sql.operations.downgrade(url, revision="0010")
     assert (rows_of(url), digest_of(url)) == (before, record("0010", url))
     assert (views(url), answers(url, names)) == (names, {**said, CHANGES: changes})
-
-
-@pytest.mark.more
-def test_an_index_is_replaced_and_what_it_finds_is_the_same(make: Make) -> None:
-    url = make(write_0011)
-    names = views(url)
-    before, said = rows_of(url), answers(url, names)
-    for version, move in (("0012", kant_sql.upgrade), ("0011", kant_sql.operations.downgrade)):
-        move(url, revision=version)
-        assert digest_of(url) == record(version, url)
-        assert (rows_of(url), answers(url, names)) == (before, said)
