@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.support.processes.commands import ROOT
+from tests.support.processes.commands import child
 from tests.support.servers import Server
 from tests.support.stores import new_file_store
 from tests.support.worlds.long_history import write_long_history
@@ -66,13 +65,7 @@ def test_memory_is_flat(stores: dict[int, str], tmp_path: Path) -> None:
 
 def exported(url: str, folder: Path) -> tuple[int, int]:
     """Export in a process of its own: how many rows, and its peak of memory in megabytes."""
-    done = subprocess.run(
-        [sys.executable, "-c", EXPORT, url, str(folder)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = child("-c", EXPORT, url, str(folder), program=[sys.executable], timeout=600)
     assert done.returncode == 0, done.stderr
     rows, peak = map(int, done.stdout.split())
     return rows, peak

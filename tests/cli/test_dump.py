@@ -89,8 +89,13 @@ def test_pddl_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'names.db'}"
     with kant_sql.connect(url) as kb:
         kb.types.save(kant_sql.PddlTypeDto("机器人"))
-    ascii_only = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
-    done = child("dump", url, "--domain", program=PROGRAM, cwd=tmp_path, **ascii_only)
+    done = child(
+        *("dump", url, "--domain"),
+        program=PROGRAM,
+        PYTHONIOENCODING="ascii",
+        PYTHONUTF8="0",
+        LC_ALL="C",
+    )
     assert "    机器人 - object\n" in done.stdout
 
 

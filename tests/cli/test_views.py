@@ -7,7 +7,7 @@ import json
 import pytest
 
 import kant_sql
-from tests.migrations.stores import run_script
+from tests.migrations.stores import run_script, views
 from tests.support.pages import opened
 from tests.support.processes.commands import child, complaint, one_line, run
 from tests.support.worlds.robots import WP2, robot_at
@@ -17,11 +17,7 @@ VIEWS = ["fact_robot_at", "goal_robot_at"]
 
 def relations(url: str) -> list[str]:
     """Which of the views are there."""
-    with opened(url) as store:
-        catalog = "sqlite_master" if store.dialect == "SQLite" else "pg_class"
-        column = "name" if store.dialect == "SQLite" else "relname"
-        names = {row[0] for row in store.execute(f"SELECT {column} FROM {catalog}", {})}
-    return [view for view in VIEWS if view in names]
+    return [view for view in VIEWS if view in views(url)]
 
 
 def test_what_became_of_each_view_is_told(own_store: str) -> None:

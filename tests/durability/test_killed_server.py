@@ -47,9 +47,5 @@ def test_a_killed_server_loses_nothing_that_was_acknowledged(
 def test_clients_survive_a_killed_server_and_do_everything_once(
     mortal_server: MortalServer, mortal_url: str, connect: Connect
 ) -> None:
-    def kill() -> None:
-        mortal_server.kill()
-        mortal_server.restart()
-
-    revisions = go_on(connect(mortal_url, knowledge_base="tiago"), kill)
+    revisions = go_on(connect(mortal_url, knowledge_base="tiago"), mortal_server.crash)
     assert check_chain(mortal_url) == {"tiago": revisions}

@@ -80,15 +80,13 @@ def test_who_waits_survives_a_server_that_is_killed_and_restarted(
     kb = connect(mortal_url, knowledge_base="tiago")
     kb.objects.save(waypoint(0))
     with waiting(kb) as call:
-        mortal_server.kill()
-        mortal_server.restart()
+        mortal_server.crash()
         in_processes((write_many, mortal_url, 1, 1))
         assert call.result() == 2
     before = open_files()
     with waiting(kb) as call:
         for _ in range(2):
-            mortal_server.kill()
-            mortal_server.restart()
+            mortal_server.crash()
         in_processes((write_many, mortal_url, 2, 1))
         assert call.result() == 3
     assert open_files() <= before + 1
@@ -128,8 +126,7 @@ def test_a_follower_meets_every_revision_while_the_server_is_killed(
     with follower(mortal_url, tmp_path) as told:
         for _ in range(2):
             _write_for(0.2, kb, lambda: next(written))
-            mortal_server.kill()
-            mortal_server.restart()
+            mortal_server.crash()
         _write_for(0.1, kb, lambda: next(written))
         with kb.transaction(reason=LAST):
             kb.objects.save(waypoint(9999))

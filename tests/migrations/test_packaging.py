@@ -51,8 +51,8 @@ def test_an_installed_library_creates_a_store_by_the_migrations_in_it(tmp_path: 
     ignore = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "kant_sql", package, ignore=ignore)
     shutil.copytree(ROOT / "migrations", package / "migrations", ignore=ignore)
-    words, variables = ("-W", "error", "-c", PROGRAM), {"PYTHONPATH": str(package.parent)}
-    done = child(*words, program=[sys.executable], cwd=tmp_path, **variables)
+    words, path = ("-W", "error", "-c", PROGRAM), str(package.parent)
+    done = child(*words, program=[sys.executable], cwd=tmp_path, PYTHONPATH=path)
     assert (done.stdout.splitlines(), done.stderr) == (
         [str(package / "__init__.py"), str(package / "migrations"), "1"],
         "",

@@ -27,13 +27,9 @@ def test_clients_survive_a_killed_server_and_do_everything_once(
     monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
     pooler = Pooler(mortal_server, default_pool_size="4", server_login_retry="1")
 
-    def kill() -> None:
-        mortal_server.kill()
-        mortal_server.restart()
-
     try:
         kb = connect(pooler.url(mortal_url), knowledge_base="tiago")
-        revisions = go_on(kb, kill)
+        revisions = go_on(kb, mortal_server.crash)
         kb.close()
     finally:
         pooler.stop()

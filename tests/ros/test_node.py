@@ -158,8 +158,7 @@ def test_a_node_survives_a_killed_server(
         with saving(mortal_url, tmp_path):
             for _ in range(2):
                 time.sleep(random.uniform(0, 0.3))
-                mortal_server.kill()
-                mortal_server.restart()
+                mortal_server.crash()
         assert ended(process) == 0
 
 

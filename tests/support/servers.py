@@ -165,6 +165,11 @@ class MortalServer(Server):
                 pytest.fail(f"the server does not start: {self._child.poll()}\n{log}")
             self._server.ensure_postgres_running()
 
+    def crash(self) -> None:
+        """Kill it, and start it again."""
+        self.kill()
+        self.restart()
+
     def _starts(self) -> bool:
         # As a child of ours it is buried at once, and tells how it ended if it does not start.
         command: list[Any] = [self._server.bin_path / "postgres", "-D", self._folder]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.processes.commands import child
 from tests.support.processes.workers import STOPPING
 
 pytestmark = pytest.mark.more
@@ -18,9 +18,8 @@ SHOW = "import signal; print([number for number in range(1, 32) if signal.getsig
 
 def test_a_child_ignores_no_signal_that_stops_it() -> None:
     """This runs in the child, too, that the next test starts with these signals ignored."""
-    done = subprocess.run(
-        [sys.executable, "-c", SHOW], capture_output=True, text=True, check=True, timeout=60
-    )
+    done = child("-c", SHOW, program=[sys.executable])
+    assert done.returncode == 0, done.stderr
     # Python itself ignores SIGPIPE and SIGXFSZ.
     assert not {str(int(number)) for number in STOPPING} & set(
         done.stdout.strip("[]\n").split(", ")
@@ -36,14 +35,7 @@ def test_ignored_signals_are_not_passed_on_to_children() -> None:
     )
     here = f"{Path(__file__)}::{test_a_child_ignores_no_signal_that_stops_it.__name__}"
     options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *options, here],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-        cwd=Path(__file__).parents[2],
-    )
+    done = child("-c", program, *options, here, program=[sys.executable], timeout=120)
     assert done.returncode == 0, done.stdout
     assert "1 passed" in done.stdout
     assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN

@@ -20,11 +20,8 @@ from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 
 @pytest.fixture
-def url(cluster: Cluster) -> Iterator[str]:
-    """The URL of an empty distributed store."""
-    new = cluster.new_store()
-    yield new
-    cluster.drop_database(new)
+def url(distributed_url: str) -> str:
+    return distributed_url
 
 
 @pytest.fixture

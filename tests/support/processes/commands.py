@@ -53,6 +53,7 @@ def child(
     program: Sequence[str] = (),
     cwd: Path = ROOT,
     given: str | None = None,
+    timeout: float = CHILD_TIMEOUT,
     **variables: str,
 ) -> subprocess.CompletedProcess[str]:
     """Run `kant-sql`, or another program, as a process of its own, with `given` as its input."""
@@ -64,7 +65,7 @@ def child(
         encoding="utf-8",
         env=environment(**variables),
         cwd=cwd,
-        timeout=CHILD_TIMEOUT,
+        timeout=timeout,
         check=False,
     )
 
@@ -140,16 +141,8 @@ def in_terminal(
 
 
 def run_example(
-    name: str, *arguments: str, timeout: float = 120, **environment: str
+    name: str, *arguments: str, timeout: float = 120, **variables: str
 ) -> subprocess.CompletedProcess[str]:
     """Run an example to its end, away from the repository's root."""
-    return subprocess.run(
-        [python(*MODULES), str(EXAMPLES / name), *arguments],
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        cwd=EXAMPLES,
-        env={**os.environ, **environment},
-        timeout=timeout,
-        check=False,
-    )
+    program = [str(python(*MODULES)), str(EXAMPLES / name)]
+    return child(*arguments, program=program, cwd=EXAMPLES, timeout=timeout, **variables)
