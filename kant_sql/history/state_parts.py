@@ -542,13 +542,14 @@ def _read_parts(
     session: Session, question: _Question, kinds: Iterable[str], after: str | None, limit: int
 ) -> dict[str, _Found]:
     shapes = question.shapes(kinds)
-    counted = session.rows(_counts(shapes), **question.parameters) if shapes else ()
-    totals: dict[str, int] = {row[0]: row[1] for row in counted}
-    return {
-        shape.kind: _read_part(session, question, shape, totals[shape.kind], after, limit)
-        for shape in shapes
-        if totals[shape.kind]
-    }
+    with session.planned_now():
+        counted = session.rows(_counts(shapes), **question.parameters) if shapes else ()
+        totals: dict[str, int] = {row[0]: row[1] for row in counted}
+        return {
+            shape.kind: _read_part(session, question, shape, totals[shape.kind], after, limit)
+            for shape in shapes
+            if totals[shape.kind]
+        }
 
 
 def _read_part(

@@ -6,12 +6,15 @@ import itertools
 from collections.abc import Iterator
 from typing import Any
 
+import psycopg
 import pytest
 from fastapi.testclient import TestClient
 
+import kant_sql
 from kant_sql.history import state_parts
 from kant_sql.history.state_parts import StateFilter, read_state
 from kant_sql.knowledge_base import state_of
+from tests.support.servers import Server
 from tests.support.statements import fill
 from tests.web.conftest import Filled
 
@@ -174,3 +177,22 @@ def test_a_text_is_looked_for_in_a_long_state_part_by_part(
         assert all(one["is_searched"] for one in pages)
         assert found == sorted(f"(robot_at rb1 wp{n})" for n in (44, *range(440, 450)))
     state_parts._indexed.cache_clear()
+
+
+def test_a_state_is_planned_for_the_tables_as_they_are(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A prepared statement keeps its plan for small tables when these have grown."""
+    prepares: set[int | None] = set()
+    execute = psycopg.Cursor.execute
+
+    def noted(self: Any, query: Any, *args: Any, **options: Any) -> Any:
+        if "count_1" in str(query):
+            prepares.add(self.connection.prepare_threshold)
+        return execute(self, query, *args, **options)
+
+    with kant_sql.connect(server.new_store()) as kb:
+        fill(kb, 2)
+        monkeypatch.setattr(psycopg.Cursor, "execute", noted)
+        assert read_state(state_of(kb), None, StateFilter(object="rb1")).parts
+    assert prepares == {None}

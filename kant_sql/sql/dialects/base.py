@@ -404,6 +404,10 @@ class Session(ABC):
     def replan(self) -> None:  # noqa: B027 (only servers cache plans)
         """Discard cached plans before a large write."""
 
+    def planned_now(self) -> AbstractContextManager[None]:
+        """Plan statements for the tables as they are, not as they were when these ran first."""
+        return nullcontext()
+
     def lock_definitions(self) -> None:  # noqa: B027 (an exclusive transaction needs none)
         """Lock the schema against other changes, in a write transaction."""
 

@@ -398,12 +398,12 @@ class PostgresqlSession(Session):
         if len(ids) < LIST_FROM_IDS:
             super().run_for(query, ids, **parameters)
         else:
-            with self._planned_now():
+            with self.planned_now():
                 self.run(query.listed, ids=self.list_value(ids), **parameters)
 
     @contextmanager
-    def _planned_now(self) -> Iterator[None]:
-        """Plan the statement for the tables as they are, not as they were when it ran first.
+    def planned_now(self) -> Iterator[None]:
+        """Prepare no statement meanwhile.
 
         Of a small table the server reads all of a knowledge base sooner than the rows of a list,
         and would compare each with the list still when the table has grown.
