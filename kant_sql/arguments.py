@@ -154,14 +154,19 @@ def _collected(value: Any, wanted: type[T] | tuple[type[T], ...], role: str) -> 
     return given
 
 
-def iterate(value: Any, role: str, expected: str = "a list") -> Iterator[Any]:
+def iterate(
+    value: Any,
+    role: str,
+    expected: str = "a list",
+    error: type[KantSqlError] = InvalidKnowledgeError,
+) -> Iterator[Any]:
     """Return an iterator over a value that is not text."""
     if isinstance(value, _TEXTS) or not isinstance(value, Iterable):
-        raise refusal(role, expected, value)
+        raise refusal(role, expected, value, error)
     try:
         return iter(value)
-    except Exception as error:
-        raise refusal(role, f"{expected} that can be iterated over", value) from error
+    except Exception as failed:
+        raise refusal(role, f"{expected} that can be iterated over", value, error) from failed
 
 
 def whole_number(

@@ -153,6 +153,10 @@ class PddlError(InvalidKnowledgeError):
         self.found, self.expected, self.nesting = found, expected, nesting
 
 
+# A system's longest names may be of 4,096 bytes, but what is no name at all has no end.
+_LONGEST_NAME = 1_000
+
+
 class SourceError(KantSqlError, OSError):
     """A PDDL file cannot be opened or read.
 
@@ -169,8 +173,11 @@ class SourceError(KantSqlError, OSError):
         return type(self), (self.errno, self.strerror, self.filename)
 
     def __str__(self) -> str:
+        name = f"{self.filename!r}"
+        if len(name) > _LONGEST_NAME:
+            name = f"{name[:_LONGEST_NAME]}..."
         return (
-            f"cannot read the file {self.filename!r}: {self.strerror}; give the path of a readable"
+            f"cannot read the file {name}: {self.strerror}; give the path of a readable"
             " file, or PDDL text, which begins with '('"
         )
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from ..arguments import expect, flag, one_of, optional_text, refusal, seconds, whole_number
+from ..arguments import expect, flag, iterate, one_of, optional_text, seconds, whole_number
 from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMissingError, printable
 from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
@@ -229,9 +229,8 @@ def solve(
     if engines is not None:
         if engine is not None:
             raise InvalidArgumentError("give engine or engines, not both")
-        if isinstance(engines, str):
-            raise refusal("engines", "a list of names", engines, InvalidArgumentError)
-        asked = [expect(one, str, "an engine", InvalidArgumentError) for one in engines]
+        given = iterate(engines, "engines", "a list of names", InvalidArgumentError)
+        asked = [expect(one, str, "an engine", InvalidArgumentError) for one in given]
         if not asked:
             raise InvalidArgumentError("engines is empty; name at least one, or leave it out")
     is_best = keep == "best"

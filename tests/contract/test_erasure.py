@@ -183,6 +183,8 @@ def test_what_cannot_be_erased_is_refused_with_a_remedy(kb: KnowledgeBase) -> No
         ),
         ({"revisions": [1], "reason": "x"}, errors.InvalidArgumentError),
         ({"revisions": [1], "parts": ["hash"], "reason": "x"}, errors.InvalidArgumentError),
+        ({"element": NAME, "also": "reason", "reason": "x"}, errors.InvalidArgumentError),
+        ({"revisions": 1, "parts": ["reason"], "reason": "x"}, errors.InvalidArgumentError),
     ):
         with pytest.raises(error):
             kb.erase(**wrong)

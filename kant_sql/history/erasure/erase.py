@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Text, bindparam, cast, select, union_all
 
-from ...arguments import expect, flag, one_of, shown, whole_number
+from ...arguments import expect, flag, iterate, one_of, shown, whole_number
 from ...dto.elements import PddlObjectDto
 from ...dto.lexical import fold, is_word
 from ...errors import (
@@ -202,7 +202,7 @@ def make_wanted(
     parts: Collection[str],
 ) -> Wanted:
     """Check what is to be erased."""
-    name = None
+    name, error = None, InvalidArgumentError
     if element is not None:
         given: Any = expect(element, (PddlObjectDto, str), "what to erase", InvalidArgumentError)
         name = given if isinstance(given, str) else given.get_name()
@@ -210,14 +210,16 @@ def make_wanted(
         raise InvalidArgumentError(
             "give an object to erase, or revisions=[17] with parts=['reason']"
         )
-    labels = [
-        tuple(one_of(each, SAID, "what to erase") for each in given) for given in (also, parts)
+    labels, listed = "a list of actor, reason and source", "a list of numbers"
+    texts = [
+        tuple([one_of(each, SAID, "what to erase") for each in iterate(given, role, labels, error)])
+        for role, given in (("also", also), ("parts", parts))
     ]
     numbers = {
         whole_number(number, "a revision", least=1, expected="a revision from 1 on")
-        for number in revisions
+        for number in iterate(revisions, "revisions", listed, error)
     }
-    return Wanted(name, labels[0], dict.fromkeys(sorted(numbers), labels[1]))
+    return Wanted(name, texts[0], dict.fromkeys(sorted(numbers), texts[1]))
 
 
 def refuse_open(store: Store) -> None:
