@@ -33,6 +33,9 @@ READS: dict[str, Call] = {
     "predicates.get_all": lambda kb: kb.predicates.get_all(),
     "actions.get": lambda kb: kb.actions.get("navigation"),
     "actions.get_all": lambda kb: kb.actions.get_all(),
+}
+# Of a knowledge base with distances, too.
+VALUE_READS: dict[str, Call] = {
     "function_values.get_all": lambda kb: kb.function_values.get_all(),
     "function_values.get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
     "function_values.get": lambda kb: kb.function_values.get("(distance wp1 wp0)"),
