@@ -252,9 +252,7 @@ class SqlDaoFactory(DaoFactory):
         self._at: int | None = None
         backend = create_backend(url, read_only=read_only)
         try:
-            self._store = Store(backend, knowledge_base, actor, clock)
-            self.queue, self.patience = self._store.queue, backend.patience
-            self.has_one_connection = backend.has_one_connection
+            self._take(Store(backend, knowledge_base, actor, clock))
         except BaseException:
             backend.close()
             raise
@@ -266,10 +264,13 @@ class SqlDaoFactory(DaoFactory):
         """Open a knowledge base on connections that others share, without a statement."""
         made = object.__new__(cls)
         made._at = None
-        made._store = Store(backend, knowledge_base, actor, clock, is_one_of_many=True)
-        made.queue, made.patience = made._store.queue, backend.patience
-        made.has_one_connection = backend.has_one_connection
+        made._take(Store(backend, knowledge_base, actor, clock, is_one_of_many=True))
         return made
+
+    def _take(self, store: Store) -> None:
+        self._store, self.queue = store, store.queue
+        self.patience = store.backend.patience
+        self.has_one_connection = store.backend.has_one_connection
 
     @property
     @override
