@@ -80,19 +80,20 @@ class ArchivedPart:
         label, name = self._target.backend.label, self._store.name
         with reading(self._target.backend) as there, reading(self._source.backend) as here:
             kb_id, own_id = self._target.find(there), self._source.find(here)
-            if not read_state(here, own_id).archived_revision:
+            self.upto = read_state(here, own_id).archived_revision
+            if own_id is None or not self.upto:
                 raise InvalidArgumentError(
                     f"nothing of knowledge base {name!r} was moved to an archive; leave archive= "
                     "(--archive) out: 'kant-sql push' erases in replicas"
                 )
-            self._check_rest(here, own_id or 0)
             state = read_state(there, kb_id)
-            check_archive(Stores(here, own_id or 0, there, kb_id or 0), name, state.revision)
+            check_archive(Stores(here, own_id, there, kb_id or 0), name, state.revision)
             if state.archived_revision or state.origin is None:
                 raise ConflictError(
                     f"{label}: knowledge base {name!r} is not an archive there, which is a replica "
                     "with all versions; nothing was erased: name the archive, or a copy of it"
                 )
+            self._check_rest(here, own_id)
             found = verify_session(there, kb_id, name).findings
         for _, _, message in found[:1]:
             raise StoreIntegrityError(
@@ -122,7 +123,6 @@ class ArchivedPart:
 
     def _check_rest(self, session: Session, kb_id: int) -> None:
         """Check what is left here of the archived revisions: another hash of it is recorded."""
-        self.upto = read_state(session, kb_id).archived_revision
         self._rest = rest_digest(session, kb_id, self.upto)
         if not self._is_last_rest(session, kb_id):
             raise StoreIntegrityError(
