@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..arguments import optional_text, shown, whole_number
 from ..errors import InvalidArgumentError, KantSqlError, UnknownRevisionError
-from ..history.revisions import FIRST_MOMENT, LAST_MOMENT
+from ..history.moments import check_zone, clamped
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
 from ..sql.audit_views import (
@@ -81,11 +81,11 @@ class StoreSnapshot:
             return None
         low, high, kb_id = 1, state.revision, self.ids[state.name]
         if isinstance(since, datetime):
-            low = last_revision_before(self.session, kb_id, _kept(since)) + 1
+            low = last_revision_before(self.session, kb_id, clamped(since)) + 1
         elif since is not None:
             low = _checked(since, state)
         if isinstance(until, datetime):
-            high = last_revision_before(self.session, kb_id, _kept(until), inclusive=True)
+            high = last_revision_before(self.session, kb_id, clamped(until), inclusive=True)
         elif until is not None:
             high = _checked(until, state)
         return low, high
@@ -95,11 +95,6 @@ class StoreSnapshot:
     ) -> Iterator[pyarrow.RecordBatch]:
         """Read a view's rows of a knowledge base."""
         return stream_view(self.session, view, self.ids[state.name], window)
-
-
-def _kept(moment: datetime) -> datetime:
-    """Return a time that a store can keep."""
-    return min(max(moment, FIRST_MOMENT), LAST_MOMENT)
 
 
 def _checked(number: int, state: KnowledgeBaseState) -> int:
@@ -124,11 +119,9 @@ def check_window(
     """Read bounds; refuse those that no store has, and numbers for many knowledge bases."""
     bounds = read_when(since), read_when(until)
     for bound in bounds:
-        if isinstance(bound, datetime) and bound.utcoffset() is None:
-            raise UnknownRevisionError(
-                f"the time {bound.isoformat()} has no zone; give one, as UTC"
-            )
-        if bound is not None and not isinstance(bound, datetime) and knowledge_base is None:
+        if isinstance(bound, datetime):
+            check_zone(bound)
+        elif bound is not None and knowledge_base is None:
             raise InvalidArgumentError(
                 f"revision {shown(bound)} is of one knowledge base: choose that, or give a time"
             )

@@ -228,12 +228,7 @@ def to_arrow(state: State, view: str) -> pyarrow.Table:
             f"revision {at}: ask the knowledge base itself, and take the rows with since <= "
             f"{at} and (until is NULL or until > {at})"
         )
-    if store.current() is not None:
-        raise ReadOnlyError(
-            f"a transaction of knowledge base {store.name!r} is open, and {found.name} reads "
-            "committed "
-            "revisions; end it first"
-        )
+    store.refuse_open(f", and {found.name} reads committed revisions")
     return store.query_in_snapshot(
         lambda session, kb_id: read_view(session, found, NO_ID if kb_id is None else kb_id)
     )

@@ -15,7 +15,7 @@ from sqlalchemy import Select, literal_column, select, union_all
 
 from ..dao.base import batches
 from ..dao.dependants import atom_of, atoms_among
-from ..errors import ConflictError, ReadOnlyError, StaleRevisionError, reading_rows
+from ..errors import ConflictError, StaleRevisionError, reading_rows
 from ..knowledge.definitions import KINDS, Definitions
 from ..moment_text import When
 from ..sql import tables as t
@@ -241,11 +241,7 @@ def read_origin(store: Store, at: int | None) -> Origin:
 
 def refuse_open(store: Store, what: str) -> None:
     """Refuse to read a pending state, which has neither revision nor hash."""
-    if store.current() is not None:
-        raise ReadOnlyError(
-            f"knowledge base {store.name!r} has a transaction open in this task or thread, whose "
-            f"state has no revision yet {what}; end it first"
-        )
+    store.refuse_open(f", whose state has no revision yet {what}")
 
 
 def origin_of(store: Store, view: View) -> Origin:

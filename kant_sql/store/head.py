@@ -41,6 +41,7 @@ _LOCK = Query(
 _HASH = Query(
     select(RevisionRow.hash).where(RevisionRow.kb_id == KB, RevisionRow.number == bindparam("at"))
 )
+_FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
 _NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _NEW_KB = Insert(table_of(KnowledgeBaseRow), "id", "name")
@@ -94,6 +95,14 @@ def read_name(session: Session, kb_id: int) -> str:
 def whose(session: Session, kb_id: int) -> str:
     """Name a knowledge base and its store in a message."""
     return f"knowledge base {read_name(session, kb_id)!r} of {session.backend.label}"
+
+
+def find_knowledge_base(session: Session, name: str) -> int | None:
+    """Find a knowledge base by its name; None before its first write."""
+    row = session.first(_FIND, name=name)
+    if row is not None and not isinstance(row[0], int):
+        check_integer("knowledge_base", f"{name!r} of {session.backend.label}", "id", row[0])
+    return None if row is None else int(row[0])
 
 
 def create_knowledge_base(session: Session, name: str) -> int:

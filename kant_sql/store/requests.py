@@ -12,7 +12,8 @@ from sqlalchemy import bindparam, delete, func, select
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import KB
-from ..sql.tables import KnowledgeBaseRow, RequestRow, RevisionRow
+from ..sql.tables import RequestRow, RevisionRow
+from .head import find_knowledge_base
 from .store import Store
 from .transaction import Transaction
 
@@ -21,7 +22,6 @@ _FIND = Query(
         RequestRow.kb_id == KB, RequestRow.key == bindparam("key")
     )
 )
-_FIND_KB = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _OLD = (
     select(func.max(RevisionRow.number))
     .where(RevisionRow.kb_id == KB, RevisionRow.committed_at < bindparam("before"))
@@ -54,8 +54,8 @@ def forget_requests(store: Store, age: timedelta) -> None:
 
     def work(session: Session) -> None:
         before = session.from_time(datetime.now(UTC) - age)
-        found = session.first(_FIND_KB, name=store.name)
-        if found is not None:
-            session.run(_FORGET, kb=found[0], before=before)
+        kb_id = find_knowledge_base(session, store.name)
+        if kb_id is not None:
+            session.run(_FORGET, kb=kb_id, before=before)
 
     store.write_beside(work)

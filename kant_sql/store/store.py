@@ -15,7 +15,7 @@ from functools import partial
 from types import TracebackType
 from typing import Any, TypeVar
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import select
 
 from ..arguments import one_of, shown
 from ..errors import (
@@ -38,9 +38,8 @@ from ..knowledge.sayings import COMMITTED, FROM_NOW_ON, OBSERVED, Given, make_pe
 from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
-from ..sql.tables import KnowledgeBaseRow
 from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
-from .head import Committed, Head, create_knowledge_base, is_stored, lock_head
+from .head import Committed, Head, create_knowledge_base, find_knowledge_base, is_stored, lock_head
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
 from .snapshot import DefinitionsMovedError, View, open_view, read_definition_revision, vanished
 from .transaction import Transaction
@@ -49,7 +48,6 @@ T = TypeVar("T")
 
 logger = logging.getLogger("kant_sql.store")
 
-_FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _CLOCK = Query(select(StoreClock()))
 
 # How far behind the last revision the store's clock may be without a word, and how often a warning
@@ -153,6 +151,14 @@ class Store:
         if self.is_closed:
             raise self.backend.closed_error()
 
+    def refuse_open(self, why: str = "") -> None:
+        """Raise when this thread, task and context has a transaction open."""
+        if self.current() is not None:
+            raise ReadOnlyError(
+                f"knowledge base {self.name!r} has a transaction open in this task or thread{why}; "
+                "end it first"
+            )
+
     def described(self, at: int) -> str:
         """Name a past state of it."""
         return f"revision {at}"
@@ -240,11 +246,11 @@ class Store:
 
     def _find(self, session: Session) -> int | None:
         if self._kb_id is None:
-            row = session.first(_FIND, name=self.name)
-            if row is None or self.current() is not None:
+            found = find_knowledge_base(session, self.name)
+            if found is None or self.current() is not None:
                 # A knowledge base that an open transaction created may be rolled back.
-                return None if row is None else int(row[0])
-            self._kb_id = row[0]
+                return found
+            self._kb_id = found
         return self._kb_id
 
     def query_in_snapshot(self, work: Callable[[Session, int | None], T]) -> T:
@@ -312,7 +318,7 @@ class Store:
 
         return retrying(self.backend, once)
 
-    def write_beside(self, work: Callable[[Session], None]) -> None:
+    def write_beside(self, work: Callable[[Session], object]) -> None:
         """Write what is not part of the history, in a transaction of its own without a revision.
 
         As for all writes, no limit of questions concerns it.

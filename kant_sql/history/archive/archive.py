@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
-from ...errors import ConflictError, InvalidArgumentError, ReadOnlyError
+from ...errors import ConflictError, InvalidArgumentError
 from ...knowledge.canonical import archive_text
 from ...moment_text import When, read_when
 from ...sql.changes import ARCHIVE, ASSERTED, Change
@@ -168,11 +168,7 @@ def archive(
         1
     """
     store = state.store
-    if store.current() is not None:
-        raise ReadOnlyError(
-            f"knowledge base {store.name!r} has a transaction open in this task or thread; end it "
-            "first"
-        )
+    store.refuse_open()
     store.refuse_read_only()
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)
@@ -203,7 +199,7 @@ def _archive(
         return Archived(upto, leaving.versions, _label(to), None)
     refuse_without_right(store)
     with open_target(to, store.name, store.backend, "an archive") as target:
-        _replicate(store, target, upto, progress)
+        replicate(ReplicationSide(store.backend, store.name), target, upto, progress)
         return Archived(upto, *_move_all(store, target, upto, actor, reason))
 
 
@@ -227,10 +223,6 @@ def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
     if kb_id is None or upto <= archived:
         return Leaving(archived + 1, upto, {})
     return count(session, kb_id, archived + 1, upto)
-
-
-def _replicate(store: Store, target: Target, upto: int, progress: Progress | None) -> None:
-    replicate(ReplicationSide(store.backend, store.name), target, upto, progress)
 
 
 def _move_all(

@@ -15,7 +15,6 @@ from ...errors import (
     ClosedError,
     InvalidArgumentError,
     InvalidUrlError,
-    ReadOnlyError,
     SchemaError,
     StoreReplacedError,
     TableMissingError,
@@ -163,11 +162,7 @@ def push(
     optional_text(archive, "archive")
     flag(adopt, "adopt", InvalidArgumentError)
     optional_call(progress, "progress")
-    if store.current() is not None:
-        raise ReadOnlyError(
-            f"knowledge base {store.name!r} has a transaction open in this task or thread, and "
-            "what is committed is pushed; end it first"
-        )
+    store.refuse_open(", and what is committed is pushed")
     sent = _push(store, url, Terms(archive, adopt), progress)
     if sent.revisions:
         logger.info(

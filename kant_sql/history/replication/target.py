@@ -8,14 +8,13 @@ from contextlib import closing, contextmanager, suppress
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, func, select
+from sqlalchemy import func, select
 
 from ...errors import (
     ConflictError,
     DivergedError,
     KantSqlError,
     StoreIntegrityError,
-    check_integer,
     missing_revision,
 )
 from ...sql.dialects import create_backend
@@ -23,11 +22,12 @@ from ...sql.dialects.base import Backend, Session
 from ...sql.query import Query, StorePlace
 from ...sql.rows import KB
 from ...sql.schema import ensure_schema
-from ...sql.tables import ArchiveRow, ErasureRow, HeadRow, KnowledgeBaseRow
+from ...sql.tables import ArchiveRow, ErasureRow, HeadRow
 from ...store.head import (
     Head,
     check_numbers,
     create_knowledge_base,
+    find_knowledge_base,
     hash_of,
     lock_head,
     to_time_of_head,
@@ -133,18 +133,7 @@ def diverged(stores: Stores, name: str, upto: int) -> KantSqlError:
     )
 
 
-_FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _PLACE = Query(select(StorePlace()))
-
-
-def find(session: Session, name: str) -> int | None:
-    """Find a knowledge base by its name."""
-    row = session.first(_FIND, name=name)
-    if row is None:
-        return None
-    check_integer("knowledge_base", f"{name!r} of {session.backend.label}", "id", row[0])
-    kb_id: int = row[0]
-    return kb_id
 
 
 class ReplicationSide:
@@ -164,7 +153,7 @@ class ReplicationSide:
     def find(self, session: Session) -> int | None:
         """Return its id; None before its first revision."""
         if self.kb_id is None:
-            self.kb_id = find(session, self.name)
+            self.kb_id = find_knowledge_base(session, self.name)
         return self.kb_id
 
 

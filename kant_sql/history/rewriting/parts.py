@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from json.encoder import encode_basestring
 from typing import Any, NamedTuple
@@ -85,7 +85,6 @@ class Destroyer:
         session: Session,
         kb_id: int,
         name: str,
-        salt_of: Callable[[bytes | None], bytes] = next_salt,
         into: tuple[Session, int] | None = None,
     ) -> None:
         self._session = session
@@ -93,7 +92,6 @@ class Destroyer:
         # Where what is left is written.
         self._into = (session, kb_id) if into is None else into
         self._name = name
-        self._salt_of = salt_of
         self._taken: list[Taken] = []
         self.form_1 = 0
 
@@ -109,13 +107,7 @@ class Destroyer:
             by_number[number][tuple(key)] = text
         for numbers in batches(sorted({*by_number, *said})):
             lines = lines_by_revision(self._changes(numbers))
-            listed = self._session.list_value(numbers)
-            standing = {
-                (number, position): salt
-                for number, position, salt in self._session.rows(
-                    _STANDING, kb=self._kb, numbers=listed
-                )
-            }
+            standing = _standing(self._session, self._kb, numbers)
             for link in read_links(self._session, self._kb, numbers):
                 new = said.get(link.number, {})
                 self._destroy(link, lines[link.number], by_number[link.number], new, standing)
@@ -197,7 +189,7 @@ class Destroyer:
     ) -> None:
         place = number, part.position
         before = standing.get(place)
-        salt = self._salt_of(before or part.salt)
+        salt = next_salt(before or part.salt)
         if part.salt is not None:
             part = part._replace(salt=None, commitment=commit_to(part.salt, old))
         superseded = None if before is None else commit_to(before, old)
@@ -253,9 +245,8 @@ class Destroyer:
             left = replacement if salt is None else None
             replaced.append((kb, number, part.position, erasure_id, salt, left))
         session.insert(whole_rows(_PARTS), new)
-        for query, rows in ((_ERASE, updated), (_SUPERSEDE, superseded)):
-            if rows:
-                session.run_many(query, rows)
+        session.run_many(_ERASE, updated)
+        session.run_many(_SUPERSEDE, superseded)
         session.insert(whole_rows(_NEW), replaced)
         for label, query in _SAY.items():
             rows = [
@@ -263,8 +254,7 @@ class Destroyer:
                 for number, texts in said.items()
                 if label in texts
             ]
-            if rows:
-                session.run_many(query, rows)
+            session.run_many(query, rows)
 
 
 def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
@@ -282,6 +272,12 @@ _STAND = Query(
 )
 
 
+def _standing(session: Session, kb_id: int, numbers: list[int]) -> dict[tuple[int, int], bytes]:
+    """Return the salts of what took the place of erased parts, and is there now."""
+    rows = session.rows(_STANDING, kb=kb_id, numbers=session.list_value(numbers))
+    return {(number, position): salt for number, position, salt in rows}
+
+
 def standing_commitments(
     session: Session, kb_id: int, name: str, upto: int
 ) -> dict[tuple[int, int], str]:
@@ -289,9 +285,7 @@ def standing_commitments(
     found: dict[tuple[int, int], str] = {}
     for numbers in batches([row[0] for row in session.rows(_STAND, kb=kb_id, upto=upto)]):
         lines = lines_by_revision(keyed_changes_of(session, kb_id, numbers))
-        listed = session.list_value(numbers)
-        rows = session.rows(_STANDING, kb=kb_id, numbers=listed)
-        salts = {(number, position): salt for number, position, salt in rows}
+        salts = _standing(session, kb_id, numbers)
         for link in read_links(session, kb_id, numbers):
             previous = hash_of(session, kb_id, link.number - 1)
             texts = texts_of(link, name, previous, lines[link.number])
@@ -312,5 +306,4 @@ def leave_commitments(
         for (number, position), commitment in before.items()
         if now.get((number, position)) != commitment
     ]
-    if given:
-        session.run_many(_SUPERSEDE, given)
+    session.run_many(_SUPERSEDE, given)

@@ -130,11 +130,7 @@ def keep(store: Store, kb_id: int, number: int, digest: str, before: Kept | None
 
 def forget(store: Store, kb_id: int) -> None:
     """Forget how far it was verified: the next verification begins at revision 1."""
-
-    def write(session: Session) -> None:
-        session.run(_FORGET, kb=kb_id)
-
-    store.write_beside(write)
+    store.write_beside(lambda session: session.run(_FORGET, kb=kb_id))
 
 
 __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
@@ -253,11 +249,7 @@ def verify(
         True
     """
     store = state.store
-    if store.current() is not None:
-        raise ReadOnlyError(
-            f"a transaction of knowledge base {store.name!r} is open, and verification reads "
-            "committed revisions; end it first"
-        )
+    store.refuse_open(", and verification reads committed revisions")
     optional_call(progress, "progress")
     for name, value in (("structure", structure), ("resume", resume), ("keep", keep)):
         flag(value, name, InvalidArgumentError)
@@ -289,13 +281,12 @@ def verify_session(
     kb_id: int | None,
     name: str,
     anchored: AnchoredHead | None = None,
-    progress: Progress | None = None,
     report: Report | None = None,
     kept: Kept | None = None,
 ) -> Verification:
     """Verify one knowledge base in the transaction of a session."""
     after = 0 if kept is None or kb_id is None else _first_to_check(session, kb_id, kept)
-    return _verify(session, kb_id, name, anchored, progress, report or Report(), kept, after)[0]
+    return _verify(session, kb_id, name, anchored, None, report or Report(), kept, after)[0]
 
 
 class End(NamedTuple):
@@ -421,14 +412,13 @@ class _Verifier:
         check, names = self._check, check_names(self._check)
         functions = ObjectFunctions(check)
         for part in (
-            DefinitionCheck(check, names.held, functions),
-            FactCheck(check, names, functions, lambda id_: self._tell(self._last + id_)),
-            ExecutionCheck(check, names, self._archived),
+            DefinitionCheck(check, names.held, functions).run,
+            FactCheck(check, names, functions, lambda id_: self._tell(self._last + id_)).run,
+            ExecutionCheck(check, names, self._archived).run,
+            partial(check_plans, check),
+            partial(check_confirmations, check, self._archived),
         ):
-            _guarded(check.session, check.report, part.run)
-        confirmations = partial(check_confirmations, check, self._archived)
-        for rest in (partial(check_plans, check), confirmations):
-            _guarded(check.session, check.report, rest)
+            _guarded(check.session, check.report, part)
 
     def _tell(self, done: int) -> None:
         whole = self._last + self._ids

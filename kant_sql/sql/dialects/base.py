@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from sqlalchemy import URL, Connection, Dialect, Engine, PoolProxiedConnection, Table
+from sqlalchemy.engine.interfaces import DBAPICursor
 from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
@@ -39,24 +40,6 @@ from .structure import IndexFault, Statement, ViewDialect
 from .words import RAW, Words
 
 Row = tuple[Any, ...]
-
-
-class DriverCursor(Protocol):
-    """What a session uses of a driver's cursor (PEP 249)."""
-
-    rowcount: int
-
-    def execute(self, sql: str, parameters: Any = ..., /) -> Any:
-        """Run a statement."""
-
-    def executemany(self, sql: str, parameters: Any, /) -> Any:
-        """Run a statement for each set of parameters."""
-
-    def fetchall(self) -> list[Row]:
-        """Fetch the remaining rows."""
-
-    def fetchmany(self, size: int = ..., /) -> list[Row]:
-        """Fetch the next rows."""
 
 
 class Overlay(Protocol):
@@ -233,7 +216,7 @@ class Session(ABC):
         self.backend = backend
         self._pooled = connection
         self._pool = backend.engine.pool
-        self._cursor: DriverCursor = connection.cursor()  # type: ignore[assignment]
+        self._cursor: DBAPICursor = connection.cursor()
         self._dialect = backend.dialect
         self._savepoints = 0
         self._guard: StatementGuard | None = None
@@ -471,7 +454,7 @@ class Session(ABC):
 
     def _fetch(self) -> list[Row]:
         try:
-            return self._cursor.fetchall()
+            return self._cursor.fetchall()  # type: ignore[return-value]
         except self.backend.driver_errors as error:
             raise self.translate(error) from error
 

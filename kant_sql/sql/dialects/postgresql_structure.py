@@ -444,6 +444,7 @@ class PostgresqlViews(ViewDialect):
         "FROM pg_class AS c WHERE pg_table_is_visible(c.oid) UNION ALL "
         "SELECT typname, NULL FROM pg_type WHERE typrelid = 0 AND pg_type_is_visible(oid)"
     )
+    marked = re.compile(rf"{MARKED.pattern}\Z")
     columns = (
         "SELECT attname FROM pg_attribute WHERE attrelid = to_regclass('{0}') "
         "AND attnum > 0 AND NOT attisdropped ORDER BY attnum"
@@ -453,14 +454,6 @@ class PostgresqlViews(ViewDialect):
     seconds = "CAST(extract(epoch FROM {1} - {0}) AS double precision)"
     # This parameter style does not double percent signs.
     preparer = PGDialect(paramstyle="named").identifier_preparer  # type: ignore[no-untyped-call]
-
-    def read_mark(self, text: str | None) -> Mark | None:
-        """Read the mark in the comment of a view."""
-        found = None if text is None else MARKED.fullmatch(text)
-        if found is None:
-            return None
-        kb_id, predicate_id, kind, digest = found.groups()
-        return Mark(int(kb_id), int(predicate_id), kind, digest)
 
     def create(self, name: str, definition: str, mark: Mark, readers: Sequence[str]) -> list[str]:
         """Write the statements that create a view and grant others to read it."""

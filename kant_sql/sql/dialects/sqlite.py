@@ -113,7 +113,6 @@ _STORED_AS: tuple[tuple[Any, str], ...] = (
 )
 # Made once: `json.dumps` makes an encoder for each call, which takes as long as the call.
 _TO_JSON = json.JSONEncoder(ensure_ascii=False).encode
-_VIEW = re.compile(rf"CREATE VIEW \S+ AS /\* ({MARKED.pattern}) \*/")
 
 
 def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[Statement]:
@@ -181,6 +180,7 @@ class SqliteViews(ViewDialect):
     """Generated views on SQLite: the mark is a comment in the view's text."""
 
     relations = "SELECT name, CASE type WHEN 'view' THEN sql END FROM sqlite_master"
+    marked = re.compile(rf"CREATE VIEW \S+ AS /\* {MARKED.pattern} \*/")
     columns = "SELECT name FROM pragma_table_info('{0}') ORDER BY cid"
     is_goal = "v.is_goal = 1"
     epoch = "(strftime('%s', substr({0}, 1, 19)) * 1000000 + substr({0}, 21, 6)) / 1000000.0"
@@ -189,14 +189,6 @@ class SqliteViews(ViewDialect):
         " * 1000000 + substr({1}, 21, 6) - substr({0}, 21, 6)) / 1000000.0"
     )
     preparer = SQLiteDialect().identifier_preparer
-
-    def read_mark(self, text: str | None) -> Mark | None:
-        """Read the mark in the text of a view."""
-        found = None if text is None else _VIEW.match(text)
-        if found is None:
-            return None
-        _, kb_id, predicate_id, kind, digest = found.groups()
-        return Mark(int(kb_id), int(predicate_id), kind, digest)
 
     def create(self, name: str, definition: str, mark: Mark, readers: Sequence[str]) -> list[str]:
         """Write the statement that creates a view."""

@@ -83,6 +83,7 @@ class ViewDialect(ABC):
     Attributes:
         relations: the query of all names that a new view cannot have, each with the text that may
             hold a mark.
+        marked: what such a text of a generated view begins with.
         columns: the query of the columns of the relation `{0}`, in their order.
         is_goal: the condition that a version `v` of a proposition is of a goal.
         epoch: the time `{0}` in seconds since 1970, exact to the microsecond.
@@ -91,15 +92,20 @@ class ViewDialect(ABC):
     """
 
     relations: str
+    marked: re.Pattern[str]
     columns: str
     is_goal: str
     epoch: str
     seconds: str
     preparer: IdentifierPreparer
 
-    @abstractmethod
     def read_mark(self, text: str | None) -> Mark | None:
         """Read the mark in a text from `relations`; None without one."""
+        found = None if text is None else self.marked.match(text)
+        if found is None:
+            return None
+        kb_id, predicate_id, kind, digest = found.groups()
+        return Mark(int(kb_id), int(predicate_id), kind, digest)
 
     @abstractmethod
     def create(self, name: str, definition: str, mark: Mark, readers: Sequence[str]) -> list[str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal
 from typing import NamedTuple
@@ -270,11 +269,8 @@ class Walk(NamedTuple):
         return f"{self.alias}.{self.column} = {self.identity}"
 
 
-class NestedLoops(ABC):
-    """How one dialect writes a join whose order is fixed.
-
-    SQLite keeps the order of a CROSS JOIN. PostgreSQL keeps that of lateral subqueries that it
-    cannot pull up; without statistics it would otherwise hash millions of versions for a few ids.
+class NestedLoops:
+    """Joins whose order is fixed, as a dialect writes them that keeps that of a CROSS JOIN: SQLite.
 
     Attributes:
         larger: the function of the largest of some numbers.
@@ -282,78 +278,49 @@ class NestedLoops(ABC):
         contains: the operator between a text and a pattern; see `containing.py`.
     """
 
-    larger: str
-    smaller: str
-    contains: str
-
-    @abstractmethod
-    def rows(self, parameter: str, columns: int) -> str:
-        """Write the relation of rows of ids, as JSON, with `place`, from 0, `id0`, `id1` ..."""
-
-    @abstractmethod
-    def times(self, parameter: str) -> str:
-        """Write the relation of times, as JSON texts, with columns `place` and `moment`."""
-
-    @abstractmethod
-    def loop(self, alias: str, table: str, conditions: str) -> str:
-        """Write an inner loop."""
-
-    @abstractmethod
-    def last(self, walk: Walk, revision: str, wanted: str) -> str:
-        """Write the subquery of the last row up to a revision."""
-
-    @abstractmethod
-    def part(self, walk: Walk, after: str, upto: str, number: str, wanted: str) -> str:
-        """Write the query of rows that began after a revision, up to another one."""
-
-    @abstractmethod
-    def walk(self, walk: Walk, first: str, upto: str) -> str:
-        """Write an inner loop over the few rows that began from one revision up to another."""
-
-    @abstractmethod
-    def range(self, walk: Walk, first: str, upto: str) -> str:
-        """Write the same loop, however many rows it has."""
-
-
-class _SqliteLoops(NestedLoops):
     larger, smaller, contains = "max", "min", OPERATORS["sqlite"]
 
-    @override
     def rows(self, parameter: str, columns: int) -> str:
+        """Write the relation of rows of ids, as JSON, with `place`, from 0, `id0`, `id1` ..."""
         return _sqlite_rows(parameter, columns, "id")
 
-    @override
     def times(self, parameter: str) -> str:
+        """Write the relation of times, as JSON texts, with columns `place` and `moment`."""
         return f"(SELECT key AS place, value AS moment FROM json_each(:{parameter}))"
 
-    @override
     def loop(self, alias: str, table: str, conditions: str) -> str:
+        """Write an inner loop."""
         return f" CROSS JOIN {table} AS {alias} ON {conditions}"
 
-    @override
     def last(self, walk: Walk, revision: str, wanted: str) -> str:
+        """Write the subquery of the last row up to a revision."""
         since = f"{walk.alias}.since"
         found = walk.where(wanted, f"{walk.own} AND {since} <= {revision}")
         return f"({found} ORDER BY {since} DESC LIMIT 1)"
 
-    @override
     def part(self, walk: Walk, after: str, upto: str, number: str, wanted: str) -> str:
+        """Write the query of rows that began after a revision, up to another one."""
         since = f"{walk.alias}.since"
         began = f"{walk.own} AND {since} > {after} AND {since} <= {upto}"
         return f"{walk.where(wanted, began)} LIMIT {number}"
 
-    @override
     def walk(self, walk: Walk, first: str, upto: str) -> str:
+        """Write an inner loop over the few rows that began from one revision up to another."""
+        return self.range(walk, first, upto)
+
+    def range(self, walk: Walk, first: str, upto: str) -> str:
+        """Write the same loop, however many rows it has."""
         since = f"{walk.alias}.since"
         began = f"{walk.own} AND {since} >= {first} AND {since} <= {upto}"
         return self.loop(walk.alias, walk.table, f"{walk.alias}.kb_id = :kb AND {began}")
 
-    @override
-    def range(self, walk: Walk, first: str, upto: str) -> str:
-        return self.walk(walk, first, upto)
 
+class _LateralLoops(NestedLoops):
+    """The same for PostgreSQL, which keeps the order of lateral subqueries that it cannot pull up.
 
-class _PostgresqlLoops(NestedLoops):
+    Without statistics it would otherwise hash millions of versions for a few ids.
+    """
+
     larger, smaller, contains = "greatest", "least", OPERATORS["postgresql"]
 
     @override
@@ -411,6 +378,6 @@ def id_rows(ids: Iterable[int]) -> str:
 
 
 NESTED_LOOPS: dict[str, NestedLoops] = {
-    "sqlite": _SqliteLoops(),
-    "postgresql": _PostgresqlLoops(),
+    "sqlite": NestedLoops(),
+    "postgresql": _LateralLoops(),
 }
