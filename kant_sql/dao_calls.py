@@ -256,7 +256,9 @@ class _Reader:
     def _spend(self, parts: int) -> None:
         self._left -= parts
         if self._left < 0:
-            raise InvalidArgumentError("the document unfolds to too much; give fewer elements")
+            raise InvalidArgumentError(
+                "the document is too large with its references; give fewer elements"
+            )
 
 
 def _only(given: object) -> tuple[str, Any]:

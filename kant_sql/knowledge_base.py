@@ -202,7 +202,7 @@ class KeptRules(Front):
 
 
 class Executions(Front):
-    """`kb.executions`: what was done, and reports of components that act without PDDL."""
+    """`kb.executions`: executions, and reports of components that act without PDDL."""
 
     get = reads(lambda: acts.executions.get)
     get_all = reviews(lambda: acts.executions.get_all)
@@ -296,7 +296,7 @@ class KnowledgeBase(Front):
 
     @cached_property
     def executions(self) -> Executions:
-        """What was done: read it, and report what was done without PDDL."""
+        """Executions: read them, and report acts without PDDL."""
         return Executions(self._factory, state=self._state)
 
     @cached_property
@@ -315,15 +315,15 @@ class KnowledgeBase(Front):
         """Compare two states. Recorded plans and archives belong to no state.
 
         Args:
-            a: a revision, given as for `at`; or the state of another knowledge base, in any store,
-                as a branch has it.
+            a: a revision, given as for `at`; or another knowledge base, in any store, such as a
+                branch.
             b: another, before or after `a`.
-            clock: `committed`, or `valid` to compare what was true at two times, as it is known in
-                this state; a revision stands for its time then.
+            clock: `committed`, or `valid` to compare the states that were true at two times, as
+                known in this state; then a revision stands for its time.
 
         Returns:
-            What would turn `a` into `b`: `+` for what holds at `b` only, `-` for what holds at `a`
-            only, sorted by sign, kind and text. Of a knowledge base, pending changes of open
+            The changes from `a` to `b`: `+` for elements of `b` only, `-` for elements of `a` only,
+            sorted by sign, kind and text. For a knowledge base, pending changes of open
             transactions count.
 
         Raises:
@@ -365,12 +365,12 @@ class KnowledgeBase(Front):
         Args:
             when: a revision's number (0 is before the first), an aware time up to now, or a text of
                 either: `2026-01-31T09:30:00Z` (UTC unless it has a zone), `2 hours ago`,
-                `yesterday 14:03`, `now`. What was known then.
+                `yesterday 14:03`, `now`. This is the state as known then.
             known: the same by its name.
-            valid: a time: what was true then, as it is known now, or was known at `known`. Facts
-                and values are those of that time, definitions the last ones known of all that was
-                known since, goals those of what is known. It answers about this one state;
-                questions about a range of revisions are refused.
+            valid: a time, for the state that was true then, as known now or at `known`. Facts and
+                values are those of that time, goals those of the known time; definitions are the
+                last ones of all elements known since. Questions about a range of revisions are
+                refused.
 
         Returns:
             The same DAOs on that state.
@@ -378,7 +378,7 @@ class KnowledgeBase(Front):
         Raises:
             UnknownRevisionError: there is no such revision yet, the time lies in the future or has
                 no zone, or none of the three is given.
-            InvalidArgumentError: a text is neither a revision's number nor a time, `valid` is no
+            InvalidArgumentError: a text is neither a revision's number nor a time, `valid` is not a
                 time, or the revision is given twice.
             ArchivedError: a part of that state was moved to an archive.
 
@@ -399,10 +399,10 @@ class KnowledgeBase(Front):
     ) -> Self:
         """Begin a knowledge base with a state of this one, to try something out.
 
-        All that belongs to the state goes over: definitions, facts, goals and values, in the same
-        order, so that both write the same documents. (A domain or problem that was never loaded is
-        called as its knowledge base, and so is a branch without `name`.) Recorded plans and the
-        history stay behind. The first revision of the branch names this knowledge base, its
+        The branch gets the whole state: definitions, facts, goals and values, in the same order, so
+        that both write the same documents. (A domain or problem that was never loaded has the name
+        of its knowledge base, as does a branch without `name`.) Recorded plans and the history are
+        not copied. The first revision of the branch names this knowledge base, its
         revision and that revision's hash in `source`, as `parent`, `revision` and `hash`; a branch
         of an empty state has no revision yet.
 
@@ -415,14 +415,14 @@ class KnowledgeBase(Front):
                 of it is in another store in memory.
 
         Returns:
-            The branch, which writes as the same actor; close it as any other.
+            The branch, which writes as the same actor; close it like any knowledge base.
 
         Raises:
             ConflictError: the store has a knowledge base of that name.
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
             ArchivedError: a part of that state was moved to an archive.
-            ReadOnlyError: the task or thread has a transaction open: what is pending has no
+            ReadOnlyError: the task or thread has a transaction open: pending changes have no
                 revision that the branch could name.
             InvalidUrlError: the URL is not valid, or of a family that takes no branches.
 
@@ -437,20 +437,20 @@ class KnowledgeBase(Front):
     def merge_preview(
         self, branch: KnowledgeBase, *, decide: Mapping[str, Decision] | None = None
     ) -> Merge:
-        """Compare a branch with this knowledge base, as a merge would; nothing is changed.
+        """Compare a branch with this knowledge base, as a merge would, and write nothing.
 
         Args:
             branch: as for `merge`.
-            decide: as for `merge`; what is not decided yet is listed as a conflict.
+            decide: as for `merge`; decisions may be missing.
 
         Returns:
-            What the merge would change, the conflicts with who wrote, when and why on both sides,
-            and why the result would be refused, if so. That is found out in a transaction that is
-            rolled back, so not where this was opened for reading only.
+            The changes, the conflicts with who wrote, when and why on both sides, and why the
+            result would be refused, if so. The latter needs a transaction, which is rolled back, so
+            it is missing if this was opened for reading only.
 
         Raises:
             ConflictError: this is not a branch of this knowledge base.
-            ArchivedError: a part of what either has changed since was moved to an archive.
+            ArchivedError: a part of the changes of either side was moved to an archive.
 
         Examples:
             >>> with kb.branch() as trial:
@@ -471,34 +471,34 @@ class KnowledgeBase(Front):
         actor: str | None = None,
         expected_revision: int | None = None,
     ) -> Merge:
-        """Merge a branch: what it has changed since it began, as one revision here.
+        """Merge the changes of a branch since it began, as one revision here.
 
-        The base is the state in which the branch began, or in which it was merged last. What only
-        the branch has changed since is taken over. It is a conflict if both have changed an
-        element since and differ in it, or if one has deleted what the other has begun to use.
+        The base is the state in which the branch began, or in which it was merged last. Changes
+        that only the branch has made since are applied. It is a conflict if both have changed an
+        element since and differ in it, or if one has deleted an element that the other now uses.
         Definitions, facts, goals, values, rules and documents are merged; plans, executions and
         confirmations stay in the branch. The revision names the branch in `source`, as `branch`,
         its `revision` and its `hash`, and the base here as `base`.
 
         Args:
             branch: a branch of this knowledge base, in any store, or a past state of one.
-            decide: for each conflict its `element`, and `ours` to keep what is here, or `theirs`.
-                What mentions an element that is decided to be gone goes with it.
+            decide: for each conflict its `element`, and `ours` to keep this side, or `theirs`.
+                Deciding for a deletion also deletes the elements that mention the deleted one.
             reason: why; by default `merged NAME at revision NUMBER`.
             actor: who merges; by default the knowledge base's actor.
             expected_revision: the last revision, as in a preview's `head`; None for any.
 
         Returns:
-            What was changed, and the revision; None for that if nothing was new.
+            The changes, and the revision, which is None if nothing was new.
 
         Raises:
             MergeConflictError: conflicts are not decided; nothing was written.
             RuleViolatedError: the result would violate a rule that refuses.
-            ConflictError: this is not a branch of this knowledge base, or what one side defines
-                does not fit what the other says.
+            ConflictError: this is not a branch of this knowledge base, or definitions of one side
+                do not fit elements of the other.
             StaleRevisionError: another writer came first.
-            InvalidArgumentError: a decision is about what is no conflict.
-            ArchivedError: a part of what either has changed since was moved to an archive.
+            InvalidArgumentError: a decision is not about a conflict.
+            ArchivedError: a part of the changes of either side was moved to an archive.
             ReadOnlyError: this is a view of the past, or one of the two has a transaction open.
 
         Examples:

@@ -166,7 +166,7 @@ class _Link:
             raise errors.ConnectionLostError(f"{address}: no answer ({broken}); try again")
         raise errors.OutcomeUnknownError(
             f"{address}: no answer to a write ({broken}): whether it was written is not known; "
-            "read what holds before you write it again"
+            "read the state before you write it again"
         )
 
     def _send(

@@ -320,7 +320,7 @@ def _refuse_unknown(store: Store, asked: ExecutionFilter) -> None:
     missing = store.read_in_snapshot(work)
     if missing is not None:
         raise UnknownNameError(
-            f"knowledge base {store.name!r} never had the {missing}, and no execution is of it"
+            f"knowledge base {store.name!r} never had the {missing}, and has no execution of it"
         )
     if asked.actor is not None:
         refuse_unknown_actor(store, asked.actor)
@@ -338,21 +338,21 @@ def report(
     ended_at: datetime | str | None = None,
     reason: str | None = None,
 ) -> Execution:
-    """Record what a component did, in one revision; no condition is checked, no effect written.
+    """Record an act of a component, in one revision, without conditions and effects.
 
-    A component without PDDL, such as a behaviour tree or a state machine, reports what it does: by
-    a name, or once it is running, by the execution. An executive that writes effects by itself
-    reports the steps of a recorded plan in the same way: each is started once, and then
-    succeeds, fails or is aborted; one that was not started can be aborted, too.
+    A component without PDDL, such as a behaviour tree or a state machine, reports its acts by a
+    name, or, once they run, by the execution. An executive that writes effects itself reports the
+    steps of a recorded plan in the same way: each is started once, and then succeeds, fails or is
+    aborted; one that was not started can be aborted, too.
 
     Args:
-        act: what the act is called; or an execution that is running, or a step of a recorded plan,
-            of which this is the next outcome.
+        act: the name of the act; or a running execution, or a step of a recorded plan, to set its
+            next outcome.
         outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`.
         arguments: objects of the knowledge base, or any other texts.
         code: the code of a failure.
-        text: what is said of it.
-        started_at: when it began, if not now: an aware time or a text, as `2 minutes ago`.
+        text: a message.
+        started_at: when it began, if not now: an aware time or a text such as `2 minutes ago`.
         ended_at: when it ended, likewise.
         reason: the revision's reason.
 
@@ -362,7 +362,7 @@ def report(
     Raises:
         PlanError: the execution is not known, or its present outcome does not allow this one; the
             name or an argument is not a text; or it ends before it begins.
-        InvalidArgumentError: this is no outcome, or a text is not a time.
+        InvalidArgumentError: this is not an outcome, or a text is not a time.
         ReadOnlyError: this is a view of the past.
 
     Examples:
@@ -401,12 +401,12 @@ def fail(
     text: str | None = None,
     reason: str | None = None,
 ) -> Execution:
-    """Record that a running execution has failed. What its start changed stays.
+    """Record that a running execution has failed. The changes of its start stay.
 
     Args:
         execution: a running one, as `start` and `executions.report` return it.
         code: the code of the failure.
-        text: what is said of it.
+        text: a message.
         reason: the revision's reason.
 
     Returns:
@@ -434,12 +434,12 @@ def _said(
 ) -> Said:
     """Check what is said of an outcome."""
     if code is not None and outcome != FAILED:
-        raise PlanError(f"{shown(code)} is the code of a failure, and the outcome is {outcome!r}")
+        raise PlanError(f"{shown(code)} is the code of a failure, but the outcome is {outcome!r}")
     begun, ended = (
         _moment(at, role) for at, role in ((started_at, "started_at"), (ended_at, "ended_at"))
     )
     if ended is not None and outcome == RUNNING:
-        raise PlanError("ended_at is given of an execution that is running; leave it out")
+        raise PlanError("ended_at is given for a running execution; leave it out")
     texts = storable_text(code, "code", PlanError), storable_text(text, "text", PlanError)
     return check_order(Said(*texts, begun, ended))
 

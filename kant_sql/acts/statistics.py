@@ -48,24 +48,24 @@ def wilson(succeeded: int, count: int) -> tuple[float, float] | None:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What became of the executions of one group.
+    """Figures about the executions of one group.
 
     Attributes:
-        action: the action, or what a component without PDDL calls the act; None if not grouped so.
-        argument: an object or another word that is among the arguments; None if not grouped so.
-        arguments: all arguments together; None if not grouped so.
-        actor: who began them; None if not grouped so, or if nobody is named.
-        count: how many were begun or refused.
-        running: how many of them run.
-        succeeded: how many succeeded.
-        failed: how many failed.
-        aborted: how many were aborted.
-        refused: how many were refused, and so not begun.
-        mean: seconds that those took on average that succeeded or failed; None without any.
-        median: seconds that half of those took at most.
-        percentile_95: seconds within which 95 % of those ended.
-        codes: how many failed with each code, the most frequent first.
-        unconfirmed: how many facts hold as effects of them that no other actor has confirmed.
+        action: the action, or the name of an act without PDDL; None if not grouped by it.
+        argument: an object or another word among the arguments; None if not grouped by it.
+        arguments: all arguments together; None if not grouped by them.
+        actor: who began them; None if not grouped by it, or if nobody is named.
+        count: the number of executions, including refused ones.
+        running: the number that are running.
+        succeeded: the number that succeeded.
+        failed: the number that failed.
+        aborted: the number that were aborted.
+        refused: the number that were refused, and so not begun.
+        mean: the mean duration of those that succeeded or failed, in seconds; None without any.
+        median: their median duration, in seconds.
+        percentile_95: the 95th percentile of their durations, in seconds.
+        codes: the number of failures with each code, the most frequent first.
+        unconfirmed: the number of their effects that hold and that no other actor has confirmed.
     """
 
     _json_ = (

@@ -26,13 +26,13 @@ def acts(
     since: c.Since = None,
     until: c.Until = None,
     actor: Annotated[
-        str | None, c.option("Show only what this actor began.", metavar="NAME")
+        str | None, c.option("Show only executions that this actor began.", metavar="NAME")
     ] = None,
     action: Annotated[
         str | None, c.option("Show only executions of this action.", metavar="NAME")
     ] = None,
     object_: Annotated[
-        str | None, c.option("Show only what names this object.", "--object", metavar="NAME")
+        str | None, c.option("Show only executions with this object.", "--object", metavar="NAME")
     ] = None,
     outcome: Annotated[
         str | None,
@@ -40,9 +40,9 @@ def acts(
     ] = None,
     as_json: Annotated[bool, c.json_lines("execution")] = False,
 ) -> None:
-    """Show what was done: by whom, why, and what came of it.
+    """Show executions: by whom, why, and with which outcome.
 
-    Steps of plans that were not started are left out.
+    Steps of plans that were not started are omitted.
     """
     if outcome is not None and outcome not in OUTCOMES:
         hint = f"{outcome!r}: expected one of {', '.join(OUTCOMES)}"
@@ -71,13 +71,13 @@ def statistics(
     since: c.Since = None,
     until: c.Until = None,
     actor: Annotated[
-        str | None, c.option("Count only what this actor began.", metavar="NAME")
+        str | None, c.option("Count only executions that this actor began.", metavar="NAME")
     ] = None,
     as_json: Annotated[bool, c.json_lines("group")] = False,
 ) -> None:
     """Show how often actions succeeded, and how long they took.
 
-    The success rate is of those that succeeded or failed, with its 95 % interval (Wilson).
+    The success rate, with its 95 % interval (Wilson), covers executions that succeeded or failed.
     """
     for word in by or ():
         if word not in _GROUPINGS:

@@ -37,7 +37,7 @@ _Words = Annotated[
 _Parameters = Annotated[
     str | None,
     c.option(
-        "Types of the variables, such as '(?r - robot ?w - wp)'; default: what the atoms allow.",
+        "Types of the variables, such as '(?r - robot ?w - wp)'; default: those of the atoms.",
         metavar="PDDL",
     ),
 ]
@@ -277,9 +277,7 @@ def rules(
             "'(always (robot_at rb1 wp1))'; default: those of the domain and the problem.",
         ),
     ] = None,
-    kept: Annotated[
-        bool, c.option("Judge the rules that are kept in the store instead.", "--kept")
-    ] = False,
+    kept: Annotated[bool, c.option("Judge the kept rules instead.", "--kept")] = False,
     save: Annotated[str | None, c.option("Keep the rule, by this name.", metavar="NAME")] = None,
     refuse: Annotated[
         bool, c.option("With --save: refuse each transaction that would violate it.", "--refuse")

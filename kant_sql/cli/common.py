@@ -112,7 +112,7 @@ At = Annotated[str | None, option(f"The state at {_MOMENT}", metavar="REV|TIME")
 Valid = Annotated[
     str | None,
     option(
-        "What was true at a time (with --at: as known then); default: what was known.",
+        "The state that was true at a time (with --at: as known then).",
         metavar="TIME",
     ),
 ]
@@ -121,7 +121,7 @@ Until = Annotated[str | None, option(f"Only up to {_MOMENT}", metavar="REV|TIME"
 Clock = Annotated[
     str,
     option(
-        "By the time 'committed' (default), or by 'valid': when it was true, as it is known.",
+        "The clock: 'committed' (default), or 'valid' for the times when it was true.",
         metavar="CLOCK",
     ),
 ]
@@ -141,7 +141,7 @@ AnchorFile = Annotated[
 Fixed = Annotated[
     list[str] | None,
     option(
-        "Bind a variable to an object, as r=rb1; you can repeat this.",
+        "Bind a variable to an object, such as r=rb1; you can repeat this.",
         "--fix",
         metavar="VARIABLE=OBJECT",
     ),
@@ -190,7 +190,7 @@ def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:
         name = variable.removeprefix("?")
         if not (name and equals and object_):
             raise typer.BadParameter(
-                f"{pair!r}: expected a variable and an object, as r=rb1", param_hint="--fix"
+                f"{pair!r}: expected a variable and an object, such as r=rb1", param_hint="--fix"
             )
         # Variables ignore case, keywords do not.
         key = name.upper() if name.lower() in _RESERVED else name

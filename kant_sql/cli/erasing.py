@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Archive = Annotated[
     str | None,
-    c.option("The archive that has a part of the history; it is erased there, too.", metavar="URL"),
+    c.option("The archive with a part of the history, to erase there, too.", metavar="URL"),
 ]
 _ERASE_USAGE, _RETENTION_USAGE = "[URL] OBJECT", "[URL]"
 
@@ -30,7 +30,7 @@ def erase(
     also: Annotated[
         list[str] | None,
         c.option(
-            f"Also erase what revisions say that contains the name: {', '.join(SAID)}; repeatable.",
+            f"Also erase this part of revisions with the name: {', '.join(SAID)}; repeatable.",
             metavar="PART",
         ),
     ] = None,
@@ -45,10 +45,10 @@ def erase(
     yes: Annotated[bool, c.option("Erase; without it, this is a dry run.", "--yes")] = False,
     as_json: c.AsJson = False,
 ) -> int:
-    """Erase the name of an object and all that mentions it.
+    """Erase the name of an object, wherever it is stored.
 
-    Without --yes, nothing is changed: it lists what would be erased, and what else may name the
-    same person. Exits with 1 if bytes of the name may remain in the database.
+    Without --yes it changes nothing: it counts the texts that would be erased, and lists others
+    that may name the same person. Exits with 1 if bytes of the name may remain in the database.
     """
     url, (element,) = c.split_url(words, _ERASE_USAGE, "sqlite:///robot.db maria")
     with c.open_to_read(url, kb) as (name, knowledge_base):
@@ -117,7 +117,7 @@ def retention(
     ] = None,
     every: Annotated[
         float | None,
-        c.option("Keep running, and look again after so many seconds.", metavar="SECONDS", min=1),
+        c.option("Keep running, with a run every N seconds.", metavar="SECONDS", min=1),
     ] = None,
     archive: Archive = None,
     kb: c.Name = None,
@@ -125,9 +125,9 @@ def retention(
     reason: c.Reason = None,
     as_json: c.AsJson = False,
 ) -> int:
-    """Erase what old revisions say of who wrote them and why.
+    """Erase actors, reasons or sources of old revisions.
 
-    Each run is at most one revision; where nothing is old enough there is none.
+    Each run makes one revision, or none if nothing is old enough.
     """
     url, _ = c.split_url(words or [], _RETENTION_USAGE, "sqlite:///robot.db --after 30d")
     from ..history.erasure.retention import read_rules

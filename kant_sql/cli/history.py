@@ -162,7 +162,11 @@ def unconfirmed(
     at: c.At = None,
     older_than: Annotated[float | None, c.seconds("Show only what is older than this.")] = None,
     contradicted: Annotated[
-        bool, c.option("Show what another actor retracted unseen.", "--contradicted")
+        bool,
+        c.option(
+            "Show those that another actor retracted before anyone had confirmed them.",
+            "--contradicted",
+        ),
     ] = False,
     as_json: Annotated[bool, c.json_lines("fact")] = False,
 ) -> None:
@@ -180,7 +184,7 @@ def corrections(
     limit: Annotated[int | None, c.most("Show at most N corrections.")] = None,
     as_json: Annotated[bool, c.json_lines("correction")] = False,
 ) -> None:
-    """Show what was later said differently of a time."""
+    """Show sayings that differ from what was believed of their time."""
     with c.open_state(url, kb, None) as (_, state):
         found = state.corrections(since=since, until=until, limit=limit)
         write_each(found, as_json, _write_correction)
@@ -195,7 +199,7 @@ def _write_correction(printer: Printer, one: Correction) -> None:
         printer.line(f"  {verb}: {belief.content}{who}")
 
 
-_Depth = Annotated[int, c.option("Follow so many links.", "--depth", metavar="N", min=1)]
+_Depth = Annotated[int, c.option("Follow up to N links.", "--depth", metavar="N", min=1)]
 _Most = Annotated[int, c.most("Show at most N links.")]
 _LinkLines = Annotated[bool, c.json_lines("link")]
 
@@ -222,7 +226,7 @@ def origins(
     limit: _Most = 100,
     as_json: _LinkLines = False,
 ) -> None:
-    """Show which acts, observations and files a fact goes back to."""
+    """Show the acts, observations and files that a fact comes from."""
     url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
     with c.open_state(url, kb, at) as (_, state):
         _write_links(state.origins(element, depth=depth, limit=limit), as_json)
@@ -264,7 +268,7 @@ def diff(
     clock: c.Clock = "committed",
     as_json: c.AsJson = False,
 ) -> None:
-    """Show what holds at B and not at A (+), and the reverse (-)."""
+    """Show elements that hold only at B (+) or only at A (-)."""
     url, (a, *rest) = c.split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
     a, dots, b = a.partition("..")
     if rest and dots:

@@ -30,11 +30,11 @@ def merge(
     at: c.At = None,
     ours: Annotated[
         list[str] | None,
-        c.option("Of this conflict, keep what is here; repeatable.", metavar="ELEMENT"),
+        c.option("Keep this side of this conflict; repeatable.", metavar="ELEMENT"),
     ] = None,
     theirs: Annotated[
         list[str] | None,
-        c.option("Of this conflict, take what the branch has; repeatable.", metavar="ELEMENT"),
+        c.option("Take the branch's side of this conflict; repeatable.", metavar="ELEMENT"),
     ] = None,
     yes: Annotated[bool, c.option("Merge; without it, this is a dry run.", "--yes")] = False,
     actor: c.Actor = None,
@@ -43,8 +43,8 @@ def merge(
 ) -> int:
     """Merge a branch: its changes, as one revision.
 
-    Without --yes, nothing is changed: it lists what would change, and the conflicts, with who, when
-    and why on both sides. Exits with 1 if a merge would be refused. --at is of the branch.
+    Without --yes it writes nothing: it lists the changes, and the conflicts, with who, when and why
+    on both sides. Exits with 1 if a merge would be refused. --at is a state of the branch.
     """
     url, names = c.split_url(words or (), _USAGE, "sqlite:///robot.db trial")
     if not names and target is None:

@@ -267,7 +267,7 @@ def why_not(
 ) -> None:
     """Show which conditions of a step do not hold.
 
-    Of a durative action, its start counts, and what is over all right after it.
+    For a durative action, these are the conditions at its start, and over all right after it.
     """
     url, (step,) = c.split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
     name, revision, failed = c.ask_state(url, kb, at, valid, lambda state: state.why_not(step))
@@ -299,7 +299,7 @@ def applicable(
 ) -> None:
     """List the steps that you can execute in a state.
 
-    With --fix, actions that lack such a parameter are left out.
+    --fix omits actions without such a parameter.
     """
     url, names = c.split_url(words or (), _APPLICABLE_USAGE, "sqlite:///robot.db move")
     fixed = c.parse_fixed(fix)

@@ -101,7 +101,7 @@ def push(
 ) -> int:
     """Send the revisions that another store lacks.
 
-    What arrives is the same history, in a replica that refuses local writes. Exits with 65 if a
+    The target becomes a replica: the same history, without local writes. Exits with 65 if a
     history is refused, 75 if a store cannot be reached, 77 without permission, and 78 if a URL or
     the tables' version is wrong.
     """
@@ -228,7 +228,7 @@ def promote(
 ) -> None:
     """Turn a replica into a knowledge base that you can write to.
 
-    It can be written to from then on, and its origin's later revisions are refused.
+    From then on, it refuses later revisions of its origin.
     """
     with c.open_to_read(url, kb) as (name, knowledge_base):
         made = knowledge_base.store.promote(reason=reason, actor=actor)

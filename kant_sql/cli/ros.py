@@ -53,17 +53,17 @@ def import_(
         str,
         typer.Option(
             metavar="CLOCK",
-            help="What a message says holds from its import on, 'committed' (default), or from its "
-            "time in the recording on, 'observed'.",
+            help="Facts hold from the import on, 'committed' (default), or from their time in the "
+            "recording on, 'observed'.",
         ),
     ] = "committed",
     as_json: AsJson = False,
 ) -> None:
     """Make revisions of a recording by rosbag2.
 
-    Each message of the recorded node is a revision, with its time in the recording. Messages of the
-    node's topic changes are taken, or else calls of its services. What the node knew before the
-    recording must be loaded first. After an interruption, run it again.
+    Each message of the recorded node becomes a revision, with its time in the recording: messages
+    of the node's topic changes, or else calls of its services. First load the node's knowledge from
+    before the recording. After an interruption, run it again.
     """
     from ..knowledge_base import connect
     from ..ros.bags import import_bag

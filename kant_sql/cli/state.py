@@ -76,7 +76,7 @@ def show(
 ) -> None:
     """Show a state, or what a revision changed.
 
-    Several options select the elements to which all of them apply.
+    Several options select the elements that match all of them.
     """
     url, revisions = split_url(words or (), _SHOW_USAGE, "sqlite:///robot.db 19")
     is_part = facts or not predicate is object_ is type_ is None

@@ -86,7 +86,7 @@ def _ask_to_lose(lost: dict[str, int], as_json: bool) -> None:
     )
     streams = sys.stdin, sys.stderr
     if as_json or not all(stream and stream.isatty() for stream in streams):
-        raise KantSqlError(f"{what}; nothing was changed; to do it, add --yes")
+        raise KantSqlError(f"{what}; nothing was changed; add --yes to do it")
     # On standard error, because the version goes to standard output.
     sys.stderr.write(f"{what}. Go on? [y/N] ")
     sys.stderr.flush()
@@ -117,7 +117,7 @@ def check(url: c.Url, as_json: c.AsJson = False) -> None:
 def sql(url: c.Url, as_json: c.AsJson = False) -> None:
     """Write the SQL that creates the tables.
 
-    Only the URL's dialect matters; nothing is connected.
+    It uses only the URL's dialect, and does not connect.
     """
     from ..sql import schema
 
@@ -259,7 +259,7 @@ def backup(
 ) -> None:
     """Copy an SQLite store into a file, while others write.
 
-    The copy is the store at one moment, all of it. A server is backed up by its own program.
+    The copy is the whole store at one moment. Back up a server with its own program.
     """
     from ..sql.catalog import backup as backup_store
 

@@ -23,7 +23,7 @@ TokensPath = Annotated[
 @tokens.command()
 def add(
     file: TokensPath,
-    actor: Annotated[str, option("Who writes with it.", metavar="NAME")],
+    actor: Annotated[str, option("The actor of its writes.", metavar="NAME")],
     kb: Annotated[
         list[str],
         option("The knowledge base that it is for, * for all; repeatable.", metavar="NAME"),
@@ -33,7 +33,7 @@ def add(
         option("What it may do: read, write, apply or verify; repeatable.", metavar="SCOPE"),
     ],
 ) -> None:
-    """Make a token, and write it to standard output. Nothing shows it again."""
+    """Make a token, and write it to standard output, only this once."""
     from ..web.tokens import TokenFile
 
     made = TokenFile(file).add(actor, kb, scope)
@@ -62,9 +62,9 @@ def list_(file: TokensPath, as_json: AsJson = False) -> None:
 @tokens.command()
 def revoke(
     file: TokensPath,
-    id: Annotated[str, typer.Argument(metavar="ID", help="The id: what the token begins with.")],
+    id: Annotated[str, typer.Argument(metavar="ID", help="The id, with which the token begins.")],
 ) -> None:
-    """Revoke a token. A server that runs refuses it from the next request on."""
+    """Revoke a token. A running server refuses it from the next request on."""
     from ..web.tokens import TokenFile
 
     revoked = TokenFile(file).revoke(id)

@@ -49,7 +49,7 @@ def verify(
     verify_all: Annotated[
         bool, option("Verify all knowledge bases, each from where it was last verified.", "--all")
     ] = False,
-    jobs: Annotated[int, option("With --all: use so many processes.", metavar="N", min=1)] = 1,
+    jobs: Annotated[int, option("With --all: the number of processes.", metavar="N", min=1)] = 1,
     is_continued: Annotated[
         bool | None,
         option(
@@ -73,9 +73,9 @@ def verify(
 
     Recomputes every hash from the tables, compares columns with texts, indexes with their tables,
     and the structure with what the migrations create. Reports findings by revision. Exits with 0
-    if there are none, and 1 otherwise. Where an intact one ended is kept in the store, and the
-    next one can continue there: it checks what was written since, and does not find what was
-    altered in earlier revisions. A run with --all that was ended goes on in the next one.
+    if there are none, and 1 otherwise. The store keeps the last verified revision, and the next
+    verification can continue there: it checks later revisions, and does not find alterations of
+    earlier ones. An interrupted run with --all continues in the next one.
     """
     from ..history.anchors import parse_anchor
 

@@ -63,8 +63,8 @@ def serve(
     """Show the store in a browser, and its data as JSON.
 
     All pages are read-only; with --write, programs write by POST below /api, with a token of the
-    file. Ends with Ctrl-C. At an address that other machines reach, readers need the token that is
-    printed at the start, or the one in KANT_SQL_TOKEN.
+    file. Ends with Ctrl-C. At an address that other machines reach, readers need the printed token,
+    or the one in KANT_SQL_TOKEN.
     """
     try:
         from ..web.application import make_server
@@ -94,12 +94,12 @@ def report(
     clock: Clock = "committed",
     object: Annotated[
         list[str] | None,
-        option("Report what involved this object; you can repeat this.", metavar="NAME"),
+        option("Report everything that involved this object; you can repeat this.", metavar="NAME"),
     ] = None,
     fact: Annotated[
         list[str] | None,
         option(
-            "Report what used this fact, and where it comes from; you can repeat this.",
+            "Report the consequences and origins of this fact; you can repeat this.",
             metavar="PDDL",
         ),
     ] = None,
@@ -116,11 +116,11 @@ def report(
         bool, option("Skip the verification, which reads the whole history.", "--no-verify")
     ] = False,
 ) -> None:
-    """Write what happened as one file: an incident's report.
+    """Write the report of an incident as one file.
 
-    It opens in a browser from disk, without a network, and can be printed: a summary, a timeline,
-    plans and outcomes, rules and violations, goals not reached, the log with reasons, and the
-    verdict of verification with an anchor. Exits with 0 when it is written, whatever it says.
+    Open it in a browser, without a network, or print it: a summary, a timeline, plans and outcomes,
+    rules and violations, goals not reached, the log with reasons, and the verdict of verification
+    with an anchor. Exits with 0 if it is written, whatever it says.
     """
     try:
         from ..web.report import report_html, write_report

@@ -700,7 +700,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         if isinstance(formula, f.Node) and not isinstance(formula, self.node_classes):
             names = " or ".join(each.__name__ for each in self.node_classes)
             raise InvalidKnowledgeError(
-                f"what is saved as a {self.section} is a node {names} of kant_sql.pddl, not "
+                f"a {self.section} is a node {names} of kant_sql.pddl, not "
                 f"{type(formula).__name__}: {shown(formula)}"
             )
         expect_text(formula, f"the {self.section} DAO", f"a {self.section}", self.example)

@@ -167,7 +167,7 @@ def refuse_unknown_actor(store: Store, actor: str) -> None:
     if found is not None:
         known = [one for one in found if one is not None]
         raise UnknownNameError(
-            f"no revision of knowledge base {store.name!r} is of actor {shown(actor)}"
+            f"knowledge base {store.name!r} has no revision by actor {shown(actor)}"
             f"{hint(actor, known)}"
         )
 

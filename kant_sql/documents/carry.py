@@ -274,7 +274,7 @@ def refuse_misfits(transaction: Transaction) -> None:
         shown = "; ".join(wrong[:_SHOWN])
         more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
         raise ConflictError(
-            f"what the one side defines does not fit what the other says: {shown}{more}; nothing "
+            f"definitions of one side do not fit elements of the other: {shown}{more}; nothing "
             "was written: change one of the two"
         )
 

@@ -114,7 +114,7 @@ def refuse_valid_clock(clock: str, what: str) -> None:
     """Refuse the clock of valid times for a format that has no meaning on it."""
     if is_valid_clock(clock):
         raise InvalidArgumentError(
-            f"{what} of what was known and done, by revisions: leave out clock='valid' (--clock); "
+            f"{what} by revisions, not by valid times: leave out clock='valid' (--clock); "
             "the format mcap takes it, and the views fact_valid and value_valid have both clocks"
         )
 

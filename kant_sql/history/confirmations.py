@@ -87,7 +87,7 @@ def unconfirmed(
     """Find expected facts: acts asserted them, and no other actor has confirmed them.
 
     Args:
-        older_than: only what was asserted at least so many seconds ago.
+        older_than: only facts that were asserted at least this many seconds ago.
         limit: the maximum number of facts; None for all.
 
     Returns:
@@ -112,15 +112,15 @@ def contradicted(
 ) -> list[Version]:
     """Find expected facts that another actor retracted, before anyone had confirmed them.
 
-    What another act deleted is not contradicted: its condition held.
+    A fact that another act deleted is not contradicted: the condition of that act held.
 
     Args:
-        since: only what was retracted from this revision or time on.
-        until: only what was retracted up to this revision or time.
+        since: only facts that were retracted from this revision or time on.
+        until: only facts that were retracted up to this revision or time.
         limit: the maximum number of facts; None for all.
 
     Returns:
-        The facts, those that were retracted last first, with the acts that asserted them.
+        The facts, the last retracted first, with the acts that asserted them.
 
     Raises:
         UnknownRevisionError: a bound lies in the future, or is a time without zone.

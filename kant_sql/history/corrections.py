@@ -31,7 +31,7 @@ MOST_BATCHES = 5
 
 @dataclass(frozen=True)
 class Belief:
-    """What an element was taken to be, and who said so.
+    """What was believed of an element, and who said so.
 
     Attributes:
         content: `held` or `not held` of a fact; of a fluent its value, or `no value`.
@@ -48,7 +48,7 @@ class Belief:
 
 @dataclass(frozen=True)
 class Correction:
-    """A period of which something else was said later.
+    """A saying about a period that differs from the earlier belief.
 
     Attributes:
         kind: `fact` or `value`.
@@ -170,17 +170,15 @@ def corrections(
     until: When | None = None,
     limit: int | None = None,
 ) -> list[Correction]:
-    """List what was later said differently of a time: what was believed, and what was true.
-
-    What was said of a time and agrees with what was believed is not listed.
+    """List the sayings that differ from what was believed of their time.
 
     Args:
-        since: only what was said from this revision or time on.
-        until: only what was said up to this revision or time.
+        since: only sayings from this revision or time on.
+        until: only sayings up to this revision or time.
         limit: the maximum number of corrections; None for all.
 
     Returns:
-        The corrections, what was said last first.
+        The corrections, the latest saying first.
 
     Raises:
         UnknownRevisionError: a bound lies in the future, or is a time without zone.

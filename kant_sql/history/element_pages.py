@@ -117,7 +117,7 @@ def read_element_page(
         refuse_unknown(state.store, element, kind)
     raise UnknownNameError(
         f"{shown(element)} has never been in knowledge base {state.store.name!r}"
-        + (", or what was of it is in an archive" if page is not None and page.archived else "")
+        + (", or its versions are in an archive" if page is not None and page.archived else "")
     )
 
 

@@ -463,7 +463,7 @@ class _Merging:
             decided = self._given.get(fold(element), self._given.get(fold(text)))
             if decided == THEIRS:
                 raise InvalidArgumentError(
-                    f"{element} cannot be merged: a revision speaks of one period. Say it here in "
+                    f"{element} cannot be merged: a revision is about one period. Say it here in "
                     "kb.transaction(valid_from=..., valid_until=...), and decide 'ours'"
                 )
             theirs = MergeSide(text, revisions.get(number))
@@ -485,7 +485,7 @@ class _Merging:
                 )
             known = ", ".join(repr(each.element) for each in conflicts[:NAMED]) or "none"
             raise InvalidArgumentError(
-                f"{given!r} is no conflict of this merge; these are: {known}"
+                f"{given!r} is not a conflict of this merge; the conflicts are: {known}"
             )
 
     def write(self, transaction: Transaction) -> Merge:

@@ -18,14 +18,13 @@ NAMED = 10
 
 @dataclass(frozen=True)
 class MergeSide:
-    """What one side of a conflict says, and the revision that said it last.
+    """One side of a conflict, and the revision that changed it last.
 
     Attributes:
-        text: the element's text; None where it is gone or never was.
-        revision: who changed it last since the base, when and why; None if this side has not
-            changed it, but uses it.
-        used_by: what this side has asserted since the base that mentions the element, which the
-            other side has deleted.
+        text: the element's text; None if it was deleted or never existed.
+        revision: who changed it last since the base, when and why; None if this side only uses it.
+        used_by: elements that this side has asserted since the base, and that mention the element,
+            which the other side has deleted.
     """
 
     text: str | None
@@ -43,14 +42,14 @@ class MergeSide:
 
 @dataclass(frozen=True)
 class MergeConflict:
-    """An element of which the two sides say different things.
+    """An element that the two sides have changed differently.
 
     Attributes:
-        element: its kind and its name, as `value (battery rb1)`: what to decide it by.
-        base: its text in the base; None where it did not hold.
+        element: its kind and its name, such as `value (battery rb1)`, as `decide` takes it.
+        base: its text in the base; None if it did not hold.
         ours: this knowledge base.
         theirs: the branch.
-        decided: `ours` or `theirs`; None if it is open.
+        decided: `ours` or `theirs`; None if it is not decided.
     """
 
     _json_ = "element", "base", "ours", "theirs", "decided"
@@ -71,18 +70,17 @@ class MergeConflict:
 
 @dataclass(frozen=True)
 class Merge:
-    """What a merge changes, or would change.
+    """The result or the preview of a merge.
 
     Attributes:
         branch: the name of the branch.
         branch_revision: its last revision, up to which it is merged.
         branch_hash: the hash of that revision.
-        base: the revision of this knowledge base that the branch began with, or the one of the last
-            merge of it.
+        base: the revision of this knowledge base from which the branch began, or its last merge.
         head: the revision of this knowledge base that it was compared with.
-        changes: what the merge changes here; what is open stays as it is here.
-        conflicts: what the two say differently, decided or not.
-        refused: why the result would be refused although all is decided, as by a kept rule.
+        changes: the changes here; undecided conflicts count as `ours`.
+        conflicts: the conflicts, decided or not.
+        refused: why the result would be refused with these decisions, such as by a kept rule.
         revision: the revision that was written; None for a preview, or if nothing is new.
     """
 

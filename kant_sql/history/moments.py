@@ -223,7 +223,9 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
     moment = store.query(lambda session, _: store.clock(session)) if is_now(valid) else valid
     moment = read_when(moment)
     if not isinstance(moment, datetime):
-        raise InvalidArgumentError(f"valid is a time, and {shown(valid)} is none; give it as known")
+        raise InvalidArgumentError(
+            f"valid is {shown(valid)}, expected a time; give a revision as known="
+        )
     (last, committed), _ = states_at(store, ("now" if known is None else known, moment), at)
     return State(ValidStore(store, ValidTime(moment, last, min(last, committed))), last)
 

@@ -73,15 +73,15 @@ class Timeline(Drawn):
         until: its end.
         first: the revision whose state it begins with; 0 before the first.
         last: its last revision.
-        slices: how many slices of equal length densities are counted in.
+        slices: the number of slices of equal length for densities.
         lanes: the lanes, in a fixed order: facts, goals and values, by predicate or function.
         next: the value of `after` for the following lanes; None after the last.
-        plans: the recorded plans that were made or carried out in it, oldest first.
-        has_more_plans: whether there were more plans or steps, earlier ones, that are left out.
-        archived_until: what ended up to this time is in an archive, and missing here; None if that
-            is nothing of this window.
-        folded: how many lanes never changed in the window and are left out, counted with the first
-            lanes only; None if unchanged lanes were asked for.
+        plans: the recorded plans that were made or executed in it, oldest first.
+        has_more_plans: whether earlier plans or steps are omitted.
+        archived_until: versions that ended up to this time are in an archive, and missing here;
+            None if this does not concern the window.
+        folded: the number of unchanged lanes that are omitted, counted with the first lanes only;
+            None with `unchanged`.
         has_more_folded: whether there are more of these, which were not counted.
     """
 
@@ -115,13 +115,13 @@ def timeline(
     slices: int = 600,
     clock: str = COMMITTED,
 ) -> Timeline:
-    """Read what held when in a window of time: a picture of it, however much happened.
+    """Read the facts, goals, values and executions in a window of time, in bounded size.
 
     A lane is a fact, a goal or a fluent that held at some time of the window. If it changed
     seldom, it has a bar for each version. If it changed often, versions that last for a slice
-    of the window, as wide as a pixel, are bars, and the others are counted by slice. What held
-    from the beginning of the window (its first six-hundredth) to its end is folded away, unless
-    nothing else is there.
+    of the window, as wide as a pixel, are bars, and the others are counted by slice. Lanes that
+    held from the beginning of the window (its first six-hundredth) to its end are folded, unless
+    there are no others.
 
     A notebook draws the result; `svg` is the drawing as text.
 
@@ -133,13 +133,13 @@ def timeline(
         text: show lanes whose text has this part, in any case, and steps of plans likewise.
         kinds: what to show: some of `fact`, `goal`, `value` and `plan`.
         lanes: the maximum number of lanes.
-        after: `next` of the timeline before, to go on with the lanes that follow. Plans come
-            with the first lanes.
+        after: `next` of the previous timeline, for the following lanes. Plans come with the first
+            lanes.
         unchanged: whether to show lanes that never changed, too.
         slices: the number of slices of the window. There are fewer where many lanes have so
             many versions that these are counted.
-        clock: `committed`, or `valid` for when facts and values were true, as it is known in this
-            state. What something was said of begins with the window at the earliest then, and its
+        clock: `committed`, or `valid` for when facts and values were true, as known in this state.
+            Then bars of elements with sayings begin no earlier than the window, and their
             revisions are those that said so.
 
     Returns:

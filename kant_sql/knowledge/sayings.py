@@ -56,7 +56,7 @@ def make_period(given: Given, now: datetime, is_observed: bool = False) -> Perio
         if moment is not None and (moment > now or moment == begin == now):
             raise InvalidArgumentError(
                 f"{name} {time_text(moment)} is not before the store's clock, {time_text(now)}: "
-                "what is said of a time is said of the past. Leave it out to speak from now on; "
+                "a period is in the past. Leave it out for a fact that holds from now on; "
                 "what will hold at a known time is a timed initial literal: "
                 "kb.timed_initial_literals.save('(at 10 (door_open hall))')"
             )

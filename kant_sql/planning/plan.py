@@ -58,14 +58,14 @@ class PlanStep:
 
 @dataclass(frozen=True, slots=True)
 class EngineRun:
-    """What became of an engine that was asked for a plan.
+    """The run of an engine that was asked for a plan.
 
     Attributes:
         engine: its name.
         seconds: how long it ran.
         status: `solved_satisficing`, `solved_optimally`, `invalid_plan`, `stopped` when another one
             had a plan, `missing`, or a status as of `NoPlanError`.
-        said: what it answered, why its plan is not valid, or the last line that it printed.
+        said: its answer, why its plan is not valid, or the last line that it printed.
     """
 
     engine: str

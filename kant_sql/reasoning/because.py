@@ -49,18 +49,18 @@ _ABSENT = re.compile(r"\s*\(\s*not\s*(\(.*\))\s*\)\s*", re.DOTALL | re.IGNORECAS
 
 @dataclass(frozen=True)
 class CauseLink:
-    """What used something and made something of it: an act, a plan, a rule, or an observation.
+    """An act, a plan, a derived fact, an observation or a document, by the literals of each.
 
     Attributes:
         depth: how many links away from the element it is, from 1.
-        kind: `execution`, `plan`, `derived fact`, `observation` (a revision of no execution) or
-            `document` (one that loaded a domain or a problem).
-        id: the id of the execution or the plan; None of others.
+        kind: `execution`, `plan`, `derived fact`, `observation` (a revision without an execution)
+            or `document` (a revision that loaded a domain or a problem).
+        id: the id of the execution or the plan; None for others.
         text: the act, the derived fact, or the document.
-        revision: the revision in which it began, or that was observed; of a plan, that it was
-            planned from; None of a derived fact.
-        used: the literals that its condition used, as far as they were asked for.
-        made: the literals that it made true, as far as they were asked for.
+        revision: the revision in which it began, or the observation; for a plan, the revision that
+            it was planned from; None for a derived fact.
+        used: the literals that its condition used, as far as the question follows them.
+        made: the literals that it made true, as far as the question follows them.
     """
 
     depth: int
@@ -88,12 +88,12 @@ class CauseLink:
 
 @dataclass(frozen=True)
 class CauseLinks:
-    """What an element led to, or what it goes back to.
+    """The consequences or the origins of an element.
 
     Attributes:
         element: the element.
         links: the links, the nearest first, and among them the newest.
-        searched: the first revision from which on all acts were looked at; None for all.
+        searched: the first revision from which all acts were searched; None for all.
         has_more: whether there are more than the limit.
     """
 
@@ -602,19 +602,19 @@ def _occurrences(action: PreparedAction) -> Iterator[tuple[Head, tuple[r.Place, 
 def consequences(
     state: State, element: Element, *, depth: int = 1, limit: int | None = 50
 ) -> CauseLinks:
-    """Find what a fact or a value led to: the acts, plans and derived facts that used it.
+    """Find the consequences of a fact or a value: the acts, plans and derived facts that used it.
 
-    An act used a version of it if the version was so when its condition held, and the truth of
-    the condition rests on it: the page "Because of what" says when. What a conditional effect
-    asked for, and the numbers that an effect read, count as well.
+    An act used a version if it held when the act's condition held, and the condition depends on
+    it: see the page "Because of what". The conditions of conditional effects, and the numbers that
+    an effect read, count as well.
 
     Args:
         element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
-        depth: how far to follow what the acts changed; 1 for what used the element itself.
+        depth: how many links to follow; 1 for direct uses.
         limit: the most links, the newest of each level first; None for all.
 
     Returns:
-        What used it, the nearest first.
+        The links, the nearest first.
 
     Raises:
         InvalidKnowledgeError: it is not a fact or a fluent.
@@ -636,17 +636,17 @@ def consequences(
 def origins(
     state: State, element: Element, *, depth: int = 10, limit: int | None = 100
 ) -> CauseLinks:
-    """Find what a fact or a value goes back to: acts, observations and documents.
+    """Find the origins of a fact or a value: acts, observations and documents.
 
     Args:
         element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
-            It is asked for as it is now, or else as it was last.
-        depth: how far to go back from acts to what they used.
+            Its present version counts, or else its last one.
+        depth: how many links to go back.
         limit: the most links, the newest of each level first; None for all.
 
     Returns:
-        What made it, and what that used, the nearest first. A literal that is in `used` and in no
-        `made` was never otherwise, or is further back.
+        The links, the nearest first. A literal that is in `used` but in no `made` was always so,
+        or has an origin beyond `depth`.
 
     Raises:
         InvalidKnowledgeError: it is not a fact or a fluent.

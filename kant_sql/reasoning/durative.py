@@ -614,7 +614,7 @@ def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] 
     if effects is None:
         raise PlanError(
             f"{step} cannot be undone: the state before its start is archived or not committed; "
-            "abort it without undo, and correct what it left"
+            "abort it without undo, and correct its changes"
         )
     stands = standing(transaction, effects)
     others = [e for e, is_so in zip(effects, stands, strict=True) if not (is_so and e.is_alone)]
@@ -622,7 +622,7 @@ def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] 
         texts = ", ".join(f"{line.sign}{line.text}" for each in others for line in each.changes)
         raise PlanError(
             f"{step} cannot be undone: something else changed what its start did ({texts}); "
-            "nothing was written: abort it without undo, and correct what it left"
+            "nothing was written: abort it without undo, and correct its changes"
         )
     atoms = transaction.propositions.find([e.key for e in effects if isinstance(e.key, AtomKey)])
     fluents = transaction.values.find([e.key for e in effects if isinstance(e.key, FluentKey)])

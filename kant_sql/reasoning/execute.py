@@ -48,11 +48,11 @@ _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 
 @dataclass(frozen=True)
 class ExecutedPlan:
-    """What came of executing a plan.
+    """The outcome of executing a plan.
 
     Attributes:
-        outcome: `succeeded`; else the outcome of the step that ended it: `failed`, `aborted`, or
-            `refused` if its condition did not hold when its time had come.
+        outcome: `succeeded`, or the outcome of the step that ended it: `failed`, `aborted`, or
+            `refused` if its condition did not hold in time.
         step: the execution that ended it; None if it succeeded, or was cancelled between steps.
         unsatisfied: the conditions of that step that did not hold, each with the revision that
             broke it; none if the step failed by itself.

@@ -31,7 +31,7 @@ from .world import Row, Value
 
 @dataclass(frozen=True)
 class CausalLink:
-    """What supports a part of a step's condition, or of the goal.
+    """The support of a literal in a step's condition, or in the goal.
 
     Attributes:
         supporter: the index in the plan of the step that made it so; None for the state before the

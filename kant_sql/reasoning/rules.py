@@ -45,7 +45,7 @@ from .valid_sweep import ValidPast, ValidSweep, check_range, instant_at, read_pa
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether what was recorded keeps a rule.
+    """Whether the recorded history keeps a rule.
 
     Attributes:
         rule: the rule as PDDL text, with objects for the variables of quantifiers around it.
@@ -53,13 +53,13 @@ class Verdict:
         is_preference: whether it is a preference.
         preference: the name of the preference; None for another rule, or without a name.
         revision: the first revision that violates it, with who made it, when and why; None if none
-            does. Of `kb.watch_rules`, the revision that decided.
+            does. With `kb.watch_rules`, the revision that decided.
         time: its time in seconds from the first revision of the range; None without one.
-        valid_at: on the clock of valid times, this time; `revision` is the one that said what was
-            true then, None if that was so before the range.
-        is_judged: whether its names had a meaning in some state of the range.
-        is_pending: whether it is violated unless a later revision makes it good.
-        name: the name of a rule that is kept in the store.
+        valid_at: on the clock of valid times, the time of the violation; `revision` is the last
+            one about that state, None if it is before the range.
+        is_judged: whether some state of the range has its names.
+        is_pending: whether it is violated unless a later revision fulfils it.
+        name: the name of a kept rule.
     """
 
     _json_ = (
@@ -202,14 +202,14 @@ def check_rules(
     until: When | None = None,
     clock: str = "committed",
 ) -> Verdicts:
-    """Hold trajectory constraints of PDDL 3.0 against what was recorded.
+    """Judge the recorded history by trajectory constraints of PDDL 3.0.
 
     The states of the range are the trajectory: each one at the time of its revision, in seconds
     from the first revision of the range, whose state is the initial one. The semantics is that
     of Gerevini, Haslum, Long, Saetti and Dimopoulos (Artificial Intelligence 173, 2009).
-    A rule is judged where its names have a meaning; one whose names have none in the range is
-    not judged, and not satisfied. A quantifier around a rule makes one rule for each object,
-    which is judged in the states that have the object.
+    A rule is judged in the states that have its names; without any, it is not judged, and not
+    satisfied. A quantifier around a rule makes one rule for each object, which is judged in the
+    states that have the object.
 
     Args:
         rules: constraints and preferences: a path, PDDL text such as
@@ -217,11 +217,10 @@ def check_rules(
             for those of the domain and the problem.
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
-        clock: `committed`, or `observed` for the times at which knowledge was sensed, where
-            they are given. A time before that of an earlier revision counts as that one. Or
-            `valid` for what was true, as it is known in this state: then `since` and `until` are
-            such times, and the states are those between them, from the first of which anything
-            is known.
+        clock: `committed`, or `observed` for the times of observations, if they are given. A time
+            before that of an earlier revision counts as that one. Or `valid` for the states that
+            were true, as known in this state: then `since` and `until` are such times, and the
+            states are those between them, from the first known one.
 
     Returns:
         The verdicts, in the order of the rules.

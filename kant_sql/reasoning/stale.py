@@ -27,10 +27,10 @@ def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
         condition: an atom, or a conjunction of atoms, comparisons and their negations, as for
             `query`; its free variables stand for any objects. The facts are those of its positive
             atoms, for each of its answers.
-        than: seconds; what was seen less than that ago is not stale.
+        than: seconds; a fact that was seen more recently is not stale.
 
     Returns:
-        The facts that hold, those that were asserted first first.
+        The facts that hold, the first asserted first.
 
     Raises:
         UnsupportedConstructError: the condition has another operator, or a derived predicate.

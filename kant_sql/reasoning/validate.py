@@ -116,7 +116,7 @@ class ViolatedConstraint:
 
 @dataclass(frozen=True)
 class Validation:
-    """What executing a plan shows.
+    """The result of executing a plan in memory.
 
     Attributes:
         valid: whether all steps can be executed, the goal is reached, and no constraint is

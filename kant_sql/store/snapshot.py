@@ -97,8 +97,8 @@ def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> Non
     # Before the first revision there was nothing that could have been moved.
     if 0 < at < archived:
         raise ArchivedError(
-            f"a part of what the knowledge base was at revision {at} was moved to an archive: ask "
-            f"the one in {archive_of(session, kb_id, at)}"
+            f"a part of the state at revision {at} was moved to an archive: ask the one in "
+            f"{archive_of(session, kb_id, at)}"
         )
 
 
@@ -107,8 +107,8 @@ def archive_of(session: Session, kb_id: int, at: int) -> str:
     row = session.first(_ARCHIVE, kb=kb_id, at=at)
     if row is None:
         raise StoreIntegrityError(
-            f"{session.backend.label}: the head of knowledge base {kb_id} says that what ended "
-            f"after revision {at} was moved to an archive, and there is no record of one; "
+            f"{session.backend.label}: the head of knowledge base {kb_id} says that versions "
+            f"after revision {at} were moved to an archive, but there is no record of one; "
             "'kant-sql verify' shows what else was changed by hand"
         )
     return str(row[0])

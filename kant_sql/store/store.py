@@ -361,8 +361,8 @@ class Store:
             self._expect(expected_revision, outer.head.revision)
             if given not in (FROM_NOW_ON, outer.given):
                 raise InvalidArgumentError(
-                    "this block is part of a transaction that speaks of another period, or from "
-                    "now on: a revision speaks of one; end that transaction first, or give it this "
+                    "this block is part of a transaction about another period, or from now on: a "
+                    "revision is about one period; end that transaction first, or give it this "
                     "period"
                 )
             return outer.joined()

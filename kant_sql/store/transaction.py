@@ -301,7 +301,7 @@ class Transaction:
         if self.says and period is not None and not (unless_open and period.is_open):
             begin, end = map(time_text, period[:2])
             raise InvalidArgumentError(
-                f"{what} cannot be said of a period, and this transaction speaks of that from "
+                f"{what} cannot be about a period, and this transaction is about that from "
                 f"{begin} until {end}: {remedy}"
             )
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def demo(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", show_default=False, help="The world; without, a list."),
+        typer.Argument(metavar="[NAME]", show_default=False, help="The world; default: list them."),
     ] = None,
     store: Annotated[
         str | None,

@@ -43,10 +43,10 @@ def answer_models(
         str, option("With --write: the actor of all revisions.", metavar="NAME")
     ] = "mcp",
 ) -> None:
-    """Answer programs with language models, by standard input.
+    """Serve programs with language models over standard input.
 
-    It speaks the Model Context Protocol: the program starts this command, as its configuration
-    says. All tools only read, unless --write says otherwise. Ends when its input does.
+    It speaks the Model Context Protocol, and is started by the program. All tools are read-only,
+    unless you give --write. Ends with its input.
     """
     if write not in (None, "branch", "checked"):
         raise typer.BadParameter(f"{write!r}: expected branch or checked", param_hint="--write")

@@ -171,7 +171,7 @@ LOST = "this drops all tables and 3 revisions of 1 knowledge base: tiago (3)"
 def test_what_would_destroy_revisions_is_refused_where_nobody_can_be_asked(own_store: str) -> None:
     for words in (["base"], ["base", "--json"]):
         result = commands.run("db", "downgrade", own_store, *words)
-        assert f"{LOST}; nothing was changed; to do it, add --yes" in (result.stderr)
+        assert f"{LOST}; nothing was changed; add --yes to do it" in (result.stderr)
         assert (result.exit_code, result.stdout) == (1, "")
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:
         assert kb.revision == 3

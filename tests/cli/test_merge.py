@@ -84,7 +84,7 @@ def test_of_another_store_and_a_past_state(own_store: str, tmp_path: Path) -> No
         ("", "give a name, --url or both"),
         ("nobody", "there is no knowledge base 'nobody'"),
         ("trial --ours x --theirs x", "'x' is given twice"),
-        ("trial --ours x", "'x' is no conflict of this merge"),
+        ("trial --ours x", "'x' is not a conflict of this merge"),
         ("tiago", "is not a branch of 'tiago'"),
     ],
 )

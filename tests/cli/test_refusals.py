@@ -27,7 +27,7 @@ REFUSED = (
     ("log --element robot_att", 1, "(did you mean robot_at?)"),
     ("log --element '(robot_at rb11 wp1)'", 1, "(did you mean rb1?)"),
     ("log --element '(robot_at rb1 rb1)'", 1, "it has never been there; see: kant-sql log"),
-    ("log --actor nobody", 1, "no revision of knowledge base 'tiago' is of actor 'nobody'"),
+    ("log --actor nobody", 1, "knowledge base 'tiago' has no revision by actor 'nobody'"),
     ("log --actor perceptoin", 1, "(did you mean perception?)"),
     ("log --actor executive --element nosuch", 1, "'nosuch'"),
     ("diff 1..2 3", 2, "give A B or A..B, not both"),

@@ -192,7 +192,7 @@ def test_what_is_no_report_is_refused(kb: KnowledgeBase) -> None:
         (("a",), {"outcome": "done"}, "expected one of running"),
         (("a",), {"outcome": "failed", "arguments": "front"}, "expected a list"),
         (("a",), {"outcome": "succeeded", "code": "E"}, "is the code of a failure"),
-        (("a",), {"outcome": "running", "ended_at": now}, "that is running"),
+        (("a",), {"outcome": "running", "ended_at": now}, "for a running execution"),
         (("a",), {"outcome": "failed", "started_at": now, "ended_at": noon}, "before it began"),
         (("a",), {"outcome": "failed", "ended_at": 5}, "expected a time"),
         (("a",), {"outcome": "failed", "code": "\ud800"}, "unpaired surrogate"),

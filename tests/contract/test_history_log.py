@@ -343,7 +343,7 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
         assert numbers(islice(entries, len(complete))) == complete
         with pytest.raises(ArchivedError, match=r"ask the one in sqlite:///.*archive\.db$"):
             next(entries)
-    with pytest.raises(UnknownNameError, match="is of actor 'nobody'"):
+    with pytest.raises(UnknownNameError, match="has no revision by actor 'nobody'"):
         list(kb.log(actor="nobody"))
     assert [each.since.number for each in kb.history(robot_at())] == [3]
     for call in (lambda: kb.diff(1, 5), lambda: kb.restore(1)):

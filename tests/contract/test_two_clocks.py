@@ -146,7 +146,7 @@ def test_what_was_never_known_did_not_hold(kb: KnowledgeBase) -> None:
         ({"valid_from": datetime(2026, 1, 1)}, "time with its zone"),
         ({"valid_from": 3}, "time with its zone"),
         ({"valid_from": "long ago"}, "neither a revision's number nor a time"),
-        ({"valid_from": ago(5), "confirm": True}, "confirm=True cannot be said of a period"),
+        ({"valid_from": ago(5), "confirm": True}, "confirm=True cannot be about a period"),
     ],
 )
 def test_wrong_periods_are_refused(kb: KnowledgeBase, given: dict[str, Any], message: str) -> None:

@@ -106,7 +106,7 @@ def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(
     moved, docking = client.get("/api/overview?kb=courier").json()["unconfirmed"]
     assert (moved["text"], docking["text"]) == ("(at rb1 room)", "(docking rb1)")
     text = client.get("/overview?kb=courier").text
-    assert "Expected and not seen" in text
+    assert "Unconfirmed effects of acts" in text
     assert f"/act?kb=courier&id={moved['acts'][0]}" in Markup(text).links
     with kb.transaction(actor="camera"):
         kb.propositions.confirm("(at rb1 room)")

@@ -187,7 +187,7 @@ def test_a_wrong_fact_led_to_these_acts(kb: KnowledgeBase) -> None:
     assert [one for one in page.attributes if one[2] == "causes"] == [
         ("svg", "class", "causes")
     ] * 2
-    for said in ("What it led to 1", "(look)", "What it goes back to 2", "frame 812"):
+    for said in ("Consequences 1", "(look)", "Origins 2", "frame 812"):
         assert said in page.text
     with pytest.raises(UnknownNameError):
         report_html(kb, facts=["(shut)"], verify=False)

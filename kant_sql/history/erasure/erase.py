@@ -258,7 +258,7 @@ class Eraser:
         if destroyer.form_1 and not self._form_1:
             raise ConflictError(
                 f"{destroyer.form_1} revisions of form 1 mention it: their hashes cover the texts "
-                "themselves, so whoever guesses the name can check the guess; nothing was erased: "
+                "themselves, so anyone can check a guess of the name; nothing was erased: "
                 "erase all the same with form_1=True (--form-1)"
             )
         id_ = transaction.allocate()

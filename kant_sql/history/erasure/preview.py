@@ -61,14 +61,14 @@ class Mention(NamedTuple):
 
 
 class ErasurePreview(NamedTuple):
-    """What an erasure would destroy, and what it would leave.
+    """The effect of an erasure, and other texts that may name the same person.
 
     Attributes:
         element_id: the object.
-        pseudonym: what it would be called.
-        parts: how many texts would be erased.
-        revisions: of how many revisions.
-        form_1: how many of these are of form 1 of the hash, from which a name can be guessed.
+        pseudonym: its new name.
+        parts: the number of texts that would be erased.
+        revisions: the number of their revisions.
+        form_1: the number of these with form 1 of the hash, from which a name can be guessed.
         mentions: other texts that contain the name; the first hundred of each place.
         similar: other names that contain it, are contained in it or are spelled much alike.
     """

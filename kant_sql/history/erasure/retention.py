@@ -65,7 +65,7 @@ def _read_rule(line: str) -> RetentionRule:
     parts = tuple(words[-1].split(","))
     if age is None or not {*parts} <= {*SAID}:
         raise InvalidArgumentError(
-            f"{shown(line)} is no rule of retention; write an actor or *, an age and parts: "
+            f"{shown(line)} is not a rule of retention; write an actor or *, an age and parts: "
             "camera 30d reason,source"
         )
     actor = words[0].strip('"')
