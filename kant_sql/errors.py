@@ -213,7 +213,7 @@ class DivergedError(ConflictError):
 
 
 class MergeConflictError(ConflictError):
-    """A branch and its original say different things, and not all of it was decided.
+    """A merge has conflicts that are not decided.
 
     Attributes:
         conflicts: each a `MergeConflict`, decided or not.
@@ -283,7 +283,7 @@ class ArchivedError(UnknownRevisionError):
 
 
 class PlanError(KantSqlError):
-    """A plan, or the status of one of its steps, contradicts what is stored."""
+    """A plan, or the status of one of its steps, contradicts the store."""
 
 
 class AnchorError(InvalidArgumentError):
@@ -394,7 +394,7 @@ class RuleViolatedError(StoreIntegrityError):
 
     Attributes:
         rule: the name of the rule.
-        instance: what would be violated, with objects for the variables of quantifiers around it.
+        instance: the violated rule, with objects for the variables of quantifiers around it.
     """
 
     def __init__(self, message: str, rule: str, instance: str) -> None:
@@ -434,7 +434,7 @@ class NoPlanError(KantSqlError):
         status: the reason, a status of unified-planning: `unsolvable_proven`,
             `unsolvable_incompletely`, `timeout`, `memout`, `unsupported_problem`,
             `internal_error`; or `invalid_plan`.
-        runs: what became of each engine that was asked, as in `Plan.runs`.
+        runs: the run of each engine, as in `Plan.runs`.
     """
 
     def __init__(self, message: str, status: str) -> None:

@@ -681,7 +681,7 @@ class KnowledgeStore:
         """List the knowledge bases that have a revision, the oldest first.
 
         Returns:
-            What is in each of them, the oldest knowledge base first.
+            The knowledge bases, oldest first.
         """
         return self.catalog.every()
 

@@ -97,7 +97,7 @@ class Questions:
 
 
 class Limit:
-    """What the questions of one `limited` block obey. Threads may share it.
+    """The limit of the questions in a `limited` block. Threads may share it.
 
     Attributes:
         seconds: how long each statement may take; infinite without a limit.

@@ -114,7 +114,7 @@ def export_transitions(
             stands for the time of its commit. Steps of plans stay at their revisions.
 
     Returns:
-        What was written.
+        The written files.
 
     Raises:
         InvalidArgumentError: the folder has other files, an element is not a ground atom, or there

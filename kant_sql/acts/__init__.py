@@ -34,13 +34,13 @@ class Execution:
         position: its index in the plan, from 0; None without a plan.
         start: the planned start, in seconds from the start of the plan; None in a plan without
             times.
-        action: the action's name, or what a component without PDDL calls it.
+        action: the action's name, or the name of an act without PDDL.
         arguments: the objects' names, or what such a component said instead.
         duration: seconds; None for an instantaneous action, or where it is not known.
         outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`; None for a step that was
             not started.
         code: the code of a failure, as the component that failed has them.
-        text: what is said of a failure; of a refused one, what did not hold.
+        text: the message of a failure; for a refused act, the conditions that did not hold.
         started_at: when it began, in UTC: as was reported, or when that was committed.
         ended_at: when it ended, in UTC; None before.
         actor: who began it.

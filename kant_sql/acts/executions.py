@@ -113,7 +113,7 @@ def get_all(
     Steps of plans that were not started are left out.
 
     Args:
-        action: the action's name, or what a component without PDDL calls the act.
+        action: the action's name, or the name of an act without PDDL.
         object: an object that is among the arguments.
         outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`.
         actor: who began it.

@@ -70,7 +70,7 @@ def load_domain(
     Args:
         *sources: paths, or texts that begin with `(`; several files form one domain if they
             do not contradict each other.
-        mode: `replace` retracts what the domain does not declare: types, constants, predicates,
+        mode: `replace` retracts elements that the domain lacks: types, constants, predicates,
             functions, constraints, derived predicates, actions, and the facts, values and formulas
             that no longer fit. `merge` keeps it, and refuses a domain that contradicts it.
         strict: refuse deviations from the standard, instead of warning.
@@ -85,7 +85,7 @@ def load_domain(
             was expected.
         SourceMissingError: a file does not exist; this is a `FileNotFoundError`, too.
         SourceError: a file cannot be read.
-        ConflictError: with mode `merge`, the domain contradicts what is stored.
+        ConflictError: with mode `merge`, the domain contradicts the store.
         ReadOnlyError: this is a view of the past.
 
     Examples:
@@ -118,7 +118,7 @@ def load_problem(
 
     Args:
         source: a path, or a text that begins with `(`.
-        mode: `replace` retracts what the problem does not declare: objects, initial state, goal,
+        mode: `replace` retracts elements that the problem lacks: objects, initial state, goal,
             constraints and metric. `merge` keeps it, and refuses a problem that contradicts it.
         strict: as `load_domain`.
         progress: as `load_domain`.
@@ -130,7 +130,7 @@ def load_problem(
         PddlError: the text is not valid, or does not fit the domain.
         SourceMissingError: the file does not exist; this is a `FileNotFoundError`, too.
         SourceError: the file cannot be read.
-        ConflictError: with mode `merge`, the problem contradicts what is stored.
+        ConflictError: with mode `merge`, the problem contradicts the store.
         ReadOnlyError: this is a view of the past.
 
     Examples:
@@ -293,14 +293,14 @@ def to_unified_planning(state: State) -> UpProblem:
 def load_unified_planning(state: State, problem: UpProblem, *, mode: Mode = "replace") -> Loaded:
     """Load a problem of unified-planning with its domain, in at most one revision.
 
-    Mode `replace` retracts what the problem does not declare, `merge` keeps it.
+    Mode `replace` retracts elements that the problem lacks, `merge` keeps them.
 
     Returns:
         The revision; there are no warnings.
 
     Raises:
         UnsupportedConstructError: PDDL cannot express something of it.
-        ConflictError: with mode `merge`, the problem contradicts what is stored.
+        ConflictError: with mode `merge`, the problem contradicts the store.
         ReadOnlyError: this is a view of the past.
 
     Examples:

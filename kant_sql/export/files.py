@@ -46,7 +46,7 @@ class ExportedFile(NamedTuple):
     Attributes:
         path: where it is in the folder, with slashes.
         knowledge_base: the name of the knowledge base that it is of.
-        content: the view whose rows it has, or what a plugin calls it.
+        content: the view whose rows it has, or a plugin's name for it.
         rows: how many rows it has, or messages.
         bytes: its size.
         sha256: the hash of its bytes.
@@ -71,7 +71,7 @@ class Exported(NamedTuple):
         until: the revision or time that it was asked to end with; None for all.
         knowledge_bases: the knowledge bases as they were.
         files: the files.
-        clock: what it goes by: `committed`, or `valid` for when it was true.
+        clock: `committed`, or `valid` for the times when it was true.
     """
 
     folder: str
@@ -357,7 +357,7 @@ def export_store(
         progress: called with the amount of work done, and the amount in total.
 
     Returns:
-        What was written.
+        The written files.
 
     Raises:
         InvalidArgumentError: the folder has other files, or there is no such view or format.

@@ -55,8 +55,8 @@ class Correction:
         text: the fact, or the fluent.
         valid_from: where the period begins, in UTC.
         valid_until: where it is over.
-        believed: what was believed of it until then.
-        said: what was said of it.
+        believed: the belief until then.
+        said: the saying.
     """
 
     kind: str

@@ -219,7 +219,7 @@ def revisions(state: State, after: When = 0, *, limit: int | None = None) -> lis
         limit: the maximum number of revisions; None for all.
 
     Returns:
-        The revisions, without what they changed.
+        The revisions, without their changes.
 
     Examples:
         >>> [(revision.number, revision.actor) for revision in kb.store.revisions()]

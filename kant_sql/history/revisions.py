@@ -132,7 +132,7 @@ class Version:
         since: the revision that asserted it: by whom, when and why.
         until: the revision that retracted it; None while it holds.
         confirmed: of a fact, the last revision that confirmed it while it held, up to the state.
-        acts: of a fact, the ids of the executions of which it is an effect.
+        acts: for a fact, the ids of the executions that asserted it.
     """
 
     kind: str

@@ -49,8 +49,8 @@ class Bar:
         reason: why.
         ended_by: who retracted it.
         ended_reason: why.
-        source: what else was given by who asserted it, such as a confidence.
-        ended_source: what else was given by who retracted it.
+        source: the source given with the assertion, such as a sensor.
+        ended_source: the source given with the retraction.
         value: of a fluent, its value: a number as exact text, or the name of an object.
         number: the value as a number, if it is one.
     """
@@ -130,8 +130,8 @@ class StepBar:
         reason: why.
         ended_by: who ended it.
         ended_reason: why.
-        source: what else was given by who started it.
-        ended_source: what else was given by who ended it.
+        source: the source given with the start.
+        ended_source: the source given with the end.
     """
 
     position: int
@@ -161,7 +161,7 @@ class PlanBar:
         reason: why.
         planner: the planner's name.
         steps: its steps, in order.
-        source: what else was given by who recorded it.
+        source: the source given with the recording.
     """
 
     _json_ = "id", "recorded_in", "recorded_at", "actor", "reason", "source", "planner", "steps"

@@ -28,7 +28,7 @@ class PddlWarning(NamedTuple):
         source: the file's path, or `<string>`.
         line: the line, from 1.
         column: the column, from 1.
-        message: what the text has, and how it is read.
+        message: the deviation, and how it is read.
     """
 
     source: str

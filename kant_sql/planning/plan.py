@@ -91,7 +91,7 @@ class Plan:
         domain_pddl: the domain that the planner was given, if it is not the state's.
         problem_pddl: the problem that the planner was given, if it is not the state's.
         value: the value of the metric, if the planner stated it in a text that was read.
-        runs: what became of each engine that was asked.
+        runs: the run of each engine.
     """
 
     steps: tuple[PlanStep, ...]

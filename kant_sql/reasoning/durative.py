@@ -336,10 +336,10 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
     Args:
         step: as for `end`.
         reason: the revision's reason.
-        undo: whether to take back what the start changed.
+        undo: whether to revert the changes of the start.
 
     Returns:
-        The execution, with the outcome `aborted`, what its start left, and what was taken back.
+        The execution, with the outcome `aborted`, its remaining and its reverted changes.
 
     Raises:
         PlanError: the step is not running; or with `undo`, something else changed what its
@@ -471,7 +471,7 @@ def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
 
 @dataclass(frozen=True)
 class Aborted(Execution):
-    """An aborted step, and what that leaves.
+    """An aborted step, and its remaining changes.
 
     Attributes:
         left: the changes of its start that still stand, as a log has them; None if they are not

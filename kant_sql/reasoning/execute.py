@@ -91,7 +91,7 @@ def execute(
     reason: str | None = None,
     replan: PlanOptions | None = None,
 ) -> ExecutedPlan:
-    """Execute a plan: call `dispatch(step)` for each step, and record what comes of it.
+    """Execute a plan: call `dispatch(step)` for each step, and record the outcomes.
 
     A step begins when its start time has come, all steps that the plan ends before have ended, and
     its condition holds; without start times, one follows the other. It is recorded as `running`,
@@ -113,7 +113,7 @@ def execute(
             it; `execute` returns when all calls of `dispatch` have.
         timeout: the seconds for which a step waits for its condition; None to wait without limit.
         speed: how many time units of the plan pass in a second.
-        reason: the reason of all revisions; by default what is done with which step.
+        reason: the reason of all revisions; by default it names the step.
         replan: how to plan again, as arguments of `plan`: `{}`, or `{"engine": "lama"}`. What is
             left is then validated after each change that touches what it needs, as by
             `KnowledgeBase.replan`. When it broke, no further step begins; once none runs, the
@@ -124,7 +124,7 @@ def execute(
         `dispatch` is raised.
 
     Raises:
-        NoPlanError: with `replan`, the plan broke and there is no other; what was done is recorded.
+        NoPlanError: with `replan`, the plan broke and there is no other; done steps are recorded.
         PlanError: there is no such plan; a step is not one of the domain, or cannot begin, as it
             runs or has failed.
         PddlError: the text is not that of a plan.

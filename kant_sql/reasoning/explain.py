@@ -260,7 +260,7 @@ def unsatisfied(
     counterexamples; other formulas are parts as they are.
 
     Args:
-        condition: as for `holds`; None for the goals, of which preferences are no part.
+        condition: as for `holds`; None for the goals, without preferences.
         **bindings: as for `holds`.
 
     Returns:

@@ -271,7 +271,7 @@ def state(state: State) -> KnowledgeState:
         The state, which never changes.
 
     Raises:
-        ReadOnlyError: a transaction is open: what is pending has no revision yet.
+        ReadOnlyError: a transaction is open: pending changes have no revision yet.
         ArchivedError: a part of the state was moved to an archive.
         InvalidKnowledgeError: derived predicates are not stratified.
 

@@ -60,7 +60,7 @@ class Replanned:
     Attributes:
         plan: the recorded plan: the one that was given, or the new one.
         broken: why the given plan broke; None if it is kept.
-        is_validated: whether what is left was validated; False if no change since the last call
+        is_validated: whether the rest was validated; False if no change since the last call
             touches what it needs.
     """
 

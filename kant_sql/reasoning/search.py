@@ -71,7 +71,7 @@ def plan(
         strict: refuse to ignore a part of the metric or a preference.
 
     Returns:
-        The plan, with the revision of the state, and what became of each engine as `runs`. If soft
+        The plan, with the revision of the state, and the run of each engine as `runs`. If soft
         goals were compiled away or ignored, or with `costs`, it has the planner's input as
         `domain_pddl` and `problem_pddl`.
 

@@ -140,7 +140,7 @@ def backup(
         progress: called with the pages that are copied and their number.
 
     Returns:
-        The file, and what is in it.
+        The file, and its knowledge bases.
 
     Raises:
         InvalidArgumentError: the file exists; the store is a server, whose own program the message

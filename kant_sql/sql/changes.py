@@ -78,7 +78,7 @@ HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 
 class Change(NamedTuple):
-    """A line of what a revision changed. They sort in the order of the hash.
+    """A change of a revision. Changes sort in the order of the hash.
 
     Attributes:
         sign: `+` asserted, `-` retracted.

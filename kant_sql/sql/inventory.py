@@ -196,7 +196,7 @@ _COUNTS = Query(
 
 @dataclass(frozen=True)
 class Inventory:
-    """A knowledge base: its last revision, what it has, its origin, and how far it is verified.
+    """A knowledge base: its last revision, counts, its origin, and its last verified revision.
 
     What cannot be read of its origin and its verifications is None. If its name or its last
     revision is damaged, `error` says how, and the attributes of that revision are None.
@@ -346,7 +346,7 @@ def knowledge_bases(url: str) -> list[Inventory]:
         url: the database URL; nothing is created.
 
     Returns:
-        What is in each of them, the oldest knowledge base first.
+        The knowledge bases, oldest first.
 
     Raises:
         InvalidUrlError: the URL is not valid.

@@ -200,7 +200,8 @@ def watch_store(store: OpenStore, feed: LiveFeed, _: None) -> None:
 live = APIRouter()
 
 AfterRevision = Annotated[
-    int | None, Query(ge=0, description="The revision that the reader has; told at once if others.")
+    int | None,
+    Query(ge=0, description="The revision that the reader has; newer ones are sent at once."),
 ]
 LastEvent = Annotated[str | None, Header(alias="Last-Event-ID")]
 

@@ -245,13 +245,15 @@ _MOMENT += "`2 hours ago` or `yesterday 14:03`"
 At = Annotated[str | None, Query(description=f"Which state: {_MOMENT}; by default the present.")]
 Valid = Annotated[
     str | None,
-    Query(description="What was true at this time, as known in the state; empty: what was known."),
+    Query(
+        description="The facts that were true at this time, as known in the state; empty: as known."
+    ),
 ]
 SinceMoment = Annotated[str | None, Query(description=f"Only from then on, inclusive: {_MOMENT}.")]
 UntilMoment = Annotated[str | None, Query(description=f"Only up to then, inclusive: {_MOMENT}.")]
 Clock = Annotated[
     Literal["committed", "valid"],
-    Query(description="`committed`: by revisions; `valid`: by when it was true, as it is known."),
+    Query(description="`committed`: by revisions; `valid`: by the times when it was true."),
 ]
 Before = Annotated[
     int | None, Query(ge=0, description="Only revisions before this one: the next page.")

@@ -67,7 +67,7 @@ def report_html(
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
         objects: the names of objects; the report says what involved each of them.
-        facts: facts and fluents; the report says what each led to, and what it goes back to.
+        facts: facts and fluents; the report has the consequences and origins of each.
         rules: constraints and preferences, as for `kb.pddl.check_rules`; None for those of
             the domain and the problem.
         verify: whether to verify the whole history.

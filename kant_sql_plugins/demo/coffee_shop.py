@@ -36,7 +36,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "Where was the robot all morning?",
-            "The timeline draws what held when, in the colour of who said so. Point at a bar to "
+            "The timeline draws facts in the colour of who asserted them. Point at a bar to "
             "see its reason; click the axis to zoom in.",
             *("/timeline", {"object": "rb1", "since": left.number}),
             *("when '(robot_at rb1 ?place)'", 'len(kb.when("(robot_at rb1 ?place)"))'),

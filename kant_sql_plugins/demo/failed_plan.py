@@ -96,7 +96,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         Step(
             "Why could the step not be done?",
             f"Ask the condition of the step in the state after revision {shut}: the page says "
-            "which part fails, and who took it away.",
+            "which part fails, and who retracted the fact.",
             *("/ask", {"condition": f"(and (at rb1 kitchen) {OPEN})", "at": shut}),
             f"why-not '{MOVE}' --at {shut}",
             f'[str(part) for part in kb.at({shut}).why_not("{MOVE}")]',
@@ -117,7 +117,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
             f"[kb.at(at).validate({words}).valid for at in ({shut}, {rest.revision})]",
         ),
         Step(
-            "What was the planner given?",
+            "What was the planner's input?",
             "The exact input of a plan is kept with it: the same problem can be given to any "
             "planner again.",
             *("/given", {"id": first.id}, f"dump --at {first.revision}"),

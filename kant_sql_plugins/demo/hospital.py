@@ -111,8 +111,8 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "Why did it go to that room?",
-            "The graph shows what the act used: on the left is where each fact comes from. "
-            f"{WRONG} is no act of the robot. It comes from the bed list.",
+            "The graph shows the facts that the act used, and on the left the origin of each. "
+            f"{WRONG} is not an effect of the robot. It comes from the bed list.",
             *("/fact", {"text": ACT}, f"origins '{ACT}' --depth 3"),
             f'[(one.text, one.revision.actor) for one in kb.origins("{ACT}", depth=3)]',
         ),
@@ -125,22 +125,22 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "What else came of it?",
-            "The same page, further down: all that used the wrong fact, and what used that in "
-            "turn. It was one act only; nothing else has to be checked.",
+            "The same page, further down: the acts that used the wrong fact, and those that used "
+            "their effects. There was only one; you need to check nothing else.",
             *("/fact", {"text": WRONG}, f"consequences '{WRONG}' --depth 3"),
             f'[(one.text, one.made) for one in kb.consequences("{WRONG}", depth=3)]',
         ),
         Step(
             "What did the robot know, and what was true?",
-            "The robot was not wrong by what it knew: noor lay in room2. The nurse's correction "
-            "speaks of that time; the page has what was believed of it, and what she said.",
+            "As far as the robot knew, noor lay in room2. The nurse's correction is about that "
+            "time; the page has the earlier belief, and her saying.",
             *("/corrections", {}, "corrections"),
             f'[state.query("(lies_in noor ?p)").to_dicts() for state in (kb.at({harm}), kb)]',
         ),
         Step(
             "Can anybody have changed the record?",
-            "Press 'Verify now': the hash of every revision is computed again, and so is the "
-            "chain. Then hand over the report, one file that opens without a server.",
+            "Press 'Verify now': the hash of every revision is recomputed, and the chain checked. "
+            "Then hand over the report, one file that opens without a server.",
             *("/verify", {}, f"report --fact '{WRONG}' --out incident.html"),
             "kb.store.verify().is_intact",
         ),

@@ -89,7 +89,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "Who said something else, and when?",
-            "The restorer, in the last revision, which speaks of a time that was over.",
+            "The restorer, in the last revision, which is about a past time.",
             *("/corrections", {"since": last}, f"corrections --since {last}"),
             "[(one.believed.content, one.said.content) for one in kb.corrections(limit=1)]",
         ),

@@ -133,13 +133,13 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "Which door is it?",
-            "Grouped by what the action was done with, one door stands out: the fire door.",
+            "Grouped by argument, one door stands out: the fire door.",
             *("/statistics", {"by": "arguments"}, "statistics --by arguments"),
             '[(str(one), one.success_rate) for one in kb.statistics(by=["arguments"])]',
         ),
         Step(
             "Or is it one of the robots?",
-            "Grouped by who did it, the three robots are alike: their intervals overlap.",
+            "Grouped by actor, the three robots are alike: their intervals overlap.",
             *("/statistics", {"by": "actor"}, "statistics --by actor"),
             '[(one.actor, one.interval) for one in kb.statistics(by=["actor"])]',
         ),
@@ -153,7 +153,7 @@ def steps(kb: KnowledgeBase) -> Sequence[Step]:
         ),
         Step(
             "What did a robot write then?",
-            "An act that failed changed nothing but the record; it is one revision, with its hash.",
+            "A failed act changes only the record; it is one revision, with its hash.",
             *("/revision", {"number": last}, f"log --since {last} --until {last}"),
             f"[entry.revision.actor for entry in kb.log(since={last}, until={last})]",
         ),

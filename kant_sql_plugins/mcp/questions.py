@@ -41,7 +41,7 @@ Elements = Annotated[
     int, Field(ge=1, le=MOST_ELEMENTS, description="The greatest number of elements of each kind.")
 ]
 Fact = Annotated[str, Field(description="A fact or a fluent, such as `(robot_at rb1 wp1)`.")]
-Depth = Annotated[int, Field(ge=1, le=10, description="How many links away to follow.")]
+Depth = Annotated[int, Field(ge=1, le=10, description="How many links to follow.")]
 Links = Annotated[int, Field(ge=1, le=MOST_LINKS, description="The greatest number of links.")]
 Step = Annotated[str, Field(description="A step, such as `(move rb1 wp1 wp2)`.")]
 Steps = Annotated[int, Field(ge=1, le=MOST_STEPS, description="The greatest number of steps.")]
@@ -75,7 +75,7 @@ class PossibleSteps(NamedTuple):
 
 
 class FoundPlan(NamedTuple):
-    """A plan; `ignored` has what of metric and preferences the planner was not given."""
+    """A plan; `ignored` has the parts of metric and preferences that the planner did not get."""
 
     revision: int | None
     engine: str
@@ -86,7 +86,7 @@ class FoundPlan(NamedTuple):
 
 
 class IncidentReport(NamedTuple):
-    """What happened in a range of revisions; `errors` says what cannot be read, and why."""
+    """A report of a range of revisions; `errors` names the parts that cannot be read, and why."""
 
     summary: sections.ReportSummary
     acts: sections.ReportActs | None
@@ -107,7 +107,7 @@ def known(
     valid: Valid = None,
     limit: Elements = 30,
 ) -> StatePage:
-    """Show what holds in a state, by kind; `after` with a `kind` is the `next` of that part.
+    """Show a state by kind; to continue a `kind`, give its `next` as `after`.
 
     Each element has the revision that asserted it. `gone` has what the state's revision retracted.
     """
@@ -133,12 +133,12 @@ def when(
 
 
 def why(kb: KnowledgeBase, fact: Fact, depth: Depth = 5, limit: Links = 50) -> CauseLinks:
-    """Explain a fact or a value: the acts, observations and documents that it goes back to."""
+    """Explain a fact or a value: the acts, observations and documents that it comes from."""
     return kb.origins(fact, depth=depth, limit=limit)
 
 
 def led_to(kb: KnowledgeBase, fact: Fact, depth: Depth = 2, limit: Links = 50) -> CauseLinks:
-    """Find what a fact or a value led to: acts, plans and derived facts that used it."""
+    """Find the consequences of a fact or a value: acts, plans and derived facts that used it."""
     return kb.consequences(fact, depth=depth, limit=limit)
 
 
@@ -186,7 +186,7 @@ def find_plan(kb: KnowledgeBase, engine: Engine = None, timeout: Seconds = 30.0)
 def report(
     kb: KnowledgeBase, since: SinceMoment = None, until: UntilMoment = None
 ) -> IncidentReport:
-    """Report a range: who wrote how much, acts, rules, missed goals, effects not confirmed."""
+    """Report a range: writes of each actor, acts, rules, missed goals, unconfirmed effects."""
     reader = sections.ReportReader.of(kb, sections.ReportRange(since or None, until or None))
     summary, errors = reader.summary(), dict[str, str]()
     if reader.is_empty:

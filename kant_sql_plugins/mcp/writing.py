@@ -34,7 +34,7 @@ Facts = Annotated[
 ]
 Fluents = Annotated[
     tuple[str, ...],
-    Field(max_length=MOST_WRITTEN, description="Fluents without a value from now on."),
+    Field(max_length=MOST_WRITTEN, description="Fluents to unset."),
 ]
 Values = Annotated[
     dict[str, int | float | str],
@@ -139,7 +139,7 @@ class Writing(Asking):
         store, actor = self.store, self._actor
 
         def begin_branch(kb: KnowledgeBase, name: BranchName, at: At = None) -> BegunBranch:
-            """Begin a branch with a state of a knowledge base, to write to; that one stays."""
+            """Begin a branch with a state of a knowledge base, to write to without changing it."""
             parent = kb.store.factory.name
             store.require(parent)
             with (

@@ -154,7 +154,7 @@ def archive(
         progress: called with the number of revisions copied, and the number in total.
 
     Returns:
-        What was moved, or would be.
+        The versions that were or would be moved.
 
     Raises:
         UnknownRevisionError: there is no such revision yet, or the time lies in the future or

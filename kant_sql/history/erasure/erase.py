@@ -64,7 +64,7 @@ class Erased(NamedTuple):
     Attributes:
         revision: the revision that it is; None when there was nothing to erase.
         element_id: the object, whose id stays; None when texts of revisions were erased.
-        pseudonym: what is in the place of all that was erased.
+        pseudonym: the text that replaces the erased ones.
         parts: how many texts were erased.
         revisions: of how many revisions.
         form_1: how many of these are of form 1 of the hash, from which a name can be guessed.
@@ -111,10 +111,10 @@ def erase(
 
     Args:
         element: the object, or its name.
-        reason: why; it must not contain what it erases.
+        reason: why; it must not contain the erased text.
         also: of `actor`, `reason` and `source`, those to erase as well in each revision where they
             contain the name of the object.
-        revisions: instead of an object, revisions of which to erase `parts`.
+        revisions: instead of an object, revisions whose `parts` to erase.
         parts: of `actor`, `reason` and `source`, what to erase there.
         form_1: whether to erase in revisions of form 1 of the hash, too: who has a backup, or
             guesses, can find the name from their hashes.
@@ -123,12 +123,12 @@ def erase(
         actor: who erases; by default the knowledge base's actor.
 
     Returns:
-        What was erased, and where bytes of it may remain.
+        The erasure, and where bytes of the texts may remain.
 
     Raises:
         UnknownNameError: there never was such an object.
         UnknownRevisionError: there is no such revision.
-        InvalidArgumentError: the reason or the actor contains what is erased.
+        InvalidArgumentError: the reason or the actor contains the erased text.
         ConflictError: revisions of form 1 mention it; or a part of the history is in an archive
             that was not given, or is not the given one.
         StoreIntegrityError: a revision differs from what was hashed, here or in the archive.

@@ -47,7 +47,7 @@ class Mention(NamedTuple):
     """A text that contains the name, and that stays as it is.
 
     Attributes:
-        place: what the text is: `reason`, `message` ...
+        place: the kind of text: `reason`, `message` ...
         revision: the revision that has it; None where the table does not say.
         text: the text.
     """
@@ -105,7 +105,7 @@ _NAMES = {
 def erasure_preview(
     state: State, element: PddlObjectDto | str, *, archive: str | None = None
 ) -> ErasurePreview:
-    """Count what an erasure of an object would destroy, and list what else may name the person.
+    """Count the texts that an erasure would destroy, and list others that may name the person.
 
     It erases in a transaction, counts, and rolls that back: nothing is changed.
 

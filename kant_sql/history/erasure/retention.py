@@ -36,7 +36,7 @@ class RetentionRule(NamedTuple):
     Attributes:
         actor: whose revisions; None for all.
         after: the age.
-        parts: of `actor`, `reason` and `source`, what is erased.
+        parts: those of `actor`, `reason` and `source` to erase.
     """
 
     actor: str | None
@@ -103,7 +103,7 @@ def retain(
     archive: str | None = None,
     actor: str | None = None,
 ) -> Erased:
-    """Erase what rules say that old revisions forget, in one revision; without any there is none.
+    """Erase parts of old revisions by rules, in one revision, or in none if nothing is old enough.
 
     Who wrote an erasure and why is kept, and so is all of revisions of form 1 of the hash.
 

@@ -135,14 +135,14 @@ def push(
 
     Args:
         url: the target's URL, on any dialect; a new SQLite file is created.
-        archive: the URL of the archive that has what this store has no more; by default the
+        archive: the URL of the archive with the moved versions of this store; by default the
             one that this store names.
         adopt: whether a target that is not a replica becomes one, if it has a part of this history
             and nothing else.
         progress: called with the last revision that the target has, and this one's last.
 
     Returns:
-        What was sent.
+        The sent revisions.
 
     Raises:
         DivergedError: the target's history differs; the error has the first such revision.

@@ -160,7 +160,7 @@ class Verification:
         changes: how many changes were hashed.
         findings: the faults, by revision.
         archives: the archives and their contents, in words.
-        erasures: what was erased and by which revisions, in words.
+        erasures: the erasures and their revisions, in words.
         anchored: the revision that was compared with an anchor; None when none was.
         continued_from: the revision up to which an earlier verification had found it intact, and
             which this one continued; None when it began at revision 1.

@@ -89,7 +89,7 @@ class AbandonedCursor:
 
 
 class Roles(NamedTuple):
-    """Four roles, of which users are made members.
+    """Four roles; users get their rights as members.
 
     Attributes:
         writer: the role that adds revisions and cannot change past ones; None where the tables are

@@ -23,7 +23,7 @@ PAGES = Pages("acts")
 EXECUTIONS, REVISIONS = 50, 20
 
 ActionName = Annotated[
-    str, Query(description="Only executions of this action, or of what a component calls so.")
+    str, Query(description="Only executions of this action, or of acts with this name.")
 ]
 ArgumentName = Annotated[str, Query(description="Only executions that have this object.")]
 OneOutcome = Annotated[Literal["", Outcome], Query(description="Only this outcome; empty for all.")]
@@ -34,7 +34,7 @@ ExecutionId = Annotated[
 
 
 class ActsPage(NamedTuple):
-    """A page of executions, those with the latest outcome first."""
+    """A page of executions, latest outcome first."""
 
     executions: list[Execution]
     next: str | None
@@ -42,7 +42,7 @@ class ActsPage(NamedTuple):
 
 @dataclass(frozen=True)
 class ActPage:
-    """An execution, each outcome that it had, and what was changed in its name.
+    """An execution, each outcome that it had, and its changes.
 
     `changed` has the last revisions that set an outcome or name it, newest first, of `total`.
     """
@@ -66,7 +66,7 @@ def acts(
     until: UntilMoment = None,
     after: After = None,
 ) -> ActsPage:
-    """List what was done, those with the latest outcome first: who began it, why, what came of it.
+    """List executions, latest outcome first: who began each, why, and the outcome.
 
     Steps of plans that were not started are left out.
     """

@@ -67,7 +67,7 @@ class DefinitionPage(NamedTuple):
 
 @dataclass(frozen=True)
 class FactPage:
-    """A page of versions, and of a fact or a value what it led to and goes back to."""
+    """A page of versions, and the consequences and origins of a fact or a value."""
 
     _json_ = "*element", "consequences", "origins"
 

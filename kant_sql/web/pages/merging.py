@@ -22,7 +22,7 @@ BranchName = Annotated[str, Query(description="The branch, a knowledge base of t
 
 
 class MergePage(NamedTuple):
-    """What a merge of a branch would change; nothing is merged here.
+    """The changes that a merge of a branch would make; nothing is merged here.
 
     Attributes:
         merge: the first 200 changes and conflicts; null without a branch.
@@ -37,7 +37,7 @@ class MergePage(NamedTuple):
 
 @PAGES.page("/merge", "merge.html", is_form=True, rows=["merge.conflicts", "merge.changes"])
 def merge(kb: KnowledgeBase, branch: BranchName = "") -> MergePage:
-    """Show what a merge of a branch would change, and the conflicts, with who and why."""
+    """Show the changes that a merge of a branch would make, and the conflicts, with who and why."""
     if not branch:
         return MergePage(None)
     other = SqlDaoFactory.one_of_many(state_of(kb).store.backend, branch, None)

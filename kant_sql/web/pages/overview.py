@@ -26,7 +26,7 @@ LAST_DONE, LAST_CHANGES = 10, 8
 
 
 class OverviewPage(NamedTuple):
-    """What is going on: each the newest of its kind, up to a number.
+    """An overview: the newest of each kind, up to a number.
 
     `unconfirmed` has what was expected of acts and not seen. It, `goals` or `rules` is null where
     it takes too long to find out; `done` has acts that do not run.
@@ -42,7 +42,7 @@ class OverviewPage(NamedTuple):
 
 @PAGES.page("/overview", "overview.html", rows=["running", "done"])
 def overview(kb: KnowledgeBase) -> OverviewPage:
-    """Show what runs, goals, rules, what was not seen, what was done last, the last changes."""
+    """Show running and last acts, goals, rules, unconfirmed effects and the last changes."""
     running, _ = read_acts(kb, ExecutionFilter(outcome=RUNNING), MOST_RUNNING)
     last, _ = read_acts(kb, ExecutionFilter(), LAST_DONE)
     done = [one for one in last if one.outcome != RUNNING]

@@ -61,7 +61,7 @@ class PlanPage(NamedTuple):
 
 
 class GivenPage(NamedTuple):
-    """What a planner was given: the texts, or why they cannot be written again.
+    """A planner's input: the texts, or why they cannot be regenerated.
 
     A long text is cut; `/api/given.pddl?part=domain` or `part=problem` has all of it.
     """
@@ -76,13 +76,13 @@ class GivenPage(NamedTuple):
 
 @PAGES.page("/plans", "plans.html", rows=["plans"])
 def plans(kb: KnowledgeBase, before: BeforePlan = None) -> PlansPage:
-    """List the recorded plans, the newest first, with what became of their steps."""
+    """List the recorded plans, newest first, with the outcomes of their steps."""
     return read_plans_page(state_of(kb), before)
 
 
 @PAGES.page("/plan", "plan.html", rows=["steps"])
 def plan(kb: KnowledgeBase, id: PlanId, offset: Offset = 0) -> PlanPage:
-    """Show a plan: its steps, who set what became of each, and the revisions made meanwhile."""
+    """Show a plan: its steps, who set the outcome of each, and the revisions made meanwhile."""
     found = _find(kb, id)
     end, total = offset + STEPS, len(found.steps)
     shown = found.steps[offset:end]

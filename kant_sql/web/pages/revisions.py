@@ -87,7 +87,7 @@ def revision(kb: KnowledgeBase, number: RevisionNumber, after: After = None) -> 
 def corrections(
     kb: KnowledgeBase, since: SinceMoment = None, until: UntilMoment = None, after: After = None
 ) -> CorrectionsPage:
-    """List what was later said differently of a time: what was believed of it, and what was said.
+    """List the sayings that differ from what was believed of their time.
 
     `since` and `until` are of what was said later.
     """
@@ -112,7 +112,7 @@ def difference(
     clock: Clock = "committed",
     after: After = None,
 ) -> DifferencePage:
-    """Compare two states: what only one of them has, by kind, and the log between them."""
+    """Compare two states: the elements of only one of them, by kind, and the log between them."""
     other = moment(b)
     if other is None:
         other = kb.revision
@@ -155,7 +155,7 @@ def state(
     after: After = None,
     valid: Valid = None,
 ) -> StatePage:
-    """Show all that held at a time, and mark what changed against the revision before.
+    """Show a state, and mark the changes of its revision.
 
     Each element has the revision that asserted it. `gone` has what the state's revision retracted.
     """
@@ -176,7 +176,7 @@ def objects(
     after: After = None,
     valid: Valid = None,
 ) -> ObjectsPage:
-    """Show the objects of a state as tables, one for each type: a row has what is said of one.
+    """Show the objects of a state as tables, one for each type, with a row for each object.
 
     A column is a predicate or a function that has one more argument, or none.
     """

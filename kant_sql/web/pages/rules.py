@@ -23,7 +23,7 @@ MOST_VERDICTS = 20
 
 @dataclass(frozen=True)
 class ListedRule:
-    """A rule that is kept, and the revision that saved it as it is.
+    """A kept rule, and the revision that saved its present form.
 
     A quantifier around a rule makes a verdict for each object: `counts` says how many there are of
     each word, and `verdicts` has the worst; null where they are not judged.
@@ -38,7 +38,7 @@ class ListedRule:
 
 
 class RulesPage(NamedTuple):
-    """All rules that are kept, in the order in which they were first saved.
+    """All kept rules, in the order in which they were first saved.
 
     `error` says why they are not judged, as when it takes too long; null if they are.
     """
@@ -49,7 +49,7 @@ class RulesPage(NamedTuple):
 
 @PAGES.page("/rules", "rules.html", rows=["rules"])
 def rules(kb: KnowledgeBase) -> RulesPage:
-    """Show the rules that are kept in the store, who saved each and when, and how it stands."""
+    """Show the kept rules, who saved each and when, and its verdict."""
     saved = read_saved(state_of(kb))
     try:
         verdicts = standing(state_of(kb)).worst_first

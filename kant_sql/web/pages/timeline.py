@@ -86,7 +86,7 @@ def timeline(
     slices: Slices = 600,
     clock: Clock = "committed",
 ) -> Timeline:
-    """Show what held when: a lane for each fact, goal and fluent, and plans with their outcomes.
+    """Show a lane for each fact, goal and fluent over time, and plans with their outcomes.
 
     Versions shorter than a slice of the window are counted, so that the answer is bounded.
     """

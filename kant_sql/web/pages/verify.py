@@ -28,7 +28,7 @@ PAGES = Pages("verification")
 LONGEST_ANCHOR = 16 << 20
 MOST_FIELDS = 10
 
-Cancel = Annotated[bool, Query(description="Whether to cancel the verification that runs.")]
+Cancel = Annotated[bool, Query(description="Whether to cancel the running verification.")]
 
 
 class AnchorFile(NamedTuple):
@@ -54,7 +54,7 @@ def _document(store: OpenStore, name: str) -> dict[str, JsonValue]:
 
 @PAGES.html.get("/verify")
 async def verify_page(request: Request, kb_name: KbName = None) -> Response:
-    """Show what was verified, and start another verification."""
+    """Show the last verification, and start another one."""
     store: OpenStore = request.app.state.store
     state, name, head = await answer(request, lambda: _state(store, kb_name))
     return render(request, "verify.html", {**state, "head": head}, name, head=head)
@@ -62,7 +62,7 @@ async def verify_page(request: Request, kb_name: KbName = None) -> Response:
 
 @PAGES.api.get("/verify", response_model=schema_of(VerificationState))
 async def verify_state(request: Request, kb_name: KbName = None) -> Response:
-    """Return the progress of the verification that runs, and the result of the last one.
+    """Return the progress of the running verification, and the result of the last one.
 
     The server remembers them until it is stopped.
     """
