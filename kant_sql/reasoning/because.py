@@ -605,8 +605,8 @@ def consequences(
     """Find the consequences of a fact or a value: the acts, plans and derived facts that used it.
 
     An act used a version if it held when the act's condition held, and the condition depends on
-    it: see the page "Because of what". The conditions of conditional effects, and the numbers that
-    an effect read, count as well.
+    it: see the page "Causes". The conditions of conditional effects, and the numbers that an
+    effect read, count as well.
 
     Args:
         element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.

@@ -170,4 +170,4 @@ def test_it_is_bounded_and_text_is_but_text(filled: Filled) -> None:
     kb.propositions.save("(seen hall)")
     before = client.get("/fact", params={"kb": "courier", "text": "(seen hall)", "before": 2}).text
     assert 'class="causes"' not in before
-    assert "Because of what" not in before
+    assert "Causes, as a graph" not in before
