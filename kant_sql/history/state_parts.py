@@ -34,6 +34,7 @@ from ..sql.intervals import held_by, held_then, then
 from ..sql.places import Place, from_place, place_text, read_place
 from ..sql.query import Query, first_rows, in_rows, integer
 from ..sql.rows import (
+    ATOM_TABLES,
     FACT,
     GOAL,
     KB,
@@ -44,13 +45,7 @@ from ..sql.rows import (
     VersionColumns,
     table_of,
 )
-from ..sql.tables import (
-    Base,
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    PropositionArgumentRow,
-    PropositionRow,
-)
+from ..sql.tables import PropositionRow
 from ..store.state import State
 from .moments import read_head, states_at
 from .revisions import Revision, read_numbered
@@ -184,11 +179,6 @@ class _Shape(NamedTuple):
     after: tuple[type, ...] = ()  # the types of the place that a page begins at
 
 
-# The tables of identities and arguments, and the columns of the identity and of its head.
-_ATOMS: dict[str, tuple[type[Base], type[Base], str, str]] = {
-    PROPOSITION: (PropositionRow, PropositionArgumentRow, "proposition_id", "predicate_id"),
-    VALUE: (FunctionValueRow, FunctionValueArgumentRow, "function_value_id", "function_id"),
-}
 # The parameter that has the id of the predicate or the function.
 _HEADS = {PROPOSITION: "predicate", VALUE: "function"}
 _SIZE, _SKIP = integer("size"), integer("skip")
@@ -246,7 +236,7 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
     """Select facts, goals or values by their versions, in the order of an index."""
     columns = VERSION_COLUMNS[source]
     version = columns.version
-    owner = version[_ATOMS[source][3]]
+    owner = version[ATOM_TABLES[source].key[-2]]
     conditions: list[Any] = [version.kb_id == KB]
     if source == PROPOSITION:
         conditions.append(_is_wanted(version, shape))
@@ -288,9 +278,8 @@ def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
 
 def _of_object(source: str, shape: _Shape) -> Select[Any]:
     """Select facts, goals or values that name an object: of each, one version is looked up."""
-    mapped, argument, id_, head = _ATOMS[source]
-    table, arguments = table_of(mapped), table_of(argument).c
-    atom, version = table.c, VERSION_COLUMNS[source].version
+    table, argument, *_, id_, (*_, head, _) = ATOM_TABLES[source]
+    atom, arguments, version = table.c, argument.c, VERSION_COLUMNS[source].version
     mentioning = select(arguments[id_]).where(
         arguments.kb_id == KB, arguments.object_id == integer("object")
     )

@@ -46,9 +46,13 @@ from .query import AtKey, IdsQuery, Insert, Query, first_rows, in_rows
 from .tables import (
     TABLES,
     Base,
+    FunctionValueArgumentRow,
     FunctionValueRow,
+    FunctionValueSayingRow,
     FunctionValueVersionRow,
+    PropositionArgumentRow,
     PropositionRow,
+    PropositionSayingRow,
     PropositionVersionRow,
 )
 
@@ -415,4 +419,33 @@ VERSION_COLUMNS: dict[str, VersionColumns] = {
     **{kind: _definition(kind, tables) for kind, tables in KIND_TABLES.items()},
     VALUE: _value(),
     PROPOSITION: _proposition(),
+}
+
+
+class AtomTables(NamedTuple):
+    """The tables of ground atoms, or of fluents, which are interned with their arguments."""
+
+    identity: Table
+    arguments: Table
+    version: Table
+    sayings: Table
+    owner: str  # the column of the identity in the other tables
+    key: tuple[str, ...]  # the columns that intern one: its head, and last its arguments
+
+
+def _atoms(key: tuple[str, ...], *mapped: type[Base]) -> AtomTables:
+    identity, arguments, version, sayings = map(table_of, mapped)
+    return AtomTables(identity, arguments, version, sayings, f"{identity.name}_id", key)
+
+
+ATOM_TABLES = {
+    PROPOSITION: _atoms(
+        ("is_goal", "predicate_id", "arguments"),
+        *(PropositionRow, PropositionArgumentRow, PropositionVersionRow, PropositionSayingRow),
+    ),
+    VALUE: _atoms(
+        ("function_id", "arguments"),
+        *(FunctionValueRow, FunctionValueArgumentRow),
+        *(FunctionValueVersionRow, FunctionValueSayingRow),
+    ),
 }

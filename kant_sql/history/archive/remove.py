@@ -25,7 +25,7 @@ from ...errors import ConflictError, StoreError
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, in_list, in_rows, integer
-from ...sql.rows import KB
+from ...sql.rows import KB, AtomTables
 from ...sql.tables import TABLES, HeadRow
 from ...store.store import Store
 from ..replication.copy import (
@@ -34,7 +34,6 @@ from ..replication.copy import (
     CONFIRMATION,
     SAYINGS,
     ArchivedTable,
-    AtomTables,
     children_of,
     converted,
     references,
@@ -128,7 +127,7 @@ def _statements(part: ArchivedTable) -> tuple[tuple[Table, _Statement], ...]:
     """Return the queries of the rows to compare, by table."""
     leaving = _leaving(part)
     if part.atoms is not None:
-        identity, arguments, _ = part.atoms
+        identity, arguments, *_ = part.atoms
         owners = select(part.version.c[part.owner[0]]).where(*_ended(part))
         leaving[identity] = (in_rows(identity.c.id, owners),)
         leaving[arguments] = (in_rows(arguments.c[part.owner[0]], owners),)

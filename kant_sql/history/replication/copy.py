@@ -30,7 +30,7 @@ from ...sql.dialects.base import Row, Session
 from ...sql.executions import NO_PLAN
 from ...sql.intervals import fork
 from ...sql.query import Query, found_rows, in_rows, integer, whole_rows
-from ...sql.rows import KB, KIND_TABLES, is_of_version, table_of
+from ...sql.rows import ATOM_TABLES, KB, KIND_TABLES, AtomTables, is_of_version, table_of
 from ...sql.tables.base import UtcTime
 
 _REVISION, _LINK = table_of(t.RevisionRow), table_of(t.RevisionExecutionRow)
@@ -68,33 +68,18 @@ def converted(row: Row, convert: Mapping[int, Callable[[Any], Any]]) -> Row:
     return tuple(values)
 
 
-class AtomTables(NamedTuple):
-    """The tables of ground atoms or fluents, which are removed with their last version."""
-
-    identity: Table
-    arguments: Table
-    key: tuple[str, ...]  # the columns that identify one; the last holds its arguments
-
-
 class ArchivedTable(NamedTuple):
     """A table of versions, each of which holds from one revision until another."""
 
     version: Table
     owner: tuple[str, ...]  # the columns of the identity, without `kb_id`
     children: tuple[Table, ...] = ()  # the tables below it, parents first
-    atoms: AtomTables | None = None  # None for named elements and executions
+    # of what is removed with its last version; None for named elements and executions
+    atoms: AtomTables | None = None
     is_definition: bool = False  # whether its changes move `head.definition_revision`
 
 
-FACTS = AtomTables(
-    table_of(t.PropositionRow),
-    table_of(t.PropositionArgumentRow),
-    ("is_goal", "predicate_id", "arguments"),
-)
-FLUENTS = AtomTables(
-    table_of(t.FunctionValueRow), table_of(t.FunctionValueArgumentRow), ("function_id", "arguments")
-)
-ATOMS = {atoms.identity: atoms for atoms in (FACTS, FLUENTS)}
+ATOMS = {atoms.identity: atoms for atoms in ATOM_TABLES.values()}
 ARCHIVED_TABLES = (
     *(
         ArchivedTable(
@@ -102,8 +87,7 @@ ARCHIVED_TABLES = (
         )
         for name, kind in KIND_TABLES.items()
     ),
-    ArchivedTable(table_of(t.PropositionVersionRow), ("proposition_id",), atoms=FACTS),
-    ArchivedTable(table_of(t.FunctionValueVersionRow), ("function_value_id",), atoms=FLUENTS),
+    *(ArchivedTable(each.version, (each.owner,), atoms=each) for each in ATOMS.values()),
     ArchivedTable(table_of(t.ExecutionVersionRow), ("plan_id", "position")),
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
@@ -113,7 +97,7 @@ ERASURE = table_of(t.ErasureRow)
 RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow), ERASURE
 # Rows stay in the store when versions are moved to an archive, as records do.
 CONFIRMATION = table_of(t.ConfirmationRow)
-SAYINGS = table_of(t.PropositionSayingRow), table_of(t.FunctionValueSayingRow)
+SAYINGS = tuple(atoms.sayings for atoms in ATOMS.values())
 COMMITMENT, REPLACEMENT = table_of(t.CommitmentRow), table_of(t.ReplacementRow)
 EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 VERSION = table_of(t.ExecutionVersionRow)
@@ -163,22 +147,10 @@ class Stores(NamedTuple):
 
 
 @cache
-def _by_ids(table: Table) -> Query:
-    rows = select(*columns_of(table)).where(table.c.kb_id == KB)
-    return Query(select(*found_rows(rows, table.c.id, "ids").c))
-
-
-@cache
-def _which_are_there(table: Table) -> Query:
-    rows = select(table.c.id).where(table.c.kb_id == KB)
-    return Query(select(*found_rows(rows, table.c.id, "ids").c))
-
-
-@cache
-def _arguments(atoms: AtomTables) -> Query:
-    table = atoms.arguments
-    owner = table.primary_key.columns.values()[1]
-    rows = select(*table.columns).where(table.c.kb_id == KB)
+def _of_ids(owner: ColumnElement[int], *columns: ColumnElement[Any]) -> Query:
+    """Read columns of the rows of a table, or all of them, by the ids in one of them."""
+    table: Any = owner.table
+    rows = select(*(columns or columns_of(table))).where(table.c.kb_id == KB)
     return Query(select(*found_rows(rows, owner, "ids").c))
 
 
@@ -256,13 +228,13 @@ class Identities:
         if not ids:
             return []
         source, source_kb, target, target_kb = self._stores
-        known = self._ids[table]
-        there = target.rows(_which_are_there(table), kb=target_kb, ids=target.list_value(ids))
+        known, own = self._ids[table], table.c.id
+        there = target.rows(_of_ids(own, own), kb=target_kb, ids=target.list_value(ids))
         known.update((id_, id_) for (id_,) in there)
         missing = [id_ for id_ in ids if id_ not in known]
         if not missing:
             return []
-        rows = source.rows(_by_ids(table), kb=source_kb, ids=source.list_value(missing))
+        rows = source.rows(_of_ids(own), kb=source_kb, ids=source.list_value(missing))
         if table in ATOMS and self._may_return:
             rows = self._recognise(ATOMS[table], rows)
         return rows
@@ -302,7 +274,8 @@ class Identities:
         self.largest = max(self.largest, *ids)
         if table in ATOMS:
             atoms = ATOMS[table]
-            arguments = source.rows(_arguments(atoms), kb=source_kb, ids=source.list_value(ids))
+            query = _of_ids(atoms.arguments.c[atoms.owner])
+            arguments = source.rows(query, kb=source_kb, ids=source.list_value(ids))
             self.bring(atoms.arguments, arguments)
             target.insert(whole_rows(atoms.arguments), [(target_kb, *row[1:]) for row in arguments])
 

@@ -15,7 +15,7 @@ from ...dao.base import batches
 from ...dto.elements import atom_text, value_text
 from ...dto.lexical import fold
 from ...knowledge.canonical import canonical_text
-from ...knowledge.definitions import KINDS, Definitions, Elements, formula_name
+from ...knowledge.definitions import KINDS, Definitions, formula_name
 from ...knowledge.sayings import Period
 from ...sql import tables as t
 from ...sql.changes import ASSERTED, CONFIRMATION, PLAN, RETRACTED, SAYING
@@ -24,8 +24,9 @@ from ...sql.dialects.base import Row, Session
 from ...sql.executions import NO_PLAN, PLAN_STEP, ExecutionDefinition, Key, outcome_text, quoted
 from ...sql.plans import PlanDefinition
 from ...sql.query import Query, in_list, integer
-from ...sql.rows import FACT, GOAL, KB, KIND_TABLES, VALUE, table_of
+from ...sql.rows import ATOM_TABLES, FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, table_of
 from ...store.snapshot import View
+from ..verify.definition_check import names_alone
 
 # Revision, sign, kind, owner and place of a change.
 ChangeKey = tuple[int, str, str, int, int]
@@ -52,16 +53,9 @@ def _whole(name: str) -> re.Pattern[str]:
     return re.compile(rf"(?<![\w-]){re.escape(name)}(?![\w-])", re.IGNORECASE)
 
 
-class _Name(NamedTuple):
-    id: int
-    name: str
-
-
-_FACTS, _ARGUMENTS = table_of(t.PropositionRow), table_of(t.PropositionArgumentRow)
-_FLUENTS, _PLACES = table_of(t.FunctionValueRow), table_of(t.FunctionValueArgumentRow)
-_HELD, _VALUES = table_of(t.PropositionVersionRow), table_of(t.FunctionValueVersionRow)
+_FACTS, _ARGUMENTS, _HELD, _SAID, *_ = ATOM_TABLES[PROPOSITION]
+_FLUENTS, _PLACES, _VALUES, _SAID_VALUES, *_ = ATOM_TABLES[VALUE]
 _SEEN = table_of(t.ConfirmationRow)
-_SAID, _SAID_VALUES = table_of(t.PropositionSayingRow), table_of(t.FunctionValueSayingRow)
 _EXECUTIONS, _GIVEN = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 _OUTCOMES, _PLANS = table_of(t.ExecutionVersionRow), table_of(t.PlanRow)
 _OBJECTS, _ITEMS = t.TABLES["object"], t.TABLES["document_item"]
@@ -223,19 +217,17 @@ class TextWriter:
 
     def _names(self) -> Definitions:
         """Return the names of all elements; of objects, those in formulas, rules and actions."""
-        made: list[Elements[Any]] = []
+        made: list[dict[int, str]] = []
         for kind in KINDS:
             identity = KIND_TABLES[kind].identity
             if kind == "object":
                 terms = (t.TABLES[f"{each}_term"] for each in _WITH_TREES)
                 queries = (_all(table, "object_id", given=("object_id",)) for table in terms)
                 ids = (row[0] for q in queries for row in self._session.rows(q, kb=self._kb))
-                names = self._called([*ids, self._to.id])
+                made.append(self._called([*ids, self._to.id]))
             else:
-                names = dict(self._session.rows(_all(identity, "id", "name"), kb=self._kb))
-            base: dict[int, Any] = {id_: _Name(id_, name) for id_, name in names.items()}
-            made.append(Elements(base=base))
-        return Definitions(*made)
+                made.append(dict(self._session.rows(_all(identity, "id", "name"), kb=self._kb)))
+        return names_alone(made)
 
     def _definitions(self, kind: str, owners: Sequence[int], names: Definitions) -> None:
         """Write the texts of all versions of some definitions again."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from math import inf
 from typing import Any, NamedTuple
@@ -138,7 +138,12 @@ class _Named(NamedTuple):
 
     id: int
     name: str
-    text: str = ""
+
+
+def names_alone(names: Iterable[Mapping[int, str]]) -> d.Definitions:
+    """Make definitions of the names of each kind, by their ids."""
+    made: list[dict[int, Any]] = [{id_: _Named(id_, each[id_]) for id_ in each} for each in names]
+    return d.Definitions(*(d.Elements(base=base) for base in made))
 
 
 class NamesById(dict[int, str]):
@@ -159,12 +164,12 @@ def check_names(check: Check) -> IdentityNames:
     """Check the identities of all kinds, and return their names."""
     report = check.report
     known: dict[str, NamesById] = {}
-    made: list[d.Elements[Any]] = []
+    held: list[dict[int, str]] = []
     for kind in d.KINDS:
         for first, second, key in check.rows(_DOUBLES[kind]):
             report.add(None, kind, f"{kind} {key!r} has two rows, {first} and {second}")
         names = NamesById()
-        base: dict[int, Any] = {}
+        held.append({})
         for id_, name, key, is_held in check.stream(_IDENTITIES[kind]):
             if fold(name) != key:
                 report.add(None, kind, f"{kind} {id_}, {name!r}, has the key {key!r}")
@@ -174,10 +179,9 @@ def check_names(check: Check) -> IdentityNames:
                 report.add(None, kind, f"no {kind} can be called {name!r}")
             names[id_] = name
             if is_held:
-                base[id_] = _Named(id_, name)
+                held[-1][id_] = name
         known[kind] = names
-        made.append(d.Elements(base=base))
-    return IdentityNames(known, d.Definitions(*made))
+    return IdentityNames(known, names_alone(held))
 
 
 class ObjectFunctions:

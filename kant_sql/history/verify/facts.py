@@ -43,17 +43,15 @@ from ...sql.executions import (
 from ...sql.intervals import FACT_SAYINGS, VALUE_SAYINGS, SayingTable, fork, fork_of_period
 from ...sql.plans import PlanDefinition
 from ...sql.query import Query, in_rows, integer
-from ...sql.rows import KB, looked_up, table_of
+from ...sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, AtomTables, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
 from .sides import AFTER, Check, Touched, interval_fault
 
 
 class _Atoms(NamedTuple):
-    """The tables of ground atoms or fluents; the columns that both checks use come first."""
+    """Ground atoms or fluents; the columns that both checks use come first."""
 
-    identity: Table
-    arguments: Table
-    version: Table
+    tables: AtomTables
     sayings: SayingTable
     said: tuple[str, ...]  # columns of the identity table
     held: tuple[str, ...]  # columns of the version table
@@ -61,40 +59,20 @@ class _Atoms(NamedTuple):
     touched: Touched
 
 
-def _atoms(
-    identity: type[t.Base],
-    arguments: type[t.Base],
-    version: type[t.Base],
-    sayings: SayingTable,
-    key: tuple[str, ...],
-    held: tuple[str, ...],
-) -> _Atoms:
-    tables = table_of(identity), table_of(arguments), table_of(version)
-    owner, *others = key
-    said = ("id", owner, "arguments", "text", *others)
-    ends = (f"{tables[0].name}_id", "since", "until", owner, "fork")
+def _atoms(tables: AtomTables, sayings: SayingTable, *held: str) -> _Atoms:
+    *others, head, arguments = tables.key
+    said = ("id", head, arguments, "text", *others)
+    ends = (tables.owner, "since", "until", head, "fork")
     # In the order of the unique index.
-    double = doubles(tables[0], *others, owner, "arguments").order_by(func.min(tables[0].c.id))
-    touched = Touched(tables[2], ends[0], sayings.table)
-    return _Atoms(*tables, sayings, said, (*ends, *held), Query(double), touched)
+    double = doubles(tables.identity, *tables.key).order_by(func.min(tables.identity.c.id))
+    touched = Touched(tables.version, tables.owner, tables.sayings)
+    return _Atoms(tables, sayings, said, (*ends, *held), Query(double), touched)
 
 
 _FACTS = _atoms(
-    t.PropositionRow,
-    t.PropositionArgumentRow,
-    t.PropositionVersionRow,
-    FACT_SAYINGS,
-    ("predicate_id", "is_goal"),
-    ("is_goal", "first_object_id", "second_object_id"),
+    *(ATOM_TABLES[PROPOSITION], FACT_SAYINGS, "is_goal", "first_object_id", "second_object_id")
 )
-_FLUENTS = _atoms(
-    t.FunctionValueRow,
-    t.FunctionValueArgumentRow,
-    t.FunctionValueVersionRow,
-    VALUE_SAYINGS,
-    ("function_id",),
-    ("value", "number", "object_id", "text"),
-)
+_FLUENTS = _atoms(ATOM_TABLES[VALUE], VALUE_SAYINGS, "value", "number", "object_id", "text")
 
 
 class FactCheck:
@@ -120,7 +98,7 @@ class FactCheck:
         self._compare(_FLUENTS, "function", self._value_rule, self._value_said)
         # All are read for it: of new ones, the unique index has none that was there before.
         for atoms in () if self._check.after else (_FACTS, _FLUENTS):
-            table = atoms.identity.name
+            table = atoms.tables.identity.name
             for first, second in self._check.rows(atoms.doubles):
                 self._add(None, table, f"rows {first} and {second} of {table} are the same")
 
@@ -132,11 +110,11 @@ class FactCheck:
         said: Callable[[Row, Row, Sequence[int]], tuple[bool, str] | None],
     ) -> None:
         """Merge identities, arguments, versions and sayings by the id of the identity."""
-        table, owners, touched = atoms.identity, self._names[kind], atoms.touched
-        arguments = self._check.side(atoms.arguments, table, narrow=touched.parts)
-        versions = self._check.side(atoms.version, table, *atoms.held, narrow=touched.versions)
-        names = atoms.sayings.names[1:]
-        sayings = self._check.side(atoms.sayings.table, table, *names, narrow=touched.said)
+        (table, *parts, _, _), owners, touched = atoms.tables, self._names[kind], atoms.touched
+        names, side = atoms.sayings.names[1:], self._check.side
+        arguments = side(parts[0], table, narrow=touched.parts)
+        versions = side(parts[1], table, *atoms.held, narrow=touched.versions)
+        sayings = side(parts[2], table, *names, narrow=touched.said)
         for row in self._check.read(table, *atoms.said, narrow=touched.identities):
             own = [*arguments.take(row[0])]
             ids = [argument[2] for argument in own]
@@ -162,7 +140,7 @@ class FactCheck:
                 fault = self._saying_fault(row, saying, said(row, saying, ids))
                 if fault is not None:
                     shown = f"'{saying[5]}', said in revision {saying[1]}, {fault}"
-                    self._add(saying[1], atoms.sayings.table.name, shown)
+                    self._add(saying[1], parts[2].name, shown)
             self._tick(row[0])
         arguments.end()
         versions.end()
@@ -198,7 +176,7 @@ class FactCheck:
         return (True, text) if self._is_value_right(row, version) else None
 
     def _check_text(self, atoms: _Atoms, row: Row, owner: str, arguments: list[Row]) -> None:
-        table = atoms.identity.name
+        table = atoms.tables.identity.name
         ids = [argument[2] for argument in arguments]
         if atom_text(owner, [self._objects[id_] for id_ in ids]) != row[3]:
             self._add(
@@ -217,7 +195,7 @@ class FactCheck:
             )
 
     def _report_version(self, atoms: _Atoms, text: str, since: int, fault: str) -> None:
-        self._add(since, atoms.version.name, f"'{text}' since revision {since} {fault}")
+        self._add(since, atoms.tables.version.name, f"'{text}' since revision {since} {fault}")
 
     def _value_rule(self, row: Row, _: Sequence[int]) -> Callable[[Row], bool]:
         return partial(self._is_value_right, row)
