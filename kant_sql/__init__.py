@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from .history.merged import Merge as Merge, MergeConflict as MergeConflict
     from .history.merged import MergeSide as MergeSide
     from .history.revisions import LogEntry as LogEntry, Revision as Revision
-    from .history.timeline import Timeline as Timeline
+    from .history.drawing import Timeline as Timeline
     from .history.revisions import Version as Version
     from .knowledge_base import (
         KnowledgeBase as KnowledgeBase,
@@ -94,7 +94,7 @@ _HOMES = {
     ".history.corrections": ["Belief", "Correction"],
     ".history.merged": ["Merge", "MergeConflict", "MergeSide"],
     ".history.revisions": ["LogEntry", "Revision", "Version"],
-    ".history.timeline": ["Timeline"],
+    ".history.drawing": ["Timeline"],
     ".knowledge_base": ["KnowledgeBase", "KnowledgeStore", "connect", "open_store"],
     ".limits": ["Limit", "limited"],
     ".planning": ["Plan", "PlanStep"],

@@ -11,6 +11,7 @@ import json
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from html import escape
 from itertools import pairwise
@@ -65,29 +66,41 @@ def no_link(path: str, /, **query: object) -> str:
     return ""
 
 
-class Drawn:
-    """A timeline as it is drawn.
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """What happened in a window of time; a notebook shows it as a drawing.
 
     Attributes:
         knowledge_base: the name of the knowledge base.
-        since: the beginning of the window.
+        since: the beginning of the window, in UTC.
         until: its end.
-        lanes: the lanes.
-        next: where the next lanes begin, if there are any.
-        plans: the plans.
-        folded: how many lanes are folded away; None if none may be.
-        has_more_folded: whether they were not counted to the end.
+        first: the revision whose state it begins with; 0 before the first.
+        last: its last revision.
+        slices: the number of slices of equal length for densities.
+        lanes: the lanes, in a fixed order: facts, goals and values, by predicate or function.
+        next: the value of `after` for the following lanes; None after the last.
+        plans: the recorded plans that were made or executed in it, oldest first.
+        has_more_plans: whether earlier plans or steps are omitted.
+        archived_until: versions that ended up to this time are in an archive, and missing here;
+            None if this does not concern the window.
+        folded: the number of unchanged lanes that are omitted, counted with the first lanes only;
+            None with `unchanged`.
+        has_more_folded: whether there are more of these, which were not counted.
     """
 
-    __slots__ = ()
     knowledge_base: str
     since: datetime
     until: datetime
-    lanes: tuple[Lane, ...]
-    next: str | None
-    plans: tuple[PlanBar, ...]
-    folded: int | None
-    has_more_folded: bool
+    first: int
+    last: int
+    slices: int
+    lanes: tuple[Lane, ...] = ()
+    next: str | None = None
+    plans: tuple[PlanBar, ...] = ()
+    has_more_plans: bool = False
+    archived_until: datetime | None = None
+    folded: int | None = None
+    has_more_folded: bool = False
 
     def svg(self) -> str:
         """Draw it: a document of SVG, for a file or a browser.
@@ -148,7 +161,7 @@ class _Row(NamedTuple):
     lanes: int = 1
 
 
-def draw(shown: Drawn, link: Link = no_link) -> Drawing:
+def draw(shown: Timeline, link: Link = no_link) -> Drawing:
     """Draw a timeline.
 
     Args:
@@ -161,7 +174,7 @@ def draw(shown: Drawn, link: Link = no_link) -> Drawing:
 class _Pen:
     """Draws one timeline, from above."""
 
-    def __init__(self, shown: Drawn, link: Link) -> None:
+    def __init__(self, shown: Timeline, link: Link) -> None:
         self._shown = shown
         self._link = link
         # What holds goes on to the edge, a little behind the end.

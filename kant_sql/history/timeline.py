@@ -37,7 +37,7 @@ from ..sql.periods import Subjects, read_names
 from ..sql.rows import FACT, VALUE
 from ..sql.valid_periods import Instant, Key, ValidRange, key_of, read_valid
 from ..store.state import State
-from .drawing import Drawn
+from .drawing import Timeline
 from .gantt import PlanBars
 from .moments import is_valid_clock
 from .revisions import Revision, missing_revision, read_numbered, why_of
@@ -47,7 +47,6 @@ from .window import (
     Density,
     Lane,
     LaneKind,
-    PlanBar,
     TimelineQuestion,
     Window,
     check_question,
@@ -61,43 +60,6 @@ _MICROSECOND = timedelta(microseconds=1)
 # What held since this part of the window seems to have held since its beginning. Of what never
 # changed, so many lanes are looked for.
 FIRST, MOST_FOLDED = 600, 5_000
-
-
-@dataclass(frozen=True, slots=True)
-class Timeline(Drawn):
-    """What happened in a window of time; a notebook shows it as a drawing.
-
-    Attributes:
-        knowledge_base: the name of the knowledge base.
-        since: the beginning of the window, in UTC.
-        until: its end.
-        first: the revision whose state it begins with; 0 before the first.
-        last: its last revision.
-        slices: the number of slices of equal length for densities.
-        lanes: the lanes, in a fixed order: facts, goals and values, by predicate or function.
-        next: the value of `after` for the following lanes; None after the last.
-        plans: the recorded plans that were made or executed in it, oldest first.
-        has_more_plans: whether earlier plans or steps are omitted.
-        archived_until: versions that ended up to this time are in an archive, and missing here;
-            None if this does not concern the window.
-        folded: the number of unchanged lanes that are omitted, counted with the first lanes only;
-            None with `unchanged`.
-        has_more_folded: whether there are more of these, which were not counted.
-    """
-
-    knowledge_base: str
-    since: datetime
-    until: datetime
-    first: int
-    last: int
-    slices: int
-    lanes: tuple[Lane, ...] = ()
-    next: str | None = None
-    plans: tuple[PlanBar, ...] = ()
-    has_more_plans: bool = False
-    archived_until: datetime | None = None
-    folded: int | None = None
-    has_more_folded: bool = False
 
 
 def timeline(

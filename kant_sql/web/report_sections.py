@@ -13,10 +13,9 @@ from ..dao.interfaces import Progress
 from ..errors import StoreIntegrityError
 from ..history.anchors import Anchor
 from ..history.corrections import Correction
-from ..history.drawing import lane_key
+from ..history.drawing import Timeline, lane_key
 from ..history.overview import ActorTally, Tally, read_tally
 from ..history.revisions import LogEntry, Revision, Version
-from ..history.timeline import Timeline
 from ..history.verify.verify import Verification
 from ..history.window import Bar, Lane
 from ..knowledge.sayings import COMMITTED

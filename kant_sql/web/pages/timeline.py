@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 from fastapi import Query
 
-from ...history.drawing import draw
-from ...history.timeline import Timeline
+from ...history.drawing import Timeline, draw
 from ...history.window import TIMELINE_KINDS
 from ...json_values import JsonValue
 from ...knowledge.canonical import time_text
