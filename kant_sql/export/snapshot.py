@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime
 from typing import TYPE_CHECKING, NamedTuple
@@ -166,16 +166,10 @@ def open_reader(
     optional_text(knowledge_base, "knowledge_base")
     arrow = import_arrow()
     with open_snapshot(url) as snapshot:
-        batches = _all_batches(snapshot, found, snapshot.chosen(knowledge_base))
+        states = snapshot.chosen(knowledge_base)
+        batches = (batch for state in states for batch in snapshot.batches(found, state))
         with (
             closing(batches),
             arrow.RecordBatchReader.from_batches(arrow_schema(found), batches) as reader,
         ):
             yield reader
-
-
-def _all_batches(
-    snapshot: StoreSnapshot, view: AuditView, states: Sequence[KnowledgeBaseState]
-) -> Generator[pyarrow.RecordBatch, None, None]:
-    for state in states:
-        yield from snapshot.batches(view, state)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from datetime import datetime
 from functools import cache
 from typing import Any
 
@@ -18,7 +17,6 @@ from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
 from ..store.state import State
-from ..store.store import Store
 from .moments import find_bounds, last_until
 from .revisions import LARGEST, Version, at_most, read_numbered
 from .versions import actor_of, had_effect, last_confirmation, make_versions
@@ -151,7 +149,9 @@ def _find(
         if which != "contradicted":
             own["upto"] = at
             if age is not None:
-                moment = _now(state.store, session, kb_id, state.at) - age
+                past = read_numbered(session, kb_id, [state.at] if state.at else [])
+                dates = [one.committed_at for one in past.values()]
+                moment = (dates or [state.store.clock(session)])[0] - age
                 row = session.first(_UPTO, kb=kb_id, moment=session.from_time(moment))
                 own["upto"] = (row and row[0]) or 0
             own |= {} if state.at is None else then(session, at)
@@ -167,9 +167,3 @@ def _find(
 
 
 _UPTO = Query(select(last_until("moment")))
-
-
-def _now(store: Store, session: Session, kb_id: int, at: int | None) -> datetime:
-    """Return what time it is, or was when a past state was committed."""
-    then = read_numbered(session, kb_id, [at] if at else [])
-    return then[at].committed_at if at in then else store.clock(session)

@@ -86,25 +86,20 @@ def _following(
 
 
 def _read_page(store: Store, after: int, size: int, upto: int | None) -> list[LogEntry]:
-    return store.query_in_snapshot(
-        partial(_page, name=store.name, after=after, size=size, upto=upto)
-    )
+    def page(session: Session, kb_id: int | None) -> list[LogEntry]:
+        _, head, archived = read_position(session, kb_id)
+        head = head if upto is None else upto
+        refuse_unknown(store.name, after, head)
+        if kb_id is not None and after < archived:
+            raise ArchivedError(
+                f"changes of knowledge base {store.name!r} up to revision {archived} were moved to "
+                f"an archive; begin after that one, or ask the archive in "
+                f"{archive_of(session, kb_id, after)}"
+            )
+        high = int(min(head, after + size))
+        return [] if kb_id is None or high <= after else read_page(session, kb_id, after + 1, high)
 
-
-def _page(
-    session: Session, kb_id: int | None, name: str, after: int, size: int, upto: int | None
-) -> list[LogEntry]:
-    _, head, archived = read_position(session, kb_id)
-    head = head if upto is None else upto
-    refuse_unknown(name, after, head)
-    if kb_id is not None and after < archived:
-        raise ArchivedError(
-            f"changes of knowledge base {name!r} up to revision {archived} were moved to an "
-            f"archive; begin after that one, or ask the archive in "
-            f"{archive_of(session, kb_id, after)}"
-        )
-    high = int(min(head, after + size))
-    return [] if kb_id is None or high <= after else read_page(session, kb_id, after + 1, high)
+    return store.query_in_snapshot(page)
 
 
 # Seconds between polls: a writer killed right after its commit has notified nobody.

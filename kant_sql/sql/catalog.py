@@ -21,7 +21,7 @@ from .schema import check, current
 from .tables import HeadRow, KnowledgeBaseRow, RevisionRow, VerificationRow
 
 
-def _of_written(*columns: Any) -> Query:
+def of_written(*columns: Any) -> Query:
     """Read columns of the knowledge bases that have a revision, and of their heads."""
     return Query(
         select(*columns)
@@ -33,10 +33,10 @@ def _of_written(*columns: Any) -> Query:
 
 _EVERY_NAME = Query(select(KnowledgeBaseRow.name).order_by(KnowledgeBaseRow.id))
 # Columns that exist in every schema version: a downgrade reads them first.
-_REVISIONS = _of_written(KnowledgeBaseRow.name, HeadRow.revision)
+_REVISIONS = of_written(KnowledgeBaseRow.name, HeadRow.revision)
 ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
 
-_STATES = _of_written(
+_STATES = of_written(
     *(KnowledgeBaseRow.id, KnowledgeBaseRow.name, HeadRow.revision, HeadRow.hash),
     *(HeadRow.committed_at, HeadRow.archived_revision),
 )

@@ -165,11 +165,6 @@ def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any
             )
 
 
-def is_stored(session: Session, kb_id: int, made: Committed) -> bool:
-    """Return whether a revision is in the store."""
-    return hash_of(session, kb_id, made.number) == made.hash
-
-
 def hash_of(session: Session, kb_id: int, number: int) -> str | None:
     """Read the hash of a revision."""
     row = session.first(_HASH, kb=kb_id, at=number)

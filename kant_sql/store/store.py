@@ -39,7 +39,7 @@ from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
 from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
-from .head import Committed, Head, create_knowledge_base, find_knowledge_base, is_stored, lock_head
+from .head import Committed, Head, create_knowledge_base, find_knowledge_base, hash_of, lock_head
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
 from .snapshot import DefinitionsMovedError, View, open_view, read_definition_revision, vanished
 from .transaction import Transaction
@@ -568,7 +568,7 @@ class Store:
             session.begin(write=True)
             # Waits for a server process that is still committing.
             lock_head(session, kb_id)
-            return is_stored(session, kb_id, made)
+            return hash_of(session, kb_id, made.number) == made.hash
 
         try:
             # A question that was cancelled, or takes too long, is not asked here.

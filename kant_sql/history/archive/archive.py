@@ -173,7 +173,15 @@ def archive(
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)
     upto = _last_before(store, before)
-    moved = _archive(store, upto, to, dry_run, actor, reason, progress)
+    leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
+    if dry_run or not leaving.versions:
+        with closing(create_backend(to)) as backend:
+            moved = Archived(upto, leaving.versions, backend.label, None)
+    else:
+        refuse_without_right(store)
+        with open_target(to, store.name, store.backend, "an archive") as target:
+            replicate(ReplicationSide(store.backend, store.name), target, upto, progress)
+            moved = Archived(upto, *_move_all(store, target, upto, actor, reason))
     logger.info(
         "knowledge base %r: %d versions that ended up to revision %d %s %s",
         store.name,
@@ -185,24 +193,6 @@ def archive(
     return moved
 
 
-def _archive(
-    store: Store,
-    upto: int,
-    to: str,
-    dry_run: bool,
-    actor: str | None,
-    reason: str | None,
-    progress: Progress | None,
-) -> Archived:
-    leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
-    if dry_run or not leaving.versions:
-        return Archived(upto, leaving.versions, _label(to), None)
-    refuse_without_right(store)
-    with open_target(to, store.name, store.backend, "an archive") as target:
-        replicate(ReplicationSide(store.backend, store.name), target, upto, progress)
-        return Archived(upto, *_move_all(store, target, upto, actor, reason))
-
-
 def _last_before(store: Store, before: When) -> int:
     """Find the last revision before one, or before a time."""
     before = read_when(before)
@@ -211,11 +201,6 @@ def _last_before(store: Store, before: When) -> int:
     # A time in the future is refused as it stands.
     revision_at(store, before)
     return revision_at(store, before - _TICK)
-
-
-def _label(url: str) -> str:
-    with closing(create_backend(url)) as backend:
-        return backend.label
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from typing import NamedTuple
 
 from sqlalchemy import bindparam, update
@@ -156,24 +157,22 @@ def _check(stores: Stores, name: str, head: Head, bounds: CopyRange, copied: Cop
     """Recompute the hashes of what was copied, from the target; return the last revision."""
     previous = head.hash
     earliest = "" if head.committed_at is None else time_text(head.committed_at)
-    expected, last = bounds.low, None
+    expected, last, wrong = bounds.low, None, partial(_wrong, stores, name, bounds)
     for step in _steps(stores, bounds, copied):
         link = step.link
         if link is None or link.number != expected or link.number > bounds.high:
-            raise _wrong(stores, name, bounds, expected, "is missing")
+            raise wrong(expected, "is missing")
         if link.fault is not None:
-            raise _wrong(stores, name, bounds, expected, f"cannot be read: {link.fault}")
+            raise wrong(expected, f"cannot be read: {link.fault}")
         if not link.is_readable or link.committed_at < earliest:
-            raise _wrong(
-                stores, name, bounds, expected, "has an invalid time, or one that goes back"
-            )
+            raise wrong(expected, "has an invalid time, or one that goes back")
         digest = link.digest(name, previous, step.changes)
         if digest != link.hash:
             what = f"has the hash {link.hash}, and its contents have {digest}"
-            raise _wrong(stores, name, bounds, expected, what)
+            raise wrong(expected, what)
         previous, earliest, expected, last = link.hash, link.committed_at, expected + 1, link
     if last is None or last.number != bounds.high:
-        raise _wrong(stores, name, bounds, expected, "is missing")
+        raise wrong(expected, "is missing")
     return last
 
 

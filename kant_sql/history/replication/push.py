@@ -94,9 +94,11 @@ class _Push:
 
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
         """Compare the heads, and send batches until the target has all of the source."""
-        here, there = self._retrying(self._read_heads)
+        # One statement on each side, once the ids are known.
+        here, there = self._retrying(lambda: (_read_head(self._source), _read_head(self._target)))
         before, at = there.revision, there.revision
-        is_over = here.revision == 0 or _is_current(here, there)
+        is_same = (there.revision, there.hash) == (here.revision, here.hash)
+        is_over = here.revision == 0 or (there.origin is not None and is_same)
         while not is_over and not is_stopped():
             here, at, is_over = self._retrying(self._advance)
             if progress is not None:
@@ -117,11 +119,6 @@ class _Push:
                 raise
 
         return retrying(self._target.backend, once) if self._terms.is_patient else once()
-
-    def _read_heads(self) -> tuple[HeadState, HeadState]:
-        """Read where both stand: one statement on each side, once the ids are known."""
-        here, there = (_read_head(side) for side in (self._source, self._target))
-        return here, there
 
     def _advance(self) -> tuple[HeadState, int, bool]:
         """Send a batch; return the source's head, the target's last revision, and if it is all."""
@@ -276,12 +273,6 @@ def _lacking(
         f"{source.name!r} was moved to the archive {said}{why}; nothing of these was written: give "
         "the URL of that archive, with its password, as archive= (--archive URL)"
     )
-
-
-def _is_current(here: HeadState, there: HeadState) -> bool:
-    """Whether a replica has all of its source, and the same."""
-    is_replica = there.origin is not None
-    return is_replica and (there.revision, there.hash) == (here.revision, here.hash)
 
 
 def _hash(session: Session, kb_id: int, at: int, head: HeadState | Head) -> str | None:

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, closing
 from typing import NamedTuple
 
-from sqlalchemy import literal_column, select
-
 from ...errors import (
     ArchivedError,
     AuthenticationError,
@@ -31,9 +29,9 @@ from ...errors import (
     StoreUnreachableError,
     TableMissingError,
 )
+from ...sql.catalog import of_written
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, Listener
-from ...sql.query import Query
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
 from ...store.store import end_session
@@ -63,12 +61,7 @@ LOOK_EVERY = 1.0
 # Seconds between looks whether the service is to end.
 _SLICE = 0.2
 
-_HEADS = Query(
-    select(KnowledgeBaseRow.name, KnowledgeBaseRow.id, HeadRow.revision)
-    .join(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-    .where(HeadRow.revision > literal_column("0"))
-    .order_by(KnowledgeBaseRow.id)
-)
+_HEADS = of_written(KnowledgeBaseRow.name, KnowledgeBaseRow.id, HeadRow.revision)
 
 
 class PushEvent(NamedTuple):

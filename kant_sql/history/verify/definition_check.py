@@ -69,12 +69,8 @@ def formula_fault(formula: d.FormulaDefinition) -> str | None:
     return None
 
 
-def document_fault(document: d.DocumentDefinition) -> str | None:
+def document_faults(document: d.DocumentDefinition) -> Iterator[str]:
     """Find what makes a document's text ambiguous."""
-    return next(_document_faults(document), None)
-
-
-def _document_faults(document: d.DocumentDefinition) -> Iterator[str]:
     for name in (document.title, document.domain):
         if name is not None and not is_word(name):
             yield f"no {document.name} can be called {name!r}"
@@ -376,13 +372,6 @@ class _Shape:
         return binders[-1] if binders else None
 
 
-def tree_fault(
-    tree: Tree, parameters: Sequence[ParameterDefinition], object_functions: Collection[int]
-) -> str | None:
-    """Find a fault of the rows of a tree."""
-    return next(_Shape(tree, parameters, object_functions).faults(), None)
-
-
 def _version_query(kind: str, is_narrow: bool) -> Query:
     tables = KIND_TABLES[kind]
     version = tables.version.table
@@ -484,7 +473,7 @@ class DefinitionCheck:
                 expected = d.DOMAIN if definition.domain is None else d.PROBLEM
                 if name != expected:
                     return f"a {expected} is called {name!r}"
-                return document_fault(definition)
+                return next(document_faults(definition), None)
             case d.ActionDefinition():
                 parameters = parameter_fault(definition.parameters)
                 return parameters or self._action_fault(definition, since)
@@ -502,7 +491,7 @@ class DefinitionCheck:
         return next((fault for fault in faults if fault is not None), None)
 
     def _tree_fault(self, tree: Any, parameters: Any, since: int) -> str | None:
-        return tree_fault(tree, parameters, self._object_functions.at(since))
+        return next(_Shape(tree, parameters, self._object_functions.at(since)).faults(), None)
 
     def _layout(self, kind: str, definition: Any, since: int, rows: _Rows) -> str | None:
         """Compare the rows with those that saving the definition writes."""

@@ -39,7 +39,7 @@ from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ..anchors import Anchor, AnchoredHead, check_anchor
-from .chain import Chain, Link
+from .chain import Chain
 from .definition_check import DefinitionCheck, ObjectFunctions, check_names
 from .erasures import Erasure, ErasureCheck, read_erasures
 from .facts import ExecutionCheck, FactCheck, check_confirmations, check_plans
@@ -336,14 +336,16 @@ def _verify(
     if kb_id is None:
         if anchored is not None:
             report.add(1, "knowledge_base", f"knowledge base {name!r} is missing")
-        return Verification(name, 0, 0, report.findings(), anchored=_number(anchored)), None
+        return Verification(
+            name, 0, 0, report.findings(), anchored=anchored and anchored.revision
+        ), None
     verifier = _Verifier(Check(session, kb_id, report, after), name, progress)
     done = verifier.run(anchored, kept)
     if kept is not None:
         done = replace(done, complete_at=kept.complete_at)
     if kept is not None and after:
         done = replace(done, continued_from=after, continued_at=kept.verified_at)
-    last = verifier.last
+    last = verifier.chain.last
     before = kept if after else None
     return done, None if last is None else End(kb_id, last.number, last.hash, before)
 
@@ -358,12 +360,7 @@ class _Verifier:
         self._archives: list[Archive] = []
         self._archived = 0
         self._erasures: list[Erasure] = []
-        self._chain = Chain(check, self._tell)
-
-    @property
-    def last(self) -> Link | None:
-        """The last revision."""
-        return self._chain.last
+        self.chain = Chain(check, self._tell)
 
     def run(self, anchored: AnchoredHead | None, kept: Kept | None) -> Verification:
         check, report = self._check, self._check.report
@@ -376,7 +373,7 @@ class _Verifier:
             self._check_rows,
         ):
             _guarded(check.session, report, part)
-        chain = self._chain
+        chain = self.chain
         if anchored is not None:
             place = f"anchor of {anchored.committed_at}"
             _check_anchor(check, anchored.revision, anchored.hash, place, chain)
@@ -390,7 +387,7 @@ class _Verifier:
             report.findings(),
             tuple(_archive_words(archive) for archive in self._archives),
             tuple(erasure.words for erasure in self._erasures),
-            _number(anchored),
+            anchored and anchored.revision,
         )
 
     def _check_chain(self, wanted: frozenset[int]) -> None:
@@ -404,7 +401,7 @@ class _Verifier:
         self._erasures = read_erasures(self._check.session, self._check.kb_id)
         chain = Chain(self._check, self._tell, archived, wanted, erasures=erasures)
         chain.run()
-        self._chain = chain
+        self.chain = chain
         check_head(self._check, chain, archives)
         check_promotions(self._check)
 
@@ -447,10 +444,6 @@ def _guarded(session: Session, report: Report, check: Callable[[], None]) -> Non
     else:
         session.rollback_to(savepoint)
         report.add(None, None, fault)
-
-
-def _number(anchored: AnchoredHead | None) -> int | None:
-    return None if anchored is None else anchored.revision
 
 
 def _check_anchor(check: Check, number: int, digest: str, place: str, chain: Chain) -> None:

@@ -18,6 +18,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 from sqlalchemy import Column, Connection, MetaData, Table, text
@@ -182,7 +183,7 @@ class Right(NamedTuple):
 
 
 # The prefix of its policies, the roles that have it, and what these may do with a table.
-Writing = tuple[str, str, Callable[[Table], Iterator[Right]]]
+Writing = tuple[str, str, Callable[[Table], Iterable[Right]]]
 
 
 class WriterRights:
@@ -551,7 +552,7 @@ class RoleMaker:
             roles = self.roles_of(scope)
             if is_upgrade and roles.eraser not in existing:
                 roles = roles._replace(eraser=None)
-            for role in _names_of(roles):
+            for role in roles[:4]:
                 if role is not None and role not in existing:
                     yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
             yield from self._grants(scope, roles)
@@ -592,13 +593,11 @@ class RoleMaker:
                 if scope.kb_id is None or right.verb != "insert" or table.name not in FOR_ALL_ONLY:
                     yield right
 
-        def of_erasers(table: Table) -> Iterator[Right]:
-            yield from EraserRights(table, self._tables, self._names)
-
         if roles.writer is not None:
             yield "", self._quoted(roles.writer, roles.eraser), of_writers
         if roles.eraser is not None:
-            yield "erase_", self._quoted(roles.eraser), of_erasers
+            own = partial(EraserRights, tables=self._tables, names=self._names)
+            yield "erase_", self._quoted(roles.eraser), own
 
     def roles_of(
         self, scope: RoleScope, statements: Iterable[str] = (), remaining: Iterable[str] = ()
@@ -616,15 +615,15 @@ class RoleMaker:
 
     def _grants(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
         quote, listed = self._names.quote, self._listed
-        everyone = self._quoted(*_names_of(roles))
-        tables = [*(table.name for table in self._tables), *self._version]
-        all_views = [*self._views, *sorted(self._generated)]
+        everyone = self._quoted(*roles[:4])
+        tables, all_views = self._named(), [*self._views, *sorted(self._generated)]
         yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
         yield f"REVOKE ALL ON TABLE {listed(self._relations())} FROM {everyone}"
         readers = self._quoted(*self._table_readers(roles))
         yield f"GRANT SELECT ON TABLE {listed(tables)} TO {readers}"
         # A view shows what its owner sees: all knowledge bases, or the one that it is of.
-        views = all_views if scope.kb_id is None else self._generated_of(scope.kb_id)
+        own = (name for name, mark in self._generated.items() if mark.kb_id == scope.kb_id)
+        views = all_views if scope.kb_id is None else sorted(own)
         if views:
             yield f"GRANT SELECT ON TABLE {listed(views)} TO {everyone}"
         if scope.kb_id is not None:
@@ -647,7 +646,7 @@ class RoleMaker:
         """Yield the statements that create the audit views of one knowledge base."""
         assert scope.schema is not None
         schema, names = self._names.quote(scope.schema), self._names
-        everyone = self._quoted(*_names_of(roles))
+        everyone = self._quoted(*roles[:4])
         yield f"CREATE SCHEMA IF NOT EXISTS {schema}"
         yield f"GRANT USAGE ON SCHEMA {schema} TO {everyone}"
         for view in self._views:
@@ -657,14 +656,11 @@ class RoleMaker:
                 f"{names.relation('knowledge_base')} AS k WHERE k.id = {scope.kb_id})"
             )
             if self._cluster is not None and not self._has_writers:
-                kb_id = int(scope.kb_id or 0)
-                query = self._cluster.of_one_shard(self._query_of(view), names.schema, kb_id)
+                whole = self._connection.scalar(_VIEW_QUERY, {"view": names.relation(view)})
+                query = str(whole).rstrip().rstrip(";")
+                query = self._cluster.of_one_shard(query, names.schema, int(scope.kb_id or 0))
             yield f"CREATE VIEW {own} WITH (security_barrier) AS {query}"
             yield f"GRANT SELECT ON TABLE {own} TO {everyone}"
-
-    def _query_of(self, view: str) -> str:
-        named = {"view": self._names.relation(view)}
-        return str(self._connection.scalar(_VIEW_QUERY, named)).rstrip().rstrip(";")
 
     def _table_readers(self, roles: Roles) -> tuple[str | None, ...]:
         """Return the roles that read tables: where they are distributed, also the auditor."""
@@ -674,9 +670,6 @@ class RoleMaker:
 
     def _quoted(self, *roles: str | None) -> str:
         return ", ".join(self._names.quote(role) for role in roles if role is not None)
-
-    def _generated_of(self, kb_id: int) -> list[str]:
-        return sorted(name for name, mark in self._generated.items() if mark.kb_id == kb_id)
 
     def _all_scopes(self) -> Iterator[RoleScope]:
         if any(table.name == "knowledge_base" for table in self._tables):
@@ -691,19 +684,17 @@ class RoleMaker:
     def _roles(self) -> set[str]:
         return {row[0] for row in self._connection.execute(_ROLE_NAMES)}
 
+    def _named(self) -> list[str]:
+        return [*(table.name for table in self._tables), *self._version]
+
     def _relations(self) -> list[str]:
-        tables = [*(table.name for table in self._tables), *self._version]
-        return [*tables, *self._views, *sorted(self._generated)]
+        return [*self._named(), *self._views, *sorted(self._generated)]
 
     def _listed(self, relations: Iterable[str]) -> str:
         return ", ".join(map(self._names.relation, relations))
 
     def _query(self, query: Any) -> list[Any]:
         return [*self._connection.execute(query, {"schema": self._names.schema})]
-
-
-def _names_of(roles: Roles) -> tuple[str | None, ...]:
-    return roles.writer, roles.reader, roles.auditor, roles.eraser
 
 
 def _as_it_is(table: Table, columns: Sequence[str]) -> Table:

@@ -207,14 +207,12 @@ class SqliteViews(ViewDialect):
 
 
 @compiles(InList, "sqlite")
-def _in_list(element: InList, compiler: Any, **options: Any) -> str:
+@compiles(InRows, "sqlite")
+def _among(element: InList | InRows, compiler: Any, **options: Any) -> str:
     column, values, *bounded = (compiler.process(each, **options) for each in element.clauses)
-    return _seeking(SQLITE_WORDS.in_list.format(column, values), bounded)
-
-
-def _seeking(among: str, bounded: Sequence[str]) -> str:
-    parts = [among, *(SQLITE_WORDS.bounded.format(column) for column in bounded)]
-    return f"({''.join(parts)})" if bounded else among
+    template = SQLITE_WORDS.in_list if isinstance(element, InList) else "{0} IN {1}"
+    parts = [template.format(column, values), *map(SQLITE_WORDS.bounded.format, bounded)]
+    return f"({''.join(parts)})" if bounded else parts[0]
 
 
 write_as(Unsought, UNSOUGHT["sqlite"] + "{0}", "sqlite")
@@ -240,12 +238,6 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
     for shift in (1, 2, 4, 8, 16, 32):
         bits = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
     return f"(SELECT {last} - ({last} & (bits >> 1)) FROM ({bits}) AS bits)"
-
-
-@compiles(InRows, "sqlite")
-def _in_rows(element: InRows, compiler: Any, **options: Any) -> str:
-    column, rows, *bounded = (compiler.process(each, **options) for each in element.clauses)
-    return _seeking(f"{column} IN {rows}", bounded)
 
 
 class SqliteSession(Session):
