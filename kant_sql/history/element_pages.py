@@ -26,8 +26,8 @@ from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, pattern_of
 from ..sql.query import Query, first_rows, in_rows, integer
-from ..sql.rows import KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS, table_of
-from ..sql.tables import TABLES, FunctionValueArgumentRow, PropositionArgumentRow, RevisionRow
+from ..sql.rows import ATOM_TABLES, KB, KIND_TABLES, PROPOSITION, VALUE, AtomTables
+from ..sql.tables import TABLES, RevisionRow
 from ..store.state import State
 from .elements import Applied, Named, Sought, refuse_unknown_element, sought
 from .plan_pages import StepLine, read_steps
@@ -287,10 +287,10 @@ def _named_matches(kind: str) -> list[Select[Any]]:
     ]
 
 
-def _atom_matches(source: str, kind: str, arguments: Any, owner_name: str) -> list[Select[Any]]:
+def _atom_matches(kind: str, tables: AtomTables) -> list[Select[Any]]:
     """Select facts or fluents: the very one, those of an object, and the newest with a text."""
-    atom, argument = VERSION_COLUMNS[source].identity, table_of(arguments).c
-    owner = argument[owner_name]
+    atom, argument = tables.identity.c, tables.arguments.c
+    owner = argument[tables.owner]
     own, object_ = atom.kb_id == KB, KIND_TABLES["object"].identity.c
     the_object = select(object_.id).where(
         object_.kb_id == KB, object_.key == bindparam("folded", type_=Text)
@@ -316,8 +316,8 @@ def _atom_matches(source: str, kind: str, arguments: Any, owner_name: str) -> li
 def _matches() -> Query:
     """Select what a text may mean, the most probable first."""
     parts = [part for kind in ("object", *DEFINED) for part in _named_matches(kind)]
-    parts += _atom_matches(PROPOSITION, "fact", PropositionArgumentRow, "proposition_id")
-    parts += _atom_matches(VALUE, "value", FunctionValueArgumentRow, "function_value_id")
+    parts += _atom_matches("fact", ATOM_TABLES[PROPOSITION])
+    parts += _atom_matches("value", ATOM_TABLES[VALUE])
     number: Any = RevisionRow.number
     revisions = select(RevisionRow.actor.label("text"), number).where(RevisionRow.kb_id == KB)
     recent = _newest(revisions, number, SEARCHED_REVISIONS)

@@ -18,13 +18,7 @@ from ..knowledge.definitions import Definitions, Elements, ObjectDefinition, Typ
 from ..sql.intervals import held_then, then
 from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, first_rows, in_list, in_rows
-from ..sql.rows import KB, looked_up, table_of
-from ..sql.tables import (
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PropositionVersionRow,
-)
+from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, looked_up
 from ..store.snapshot import View
 from ..store.state import State
 
@@ -75,7 +69,7 @@ class ObjectsPage(NamedTuple):
 @cache
 def _facts(is_past: bool) -> Query:
     """Select the facts of some objects: predicate, which argument the object is, and both."""
-    version = table_of(PropositionVersionRow).c
+    version = ATOM_TABLES[PROPOSITION].version.c
     arguments = version.first_object_id, version.second_object_id
     parts = [
         select(version.predicate_id, literal_column(str(place)), own, other).where(
@@ -93,8 +87,7 @@ def _facts(is_past: bool) -> Query:
 @cache
 def _values(is_past: bool) -> Query:
     """Select the values of fluents that begin with some objects: function, arguments, value."""
-    version, fluent = table_of(FunctionValueVersionRow).c, table_of(FunctionValueRow).c
-    argument = table_of(FunctionValueArgumentRow).c
+    fluent, argument, version, *_ = (table.c for table in ATOM_TABLES[VALUE][:4])
     named = select(argument.function_value_id).where(
         argument.kb_id == KB,
         in_list(argument.object_id, "objects"),

@@ -101,12 +101,7 @@ _REVISIONS = func.count().label("revisions")
 _OF_RANGE = (RevisionRow.kb_id == KB, in_range(RevisionRow.number))
 _ACTORS = Query(select(func.count(RevisionRow.actor.distinct())).where(*_OF_RANGE))
 _NUMBER = RevisionRow.number
-_ACTOR_COLUMNS: tuple[Any, ...] = (
-    RevisionRow.actor,
-    _REVISIONS,
-    func.min(_NUMBER),
-    func.max(_NUMBER),
-)
+_ACTOR_COLUMNS: Any = RevisionRow.actor, _REVISIONS, func.min(_NUMBER), func.max(_NUMBER)
 _BY_ACTOR = (
     select(*_ACTOR_COLUMNS)
     .where(*_OF_RANGE)

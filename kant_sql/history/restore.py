@@ -7,6 +7,7 @@ write the same documents.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -18,13 +19,11 @@ from ..dao.dependants import atom_of, atoms_among
 from ..errors import ConflictError, StaleRevisionError, reading_rows
 from ..knowledge.definitions import KINDS, Definitions
 from ..moment_text import When
-from ..sql import tables as t
 from ..sql.definition_rows import load_at
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
 from ..sql.query import Query, found_rows, in_rows
-from ..sql.rows import KB, THEN, table_of
-from ..sql.tables import FunctionValueRow, FunctionValueVersionRow, PropositionVersionRow
+from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, THEN, VALUE, AtomTables
 from ..store.caches import FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
 from ..store.head import hash_of
 from ..store.snapshot import View, read_revision
@@ -37,10 +36,10 @@ from .revisions import refuse_archived_revision
 logger = logging.getLogger("kant_sql.history")
 
 
-def _moved(mapped: type[t.Base], owner: str, *names: str) -> Query:
+def _moved(atoms: AtomTables, *names: str) -> Query:
     """Select the versions that held then and ended since, and those that began since and hold."""
-    version = table_of(mapped).c
-    columns = version[owner].label("owner"), *(version[name] for name in names)
+    version = atoms.version.c
+    columns = version[atoms.owner].label("owner"), *(version[name] for name in names)
     past: Select[Any] = select(literal_column("1").label("past"), *columns)
     now: Select[Any] = select(literal_column("0").label("past"), *columns)
     return Query(
@@ -51,17 +50,21 @@ def _moved(mapped: type[t.Base], owner: str, *names: str) -> Query:
     )
 
 
-def _identities(mapped: type[t.Base], *names: str) -> Query:
-    identity = table_of(mapped).c
-    columns = (identity[name] for name in ("id", *names, "arguments", "text"))
-    rows = select(*columns).where(identity.kb_id == KB)
-    return Query(select(*found_rows(rows, identity.id, "ids").c))
+def _identities(atoms: AtomTables) -> Select[Any]:
+    identity = atoms.identity.c
+    return select(*(identity[name] for name in ("id", *atoms.key, "text"))).where(
+        identity.kb_id == KB
+    )
 
 
-_MOVED_PROPOSITIONS = _moved(t.PropositionVersionRow, "proposition_id", "since")
-_MOVED_VALUES = _moved(t.FunctionValueVersionRow, "function_value_id", "text", "object_id")
-_ATOMS = _identities(t.PropositionRow, "is_goal", "predicate_id")
-_FLUENTS = _identities(t.FunctionValueRow, "function_id")
+def _by_ids(atoms: AtomTables) -> Query:
+    return Query(select(*found_rows(_identities(atoms), atoms.identity.c.id, "ids").c))
+
+
+_FACT, _VALUE = ATOM_TABLES[PROPOSITION], ATOM_TABLES[VALUE]
+_MOVED_PROPOSITIONS = _moved(_FACT, "since")
+_MOVED_VALUES = _moved(_VALUE, "text", "object_id")
+_ATOMS, _FLUENTS = map(_by_ids, (_FACT, _VALUE))
 
 
 def restore(
@@ -174,42 +177,21 @@ def _read(transaction: Transaction, query: Query, ids: list[int]) -> list[Row]:
     return session.rows(query, kb=transaction.kb_id, ids=session.list_value(ids))
 
 
-def _versions(version: Any, held: Any, *columns: Any) -> Select[Any]:
-    return select(*columns).where(version.kb_id == KB, held)
+def _held(
+    atoms: AtomTables, any_owner: Any, read: Callable[[Any], Any], *names: str
+) -> dict[bool, Query]:
+    """Make queries of columns of the versions that hold, by whether they are about the past."""
+    version = atoms.version.c
+    rows = select(*(version[name] for name in (atoms.owner, *names))).where(version.kb_id == KB)
+    return {past: read(rows.where(held)) for past, held in now_and_then(version, any_owner)}
 
 
-# By whether they are about the past.
-_HELD_ATOMS = {
-    is_past: atoms_among(
-        _versions(PropositionVersionRow, held, PropositionVersionRow.proposition_id)
-    )
-    for is_past, held in now_and_then(PropositionVersionRow, ANY_PREDICATE)
-}
-_FLUENT = FunctionValueRow
-_HELD_FLUENTS = {
-    is_past: Query(
-        select(_FLUENT.id, _FLUENT.function_id, _FLUENT.arguments, _FLUENT.text).where(
-            _FLUENT.kb_id == KB,
-            in_rows(
-                _FLUENT.id,
-                _versions(FunctionValueVersionRow, held, FunctionValueVersionRow.function_value_id),
-            ),
-        )
-    )
-    for is_past, held in now_and_then(FunctionValueVersionRow, ANY_FUNCTION)
-}
-_HELD_VALUES = {
-    is_past: Query(
-        _versions(
-            FunctionValueVersionRow,
-            held,
-            FunctionValueVersionRow.function_value_id,
-            FunctionValueVersionRow.text,
-            FunctionValueVersionRow.object_id,
-        )
-    )
-    for is_past, held in now_and_then(FunctionValueVersionRow, ANY_FUNCTION)
-}
+_HELD_ATOMS = _held(_FACT, ANY_PREDICATE, atoms_among)
+_HELD_FLUENTS = _held(
+    *(_VALUE, ANY_FUNCTION),
+    lambda ids: Query(_identities(_VALUE).where(in_rows(_VALUE.identity.c.id, ids))),
+)
+_HELD_VALUES = _held(_VALUE, ANY_FUNCTION, Query, "text", "object_id")
 
 
 class Origin(NamedTuple):

@@ -24,20 +24,6 @@ from ..sql.tables import EMPTY_HEAD, HeadRow, KnowledgeBaseRow, RevisionRow
 # A SHA-256 in hexadecimal digits.
 HASH_LENGTH = 64
 
-_LOCK = Query(
-    select(
-        HeadRow.revision,
-        HeadRow.definition_revision,
-        HeadRow.next_id,
-        HeadRow.hash,
-        HeadRow.committed_at,
-        HeadRow.archived_revision,
-        HeadRow.origin,
-        StoreClock(),
-    )
-    .where(HeadRow.kb_id == KB)
-    .with_for_update()
-)
 _HASH = Query(
     select(RevisionRow.hash).where(RevisionRow.kb_id == KB, RevisionRow.number == bindparam("at"))
 )
@@ -70,6 +56,14 @@ class Head(NamedTuple):
     archived_revision: int
     origin: str | None
     clock: datetime
+
+
+_HEAD = table_of(HeadRow).c
+_LOCK = Query(
+    select(*(_HEAD[name] for name in Head._fields[:-1]), StoreClock())
+    .where(_HEAD.kb_id == KB)
+    .with_for_update()
+)
 
 
 class Committed(NamedTuple):

@@ -17,7 +17,7 @@ from ...moment_text import When, read_when
 from ...sql.changes import ARCHIVE, ASSERTED, Change
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
-from ...sql.query import Insert
+from ...sql.query import whole_rows
 from ...sql.rows import table_of
 from ...sql.tables import ArchiveRow
 from ...store.head import hash_of
@@ -257,16 +257,11 @@ def _move(
     return (None if made is None else made.number), leaving
 
 
-_NEW_ARCHIVE = Insert(
-    table_of(ArchiveRow),
-    *("kb_id", "id", "since", "revision", "target", "versions", "rest", "text"),
-)
-
-
 def record_archive(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
     """Record that versions were moved, and the hash of what is left of their revisions."""
     versions = leaving.total
     id_ = transaction.allocate()
     text = archive_text(id_, leaving.high, target, versions, rest)
     row = (transaction.kb_id, id_, transaction.number, leaving.high, target, versions, rest, text)
-    transaction.records.add(Change(ASSERTED, ARCHIVE, text), [(_NEW_ARCHIVE, row)])
+    rows = [(whole_rows(table_of(ArchiveRow)), row)]
+    transaction.records.add(Change(ASSERTED, ARCHIVE, text), rows)

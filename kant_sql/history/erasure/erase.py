@@ -19,7 +19,7 @@ from ...sql.changes import ASSERTED, ERASURE, Change
 from ...sql.definition_rows import find_identities
 from ...sql.dialects.base import Session
 from ...sql.dialects.containing import contains, is_in, pattern_of
-from ...sql.query import Insert, Query
+from ...sql.query import Query, whole_rows
 from ...sql.rows import KB, table_of
 from ...store.snapshot import archive_of
 from ...store.state import State
@@ -35,11 +35,6 @@ logger = logging.getLogger("kant_sql.history")
 OBJECT, TEXTS, PREFIX = "object", "texts", "erased-"
 _ERASURE, _REVISION = table_of(t.ErasureRow), table_of(t.RevisionRow)
 _OBJECTS = t.TABLES["object"].c
-_NEW_ERASURE = Insert(
-    _ERASURE,
-    *("kb_id", "id", "since", "revision", "kind", "element_id", "pseudonym", "parts", "digest"),
-    "text",
-)
 _GIVEN_OUT = Query(
     union_all(
         select(_OBJECTS.key).where(_OBJECTS.kb_id == KB, _OBJECTS.key.like(bindparam("like"))),
@@ -356,5 +351,5 @@ def record_erasure(
     said = upto, kind, element_id, pseudonym, destroyer.parts, destroyer.digest()
     text = erasure_text(id_, *said)
     row = (transaction.kb_id, id_, transaction.number, *said, text)
-    transaction.records.add(Change(ASSERTED, ERASURE, text), [(_NEW_ERASURE, row)])
+    transaction.records.add(Change(ASSERTED, ERASURE, text), [(whole_rows(_ERASURE), row)])
     transaction.flush()

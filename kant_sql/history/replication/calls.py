@@ -24,7 +24,7 @@ from ...sql.catalog import ANY_REVISION
 from ...sql.changes import ASSERTED, PROMOTION, Change
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, unforked
-from ...sql.query import Insert, Query
+from ...sql.query import Query, whole_rows
 from ...sql.rows import table_of
 from ...sql.tables import HeadRow, PromotionRow
 from ...store.head import check_last
@@ -227,9 +227,6 @@ class _Call(NamedTuple):
         return done
 
 
-_NEW_PROMOTION = Insert(
-    table_of(PromotionRow), "kb_id", "id", "since", "revision", "origin", "text"
-)
 _FORGET_ORIGIN = Query(
     update(HeadRow)
     .where(HeadRow.kb_id == bindparam("kb"))
@@ -265,7 +262,8 @@ def promote(state: State, *, reason: str | None = None, actor: str | None = None
         id_ = transaction.allocate()
         text = promotion_text(id_, head.revision, head.origin)
         row = (transaction.kb_id, id_, number, head.revision, head.origin, text)
-        transaction.records.add(Change(ASSERTED, PROMOTION, text), [(_NEW_PROMOTION, row)])
+        rows = [(whole_rows(table_of(PromotionRow)), row)]
+        transaction.records.add(Change(ASSERTED, PROMOTION, text), rows)
         transaction.session.run(_FORGET_ORIGIN, kb=transaction.kb_id)
     logger.info("knowledge base %r: revision %d promoted it", store.name, number)
     return number

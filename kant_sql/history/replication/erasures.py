@@ -10,6 +10,7 @@ from sqlalchemy import Table, Text, bindparam, cast, delete, null, select, updat
 
 from ...dao.base import batches
 from ...errors import StoreIntegrityError
+from ...knowledge.canonical import SAID
 from ...sql import tables as t
 from ...sql.changes import LOW, in_range, keyed_changes_of, lines_by_revision
 from ...sql.dialects.base import Session
@@ -41,16 +42,15 @@ _TOUCHED = Query(
 )
 _ERASED = Query(select(_NEW.number).where(_NEW.kb_id == KB).distinct().order_by(_NEW.number))
 _NAME = Query(select(_OBJECT.name).where(_OBJECT.kb_id == KB, _OBJECT.id == integer("object")))
-_SAID = "actor", "reason", "source"
 _READ_SAID = Query(
-    select(_REVISION.c.number, *(cast(_REVISION.c[name], Text) for name in _SAID)).where(
+    select(_REVISION.c.number, *(cast(_REVISION.c[name], Text) for name in SAID)).where(
         _REVISION.c.kb_id == KB, in_list(_REVISION.c.number, "numbers")
     )
 )
 _SAY = Query(
     update(_REVISION)
     .where(_REVISION.c.kb_id == bindparam("kb"), _REVISION.c.number == integer("own_number"))
-    .values(seed=null(), **{f"{name}": bindparam(f"new_{name}") for name in _SAID})
+    .values(seed=null(), **{f"{name}": bindparam(f"new_{name}") for name in SAID})
 )
 
 
@@ -151,7 +151,7 @@ class Followed:
                 given[index] = (target_kb, number, position, id_, salt, None)
         target.insert(whole_rows(REPLACEMENT), given)
         said = source.rows(_READ_SAID, **here)
-        names = ("own_number", *(f"new_{name}" for name in _SAID))
+        names = ("own_number", *(f"new_{name}" for name in SAID))
         values = [{"kb": target_kb, **dict(zip(names, row, strict=True))} for row in said]
         target.run_many(_SAY, values)
 

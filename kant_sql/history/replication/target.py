@@ -20,7 +20,7 @@ from ...errors import (
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, Session
 from ...sql.query import Query, StorePlace
-from ...sql.rows import KB
+from ...sql.rows import KB, table_of
 from ...sql.schema import ensure_schema
 from ...sql.tables import ArchiveRow, ErasureRow, HeadRow
 from ...store.head import (
@@ -35,20 +35,6 @@ from ...store.head import (
 from ...store.snapshot import vanished
 from ...store.store import end_session
 from .copy import Stores
-
-_NUMBERS = ("revision", "definition_revision", "next_id", "archived_revision")
-_STATE = Query(
-    select(
-        HeadRow.revision,
-        HeadRow.definition_revision,
-        HeadRow.next_id,
-        HeadRow.archived_revision,
-        HeadRow.hash,
-        HeadRow.committed_at,
-        HeadRow.origin,
-        select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery(),
-    ).where(HeadRow.kb_id == KB)
-)
 
 
 class HeadState(NamedTuple):
@@ -65,6 +51,13 @@ class HeadState(NamedTuple):
 
 
 NOTHING = HeadState(0, 0, 0, 0, None, None, None, 0)
+_HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
+_STATE = Query(
+    select(
+        *(_HEAD[name] for name in HeadState._fields[:-1]),
+        select(func.max(_ERASURE.since)).where(_ERASURE.kb_id == KB).scalar_subquery(),
+    ).where(_HEAD.kb_id == KB)
+)
 
 
 def read_state(session: Session, kb_id: int | None) -> HeadState:
@@ -74,7 +67,7 @@ def read_state(session: Session, kb_id: int | None) -> HeadState:
     row: Any = session.first(_STATE, kb=kb_id)
     if row is None:
         raise vanished(session)
-    check_numbers(session, kb_id, zip(_NUMBERS, row[:4], strict=True))
+    check_numbers(session, kb_id, zip(HeadState._fields, row[:4], strict=False))
     committed_at = to_time_of_head(session, kb_id, row[5])
     return HeadState._make((*row[:5], committed_at, row[6], row[7] or 0))
 

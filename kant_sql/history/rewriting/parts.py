@@ -17,7 +17,7 @@ from sqlalchemy import bindparam, null, select, update
 
 from ...dao.base import batches
 from ...errors import StoreIntegrityError
-from ...knowledge.canonical import SEED, commit_to, revision_hash
+from ...knowledge.canonical import SAID, SEED, commit_to, revision_hash
 from ...sql import tables as t
 from ...sql.changes import keyed_changes_of, lines_by_revision
 from ...sql.dialects.base import Row, Session
@@ -50,7 +50,7 @@ _SUPERSEDE = Query(
 _UNSEED = Query(update(_REVISION).where(*_AT[2]).values(seed=null()))
 _SAY = {
     label: Query(update(_REVISION).where(*_AT[2]).values({label: bindparam("text")}))
-    for label in ("actor", "reason", "source")
+    for label in SAID
 }
 
 

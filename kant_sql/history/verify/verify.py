@@ -32,7 +32,7 @@ from ...errors import (
 )
 from ...knowledge.canonical import time_text
 from ...sql.dialects.base import Session
-from ...sql.query import Insert, Query, integer
+from ...sql.query import Query, integer, whole_rows
 from ...sql.rows import KB, columns_of, table_of
 from ...sql.tables import ArchiveRow, ErasureRow, VerificationRow
 from ...store.head import hash_of
@@ -72,7 +72,6 @@ _MOVE = Query(
         complete_at=bindparam("complete"),
     )
 )
-_NEW = Insert(table_of(_ROW), "kb_id", "revision", "hash", "verified_at", "complete_at")
 _FORGET = Query(delete(_ROW).where(_ROW.kb_id == KB))
 
 
@@ -118,7 +117,7 @@ def keep(store: Store, kb_id: int, number: int, digest: str, before: Kept | None
         complete = now if before is None else last and session.from_time(last)
         given = {"number": number, "digest": digest, "now": now, "complete": complete}
         if not session.run(_MOVE, kb=kb_id, **given) and session.first(_READ, kb=kb_id) is None:
-            session.insert(_NEW, [(kb_id, number, digest, now, complete)])
+            session.insert(whole_rows(table_of(_ROW)), [(kb_id, number, digest, now, complete)])
 
     try:
         store.write_beside(write)
