@@ -50,12 +50,15 @@ from ..sql.intervals import (
     fork_of_period,
 )
 from ..sql.query import IdsQuery, Insert, whole_rows
-from ..sql.rows import FACT, GOAL, KIND_TABLES, VALUE, RowsByTable, VersionTable, table_of
-from ..sql.tables import (
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    PropositionArgumentRow,
-    PropositionRow,
+from ..sql.rows import (
+    ATOM_TABLES,
+    FACT,
+    GOAL,
+    KIND_TABLES,
+    PROPOSITION,
+    VALUE,
+    RowsByTable,
+    VersionTable,
 )
 from .caches import (
     AtomKey,
@@ -556,16 +559,10 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     said_in = FACT_SAYINGS
     identity = GroundAtom
     new_identity = Insert(
-        table_of(PropositionRow), "kb_id", "id", "is_goal", "predicate_id", "arguments", "text"
+        ATOM_TABLES[PROPOSITION].identity, "kb_id", "id", *ATOM_TABLES[PROPOSITION].key, "text"
     )
-    new_argument = Insert(
-        table_of(PropositionArgumentRow), "kb_id", "proposition_id", "position", "object_id"
-    )
-    new_version = Insert(
-        VERSIONS.table,
-        *("kb_id", "proposition_id", "since", "until", "predicate_id", "is_goal", "fork"),
-        *("first_object_id", "second_object_id"),
-    )
+    new_argument = whole_rows(ATOM_TABLES[PROPOSITION].arguments)
+    new_version = whole_rows(VERSIONS.table)
 
     def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
         """Assert propositions, with statements only for each predicate; count those that are new.
@@ -680,17 +677,9 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
     versions = VALUE_VERSIONS
     said_in = VALUE_SAYINGS
     identity = GroundFluent
-    new_identity = Insert(
-        table_of(FunctionValueRow), "kb_id", "id", "function_id", "arguments", "text"
-    )
-    new_argument = Insert(
-        table_of(FunctionValueArgumentRow), "kb_id", "function_value_id", "position", "object_id"
-    )
-    new_version = Insert(
-        VALUE_VERSIONS.table,
-        *("kb_id", "function_value_id", "since", "until", "function_id", "value", "number"),
-        *("object_id", "text", "fork"),
-    )
+    new_identity = whole_rows(ATOM_TABLES[VALUE].identity)
+    new_argument = whole_rows(ATOM_TABLES[VALUE].arguments)
+    new_version = whole_rows(VALUE_VERSIONS.table)
 
     def value(self, fluent: GroundFluent) -> FluentValue | None:
         """Return the value of a fluent, as changed so far."""
