@@ -2,11 +2,4 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from ...later import asked_for
-
-if TYPE_CHECKING:
-    from . import archive as archive
-else:
-    __getattr__ = asked_for(__name__)
+from . import archive as archive
