@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.factory import SqlDaoFactory
-from kant_sql.history.replication.copy import AtomTables, Identities
+from kant_sql.history.replication.copy import Identities
 from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import Backend, Row
+from kant_sql.sql.rows import AtomTables
 from kant_sql.store.store import Store
 from tests.support.archives import target_url
 from tests.support.generators.programs import At, Block, Call, Program, programs, run, state_of

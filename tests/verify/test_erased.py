@@ -6,6 +6,7 @@ import itertools
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
+from unittest.mock import patch
 
 import pytest
 
@@ -88,8 +89,9 @@ def sealings(bare: Bare) -> Attacks:
     """Rename, and say that an erasure did it: one on record, or none."""
 
     def seal(row: Row, erasure_id: int, salt: bytes) -> None:
-        destroyer = Destroyer(bare.session, row["kb_id"], NAME, lambda *_: salt)
-        destroyer.destroy(rename(bare, row, "erased-9").old, {})
+        destroyer = Destroyer(bare.session, row["kb_id"], NAME)
+        with patch("kant_sql.history.rewriting.parts.next_salt", lambda _: salt):
+            destroyer.destroy(rename(bare, row, "erased-9").old, {})
         destroyer.write(erasure_id, {})
 
     known = [row["id"] for row in bare.rows("erasure")]
