@@ -291,8 +291,8 @@ def rules(
     clock: Annotated[
         str,
         c.option(
-            "Judge by the time 'committed' (default), by 'observed' where it is known, or by "
-            "'valid': what was true, as it is known.",
+            "The clock: 'committed' (default), 'observed' if it is known, or 'valid' for the "
+            "states that were true.",
             metavar="CLOCK",
         ),
     ] = "committed",

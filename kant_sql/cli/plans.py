@@ -47,8 +47,7 @@ _Strict = Annotated[
 _Costs = Annotated[
     str | None,
     c.option(
-        "history: what became of executions decides which steps cost how much, in place of the "
-        "metric.",
+        "history: steps cost their expected time until success, instead of the metric.",
         metavar="WORD",
     ),
 ]

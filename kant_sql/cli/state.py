@@ -61,7 +61,7 @@ def show(
         list[str] | None,
         words_argument(
             _SHOW_USAGE,
-            "a revision, by its number or a time: who wrote it, when and why, and what it changed. "
+            "a revision, by its number or a time: who wrote it, when and why, and its changes. "
             "Its state: --at.",
         ),
     ] = None,
@@ -83,7 +83,7 @@ def show(
     if revisions:
         if is_part or at is not None or valid is not None:
             raise typer.BadParameter(
-                "REV shows what a revision changed, --at and its options show a state; give one",
+                "REV shows the changes of a revision, --at and its options show a state; give one",
                 param_hint="REV|TIME",
             )
         _show_revision(url, kb, revisions[0], as_json)

@@ -208,7 +208,7 @@ def _no_branch(store: Store, other: Store, why: str) -> ConflictError:
     return ConflictError(
         f"knowledge base {other.name!r} of {other.backend.label} is not a branch of "
         f"{store.name!r}: {why}; merge a branch that kb.branch() made of this one, or compare the "
-        "two with kb.diff() and save what is to be taken over"
+        "two with kb.diff() and save the elements that you want"
     )
 
 

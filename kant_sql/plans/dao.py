@@ -193,8 +193,8 @@ class SqlPlanDao(SqlDao, PlanDao):
             f"the planner was not given revision {revision} of knowledge base "
             f"{self._open_store.name!r}: the plan is of a branch, of another knowledge base or of "
             "the uncommitted state of a transaction; record it where it was made, plan again here, "
-            "or pass what the planner was given as domain_pddl and problem_pddl, and the revision "
-            "of this knowledge base in the plan"
+            "or pass the planner's input as domain_pddl and problem_pddl, and the revision of this "
+            "knowledge base in the plan"
         )
 
     def _compare(self, plan: Plan, revision: int, said: Kept) -> tuple[str, Kept]:

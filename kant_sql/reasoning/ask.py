@@ -463,8 +463,8 @@ class _Asking:
         condition, session = prepared.condition, view.session
         if session.overlay is not None:
             raise InvalidArgumentError(
-                "what was true at a time has no statement for a shell: the views audit_fact_valid "
-                "and audit_value_valid have it"
+                "a state of a valid time has no statement for a shell: ask the views "
+                "audit_fact_valid and audit_value_valid"
             )
         statement = question(view).readable(
             condition.part, condition.columns, prepared.places, self.limit is not None

@@ -621,7 +621,7 @@ def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] 
     if others:
         texts = ", ".join(f"{line.sign}{line.text}" for each in others for line in each.changes)
         raise PlanError(
-            f"{step} cannot be undone: something else changed what its start did ({texts}); "
+            f"{step} cannot be undone: the changes of its start were overwritten ({texts}); "
             "nothing was written: abort it without undo, and correct its changes"
         )
     atoms = transaction.propositions.find([e.key for e in effects if isinstance(e.key, AtomKey)])

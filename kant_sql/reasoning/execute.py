@@ -443,8 +443,8 @@ def _steps_left(plan: RecordedPlan) -> list[Execution]:
     for step in left:
         if step.outcome is not None:
             raise PlanError(
-                f"{step.place}, {step}, is {step.outcome}; only what was not begun can be "
-                "executed: end what runs, or make a new plan of what is left"
+                f"{step.place}, {step}, is {step.outcome}; only steps that were not begun can be "
+                "executed: end the running ones, or make a new plan for the rest"
             )
     return sorted(left, key=lambda step: step.start or 0)
 

@@ -77,7 +77,7 @@ def _whole(action: dto.PddlActionDto) -> int:
     given = action.duration if action.durative else 0
     whole = ceil(given) if isinstance(given, int | float | Decimal) else None
     if whole is None or abs(whole) >= 2**31:
-        raise InvalidKnowledgeError("its duration is no number that its message can hold")
+        raise InvalidKnowledgeError("its duration does not fit into its message")
     if whole != given:
         logger.warning("the duration of action %s, %s, is sent as %d", action.name, given, whole)
     return whole
@@ -119,7 +119,7 @@ def _asked(kind: str, dao: Any, request: Any) -> Any:
         return dao.get_by_predicate(request.predicate_name)
     reads = {ALL: dao.get_all, GOALS: dao.get_goals, NO_GOALS: dao.get_no_goals}
     if request.get_type not in reads:
-        raise InvalidArgumentError(f"get_type is {request.get_type}, and none of 1 to 4")
+        raise InvalidArgumentError(f"get_type is {request.get_type}, expected 1 to 4")
     return reads[request.get_type]()
 
 

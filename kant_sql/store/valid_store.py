@@ -68,5 +68,5 @@ class ValidStore(Store):
         """Make the error for who would change it."""
         return ReadOnlyError(
             f"this is knowledge base {self.name!r} as it was at {self.valid}: the past cannot be "
-            "changed; say of which time you speak in kb.transaction(valid_from=, valid_until=)"
+            "changed; give the period to kb.transaction(valid_from=, valid_until=)"
         )

@@ -97,9 +97,9 @@ class Writing(Asking):
             raise ReadOnlyError(f"this server writes to {shown(self._name)} only")
         if not any(rule.on_violation == "refuse" for rule in kb.rules.get_all()):
             raise ReadOnlyError(
-                f"{shown(name)} keeps no rule that refuses, so that nothing checks what is "
-                "written; keep one by kb.rules.save(NAME, RULE, on_violation='refuse'), or write "
-                "to branches: --write branch"
+                f"{shown(name)} keeps no rule that refuses, so nothing would check writes; keep "
+                "one by kb.rules.save(NAME, RULE, on_violation='refuse'), or write to branches: "
+                "--write branch"
             )
 
     def tools(self) -> list[Tool]:

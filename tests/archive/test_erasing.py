@@ -202,7 +202,7 @@ WRONG = {
     "partial": (ConflictError, "not an archive there"),
     "altered": (StoreIntegrityError, "the archive .* was altered"),
     "lacking": (StoreIntegrityError, "the archive .* was altered"),
-    "left": (StoreIntegrityError, "what is left of the revisions"),
+    "left": (StoreIntegrityError, "the rest of the revisions"),
 }
 
 

@@ -266,7 +266,7 @@ def test_a_source_that_is_restored_brings_no_name_back(
     assert restored.objects.get(NAME) is not None
     if writes:
         restored.propositions.save(f"(at {NAME} hall)")
-    why = f"differs is {head}" if writes else "has again what was erased"
+    why = f"differs is {head}" if writes else "has the erased texts again"
     with pytest.raises(errors.DivergedError, match=why) as caught:
         restored.store.push(f"sqlite:///{replica}")
     assert str(replica) in str(caught.value)

@@ -168,7 +168,7 @@ def test_a_step_that_fails_ends_the_plan(
     assert aborted.revision == found.step.revision == kb.revision
     # What its start changed stays; nothing else was written.
     assert kb.holds("(and (moving r1) (not (at r1 room)) (not (clean hall)))")
-    with pytest.raises(PlanError, match=f"is {outcome}; only what was not begun"):
+    with pytest.raises(PlanError, match=f"is {outcome}; only steps that were not begun"):
         kb.execute(found.plan, dispatch)
     assert kb.store.verify().is_intact
 
@@ -275,7 +275,10 @@ def test_a_killed_process_leaves_what_ran_and_another_goes_on(
     assert [step.outcome for step in steps.steps] == ["succeeded", "running", None]
     [running] = kb.executions.get_all(outcome="running")
     assert (str(running), running.actor) == ("(move r1 hall room)", "executive")
-    with nothing_changes(kb), pytest.raises(PlanError, match="is running; only what was not begun"):
+    with (
+        nothing_changes(kb),
+        pytest.raises(PlanError, match="is running; only steps that were not begun"),
+    ):
         kb.execute(plan.id, do_nothing)
     # The robot has arrived all the same.
     kb.end(running)

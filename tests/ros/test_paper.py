@@ -176,5 +176,5 @@ def test_either_is_read_and_a_goal_that_is_a_formula_is_left_out(
 
 
 def test_a_duration_beyond_the_message_s_numbers_is_refused() -> None:
-    with pytest.raises(InvalidKnowledgeError, match="no number that its message can hold"):
+    with pytest.raises(InvalidKnowledgeError, match="does not fit into its message"):
         _write(messages, "Action", PddlActionDto("wait", duration=2**31 - 0.5))

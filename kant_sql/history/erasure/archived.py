@@ -126,9 +126,9 @@ class ArchivedPart:
         self._rest = rest_digest(session, kb_id, self.upto)
         if not self._is_last_rest(session, kb_id):
             raise StoreIntegrityError(
-                f"{self._source.backend.label}: what is left of the revisions of knowledge base "
-                f"{self._store.name!r} up to {self.upto} differs from that when versions were "
-                "moved to an archive; nothing was erased: 'kant-sql verify' shows more"
+                f"{self._source.backend.label}: the rest of the revisions of knowledge base "
+                f"{self._store.name!r} up to {self.upto} has changed since versions were moved to "
+                "an archive; nothing was erased: 'kant-sql verify' shows more"
             )
 
     def _is_last_rest(self, session: Session, kb_id: int) -> bool:

@@ -294,7 +294,7 @@ class Eraser:
                 continue
             if is_in(text, given) if len(text) >= _TELLING else text == given:
                 raise InvalidArgumentError(
-                    f"the {label} of the erasure contains what is erased, and would stay; give "
+                    f"the {label} of the erasure contains the erased text, and would stay; give "
                     "another one"
                 )
 

@@ -164,7 +164,7 @@ class Followed:
         if message is not None:
             raise StoreIntegrityError(
                 f"{target.backend.label}: erasures of knowledge base {self._name!r} that "
-                f"{source.backend.label} sends do not fit what is there: {message}; "
+                f"{source.backend.label} sends do not fit its rows: {message}; "
                 "nothing was written: 'kant-sql verify' of both shows which was changed by hand"
             )
 

@@ -197,9 +197,9 @@ class _Push:
             return
         label, target = self._source.backend.label, self._target.backend.label
         raise DivergedError(
-            f"{target}: knowledge base {self._source.name!r} was erased in by revision {erased}, "
+            f"{target}: revision {erased} of knowledge base {self._source.name!r} is an erasure, "
             f"and {label} is at revision {here.revision}: it was restored from an older backup, "
-            "and has again what was erased; nothing was written: push from that replica into a "
+            "and has the erased texts again; nothing was written: push from that replica into a "
             "new store, promote that, and destroy this one",
             erased,
             None,
