@@ -88,7 +88,7 @@ def test_an_archive_that_fails_leaves_no_new_file(
         raise StoreError("no")
 
     before = set(os.listdir(tmp_path))
-    monkeypatch.setattr(archiving, "_replicate", fail)
+    monkeypatch.setattr(archiving, "replicate", fail)
     to = f"sqlite:///{tmp_path}/archive.db"
     result = run("archive", own_store, "--before", "3", "--to", to)
     assert one_line(result.stderr) == "kant-sql: no"
