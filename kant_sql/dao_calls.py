@@ -3,8 +3,8 @@
 A document is `{"pool": [...], "value": ...}`. The pool has each DTO, node and typed name once, as
 `{"PddlTypeDto": {"name": "robot", "parent": null}}`, behind what it refers to: `{"ref": 0}` is the
 first of the pool. Texts, booleans, integers, lists and null stand for themselves, and so do finite
-floats; other values are `{"decimal": "0.1"}`, `{"float": "nan"}`, `{"map": {...}}`, and
-`{"other": [class, text]}` for what is no argument of a DAO.
+floats; other values are `{"decimal": "0.1"}`, `{"float": "nan"}`, `{"map": {...}}`,
+`{"time": "2026-01-31T09:30:00+00:00"}`, and `{"other": [class, text]}` for what is no argument.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import ipaddress
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
+from datetime import datetime
 from decimal import Decimal
 from functools import cached_property, lru_cache
 from typing import Any, get_type_hints
@@ -28,6 +29,7 @@ from .knowledge_base import KnowledgeBase, PddlParts
 
 # What a server and its clients agree on.
 DAO_PATH = "/api/dao"
+TRANSACTION_PATH = f"{DAO_PATH}/transaction"
 TOKEN_VARIABLE = "KANT_SQL_TOKEN"
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 # Bytes of a request, and elements in it.
@@ -92,13 +94,14 @@ def call(kb: KnowledgeBase, kind: str, do: str, arguments: object, *, reads: boo
         )
     dao = dao_of(kb, kind)
     try:
-        given = inspect.signature(getattr(interface, do)).bind(dao, **_named(arguments))
+        given = inspect.signature(getattr(interface, do)).bind(dao, **keywords(arguments))
     except TypeError as error:
         raise InvalidArgumentError(f"{kind}.{do}: {error}") from error
     return getattr(dao, do)(*given.args[1:], **given.kwargs)
 
 
-def _named(arguments: object) -> dict[str, Any]:
+def keywords(arguments: object) -> dict[str, Any]:
+    """Read a document of arguments by name."""
     named = read(arguments)
     if not isinstance(named, dict):
         raise InvalidArgumentError(f"the arguments are a map of names, not {shown(named)}")
@@ -180,6 +183,8 @@ class _Writer:
             return float(value) if math.isfinite(value) else {"float": float.__repr__(value)}
         if isinstance(value, Decimal):
             return {"decimal": str(value)}
+        if isinstance(value, datetime):
+            return {"time": value.isoformat()}
         place = self._places.get(id(value)) if _name_of(type(value)) is not None else None
         if place is not None:
             return {"ref": place}
@@ -282,6 +287,13 @@ def _float(text: object) -> float | None:
     return float(text) if isinstance(text, str) and text in ("nan", "inf", "-inf") else None
 
 
+def _time(text: object) -> datetime | None:
+    try:
+        return datetime.fromisoformat(text) if isinstance(text, str) else None
+    except ValueError:
+        return None
+
+
 def _other(given: object) -> object:
     """Make what is refused as the thing would be that it stands for."""
     if not (isinstance(given, list) and len(given) == 2 and all(isinstance(p, str) for p in given)):
@@ -293,5 +305,6 @@ def _other(given: object) -> object:
 _SCALARS: Mapping[str, Callable[[object], object]] = {
     "decimal": _decimal,
     "float": _float,
+    "time": _time,
     "other": _other,
 }

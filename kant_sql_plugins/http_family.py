@@ -13,24 +13,28 @@ import os
 import secrets
 import time
 from abc import update_abstractmethods
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from copy import copy
 from decimal import Decimal
 from functools import wraps
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self, cast
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from typing_extensions import override
 
 from kant_sql import dao_calls, errors
 from kant_sql.arguments import is_many, iterate, shown
+from kant_sql.dao.base import past_error
 from kant_sql.errors import InvalidArgumentError, InvalidUrlError, KantSqlError, StoreError
 from kant_sql.factory import DaoFactory, daos_only
-from kant_sql.knowledge.canonical import make_metadata
+from kant_sql.knowledge.canonical import Metadata, make_metadata, read_source
 from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.knowledge_base import KnowledgeBase, PddlParts
+from kant_sql.moment_text import When, read_when
 from kant_sql.plans import PlanDao
+from kant_sql.store.ownership import Block, block_ahead, own_block
 
 TIMEOUT = 60.0
 # Seconds before each repetition of what had no answer.
@@ -127,9 +131,10 @@ class _Link:
 
     def get(self, **query: str) -> Any:
         """Ask what reads."""
-        return self._repeat("GET", urlencode({"kb": self.place.name, **query}), None, {})
+        query = {"kb": self.place.name, **query}
+        return self._repeat("GET", f"{dao_calls.DAO_PATH}?{urlencode(query)}", None, {})
 
-    def post(self, call: dict[str, object]) -> Any:
+    def post(self, call: dict[str, object], path: str = dao_calls.DAO_PATH) -> Any:
         """Write once."""
         body = json.dumps(call).encode()
         if len(body) > dao_calls.LONGEST_BODY:
@@ -138,10 +143,11 @@ class _Link:
                 "write it in several"
             )
         headers = {"Content-Type": "application/json", "Idempotency-Key": secrets.token_hex(16)}
-        return self._repeat("POST", urlencode({"kb": self.place.name}), body, headers)
+        target = f"{path}?{urlencode({'kb': self.place.name})}"
+        return self._repeat("POST", target, body, headers)
 
-    def _repeat(self, method: str, query: str, body: bytes | None, headers: dict[str, str]) -> Any:
-        target, is_sent = f"{quote(self.place.folder)}{dao_calls.DAO_PATH}?{query}", False
+    def _repeat(self, method: str, target: str, body: bytes | None, headers: dict[str, str]) -> Any:
+        target, is_sent = f"{quote(self.place.folder)}{target}", False
         if self.place.token is not None:
             headers = {**headers, "Authorization": f"Bearer {self.place.token}"}
         for pause in (*PAUSES, None):
@@ -236,11 +242,60 @@ def _error(made: type[KantSqlError], message: str, details: object) -> KantSqlEr
     return error
 
 
+class _Transaction:
+    """A transaction that the server has open for a block of this thread."""
+
+    def __init__(self, link: _Link, metadata: Metadata) -> None:
+        self.name, self.metadata, self.revision = link.place.name, metadata, 0
+        self._link = link
+        self._id, self._number = secrets.token_hex(16), 0
+        self._process = os.getpid()
+        # Until a request is answered, nobody knows what it has done.
+        self._is_broken = False
+
+    def ask(self, step: str, **said: object) -> Any:
+        """Take the next step."""
+        lost = errors.ConnectionLostError(
+            f"{self._link.place.address}: a call of this transaction had no answer; nothing of it "
+            "is written, begin it again"
+        )
+        # A child that was forked within the block leaves it to its parent.
+        if (self._is_broken and step != "rollback") or self._process != os.getpid():
+            raise lost
+        self._number += 1
+        self._is_broken = True
+        own = {"transaction": self._id, "number": self._number, "step": step, **said}
+        try:
+            answer = self._link.post(own, dao_calls.TRANSACTION_PATH)
+        except errors.OutcomeUnknownError as error:
+            if step == "commit":
+                raise
+            raise lost from error
+        except errors.StoreUnreachableError:
+            raise
+        except KantSqlError:
+            self._is_broken = False
+            raise
+        self._is_broken = False
+        return answer
+
+
 class _HttpDao:
     """A DAO of a server."""
 
     def __init__(self, factory: HttpDaoFactory) -> None:
         self._factory = factory
+
+
+def _json(value: object) -> str:
+    return json.dumps(dao_calls.document(value))
+
+
+def _described(at: list[dict[str, Any]]) -> str:
+    """Say which past state the last of some moments is."""
+    valid = next((one["valid"] for one in reversed(at) if "valid" in one), None)
+    said = "" if valid is None else f", as it was true at {valid.isoformat()}"
+    return f"revision {at[-1]['known']}{said}"
 
 
 class HttpDaoFactory(DaoFactory):
@@ -260,51 +315,131 @@ class HttpDaoFactory(DaoFactory):
         if clock != COMMITTED:
             raise daos_only(self, "clocks")
         self._is_read_only = read_only
+        # The arguments of each `at` that led to this past state.
+        self._at: list[dict[str, Any]] = []
         self._link = _Link(_place_of(url, knowledge_base))
         self.name, self.address = self._link.place.name, self._link.place.address
+        self.queue = self.address, self.name
         try:
-            own = self._link.get().get("actor")
-            if actor is not None and own is not None and actor != own:
-                raise InvalidArgumentError(
-                    f"the token writes as {shown(own)}, not as {shown(actor)}; leave out actor, or "
-                    "get a token of this actor by 'kant-sql tokens add'"
-                )
+            self._actor = self._link.get().get("actor")
+            self._refuse_other(actor)
         except BaseException:
             self._link.close()
             raise
 
+    def _refuse_other(self, actor: str | None) -> None:
+        if actor is not None and self._actor is not None and actor != self._actor:
+            raise InvalidArgumentError(
+                f"the token writes as {shown(self._actor)}, not as {shown(actor)}; leave out "
+                "actor, or get a token of this actor by 'kant-sql tokens add'"
+            )
+
     @property
     @override
     def label(self) -> str:  # type: ignore[override]
-        return f"{self.name!r} of {self.address}{', closed' * self._link.is_closed}"
+        past = f" at {_described(self._at)}" if self._at else ""
+        return f"{self.name!r} of {self.address}{past}{', closed' * self._link.is_closed}"
 
     @property
     @override
     def revision(self) -> int:
-        return int(self._link.get()["revision"])
+        if self._at:
+            return int(self._at[-1]["known"])
+        opened = self._opened()
+        return int(self._link.get()["revision"]) if opened is None else opened.revision
 
     @override
     def close(self) -> None:
-        self._link.close()
+        if not self._at:
+            self._link.close()
 
-    def call(self, kind: str, do: str, arguments: dict[str, Any]) -> Any:
-        """Call a method of a DAO of the server."""
-        if dao_calls.is_read(do):
-            given = json.dumps(dao_calls.document(arguments))
-            answer = self._link.get(kind=kind, do=do, arguments=given)
-            try:
-                return dao_calls.read(answer)
-            except (InvalidArgumentError, errors.InvalidKnowledgeError) as error:
-                raise self._unreadable() from error
+    @override
+    def at(
+        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
+    ) -> Self:
+        given: dict[str, When | None] = {"when": when, "known": known, "valid": read_when(valid)}
+        moments = {name: one for name, one in given.items() if one is not None}
+        found = self._link.get(at=_json([*self._at, moments]))
+        past = copy(self)
+        # A relative text is of this moment.
+        of_valid = {name: one for name, one in moments.items() if name == "valid"}
+        past._at = [*self._at, {"known": found["revision"], **of_valid}]
+        return past
+
+    @override
+    @contextmanager
+    def transaction(
+        self, *, actor: str | None = None, source: object | None = None, **said: Any
+    ) -> Iterator[None]:
+        self._refuse_past()
+        make_metadata(actor, None, None)
+        self._refuse_other(actor)
+        if said.get("plan_step") is not None:
+            raise daos_only(self, "steps of plans")
+        metadata = make_metadata(self._actor, None, source)
+        outer = self._opened()
+        if outer is None:
+            self._wait_for_none()
+        opened = outer or _Transaction(self._link, metadata)
+        own = {"arguments": dao_calls.document(said), "source": read_source(metadata.source)}
+        begun = opened.ask("begin", **own)
+        block = None
+        if outer is None:
+            opened.revision = begun["revision"]
+            block = Block(self, self.queue, cast(Any, opened))
+        try:
+            yield
+        except BaseException:
+            with suppress(KantSqlError):
+                opened.ask("rollback")
+            raise
+        else:
+            opened.ask("commit")
+        finally:
+            if block is not None:
+                block.close()
+
+    def _opened(self) -> _Transaction | None:
+        """Find the transaction that is open in this thread, task and context."""
+        block = own_block(self)
+        return None if block is None else cast(_Transaction, block.transaction)
+
+    def _wait_for_none(self) -> None:
+        """Refuse to wait on the server for what this thread has to end."""
+        ahead = block_ahead(self.queue)
+        if ahead is not None:
+            raise ahead.refuse("to write")
+
+    def _refuse_past(self) -> None:
+        if self._at:
+            raise past_error(self.name, _described(self._at))
         if self._is_read_only:
             raise errors.ReadOnlyError(
                 f"{self.label} was opened for reading only; connect without it"
             )
+
+    def call(self, kind: str, do: str, arguments: dict[str, Any]) -> Any:
+        """Call a method of a DAO of the server."""
+        reads = dao_calls.is_read(do)
+        if not reads:
+            self._refuse_past()
         if do in _BULK:
             arguments = {name: _listed(value, do) for name, value in arguments.items()}
-        answer = self._link.post(
-            {"kind": kind, "do": do, "arguments": dao_calls.document(arguments)}
-        )
+        opened = self._opened()
+        given = dao_calls.document(arguments)
+        if opened is not None:
+            answer = opened.ask("call", kind=kind, do=do, arguments=given)
+        elif reads:
+            at = {"at": _json(self._at)} if self._at else {}
+            answer = self._link.get(kind=kind, do=do, arguments=json.dumps(given), **at)
+        else:
+            self._wait_for_none()
+            answer = self._link.post({"kind": kind, "do": do, "arguments": given})
+        if reads:
+            try:
+                return dao_calls.read(answer)
+            except (InvalidArgumentError, errors.InvalidKnowledgeError) as error:
+                raise self._unreadable() from error
         match answer.get("results"):
             case [bool() | int() as result]:
                 return result

@@ -126,10 +126,15 @@ class SqlDao:
 def refuse_past(store: Store, at: int | None) -> None:
     """Refuse to write where only the past is looked at."""
     if at is not None:
-        raise ReadOnlyError(
-            f"this is knowledge base {store.name!r} as it was at {store.described(at)}: "
-            "the past cannot be changed; write to the knowledge base itself"
-        )
+        raise past_error(store.name, store.described(at))
+
+
+def past_error(name: str, state: str) -> ReadOnlyError:
+    """Make the error for who writes to a past state."""
+    return ReadOnlyError(
+        f"this is knowledge base {name!r} as it was at {state}: "
+        "the past cannot be changed; write to the knowledge base itself"
+    )
 
 
 def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:

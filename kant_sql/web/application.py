@@ -36,6 +36,7 @@ from .rendering import STATIC, render
 from .security import Guard, Programs, allowed_hosts
 from .stores import OpenStore
 from .tokens import TokenFile
+from .transactions import Transactions
 from .writing import MOST_WRITERS, WRITES
 
 logger = logging.getLogger("kant_sql.web")
@@ -100,6 +101,7 @@ def create_app(
                 yield
             finally:
                 app.state.live.close()
+                await anyio.to_thread.run_sync(app.state.transactions.close)
                 store.close()
                 if writing is not None:
                     writing.close()
@@ -118,6 +120,7 @@ def create_app(
     app.state.live = LiveHub(store)
     app.state.added = [pages.first for pages in added]
     app.state.writing = writing
+    app.state.transactions = Transactions()
     # First: programs ask these most often, and the routes before a path are tried one by one.
     app.include_router(reading)
     if writing is not None:
@@ -144,7 +147,7 @@ def _answer_errors(app: FastAPI) -> None:
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, KantSqlError)
         said = app.state.store.folders.said(error)
-        details = json_value(vars(error)) if request.url.path == DAO_PATH else None
+        details = json_value(vars(error)) if request.url.path.startswith(DAO_PATH) else None
         return _error(request, status_of(error), said, type(error).__name__, details)
 
     async def wrong(request: Request, error: Exception) -> Response:

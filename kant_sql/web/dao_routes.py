@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from typing import Annotated, Any
 
+import anyio
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
+from pydantic import BaseModel, ConfigDict, Field
 
-from ..dao_calls import call, document
-from ..errors import InvalidArgumentError
-from ..knowledge_base import KnowledgeBase
+from ..arguments import shown
+from ..dao_calls import call, document, is_read, keywords, read
+from ..errors import ConnectionLostError, InvalidArgumentError
+from ..json_values import json_value
+from ..knowledge_base import KnowledgeBase, state_of
+from ..store.requests import find_request, keep_request
 from .registry import KbName
+from .security import refusal
 from .stores import OpenStore, answer
 from .tokens import Token
-from .writing import WRITES, Kind, Result
+from .transactions import GONE, Lend, Step, Transactions
+from .writing import WRITES, Kind, RequestKey, Result
 
 reading = APIRouter(prefix="/api", tags=["DAOs"])
 
@@ -25,6 +36,9 @@ async def read_dao(
     kind: Annotated[Kind | None, Query(description="The DAO; none for the revision.")] = None,
     do: Annotated[str, Query(description="Its method, one that reads.")] = "",
     arguments: Annotated[str, Query(description="Its arguments, as `POST` takes them.")] = "",
+    at: Annotated[
+        str, Query(description="A list of arguments of `kb.at`, for a past state, in that form.")
+    ] = "",
     kb_name: KbName = None,
 ) -> Response:
     """Call a method of a DAO that reads, or give the last revision and the actor of the token."""
@@ -33,17 +47,34 @@ async def read_dao(
     token: Token | None = request.scope.get("token")
 
     def work() -> str:
-        with store.knowledge_base(store.choose(kb_name)) as kb:
+        with store.knowledge_base(store.choose(kb_name)) as present:
+            kb = present
+            for moments in _moments(at):
+                kb = kb.at(**moments)
             if kind is None:
                 actor = None if token is None else token.actor
                 return json.dumps({"revision": kb.revision, "actor": actor})
-            try:
-                given = json.loads(arguments)
-            except (ValueError, RecursionError) as error:
-                raise InvalidArgumentError(f"the arguments are not JSON: {error}") from error
-            return json.dumps(document(call(kb, kind, do, given, reads=True)))
+            return json.dumps(document(call(kb, kind, do, _parsed(arguments), reads=True)))
 
     return Response(await answer(request, work), media_type="application/json")
+
+
+def _moments(at: str) -> list[dict[str, Any]]:
+    """Read the arguments of `kb.at`, each for the state of the one before."""
+    if not at:
+        return []
+    found = read(_parsed(at))
+    names = {"when", "known", "valid"}
+    if isinstance(found, list) and all(isinstance(o, dict) and o.keys() <= names for o in found):
+        return found
+    raise InvalidArgumentError(f"at is a list of arguments of kb.at, not {shown(found)}")
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InvalidArgumentError(f"the arguments are not JSON: {error}") from error
 
 
 @WRITES.post("/dao", "write")
@@ -56,3 +87,85 @@ def dao(kb: KnowledgeBase, *, kind: Kind, do: str, arguments: Any) -> list[Resul
         arguments: its arguments by name: `{"pool": [...], "value": {"map": {...}}}`.
     """
     return [call(kb, kind, do, arguments, reads=False)]
+
+
+class TransactionStep(BaseModel):
+    """A step of a transaction that takes several requests, in one revision."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    transaction: Annotated[
+        str, Field(min_length=16, max_length=64, description="Chosen at random by the client.")
+    ]
+    number: Annotated[
+        int, Field(ge=1, description="1, 2, 3 ...: a number that is repeated is executed once.")
+    ]
+    step: Annotated[Step, Field(description="`begin` within a transaction opens a nested block.")]
+    kind: Annotated[Kind | None, Field(description="Of a call: the DAO.")] = None
+    do: Annotated[str, Field(description="Of a call: its method.")] = ""
+    arguments: Annotated[
+        Any, Field(description="Of a call, as for `/api/dao`; of `begin`, of `kb.transaction`.")
+    ] = None
+    source: Annotated[Any, Field(description="Of `begin`: where it comes from, any JSON.")] = None
+
+
+WRITES.scopes["/api/dao/transaction"] = "write"
+
+
+@WRITES.api.post("/dao/transaction", response_model=dict[str, Any])
+async def dao_transaction(
+    request: Request, given: TransactionStep, kb_name: KbName = None
+) -> Response:
+    """Take a step of a transaction, which is rolled back when no other follows for 10 seconds."""
+    store: OpenStore = request.app.state.writing
+    transactions: Transactions = request.app.state.transactions
+    token: Token = request.scope["token"]
+    if is_read(given.do) and "read" not in token.scopes:
+        return refusal(request.scope, 403, "the token has not the scope read")
+    name = await anyio.to_thread.run_sync(store.choose, kb_name)
+    place = token.id, name, given.transaction
+    key = RequestKey.of(token.id, given.transaction, b"transaction")
+    lend: Lend = partial(store.knowledge_base, name)
+    work = partial(_take, given, token.actor, key)
+    asked = transactions.ask(place, given.number, given.step, lend, work)
+    if asked is None:
+        found = await anyio.to_thread.run_sync(partial(_ended, lend, given.step, key))
+    else:
+        found = await asyncio.shield(asyncio.wrap_future(asked))
+    return Response(json.dumps(found), media_type="application/json")
+
+
+def _take(given: TransactionStep, actor: str, key: RequestKey, kb: KnowledgeBase) -> Any:
+    if given.step == "begin":
+        return _block(given, actor, key, kb)
+    kind, reads = given.kind or "", is_read(given.do)
+    result = call(kb, kind, given.do, given.arguments, reads=reads)
+    return document(result) if reads else {"results": json_value([result])}
+
+
+@contextmanager
+def _block(
+    given: TransactionStep, actor: str, key: RequestKey, kb: KnowledgeBase
+) -> Iterator[None]:
+    try:
+        block = kb.transaction(actor=actor, source=given.source, **keywords(given.arguments))
+    except TypeError as error:
+        raise InvalidArgumentError(f"begin: {error}") from error
+    with block:
+        transaction = state_of(kb).store.current()
+        assert transaction is not None
+        keep_request(transaction, *key, [])
+        yield
+
+
+def _ended(lend: Lend, step: Step, key: RequestKey) -> Any:
+    """Answer a step of a transaction that is not open, and may have been committed."""
+    if step == "commit":
+        with lend() as kb, kb.transaction():
+            transaction = state_of(kb).store.current()
+            assert transaction is not None
+            if find_request(transaction, key.key) is not None:
+                return {}
+    if step == "rollback":
+        return {}
+    raise ConnectionLostError(GONE)

@@ -249,7 +249,7 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
         key = None
         if idempotency_key is not None:
             whole = request.url.path.encode(), await request.body()
-            key = _Key.of(token.id, idempotency_key, b"\n".join(whole))
+            key = RequestKey.of(token.id, idempotency_key, b"\n".join(whole))
         if did is not None and said["reason"] is None:
             said["reason"] = f"{did} {' '.join(fields['step'].split())}"
 
@@ -298,14 +298,15 @@ async def _run(request: Request, work: Callable[[], T]) -> T:
     return await anyio.to_thread.run_sync(work, limiter=limiter)
 
 
-class _Key(NamedTuple):
+class RequestKey(NamedTuple):
     """The key of a request, and its digest: neither tells what the request says."""
 
     key: str
     digest: str
 
     @classmethod
-    def of(cls, token: str, given: str, request: bytes) -> _Key:
+    def of(cls, token: str, given: str, request: bytes) -> RequestKey:
+        """Make the key of a request from the token's id, the client's key and its bytes."""
         # The digest has the client's key, which is not kept: without it, nobody can try requests.
         parts = f"{token}\n{given}".encode(), given.encode() + b"\n" + request
         return cls(*(hashlib.sha256(part).hexdigest() for part in parts))
@@ -316,7 +317,7 @@ def write(
     said: Mapping[str, Any],
     work: Callable[[KnowledgeBase], Any],
     expected: int | None = None,
-    key: _Key | None = None,
+    key: RequestKey | None = None,
 ) -> tuple[WriteAnswer, int]:
     """Write in one revision; return what was written, and the last revision."""
     store: Store = state_of(kb).store

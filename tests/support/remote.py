@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, Never
-
-import pytest
+from typing import Any, NamedTuple
 
 import kant_sql
 from kant_sql import DaoFactory, KnowledgeBase
@@ -46,11 +44,13 @@ class _MixedFactory(SameStore):
 
     remote: DaoFactory
 
-    def transaction(self, **_: Any) -> Never:
-        pytest.skip("DAOs over HTTP have no transactions")
+    def transaction(self, **said: Any) -> Any:
+        return self.remote.transaction(**said)
 
-    def at(self, *_: Any, **__: Any) -> Never:
-        pytest.skip("DAOs over HTTP have no past")
+    def at(self, *moments: Any, **named: Any) -> Any:
+        past = super().at(*moments, **named)
+        past.remote = self.remote.at(*moments, **named)
+        return past
 
     def close(self) -> None:
         self.remote.close()

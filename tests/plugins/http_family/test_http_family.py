@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import logging
 import shutil
 import socket
@@ -11,7 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -31,10 +32,14 @@ from kant_sql.errors import (
     PddlError,
     ReadOnlyError,
     ReadOnlyStoreError,
+    StaleRevisionError,
+    StoreBusyError,
     StoreError,
     StoreUnreachableError,
+    TransactionOpenError,
     UnknownNameError,
 )
+from kant_sql.web import transactions
 from kant_sql_plugins import http_family
 from tests.support.cutting import cutting
 from tests.support.generators.junk import looped_type
@@ -280,15 +285,11 @@ def test_a_write_without_an_answer_may_have_happened(
             kb.types.save("robot")
 
 
-@pytest.mark.more
-def test_writes_whose_connections_are_cut_are_written_once(
-    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(http_family, "PAUSES", (0.0,) * 60)
-    direct = connect(server.url, knowledge_base="tiago", actor="setup")
-    assert direct.functions.save("(battery) - number")
-    assert direct.function_values.save(BATTERY)
-    kb = connect(server.at("tiago"))
+@contextmanager
+def cut_at_random(
+    kb: KnowledgeBase, server: Served, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Cut the connections of a block at random places."""
     send = http_family._Link._send
 
     def send_alone(self: Any, method: str, target: str, body: bytes, headers: Any) -> Any:
@@ -298,11 +299,167 @@ def test_writes_whose_connections_are_cut_are_written_once(
     monkeypatch.setattr(http_family._Link, "_send", send_alone)
     with cutting(int(server.address.rpartition(":")[2])) as proxy:
         change(kb, port=proxy.port)
+        yield
+    assert min(proxy.cuts.values()) > 30
+
+
+@pytest.mark.more
+def test_writes_whose_connections_are_cut_are_written_once(
+    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(http_family, "PAUSES", (0.0,) * 60)
+    direct = connect(server.url, knowledge_base="tiago", actor="setup")
+    assert direct.functions.save("(battery) - number")
+    assert direct.function_values.save(BATTERY)
+    kb = connect(server.at("tiago"))
+    with cut_at_random(kb, server, monkeypatch):
         done = [kb.function_values.increase("battery", by=1) for _ in range(100)]
     assert done == [*range(1, 101)]
     assert direct.function_values.get("battery") == 100
     assert direct.revision == 102
-    assert min(proxy.cuts.values()) > 30
+
+
+def test_a_transaction_is_one_revision_that_nobody_else_sees(
+    server: Served, connect: Connect
+) -> None:
+    kb, other = connect(server.at("tiago")), connect(server.at("tiago"))
+    with kb.transaction(reason="moved in", source={"from": [1, 2.5]}):
+        assert kb.types.save("robot")
+        assert kb.objects.save_all(["rb1 - robot", "rb2 - robot"]) == 2
+        assert [one.name for one in kb.objects.get_all()] == ["rb1", "rb2"]
+        assert kb.revision == 0
+        assert other.objects.get_all() == []
+        with ThreadPoolExecutor(1) as threads:
+            assert threads.submit(kb.types.get_all).result() == []
+        with pytest.raises(TransactionOpenError, match="has a transaction of actor 'test' open"):
+            contextvars.copy_context().run(kb.types.save, "wp")
+        with suppress(ZeroDivisionError), kb.transaction():
+            kb.objects.save("rb3 - robot")
+            raise ZeroDivisionError
+    with suppress(ZeroDivisionError), kb.transaction():
+        kb.objects.save("rb4 - robot")
+        raise ZeroDivisionError
+    (revision,) = connect(server.url, knowledge_base="tiago").store.revisions()
+    assert (revision.actor, revision.reason) == ("test", "moved in")
+    assert revision.source == {"from": [1, 2.5]}
+    assert [one.name for one in other.objects.get_all()] == ["rb1", "rb2"]
+    assert kb.at(0).objects.get_all() == []
+    assert repr(kb.at(1)).endswith(" at revision 1>")
+    with pytest.raises(InvalidArgumentError, match="the token writes as 'test', not as 'me'"):
+        kb.transaction(actor="me").__enter__()
+    with pytest.raises(InvalidArgumentError, match="unexpected keyword argument 'why'"):
+        kb.transaction(why="so").__enter__()  # type: ignore[call-arg]
+    with pytest.raises(StaleRevisionError) as stale:
+        kb.transaction(expected_revision=0).__enter__()
+    assert (stale.value.expected, stale.value.actual) == (0, 1)
+
+
+def test_tasks_have_transactions(server: Served) -> None:
+    async def work() -> int:
+        async with aio.connect(server.at("tiago")) as kb:
+
+            async def write(number: int) -> None:
+                async with kb.transaction():
+                    await kb.types.save(f"a{number}")
+                    await kb.types.save(f"b{number}")
+
+            await asyncio.gather(*(write(number) for number in range(5)))
+            return await kb.revision()
+
+    assert asyncio.run(work()) == 5
+
+
+def test_who_leaves_a_transaction_alone_loses_it(
+    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, direct = connect(server.at("tiago")), connect(server.url, knowledge_base="tiago")
+    transaction = kb.transaction()
+    transaction.__enter__()
+    # The server looks at it after its next request.
+    monkeypatch.setattr(transactions, "IDLE", 0.01)
+    assert kb.types.save("wp")
+    # Another writer waits for the end of this one.
+    assert direct.types.save("other")
+    with pytest.raises(ConnectionLostError, match="nothing of it was written"):
+        kb.types.save("late")
+    with pytest.raises(ConnectionLostError, match="nothing of it was written"):
+        transaction.__exit__(None, None, None)
+    assert [one.name for one in kb.types.get_all()] == ["other"]
+    monkeypatch.setattr(transactions, "IDLE", 10.0)
+    with kb.transaction():
+        kb.types.save("robot")
+    assert kb.revision == 2
+
+
+def test_a_server_has_so_many_transactions_open(
+    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transactions, "MOST_OPEN", 1)
+    kb = connect(server.at("tiago"))
+    with kb.transaction():
+        kb.types.save("robot")
+        with pytest.raises(StoreBusyError, match="1 transactions are open"):
+            connect(server.at("other")).transaction().__enter__()
+    assert kb.revision == 1
+
+
+def test_a_commit_that_is_repeated_is_written_once(
+    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(server.at("tiago"))
+    opened: Any = None
+    with kb.transaction():
+        kb.types.save("robot")
+        opened = kb.store.factory._opened()  # type: ignore[attr-defined]
+
+    def again(step: str) -> Any:
+        opened._number -= 1
+        return opened.ask(step)
+
+    assert again("commit") == {}
+    # The server forgets it, as one that is restarted.
+    monkeypatch.setattr(transactions, "KEPT", -1.0)
+    with kb.transaction():
+        kb.types.save("wp")
+    assert (again("commit"), again("rollback")) == ({}, {})
+    with pytest.raises(ConnectionLostError, match="begin it again"):
+        again("call")
+    opened._id = "0" * 32
+    with pytest.raises(ConnectionLostError, match="begin it again"):
+        again("commit")
+    assert kb.revision == 2
+
+
+def test_a_token_that_may_not_read_reads_in_no_transaction(
+    server: Served, connect: Connect
+) -> None:
+    kb = connect(server.at("tiago"))
+    change(kb, token=server.tokens.add("blind", ["*"], ["write"]))
+    with kb.transaction():
+        kb.types.save("robot")
+        with pytest.raises(AuthenticationError, match="the token has not the scope read"):
+            kb.types.get_all()
+    change(kb, token=server.secret)
+    assert [one.name for one in kb.types.get_all()] == ["robot"]
+
+
+@pytest.mark.more
+def test_transactions_whose_connections_are_cut_are_written_once(
+    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(http_family, "PAUSES", (0.0,) * 60)
+    direct = connect(server.url, knowledge_base="tiago", actor="setup")
+    assert direct.functions.save("(battery) - number")
+    assert direct.function_values.save(BATTERY)
+    kb = connect(server.at("tiago"))
+    with cut_at_random(kb, server, monkeypatch):
+        for number in range(30):
+            with kb.transaction():
+                assert kb.function_values.increase("battery", by=1) == 2 * number + 1
+                assert kb.function_values.get("battery") == 2 * number + 1
+                assert kb.function_values.increase("battery", by=1) == 2 * number + 2
+    assert direct.function_values.get("battery") == 60
+    assert direct.revision == 32
 
 
 def test_too_much_for_one_request_is_refused_here(
