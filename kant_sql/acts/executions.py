@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection, Iterable, Iterator
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import cache
 from itertools import islice
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from ..dto import PddlObjectDto
 from ..errors import InvalidArgumentError, PlanError, UnknownNameError
 from ..history.moments import find_bounds
 from ..history.revisions import LARGEST, at_most
+from ..knowledge.canonical import in_utc
 from ..moment_text import When, read_when
 from ..sql import tables as t
 from ..sql.definition_rows import find_id
@@ -27,7 +28,6 @@ from ..sql.rows import KB, table_of
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
-from ..store.transaction import Transaction
 from . import Execution, Outcome
 from .checking import check_words, reported
 from .recording import (
@@ -353,7 +353,7 @@ def report(
         code: the code of a failure.
         text: a message.
         started_at: when it began, if not now: an aware time or a text such as `2 minutes ago`.
-        ended_at: when it ended, likewise.
+        ended_at: when it ended, likewise; an act that gets no other time began then, too.
         reason: the revision's reason.
 
     Returns:
@@ -373,23 +373,21 @@ def report(
     one_of(outcome, OUTCOMES, "the outcome")
     optional_text(reason, "the reason")
     said = _said(outcome, code, text, started_at, ended_at)
-    is_known = isinstance(act, Execution)
-    if is_known and [*arguments]:
+    if not isinstance(act, Execution):
+        named = check_words(act, arguments)
+        # It did not begin after its end.
+        said = said._replace(started_at=said.started_at or said.ended_at)
+    elif [*arguments]:
         raise PlanError(f"{act} has its arguments already; leave them out")
-    named = None if is_known else check_words(act, arguments)
-
-    def work(transaction: Transaction) -> Key:
-        if isinstance(act, Execution):
-            set_outcome(transaction, act, outcome, said)
-            return key_of(act)
-        assert named is not None
-        made = reported(transaction.definitions.current(), *named)
-        return transaction.executions.record(made, outcome, *said)
-
     with state.store.transaction(reason=reason) as transaction:
         remedy = "give its times here: started_at=..., ended_at=..."
         transaction.refuse_period("an execution", remedy)
-        key = work(transaction)
+        if isinstance(act, Execution):
+            set_outcome(transaction, act, outcome, said)
+            key = key_of(act)
+        else:
+            made = reported(transaction.definitions.current(), *named)
+            key = transaction.executions.record(made, outcome, *said)
     return read_execution(state.store, key)
 
 
@@ -435,19 +433,9 @@ def _said(
     """Check what is said of an outcome."""
     if code is not None and outcome != FAILED:
         raise PlanError(f"{shown(code)} is the code of a failure, but the outcome is {outcome!r}")
-    begun, ended = (
-        _moment(at, role) for at, role in ((started_at, "started_at"), (ended_at, "ended_at"))
-    )
+    given: Any = {"started_at": read_when(started_at), "ended_at": read_when(ended_at)}
+    begun, ended = (in_utc(role, moment) for role, moment in given.items())
     if ended is not None and outcome == RUNNING:
         raise PlanError("ended_at is given for a running execution; leave it out")
     texts = storable_text(code, "code", PlanError), storable_text(text, "text", PlanError)
     return check_order(Said(*texts, begun, ended))
-
-
-def _moment(given: datetime | str | None, role: str) -> datetime | None:
-    found = read_when(given)
-    if found is None:
-        return None
-    if not isinstance(found, datetime) or found.utcoffset() is None:
-        raise InvalidArgumentError(f"{role} is {shown(given)}, expected a time with its zone")
-    return found.astimezone(UTC)

@@ -139,7 +139,8 @@ def stale_facts(state: State, ids: Collection[int], than: float) -> list[Version
 def _find(
     state: State, which: str, seconds: float | None, limit: int | None, **given: Any
 ) -> list[Version]:
-    age = None if seconds is None else period(seconds, "the number of seconds")
+    role = "than" if which == "stale" else "older_than"
+    age = None if seconds is None else period(seconds, role)
     size, at = at_most(limit), LARGEST if state.at is None else state.at
 
     def work(session: Session, kb_id: int) -> list[Version]:

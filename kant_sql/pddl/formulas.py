@@ -187,7 +187,7 @@ class FormulaReader(Cursor):
     def _unknown_predicate(self, head: str, context: int) -> NoReturn:
         operators = _EFFECTS if context & EFFECT else _CONDITIONS
         if context & EFFECT and head.lower() in _NO_EFFECTS:
-            self.fail("an effect", f"'({head}', which is none")
+            self.fail("an effect", f"'({head}'")
         names = self.symbols.predicates.names()
         expected = f"a predicate that is declared{hint(head, [*names, *operators])}"
         function = self.symbols.functions.find(head)

@@ -287,14 +287,14 @@ def in_revision(
 ) -> int | None:
     """Do something with a step in one revision; return its number, None without one of its own."""
     optional_text(reason, "the reason")
-    recorded = plan_step if plan_step is not None else step
-    place = key_of(recorded) if isinstance(recorded, Execution) else None
+    recorded = step if plan_step is None and isinstance(step, Execution) else plan_step
+    place = None if recorded is None else key_of(recorded)
     said = reason if reason is not None else f"{done} {_shown(step)}"
     is_outer = store.current() is None
     opened: AbstractContextManager[Transaction] = store.transaction(reason=said, plan_step=place)
     with opened as transaction:
         transaction.refuse_period("an act", "save the facts that it brought about then")
-        if isinstance(recorded, Execution):
+        if recorded is not None:
             check_execution(transaction, recorded)
         work(transaction, ground(transaction.definitions.current(), step))
     committed = transaction.committed

@@ -438,8 +438,10 @@ def broken_invariants(state: State) -> list[BrokenInvariant]:
     return Listing(find_broken(store, running_executions(store)), "broken invariant")
 
 
-def find_broken(store: Store, running: Iterable[Execution]) -> list[BrokenInvariant]:
-    """Return the conditions `over all` of steps that do not hold now."""
+def find_broken(
+    store: Store, running: Iterable[Execution], at: int | None = None
+) -> list[BrokenInvariant]:
+    """Return the conditions `over all` of steps that do not hold now, or at a revision."""
 
     def work(view: View) -> list[tuple[Execution, FailedCondition]]:
         found = []
@@ -454,16 +456,16 @@ def find_broken(store: Store, running: Iterable[Execution]) -> list[BrokenInvari
             found += [(step, failed) for failed in Explainer(view, numbers).failed(nodes)]
         return found
 
-    broken = store.read_in_snapshot(work)
-    return [BrokenInvariant(step, failed, broken_since(store, failed)) for step, failed in broken]
+    broken = store.read_in_snapshot(work, at)
+    return [BrokenInvariant(step, one, broken_since(store, one, at)) for step, one in broken]
 
 
-def broken_since(store: Store, failed: FailedCondition) -> Revision | None:
+def broken_since(store: Store, failed: FailedCondition, at: int | None = None) -> Revision | None:
     """Return the revision since which a condition does not hold."""
     if failed.retracted is not None:
         return failed.retracted
     try:
-        periods = when(State(store, None), f"(not {failed.condition})")
+        periods = when(State(store, at), f"(not {failed.condition})")
     except (InvalidKnowledgeError, UnsupportedConstructError):
         return None  # It is no condition, but an unknown name, a rule, or a missing value.
     return periods[-1].since if periods and periods[-1].until is None else None

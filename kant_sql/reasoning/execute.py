@@ -217,7 +217,8 @@ class Executive:
     def run(self) -> ExecutedPlan:
         """Execute the plan, in this thread and one for each step that runs."""
         self._begun = time.monotonic()
-        self._thread(self._watch, head_revision(self._store))
+        self._seen = head_revision(self._store)
+        self._thread(self._watch, self._seen)
         try:
             self._do_what_is_asked()
             while not self._look():
@@ -297,18 +298,25 @@ class Executive:
         self._take(made)
         self._begun = time.monotonic()
 
-    def _look_at_running(self) -> None:
+    def _look_at_running(self) -> bool:
+        """Look at what runs; return whether that ends the plan."""
         running = {key_of(step) for step in running_executions(self._store)}
         for key in self._running.keys() - running:
             now = read_execution(self._store, key)
             if now.outcome != SUCCEEDED:
                 self._stop(now)
-                return
+                return True
         steps = [step for key, step in self._running.items() if key in running]
-        broken = find_broken(self._store, steps)
-        if broken:
-            step = broken[0].step
-            self._fail(step, tuple(each for each in broken if each.step == step))
+        # At each revision: what broke may hold again by now.
+        for at in range(self._seen + 1, head_revision(self._store) + 1):
+            self._seen = at
+            begun = [one for one in steps if one.revision is None or one.revision <= at]
+            broken = find_broken(self._store, begun, at)
+            if broken:
+                step = broken[0].step
+                self._fail(step, tuple(each for each in broken if each.step == step))
+                return True
+        return False
 
     def _begins(self) -> bool:
         """Begin the next step if it can begin; else say how long to wait."""
@@ -379,6 +387,8 @@ class Executive:
             return  # It was aborted meanwhile.
         now = read_execution(self._store, key)
         if now.outcome == RUNNING and said.outcome == SUCCEEDED:
+            if self._look_at_running():
+                return
             try:
                 found = self._store.read_definitions(lambda known: ground(known, step))
                 finish = end if found.action.is_durative else apply

@@ -190,7 +190,7 @@ def test_the_oldest_come_first_and_the_young_are_left_out(kb: KnowledgeBase) -> 
     assert texts(kb.unconfirmed(older_than=0)) == texts(found)
     # A past state is as old as it was then.
     assert kb.at(found[1].since.number).unconfirmed(older_than=3600) == []
-    with pytest.raises(errors.InvalidArgumentError, match="seconds"):
+    with pytest.raises(errors.InvalidArgumentError, match="older_than is a number of s"):
         kb.unconfirmed(older_than=-1)
 
 
@@ -224,6 +224,8 @@ def test_stale_facts_of_a_condition(kb: KnowledgeBase) -> None:
     for wrong in ("(exists (?p - place) (clean ?p))", "(or (clean hall) (clean room))"):
         with pytest.raises(errors.UnsupportedConstructError, match="conjunction"):
             kb.stale(wrong, than=1)
+    with pytest.raises(errors.InvalidArgumentError, match="than is a number of seconds, from 0"):
+        kb.stale("(clean hall)", than=-1)
 
 
 def test_blame_and_history_say_who_confirmed_last(kb: KnowledgeBase) -> None:

@@ -203,6 +203,19 @@ def test_an_invariant_that_another_breaks_is_found_while_the_step_runs(kb: Knowl
     assert str(found).endswith(f"since revision {broken.since.number} by nurse")
 
 
+def test_an_invariant_that_is_broken_and_mended_fails_the_step(kb: KnowledgeBase) -> None:
+    def flicker(step: Execution) -> None:
+        if step.action == "move":
+            nurse(kb).propositions.delete("(lit room)")
+            kb.propositions.save("(lit room)")
+
+    found = kb.execute("(switch room)\n(move r1 hall room)", flicker)
+    assert outcomes(found) == ["succeeded", "failed"]
+    [broken] = found.unsatisfied
+    assert (broken.unsatisfied.condition, kb.holds("(lit room)")) == ("(lit room)", True)
+    assert present(broken.since).actor == "nurse"
+
+
 def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> None:
     start = time.monotonic()
     found = kb.execute("(move r1 hall room)", do_nothing, timeout=0.2)

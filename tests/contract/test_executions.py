@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -132,6 +132,8 @@ def test_a_durative_act_runs_and_ends(kb: KnowledgeBase) -> None:
     )
     with pytest.raises(NotApplicableError, match=f"it is running: execution {running.id}"):
         kb.start("(paint front)")
+    with pytest.raises(PlanError, match="expected an execution"):
+        kb.apply("(knock front)", plan_step=running.id)  # type: ignore[arg-type]
     done = kb.end(running, reason="bright")
     assert (done.id, done.outcome, done.reason) == (running.id, "succeeded", "dull")
     assert done.revisions == (begun, begun + 1, begun + 2)
@@ -185,6 +187,7 @@ def test_components_without_pddl_report(kb: KnowledgeBase) -> None:
 def test_what_is_no_report_is_refused(kb: KnowledgeBase) -> None:
     report: Any = kb.executions.report
     now, noon = datetime.now(UTC), datetime(2026, 1, 1, 12, tzinfo=UTC)
+    last = datetime.max.replace(tzinfo=timezone(timedelta(hours=-5)))
     for wrong, given, message in (
         ((3,), {"outcome": "failed"}, "the name of the act is 3"),
         (("",), {"outcome": "failed"}, "is empty"),
@@ -194,7 +197,8 @@ def test_what_is_no_report_is_refused(kb: KnowledgeBase) -> None:
         (("a",), {"outcome": "succeeded", "code": "E"}, "is the code of a failure"),
         (("a",), {"outcome": "running", "ended_at": now}, "for a running execution"),
         (("a",), {"outcome": "failed", "started_at": now, "ended_at": noon}, "before it began"),
-        (("a",), {"outcome": "failed", "ended_at": 5}, "expected a time"),
+        (("a",), {"outcome": "failed", "ended_at": 5}, "a time with its zone"),
+        (("a",), {"outcome": "failed", "started_at": last}, "outside the years 1 to 9999"),
         (("a",), {"outcome": "failed", "code": "\ud800"}, "unpaired surrogate"),
     ):
         with nothing_changes(kb), pytest.raises((PlanError, InvalidArgumentError), match=message):
@@ -219,6 +223,8 @@ def test_the_start_that_was_reported_stays_and_the_end_is_not_before_it(kb: Know
         kb.executions.report(running, outcome="failed", ended_at="2025-12-31T23:00:00Z")
     ended = kb.executions.report(running, outcome="failed", text=' :started-at "', ended_at=begun)
     assert (ended.started_at, ended.ended_at) == (begun, begun)
+    alone = kb.executions.report("undock", outcome="succeeded", ended_at=begun)
+    assert (alone.started_at, alone.ended_at) == (begun, begun)
     assert kb.store.verify().is_intact
 
 

@@ -119,7 +119,7 @@ def test_an_error_goes_to_another_process_as_it_is(error: errors.KantSqlError) -
         (":precondition (always (r))", 15, "'(always'", "a formula; constraints belong to"),
         (":precondition (at start (r))", 15, "(at start ...)", "a formula without a time"),
         (":precondition (at end r)", 16, "the predicate 'at'", "a predicate that is declared"),
-        (":effect (or (r) (r))", 9, "'(or', which is none", "an effect"),
+        (":effect (or (r) (r))", 9, "'(or'", "an effect"),
         (":effect (not (not (r)))", 14, "'(not'", "an atom that is deleted"),
         (":effect (at end (r))", 9, "'(at'", "an effect without a time"),
         (":effect (increase (g) (* #t 1))", 26, "'#t' outside of a process", "a number"),
