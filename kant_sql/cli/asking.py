@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from ..dto import formulas as f
-from ..errors import InvalidKnowledgeError, UnsupportedConstructError, printable
+from ..errors import InvalidKnowledgeError, UnknownNameError, UnsupportedConstructError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode, load
 from . import common as c
@@ -319,7 +319,7 @@ def rules(
         ends = {"first": found.first, "last": found.last}
         write_json(knowledge_base=name, **ends, is_satisfied=found.is_satisfied, rules=found)
     else:
-        _write_verdicts(Printer(), found)
+        _write_verdicts(Printer(), found, "" if kept else "; --kept judges those of the store")
     if found.is_satisfied:
         return 0
     hard = any(not one.is_preference for one in found.violated)
@@ -331,7 +331,7 @@ def _change_kept(
 ) -> int:
     """Keep a rule, or delete one; return the exit code."""
     if delete is not None and not kb.rules.delete(delete):
-        return FAILED
+        raise UnknownNameError(f"no rule {delete!r} is kept; see: kant-sql rules --kept")
     if save is not None:
         text = "" if source is None else load(source).code
         kb.rules.save(save, text, on_violation="refuse" if refuse else "report")
@@ -345,12 +345,11 @@ def rules_source(given: str) -> Source:
     return given if given.lstrip()[:1] in ("(", ";") else Path(given)
 
 
-def _write_verdicts(printer: Printer, verdicts: Iterable[Verdict]) -> None:
+def _write_verdicts(printer: Printer, verdicts: Sequence[Verdict], others: str) -> None:
     """Write each verdict, and the revision that violates the rule."""
-    found = list(verdicts)
-    if not found:
-        printer.line("there are no rules")
-    for verdict in found:
+    if not verdicts:
+        printer.line(f"there are no rules{others}")
+    for verdict in verdicts:
         kind = "preference" if verdict.is_preference else "rule"
         style = "green" if verdict.is_satisfied else "red"
         name = "" if verdict.name is None else f"{printable(verdict.name)}: "

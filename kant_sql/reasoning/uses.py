@@ -11,14 +11,17 @@ the condition, whatever else differs.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from decimal import Decimal
 from itertools import product
 from typing import NamedTuple
 
+from ..dto.formulas import AT_END
+from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
 from ..knowledge.rules import rules_of
 from .evaluate import Compiler, Env, Rows, Test
-from .steps import PreparedAction
+from .steps import CONTINUOUS, PreparedAction
 from .world import Row, World
 
 
@@ -38,7 +41,11 @@ def parts_used(action: PreparedAction, time: str) -> list[r.Part]:
 
 def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
     yield action.condition(time)
-    for item in action.items(time):
+    items = [*action.items(time)]
+    if time == AT_END:
+        with suppress(UnsupportedConstructError):  # Such a step can only be reported.
+            items += action.items(CONTINUOUS)
+    for item in items:
         part = item.condition
         if item.numbers:
             # It holds if the fluents have values.

@@ -288,7 +288,11 @@ def test_rules_come_from_the_store_or_a_file(breakfast: str, tmp_path: Path) -> 
     assert "'at'" not in complaint("rules", breakfast, "(always (ta rb1 kitchen))")
     with kant_sql.connect(f"sqlite:///{tmp_path / 'none.db'}") as kb:
         kb.types.save(kant_sql.PddlTypeDto("robot"))
-    assert run("rules", f"sqlite:///{tmp_path / 'none.db'}").stdout == "there are no rules\n"
+    none = f"sqlite:///{tmp_path / 'none.db'}"
+    said = "there are no rules; --kept judges those of the store\n"
+    assert run("rules", none).stdout == said
+    assert run("rules", none, "--kept").stdout == "there are no rules\n"
+    assert "no rule 'calm' is kept" in complaint("rules", none, "--delete", "calm")
 
 
 def test_rules_come_from_standard_input(tmp_path: Path) -> None:

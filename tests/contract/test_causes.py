@@ -18,7 +18,7 @@ DOMAIN = """
   (:types robot place)
   (:predicates (at ?r - robot ?p - place) (door ?a ?b - place) (way ?a ?b - place)
     (alarm ?p - place) (docking ?r - robot) (seen ?p - place) (lit ?p - place))
-  (:functions (battery ?r - robot) (length ?a ?b - place))
+  (:functions (battery ?r - robot) (rate) (length ?a ?b - place))
   (:derived (way ?a ?b - place)
     (or (door ?a ?b) (exists (?c - place) (and (door ?a ?c) (way ?c ?b)))))
   (:action move :parameters (?r - robot ?a ?b - place)
@@ -29,7 +29,11 @@ DOMAIN = """
     :effect (when (lit ?p) (seen ?p)))
   (:durative-action dock :parameters (?r - robot) :duration (= ?duration 5)
     :condition (over all (exists (?p - place) (at ?r ?p)))
-    :effect (and (at start (docking ?r)) (at end (not (docking ?r))))))
+    :effect (and (at start (docking ?r)) (at end (not (docking ?r)))))
+  (:durative-action charge :parameters (?r - robot) :duration (= ?duration 5)
+    :effect (increase (battery ?r) (* #t (rate))))
+  (:durative-action boil :parameters () :duration (= ?duration 5)
+    :effect (assign (rate) (* #t 2))))
 """
 PROBLEM = """
 (define (problem night) (:domain ward) (:objects rb1 rb2 - robot hall room lab - place)
@@ -67,6 +71,14 @@ def test_an_act_used_what_its_condition_rested_on(kb: KnowledgeBase) -> None:
     assert acts(kb, "(at rb1 lab)") == [(1, "(dock rb1)"), (1, "(look rb1 lab)")]
     for unused in ("(battery rb2)", "(not (door hall lab))", "(alarm room)", "(seen lab)"):
         assert acts(kb, unused) == []
+
+
+def test_a_continuous_effect_used_its_rate(kb: KnowledgeBase) -> None:
+    kb.function_values.set("rate", objects=[], value=2)
+    kb.end(kb.start("(charge rb1)"))
+    # What cannot be executed can be reported, and used nothing.
+    kb.executions.report("boil", outcome="succeeded")
+    assert acts(kb, "(rate)") == [(1, "(charge rb1)")]
 
 
 def test_consequences_are_followed(kb: KnowledgeBase) -> None:
