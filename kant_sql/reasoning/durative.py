@@ -110,7 +110,8 @@ def apply(
     Raises:
         NotApplicableError: a condition does not hold, a duration is not allowed, or a
             right-hand side has no value; nothing is written, unless the refusal is recorded.
-        PlanError: the text gives a duration to an action without one.
+        PlanError: the text gives a duration to an action without one, or the recorded step was
+            executed already.
         PddlError, InvalidKnowledgeError: the step names an unknown element.
         UnsupportedConstructError: it is a process or an event, or its continuous change is not
             linear.
@@ -158,9 +159,18 @@ def _apply(transaction: Transaction, step: GroundStep) -> None:
     if step.recorded is None:
         _record(transaction, step, SUCCEEDED, before.numbers)
         return
-    if step.recorded.outcome is None:
-        set_outcome(transaction, step.recorded, RUNNING)
-    set_outcome(transaction, step.recorded, SUCCEEDED)
+    if step.recorded.outcome is None or step.action.is_durative:
+        _set(transaction, step.recorded, RUNNING)
+    _set(transaction, step.recorded, SUCCEEDED)
+
+
+def _set(transaction: Transaction, execution: Execution, outcome: str) -> None:
+    """Set an outcome; refuse one that another writer has set, as its effects are written."""
+    if not set_outcome(transaction, execution, outcome):
+        raise PlanError(
+            f"{execution.place}, {execution}, is {outcome!r} already; nothing was written: read "
+            f"it again by kb.executions.get({execution.id!r})"
+        )
 
 
 def _why(error: NotApplicableError) -> str:
@@ -321,7 +331,7 @@ def end(
     def work(transaction: Transaction, found: GroundStep) -> None:
         given = {} if running.duration is None else {f.DURATION: running.duration}
         _finish(transaction, found, given, earlier)
-        set_outcome(transaction, running, SUCCEEDED)
+        _set(transaction, running, SUCCEEDED)
 
     in_revision(store, running, reason, plan_step, "ended", work)
     return read_execution(store, key_of(running))

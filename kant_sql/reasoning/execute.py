@@ -397,8 +397,9 @@ class Executive:
                 self._fail(step, self._broken(step, error))
                 return
             except PlanError as error:  # Somebody else has ended it just now.
-                self._stop(step, said=_failure(error))
-                return
+                if read_execution(self._store, key).outcome != SUCCEEDED:
+                    self._stop(step, said=_failure(error))
+                    return
         elif now.outcome != SUCCEEDED:
             self._stop(now, said=said)
             return

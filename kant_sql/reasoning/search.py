@@ -98,7 +98,7 @@ def plan(
     task, ignored = read_task(state), tuple[str, ...]()
     judge = partial(_judge, task)
     if costs is not None:
-        one_of(costs, ("history",), "the costs")
+        one_of(costs, ("history",), "costs")
         # Nothing that was done later is known to this state.
         task, ignored = _with_history(task, State(state.store, task.revision))
         if strict and ignored:

@@ -25,7 +25,9 @@ from kant_sql.errors import (
     ReadOnlyError,
     TransactionOpenError,
 )
-from kant_sql.reasoning import Step
+from kant_sql.reasoning import Step, execute
+from kant_sql.reasoning.durative import end
+from kant_sql.store.state import State
 from tests.support.reading import beside, loaded, nothing_changes, present, store_of
 from tests.support.stores import Connect
 
@@ -314,6 +316,17 @@ def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
 
     found = kb.execute("(clean hall)", aborted, cancel=lambda step: stop.set())
     assert found.outcome == "aborted"
+
+
+def test_a_step_that_another_ends_in_the_last_moment_is_done(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raced(state: State, step: Execution, **given: Any) -> Execution:
+        end(state, step, **given)
+        return end(state, step, **given)
+
+    monkeypatch.setattr(execute, "end", raced)
+    assert outcomes(kb.execute("(clean hall)\n(clean room)", do_nothing)) == ["succeeded"] * 2
 
 
 def test_what_cannot_be_executed_is_refused_before_anything_is_written(kb: KnowledgeBase) -> None:

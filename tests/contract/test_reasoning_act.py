@@ -23,7 +23,8 @@ from kant_sql import (
 )
 from kant_sql.errors import TypeMismatchError
 from kant_sql.planning import Plan
-from tests.support.reading import loaded, present
+from kant_sql.reasoning import durative
+from tests.support.reading import loaded, nothing_changes, present, store_of
 from tests.support.statements import count
 from tests.support.stores import Connect
 
@@ -346,6 +347,24 @@ def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
     kb.apply("(fly p1 c0 c1)", plan_step=plan.steps[1])
     read = present(kb.plans.get(plan.id))
     assert (read.steps[1].outcome, read.steps[1].revisions) == (None, (kb.revision,))
+
+
+def test_effects_of_a_step_are_written_once(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    running = kb.executions.report("twice", outcome="running")
+    kb.apply(running)
+    with nothing_changes(kb), pytest.raises(PlanError, match="'succeeded' already"):
+        kb.apply(running)
+    started = kb.start("(free) [3]")
+    with nothing_changes(kb), pytest.raises(PlanError, match="'running' already"):
+        kb.apply(started)
+    # Two writers find that it runs, and both end it.
+    found = durative._running(store_of(kb), started)
+    monkeypatch.setattr(durative, "_running", lambda *_: found)
+    kb.end(started)
+    with nothing_changes(kb), pytest.raises(PlanError, match="'succeeded' already"):
+        kb.end(started)
 
 
 # Durative actions in two halves.
