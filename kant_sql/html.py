@@ -167,18 +167,17 @@ class Feed(Iterator[T_co], Generic[T_co]):
     """An iterator whose first page notebooks show, read afresh: to show it consumes nothing."""
 
     def __init__(
-        self, items: Iterator[T_co], *, again: Callable[[int], Iterator[T_co]], noun: str
+        self, read: Callable[[int | None], Iterator[T_co]], limit: int | None, *, noun: str
     ) -> None:
-        """Wrap an iterator.
+        """Begin to read.
 
         Args:
-            items: the items.
-            again: reads so many of the first items.
+            read: reads so many of the first items, or all.
+            limit: the greatest number of items.
             noun: what one is called.
         """
-        self._items = items
-        self._again = again
-        self._noun = noun
+        self._items = read(limit)
+        self._read, self._limit, self._noun = read, limit, noun
 
     def __next__(self) -> T_co:
         return next(self._items)
@@ -187,7 +186,8 @@ class Feed(Iterator[T_co], Generic[T_co]):
         return guarded(self._first_page)
 
     def _first_page(self) -> str:
-        found = list(islice(self._again(ROWS + 1), ROWS + 1))
+        most = ROWS + 1 if self._limit is None else min(ROWS + 1, self._limit)
+        found = list(islice(self._read(most), most))
         if len(found) <= ROWS:
             return listing(found, self._noun)
         rows = [row_of(item, self._noun) for item in found[:ROWS]]

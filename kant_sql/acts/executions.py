@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Iterable, Iterator
 from datetime import datetime
-from functools import cache
-from itertools import islice
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from sqlalchemy import Select, bindparam, func, literal_column, or_, select, tuple_
@@ -141,12 +139,8 @@ def get_all(
     for value, role in ((action, "action"), (name, "object"), (actor, "actor")):
         storable_text(value, role)
     asked = ExecutionFilter(action, name, outcome, actor)
-
-    def again(most: int) -> Iterator[Execution]:
-        return _read_all(state, asked, since, until, min(most, at_most(limit)))
-
-    found = _read_all(state, asked, since, until, at_most(limit))
-    return html.Feed(found, again=again, noun="execution")
+    read = partial(_read_all, state, asked, since, until)
+    return html.Feed(read, at_most(limit), noun="execution")
 
 
 _NOW, _IDENTITY = table_of(t.ExecutionVersionRow).c, table_of(t.ExecutionRow).c
@@ -233,7 +227,7 @@ NO_PLAN_ID: Any = literal_column(str(NO_PLAN))
 
 
 def _read_all(
-    state: State, asked: ExecutionFilter, since: When | None, until: When | None, limit: int
+    state: State, asked: ExecutionFilter, since: When | None, until: When | None, limit: int | None
 ) -> Iterator[Execution]:
     """Read executions in pages."""
     store = state.store
@@ -241,10 +235,10 @@ def _read_all(
     # What is pending in this transaction counts, too.
     high = LARGEST if until is None and state.at is None else bounds.high
     before: Before | None = (high, LARGEST, LARGEST)
-    left = limit
+    left = at_most(limit)
     while before is not None and left > 0:
         page, before = read_page(state, asked, bounds.low, before, min(left, PAGE))
-        yield from islice(page, min(left, sys.maxsize))
+        yield from page
         left -= len(page)
 
 

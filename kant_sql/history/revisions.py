@@ -201,11 +201,7 @@ def feed(
     store: Store, read: Callable[[int | None], Iterator[LogEntry]], limit: int | None
 ) -> Iterator[LogEntry]:
     """Return what `read` finds up to a limit; notebooks show the first, which they read afresh."""
-
-    def again(most: int) -> Iterator[LogEntry]:
-        return read(most if limit is None else min(most, limit))
-
-    return html.Feed(_while_open(store, read(limit)), again=again, noun="revision")
+    return html.Feed(lambda most: _while_open(store, read(most)), limit, noun="revision")
 
 
 def _while_open(store: Store, entries: Iterator[LogEntry]) -> Iterator[LogEntry]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from decimal import Decimal
 from typing import Any
 
@@ -113,14 +112,7 @@ def applicable_actions(
         >>> print(*kb.applicable_actions())
         (unlock front) (unlock back)
     """
-
-    def found(most: int | None) -> Iterator[PlanStep]:
-        return _find_applicable(state, name, most, fixed)
-
-    def again(most: int) -> Iterator[PlanStep]:
-        return found(most if limit is None else min(most, limit))
-
-    return Feed(found(limit), again=again, noun="step")
+    return Feed(lambda most: _find_applicable(state, name, most, fixed), limit, noun="step")
 
 
 def _find_applicable(
@@ -291,8 +283,7 @@ def in_revision(
     place = None if recorded is None else key_of(recorded)
     said = reason if reason is not None else f"{done} {_shown(step)}"
     is_outer = store.current() is None
-    opened: AbstractContextManager[Transaction] = store.transaction(reason=said, plan_step=place)
-    with opened as transaction:
+    with store.transaction(reason=said, plan_step=place) as transaction:
         transaction.refuse_period("an act", "save the facts that it brought about then")
         if recorded is not None:
             check_execution(transaction, recorded)

@@ -89,19 +89,19 @@ def test_a_listing_shows_its_first_items_and_how_many_there_are() -> None:
 
 
 def test_a_feed_shows_its_first_page_without_being_consumed() -> None:
-    read: list[int] = []
+    read: list[int | None] = []
 
-    def again(most: int) -> Any:
+    def first(most: int | None) -> Any:
         read.append(most)
-        return iter((CHANGES * 100)[:most])
+        return iter(CHANGES if most is None else (CHANGES * 100)[:most])
 
-    feed = Feed(iter(CHANGES), again=again, noun="change")
+    feed = Feed(first, None, noun="change")
     assert iter(feed) is feed
     assert next(feed) == CHANGES[0]
     made = feed._repr_html_()
     assert made.count("<tr>") == ROWS + 1
     assert "and more" in made
-    assert read == [ROWS + 1]
+    assert read == [None, ROWS + 1]
     assert [*feed] == CHANGES[1:]
     with pytest.raises(StopIteration):
         next(feed)
