@@ -167,6 +167,5 @@ def _word(given: object, role: str) -> str:
         raise PlanError(f"{role} is {shown(given)}, expected a text or an object")
     if not named.strip():
         raise PlanError(f"{role} is empty; say what it is")
-    found = storable_text(named, role, PlanError)
-    assert found is not None
-    return found
+    storable_text(named, role, PlanError)
+    return named

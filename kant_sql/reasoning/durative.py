@@ -167,10 +167,7 @@ def _apply(transaction: Transaction, step: GroundStep) -> None:
 def _set(transaction: Transaction, execution: Execution, outcome: str) -> None:
     """Set an outcome; refuse one that another writer has set, as its effects are written."""
     if not set_outcome(transaction, execution, outcome):
-        raise PlanError(
-            f"{execution.place}, {execution}, is {outcome!r} already; nothing was written: read "
-            f"it again by kb.executions.get({execution.id!r})"
-        )
+        raise PlanError(f"{execution.place}, {execution}, is {outcome!r} already; read it again")
 
 
 def _why(error: NotApplicableError) -> str:

@@ -186,10 +186,15 @@ class Executive:
             raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
         self._patience, self._store = seconds(self.timeout), self.state.store
         refuse_unwatchable(self._store, self.state.at)
-        given = read_any_plan(self.state, self.plan)
-        if not isinstance(given, RecordedPlan):
-            given = SqlPlanDao(self._store).record(given)
-        self._take(given)
+        given, plans = read_any_plan(self.state, self.plan), SqlPlanDao(self._store)
+        if isinstance(given, RecordedPlan):
+            # Its steps may have other outcomes than when it was read.
+            now = plans.get(given.id)
+            if now is None or [*map(str, now.steps)] != [*map(str, given.steps)]:
+                raise PlanError(f"plan {given.id} is of another store; record it in this one")
+        else:
+            now = plans.record(given)
+        self._take(now)
         self._replaced: list[str] = []
         self._why: str | None = None
         self._planning: Limit | None = None

@@ -318,6 +318,14 @@ def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
     assert found.outcome == "aborted"
 
 
+def test_a_recorded_plan_goes_on_from_its_present_outcomes(kb: KnowledgeBase) -> None:
+    plan = kb.plans.record(Plan.read("(switch room)\n(clean hall)"))
+    kb.apply(plan.steps[0])
+    assert outcomes(kb.execute(plan, do_nothing)) == ["succeeded"] * 2
+    with kant_sql.connect("sqlite://") as other, pytest.raises(PlanError, match="another store"):
+        other.execute(plan, do_nothing)
+
+
 def test_a_step_that_another_ends_in_the_last_moment_is_done(
     kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
