@@ -43,6 +43,7 @@ from kant_sql.web import transactions
 from kant_sql_plugins import http_family
 from tests.support.cutting import cutting
 from tests.support.generators.junk import looped_type
+from tests.support.processes.workers import wait_for
 from tests.support.remote import Served, served
 from tests.support.serving import running
 from tests.support.stores import Connect, new_file_store
@@ -417,6 +418,7 @@ def test_a_commit_that_is_repeated_is_written_once(
         return opened.ask(step)
 
     assert again("commit") == {}
+    wait_for(lambda: "kant_sql client" not in [thread.name for thread in threading.enumerate()])
     # The server forgets it, as one that is restarted.
     monkeypatch.setattr(transactions, "KEPT", -1.0)
     with kb.transaction():
