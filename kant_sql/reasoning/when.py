@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,8 +21,8 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from ..history.moments import Bounds, find_bounds, find_valid_range, is_valid_clock
 from ..history.revisions import Revision, read_revisions
+from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions, PredicateDefinition
-from ..knowledge.resolved import resolve
 from ..knowledge.sayings import COMMITTED
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
@@ -54,7 +53,7 @@ from .sweep import (
     read_range,
     revision_text,
 )
-from .world import Row, World
+from .world import FluentRow, Row, World
 
 # Periods whose revisions are read together.
 PAGE = 200
@@ -419,24 +418,22 @@ class _Search:
         return found
 
     def _join(self, atoms: Sequence[f.Atom]) -> Iterable[Span]:
-        session, kb_id, (low, high, _) = self._session, self._kb_id, self._range
-        patterns = [self._pattern(atom) for atom in atoms]
-        facts = find_facts(session, kb_id, patterns, low, high)
+        low, high, _ = self._range
         # Each version of the first fact is looked up in those of the others.
-        order = sorted(range(len(atoms)), key=lambda n: (len(facts[n]), _versions(facts[n])))
-        relations = [_Relation(atoms[n], facts[n]) for n in order]
-        found = [*_combinations(relations, [fold(one.name) for one in self._question.free])]
+        facts = sorted(self._facts(atoms, low, high), key=_size)
+        found = [*_combinations(self._question.definitions, facts, self._question.free)]
         if not found:
             return
-        ids = [combination.facts for combination in found]
-        for place, since, until in find_overlaps(session, kb_id, ids, low, high):
-            yield Span(since, found[place].objects, None if until > high else until)
+        ids = [own for _, own in found]
+        for place, since, until in find_overlaps(self._session, self._kb_id, ids, low, high):
+            yield Span(since, found[place][0], None if until > high else until)
 
-    def _pattern(self, atom: f.Atom) -> Pattern:
-        definitions = self._question.definitions
-        return Pattern(
-            self._predicate(atom).id, tuple([object_id(definitions, term) for term in atom.terms])
-        )
+    def _facts(self, atoms: Sequence[f.Atom], low: int, high: int) -> list[_Found]:
+        """Find the facts that each atom may be about."""
+        of = partial(object_id, self._question.definitions)
+        patterns = [Pattern(self._predicate(one).id, tuple(map(of, one.terms))) for one in atoms]
+        facts = find_facts(self._session, self._kb_id, patterns, low, high)
+        return [*zip(atoms, patterns, facts, strict=True)]
 
     def _sweep(self) -> Iterator[Span]:
         """Evaluate the condition at each revision that touched what it mentions."""
@@ -495,24 +492,24 @@ class _ValidSearch(_Search):
     @override
     def _join(self, atoms: Sequence[f.Atom]) -> Iterable[Span]:
         session, kb_id, span = self._session, self._kb_id, self._past.span
-        patterns = [self._pattern(atom) for atom in atoms]
-        facts = find_facts(session, kb_id, patterns, 0, 0)
-        pairs = [*zip(patterns, facts, strict=True)]
-        whole = {one.owner for one in patterns if not one.is_restricted}
+        found = self._facts(atoms, 0, 0)
+        pairs = [(one, own) for _, one, own in found]
+        whole = {one.owner for one, _ in pairs if not one.is_restricted}
         ids = {fact.id for one, own in pairs if one.is_restricted for fact in own}
         which = Subjects(predicates=tuple(sorted(whole)), facts=tuple(sorted(ids)))
         keys = {fact.id: (True, one.owner, fact.objects) for one, own in pairs for fact in own}
         periods = valid_sweep.read_periods(session, kb_id, which, span)
-        relations = [_Relation(*each) for each in zip(atoms, facts, strict=True)]
-        for objects, own in _combinations(
-            relations, [fold(one.name) for one in self._question.free]
-        ):
+        for objects, own in _combinations(self._question.definitions, found, self._question.free):
             for since, until in valid_sweep.common([periods.get(keys[id_], ()) for id_ in own]):
                 yield Span(since, objects, None if until == valid_sweep.ENDLESS else until)
 
     @override
     def _visits(self, nodes: Sequence[f.Node], ranges: bool) -> Sweep:
         return valid_sweep.ValidSweep(self._session, self._kb_id, nodes, self._past, ranges)
+
+
+def _size(found: _Found) -> tuple[int, int]:
+    return len(found[2]), sum(fact.versions for fact in found[2])
 
 
 Solutions = Callable[[], set[Row]]
@@ -524,7 +521,7 @@ def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
         read = question.read(symbols_of(visit.definitions))
     except InvalidKnowledgeError:
         return None
-    condition = resolve(visit.definitions, read)
+    condition = r.resolve(visit.definitions, read)
     compiler = Compiler(visit.world)
     rows = compiler.rows([column.bound for column in condition.columns], condition.part)
     return lambda: rows(compiler.env())
@@ -561,66 +558,31 @@ def _is_implied(variable: f.TypedName, atoms: Iterable[f.Atom], definitions: Def
     return False
 
 
-def _versions(facts: Sequence[FoundFact]) -> int:
-    return sum(fact.versions for fact in facts)
+_Found = tuple[f.Atom, Pattern, Sequence[FoundFact]]
 
 
-class _Combination(NamedTuple):
-    """Objects of the free variables, and the facts that have them."""
-
-    objects: tuple[int, ...]
-    facts: tuple[int, ...]
-
-
-class _Relation:
-    """The facts of an atom: rows of objects, one for each of its variables, with the fact's id."""
-
-    def __init__(self, atom: f.Atom, facts: Iterable[FoundFact]) -> None:
-        places: dict[str, list[int]] = {}
-        for place, term in enumerate(atom.terms):
-            if isinstance(term, f.Variable):
-                places.setdefault(fold(term.name), []).append(place)
-        self.variables = [*places]
-        self.rows: list[tuple[tuple[int, ...], int]] = []
-        for id_, objects, _ in facts:
-            if all(len({objects[place] for place in same}) == 1 for same in places.values()):
-                row = tuple([objects[same[0]] for same in places.values()])
-                self.rows.append((row, id_))
-
-
-def _combinations(relations: Sequence[_Relation], free: Sequence[str]) -> Iterable[_Combination]:
-    """Join the facts of atoms that share variables, whenever they held."""
-    variables: list[str] = []
-    rows: list[tuple[tuple[int, ...], tuple[int, ...]]] = [((), ())]
-    for relation in _connected(relations):
-        shared = [name for name in relation.variables if name in variables]
-        new = [name for name in relation.variables if name not in variables]
-        own, added = _places(relation.variables, shared), _places(relation.variables, new)
-        index: defaultdict[tuple[int, ...], list[tuple[tuple[int, ...], int]]] = defaultdict(list)
-        for objects, id_ in relation.rows:
-            key = tuple([objects[place] for place in own])
-            index[key].append((tuple([objects[place] for place in added]), id_))
-        outer = _places(variables, shared)
-        rows = [
-            (objects + more, (*ids, id_))
-            for objects, ids in rows
-            for more, id_ in index.get(tuple([objects[place] for place in outer]), ())
-        ]
-        variables += new
-    order = _places(variables, free)
-    for objects, ids in rows:
-        yield _Combination(tuple([objects[place] for place in order]), ids)
-
-
-def _connected(relations: Sequence[_Relation]) -> Iterable[_Relation]:
-    """Order relations so that each shares a variable with those before, where one does."""
-    rest, known = list(relations), set[str]()
-    while rest:
-        chosen = next((one for one in rest if not known.isdisjoint(one.variables)), rest[0])
-        rest.remove(chosen)
-        known.update(chosen.variables)
-        yield chosen
-
-
-def _places(names: Sequence[str], wanted: Sequence[str]) -> tuple[int, ...]:
-    return tuple([names.index(name) for name in wanted])
+def _combinations(
+    definitions: Definitions, found: Iterable[_Found], free: Iterable[f.TypedName]
+) -> Iterator[tuple[Row, tuple[int, ...]]]:
+    """Yield objects of the free variables, and the facts that have them, whenever these held."""
+    world, slots, ids = World(definitions), dict[str, r.Slot](), dict[FluentRow, int]()
+    parts = []
+    for atom, (owner, objects), facts in found:
+        for fact in facts:
+            world.add(owner, fact.objects)
+            ids[owner, fact.objects] = fact.id
+        terms = (
+            r.Known(id_ or 0)
+            if not isinstance(term, f.Variable)
+            else slots.setdefault(fold(term.name), r.Slot(len(slots)))
+            for term, id_ in zip(atom.terms, objects, strict=True)
+        )
+        parts.append(r.HoldsFact(owner, tuple(terms), is_stored=True))
+    compiler = Compiler(world)
+    # Whatever types an object has now: those of facts fitted when these were asserted.
+    search = compiler.search([r.Bound(slot, ()) for slot in slots.values()], r.all_of(parts))
+    pick = compiler.picker([slots[fold(variable.name)] for variable in free])
+    picks = [(part.predicate, compiler.picker(part.terms)) for part in parts]
+    env = compiler.env()
+    for _ in search(env):
+        yield pick(env), tuple([ids[owner, row(env)] for owner, row in picks])
