@@ -1,9 +1,9 @@
-"""Replacing variables of formulas by objects."""
+"""Replacing variables of formulas, by objects or other nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
@@ -21,21 +21,32 @@ def bound(variables: Sequence[f.TypedName], names: Sequence[str]) -> dict[str, s
 
 def substitute(node: N, binding: Binding) -> N:
     """Replace free variables by objects; those without one, such as `?duration`, stay."""
-    made: N = _replaced(node, binding) if binding else node
-    return made
+    return replaced(node, {key: f.Constant(name) for key, name in binding.items()})
 
 
-def _replaced(part: Any, names: Binding) -> Any:
-    if isinstance(part, f.Variable):
-        name = names.get(fold(part.name))
-        return part if name is None else f.Constant(name)
-    if isinstance(part, tuple):
-        return tuple([_replaced(one, names) for one in part])
-    if not isinstance(part, f.Node) or not f.children(part):
-        return part
+def replaced(node: N, values: Mapping[str, f.Node]) -> N:
+    """Replace free variables by nodes, given by their folded names."""
+    if isinstance(node, f.Variable):
+        return values.get(fold(node.name), node)  # type: ignore[return-value]
+    if not values or isinstance(node, f.Constant | f.Number):
+        return node
     # Variables of a quantifier hide those of the same name outside.
-    hidden = {fold(one.name) for one in getattr(part, "variables", ())}
-    inner = {key: name for key, name in names.items() if key not in hidden} if hidden else names
-    kind = type(part)
-    fields: tuple[str, ...] = kind.__slots__
-    return kind(*[_replaced(getattr(part, field), inner) for field in fields])
+    if isinstance(node, f.Forall | f.Exists | f.Count | f.Derived):
+        hidden = {fold(one.name) for one in node.variables}
+        values = {key: one for key, one in values.items() if key not in hidden}
+    return rebuilt(node, lambda child: replaced(child, values))
+
+
+def rebuilt(node: N, change: Callable[[f.Node], f.Node]) -> N:
+    """Rebuild a node with each child changed."""
+    fields: list[object] = []
+    names: tuple[str, ...] = type(node).__slots__
+    for name in names:
+        value = getattr(node, name)
+        if isinstance(value, f.Node):
+            fields.append(change(value))
+        elif isinstance(value, tuple) and value and isinstance(value[0], f.Node):
+            fields.append(tuple(map(change, value)))
+        else:
+            fields.append(value)
+    return type(node)(*fields)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
+from ..knowledge.grounding import rebuilt
 from ..pddl import document as pddl
 from ..pddl.requirements import used_requirements
 from .names import number, unused_name
@@ -17,7 +18,6 @@ from .names import number, unused_name
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
 # The entries of the largest table of costs of an action.
 MOST_COSTS = 50_000
-N = TypeVar("N", bound=f.Node)
 
 
 class Objects:
@@ -296,21 +296,6 @@ def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
             read.add(name)
             reached.append(name)
     return read
-
-
-def rebuilt(node: N, change: Callable[[f.Node], f.Node]) -> N:
-    """Rebuild a node with each child changed."""
-    fields: list[object] = []
-    names: tuple[str, ...] = type(node).__slots__
-    for name in names:
-        value = getattr(node, name)
-        if isinstance(value, f.Node):
-            fields.append(change(value))
-        elif isinstance(value, tuple) and value and isinstance(value[0], f.Node):
-            fields.append(tuple(map(change, value)))
-        else:
-            fields.append(value)
-    return type(node)(*fields)
 
 
 def whole(amounts: Iterable[Fraction]) -> Fraction:

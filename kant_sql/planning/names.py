@@ -72,7 +72,8 @@ class UpNames:
     def __init__(self, domain: Domain, problem: Problem) -> None:
         self._taken: set[str] = set()
         self._chosen: dict[tuple[str, str], str] = {}
-        self._action_of: dict[str, str] = {}
+        # The PDDL names of actions, by their own.
+        self.action_of: dict[str, str] = {}
         clashing = [key for key in _declared(domain, problem) if not self._claim(*key)]
         for category, name in clashing:
             self._chosen[category, fold(name)] = self.unused(f"{name}_{category}")
@@ -93,14 +94,6 @@ class UpNames:
     def of(self, category: str, name: str) -> str:
         """Return an element's name in unified-planning."""
         return self._chosen.get((category, fold(name)), name)
-
-    def stands_for(self, up_name: str, action: str) -> None:
-        """Record the PDDL name of an action of unified-planning."""
-        self._action_of[up_name] = action
-
-    def action_of(self, up_name: str) -> str:
-        """Return the PDDL name of an action."""
-        return self._action_of[up_name]
 
 
 def _declared(domain: Domain, problem: Problem) -> list[tuple[str, str]]:

@@ -38,8 +38,7 @@ class PlanStep:
     def __post_init__(self) -> None:
         expect(self.action, str, "the action of a PlanStep")
         arguments = expect_tuple(self.arguments, str, "the arguments of a PlanStep")
-        if arguments is not self.arguments:
-            object.__setattr__(self, "arguments", arguments)
+        object.__setattr__(self, "arguments", arguments)
         for role, number in (("start", self.start), ("duration", self.duration)):
             if number is not None:
                 exact = check_number(number, f"the {role} of a PlanStep")
@@ -106,16 +105,13 @@ class Plan:
     runs: tuple[EngineRun, ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        steps = expect_tuple(self.steps, PlanStep, "the steps of a Plan")
-        if steps is not self.steps:
-            object.__setattr__(self, "steps", steps)
+        for name, kind in (("steps", PlanStep), ("ignored", str)):
+            found = expect_tuple(getattr(self, name), kind, f"the {name} of a Plan")
+            object.__setattr__(self, name, found)
         expect(self.engine, str, "the engine of a Plan")
         expect(self.status, str, "the status of a Plan")
         for name in ("problem_hash", "domain_pddl", "problem_pddl"):
             optional_text(getattr(self, name), f"the {name} of a Plan", InvalidKnowledgeError)
-        ignored = expect_tuple(self.ignored, str, "the ignored of a Plan")
-        if ignored is not self.ignored:
-            object.__setattr__(self, "ignored", ignored)
         if self.revision is not None:
             whole_number(self.revision, "the revision of a Plan", error=InvalidKnowledgeError)
         if self.value is not None:

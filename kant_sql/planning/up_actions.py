@@ -167,9 +167,8 @@ class UpEffects(UpConverter):
             if time != effect.time:
                 reason = "an effect whose condition has another time than itself has no counterpart"
                 raise self._unsupported(condition, reason)
-        return self._formulas.conjunction(
-            self._formulas.formula(condition, scope) for _, condition, scope in effect.conditions
-        )
+        formula = self._formulas.formula
+        return self._manager.And([formula(one, scope) for _, one, scope in effect.conditions])
 
     def target(self, effect: SingleEffect) -> FNode:
         """Convert the fluent that an effect changes."""
@@ -356,7 +355,7 @@ class UpActions(UpConverter):
             problem.actions.append(made)
             for parameter in made.parameters:
                 problem._add_user_type(parameter.type)
-            self._context.names.stands_for(made.name, action.name)
+            self._context.names.action_of[made.name] = action.name
 
     def _conditions(self, action: Action, made: Transition, scope: Bindings) -> None:
         for condition in self._preferences.without(action.condition):

@@ -188,8 +188,10 @@ class UpFormulas(UpConverter):
     def formula(self, node: f.Formula, scope: Bindings) -> FNode:
         """Convert a condition."""
         match node:
-            case f.Atom():
-                return self._atom(node, scope)
+            case f.Atom(predicate) if fold(predicate) in self._context.rules:
+                return self._derived(node, scope)
+            case f.Atom(predicate, terms):
+                return self._applied(n.PREDICATE, predicate, node, terms, scope)
             case f.Not(inner):
                 return self._manager.Not(self.formula(inner, scope))
             case f.And(parts):
@@ -204,8 +206,9 @@ class UpFormulas(UpConverter):
                 return self._quantified(isinstance(node, f.Forall), variables, inner, scope)
             case f.Equal(left, right):
                 return self._equal(node, self.term(left, scope), self.term(right, scope))
-            case f.Comparison():
-                return self._comparison(node, scope)
+            case f.Comparison(operator, left, right):
+                compare = getattr(self._manager, n.UP_COMPARISONS[operator])
+                return compare(self.expression(left, scope), self.expression(right, scope))
         raise self._unsupported(node, "it is not a condition on a state")
 
     def term(self, node: f.Term, scope: Bindings) -> FNode:
@@ -255,10 +258,6 @@ class UpFormulas(UpConverter):
                 bound.append(variable)
             yield tuple(bound), within
 
-    def conjunction(self, nodes: Iterable[FNode]) -> FNode:
-        """Join conditions."""
-        return self._manager.And(list(nodes))
-
     def _quantified(
         self, universal: bool, names: Sequence[f.TypedName], inner: f.Formula, scope: Bindings
     ) -> FNode:
@@ -283,10 +282,6 @@ class UpFormulas(UpConverter):
             return self._manager.FALSE()
         return self._manager.Equals(left, right)
 
-    def _comparison(self, node: f.Comparison, scope: Bindings) -> FNode:
-        compare = getattr(self._manager, n.UP_COMPARISONS[node.operator])
-        return compare(self.expression(node.left, scope), self.expression(node.right, scope))
-
     def _arithmetic(self, node: f.Arithmetic, scope: Bindings) -> FNode:
         operands = [self.expression(operand, scope) for operand in node.operands]
         if node.operator == "-" and len(operands) == 1:
@@ -297,11 +292,6 @@ class UpFormulas(UpConverter):
             raise self._unsupported(node, "it divides by zero")
         join = getattr(self._manager, n.UP_ARITHMETIC[node.operator])
         return join(operands) if node.operator in {"+", "*"} else reduce(join, operands)
-
-    def _atom(self, node: f.Atom, scope: Bindings) -> FNode:
-        if fold(node.predicate) in self._context.rules:
-            return self._derived(node, scope)
-        return self._applied(n.PREDICATE, node.predicate, node, node.terms, scope)
 
     def _applied(
         self, category: str, name: str, node: object, terms: Sequence[f.Term], scope: Bindings

@@ -29,7 +29,7 @@ from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
 from .commands import FAST_DOWNWARD, INVARIANTS, MISREAD, WAYS_OUT, ask_fast_downward
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
-from .plan import Plan, PlanStep
+from .plan import OPTIMAL, SATISFICING, Plan, PlanStep
 from .processes import PlannerProcess
 from .solving import IMPROVING_SECONDS, INVALID, Task, absent, unsupported
 from .to_up import convert, convert_whole
@@ -160,14 +160,9 @@ def form_for(
 
 def conditional_effects(problem: UpProblem) -> int:
     """Return the largest number of conditional effects of an action."""
-    counts = [0]
-    for action in problem.actions:
-        effects = getattr(action, "conditional_effects", None)
-        if isinstance(effects, dict):
-            counts.append(sum(map(len, effects.values())))
-        else:
-            counts.append(len(effects or ()))
-    return max(counts)
+    found = [getattr(action, "conditional_effects", ()) for action in problem.actions]
+    counts = (sum(map(len, one.values())) if isinstance(one, dict) else len(one) for one in found)
+    return max(counts, default=0)
 
 
 def missing_features(problem: UpProblem, engine: str, environment: Environment) -> set[str]:
@@ -199,12 +194,9 @@ def forms(
 ) -> Iterator[EngineProblem]:
     """Yield a variant with real numbers, and with integers where these suffice."""
     integers = numbers_are_integers(variant.domain, variant.problem)
-    if integers and variant.improves:
-        # Of planners for costs, most want integers.
-        yield EngineProblem(convert(variant, True))
-    yield EngineProblem(convert(variant, False))
-    if integers and not variant.improves:
-        yield EngineProblem(convert(variant, True))
+    # Of planners for costs, most want integers.
+    for is_whole in sorted({False, integers}, reverse=variant.improves):
+        yield EngineProblem(convert(variant, is_whole))
 
 
 _PLACES = 6
@@ -430,7 +422,8 @@ class Search:
         plan = result.plan
         for back in made.back:
             plan = plan.replace_action_instances(back)
-        status = _plan_status(result.status.name.lower())
+        # Of one that was interrupted while it was improved, too.
+        status = OPTIMAL if result.status.name.lower() == OPTIMAL else SATISFICING
         return self._given(Plan(tuple(self._steps(plan, form.problem)), name, status), variant)
 
     def _given(self, plan: Plan, variant: Variant) -> Plan:
@@ -487,7 +480,7 @@ class Search:
         return [
             PlanStep(
                 _decimal(start),
-                self._names.action_of(instance.action.name),
+                self._names.action_of[instance.action.name],
                 tuple(argument.object().name for argument in instance.actual_parameters),
                 _decimal(duration),
             )
@@ -501,11 +494,6 @@ def _original(steps: Iterable[PlanStep], variant: Variant) -> Iterator[PlanStep]
         action = variant.steps.get(fold(step.action), step.action)
         if action is not None:
             yield replace(step, action=action)
-
-
-def _plan_status(status: str) -> str:
-    """Return the status of a plan, though it was interrupted while it was improved."""
-    return status if status == "solved_optimally" else "solved_satisficing"
 
 
 def _planners(installed: list[str], environment: Environment) -> list[str]:

@@ -18,16 +18,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
+from math import prod
 
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import fold
+from kant_sql.knowledge.grounding import replaced
 from kant_sql.pddl import document as pddl
 from kant_sql.pddl.requirements import is_function
 from kant_sql.planning.action_costs import CostedAction, Objects, UnusedNames, write_costs
 from kant_sql.planning.metrics import ONE, NotLinearError, Variant, linear
 from kant_sql.planning.names import SHARED_MODALS, too_deep
 
-from .costs import Costs, replaced
+from .costs import Costs
 
 # Conditional effects of an action that are compiled away: each doubles its copies.
 MOST_COMPILED_EFFECTS = 4
@@ -266,10 +268,7 @@ class SoftGoals:
 
     def _grounded(self, node: f.Forall) -> list[f.Formula] | None:
         ranges = [self._objects.of(variable.types) for variable in node.variables]
-        count = 1
-        for names in ranges:
-            count *= len(names)
-        if count > MOST_INSTANCES:
+        if prod(map(len, ranges)) > MOST_INSTANCES:
             return None
         keys = [fold(variable.name) for variable in node.variables]
         return [

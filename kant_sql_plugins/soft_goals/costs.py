@@ -9,25 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import product
 from math import prod
-from typing import TypeVar
+from operator import add, mul, sub, truediv
+from typing import Any
 
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import fold
+from kant_sql.knowledge.grounding import replaced
 from kant_sql.pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
-from kant_sql.planning.action_costs import (
-    MOST_COSTS,
-    ActionCost,
-    Objects,
-    Values,
-    functions_read,
-    rebuilt,
-)
+from kant_sql.planning.action_costs import MOST_COSTS, ActionCost, Objects, Values, functions_read
 from kant_sql.planning.metrics import folded, static_functions, unconditional
-
-N = TypeVar("N", bound=f.Node)
-
 
 # The weights of the fluents of each function in a metric to minimize, with folded names.
 Weights = dict[str, Values]
@@ -190,8 +183,7 @@ class Costs:
                 return self._initial.get(f.Fluent(fold(function), names))
             case f.Arithmetic(operator, operands):
                 values = [self._evaluate(action, operand, bound) for operand in operands]
-                known = [value for value in values if value is not None]
-                return _calculate(operator, known) if len(known) == len(values) else None
+                return None if None in values else _calculate(operator, values)
         raise NoCostError(f"the amount in action {action.name} depends on the state")
 
 
@@ -207,28 +199,13 @@ def _with_duration(value: f.Expression, action: Action) -> f.Expression:
     return value
 
 
-def replaced(node: N, values: Mapping[str, f.Node]) -> N:
-    """Replace free variables of a node, by their folded names."""
-    if not values:
-        return node
-    if isinstance(node, f.Variable):
-        return values.get(fold(node.name), node)  # type: ignore[return-value]
-    if isinstance(node, f.Forall | f.Exists):
-        hidden = {fold(variable.name) for variable in node.variables}
-        values = {name: value for name, value in values.items() if name not in hidden}
-    return rebuilt(node, lambda child: replaced(child, values))
+_OPERATORS = {"+": add, "-": sub, "*": mul, "/": truediv}
 
 
-def _calculate(operator: str, values: Sequence[Fraction]) -> Fraction | None:
-    if operator == "+":
-        return sum(values, Fraction(0))
-    if operator == "*":
-        return prod(values, start=Fraction(1))
-    if operator == "-":
-        return -values[0] if len(values) == 1 else values[0] - sum(values[1:])
-    result = values[0]
-    for divisor in values[1:]:
-        if not divisor:
-            return None
-        result /= divisor
-    return result
+def _calculate(operator: str, values: Sequence[Any]) -> Fraction | None:
+    if operator == "-" and len(values) == 1:
+        return Fraction(-values[0])
+    try:
+        return Fraction(reduce(_OPERATORS[operator], values))
+    except ZeroDivisionError:
+        return None
