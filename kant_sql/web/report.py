@@ -95,7 +95,7 @@ def report_html(
     optional_call(progress, "progress")
     names = items(objects, str, "the objects")
     report = ReportReader.of(kb, ReportRange(since, until, clock))
-    read = _Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
+    read = Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
     page: dict[str, Any] = {
         "summary": report.summary(),
         # First: an unknown name is refused before all else takes its time.
@@ -119,7 +119,7 @@ def report_html(
     return _render({**page, "errors": read.errors}, kb.store.factory.name)
 
 
-def _happened(report: ReportReader, read: _Sections, rules: Rules | None) -> dict[str, Any]:
+def _happened(report: ReportReader, read: Sections, rules: Rules | None) -> dict[str, Any]:
     """Read the sections of a range that has revisions."""
     page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "plans"))
     timeline = read("timeline", report.timeline)
@@ -140,7 +140,7 @@ def _object(report: ReportReader, name: str) -> ReportStays:
     return report.stays(report.timeline(name), name)
 
 
-class _Sections:
+class Sections:
     """Reads sections; one that cannot be read says why, and the others are read all the same.
 
     Attributes:
@@ -180,19 +180,14 @@ def _render(page: Mapping[str, Any], name: str) -> str:
         for text, found in page["facts"].items()
     }
     style = _static("style.css") + _static("report.css")
-    policy = {
-        "default-src": "'none'",
-        "style-src": _digest(style),
-        "base-uri": "'none'",
-        "form-action": "'none'",
-    }
+    alone = f"style-src {_digest(style)}; base-uri 'none'; form-action 'none'"
     return render_text(
         "report.html",
         {
             "page": json_value({**page, "graphs": graphs}),
             "kb": name,
             "link": link,
-            "policy": "; ".join(f"{key} {value}" for key, value in policy.items()),
+            "policy": f"default-src 'none'; {alone}",
             "style": Markup(style),
         },
     )

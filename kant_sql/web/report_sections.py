@@ -248,12 +248,8 @@ class ReportReader(NamedTuple):
         tally = self.tally
         kinds: dict[str, ReportCount] = {}
         for kind, sign, count in tally.changes:
-            of_kind = kinds.get(kind, ReportCount(kind))
-            kinds[kind] = (
-                of_kind._replace(asserted=count)
-                if sign == "+"
-                else of_kind._replace(retracted=count)
-            )
+            change: dict[str, Any] = {"asserted" if sign == "+" else "retracted": count}
+            kinds[kind] = kinds.get(kind, ReportCount(kind))._replace(**change)
         left = tally.actors - sum(each.actor is not None for each in tally.busiest)
         archived = (
             f"what ended up to revision {tally.archived}, which was moved to an archive"

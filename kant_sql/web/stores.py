@@ -112,13 +112,16 @@ class OpenStore:
             return self._store, kb
 
     @contextmanager
-    def asking(self, limit: Limit) -> Iterator[None]:
-        """Cancel the questions of a block when the store is closed meanwhile."""
-        self._limits.add(limit)
-        try:
-            yield
-        finally:
-            self._limits.discard(limit)
+    def asking(self, limiter: anyio.CapacityLimiter) -> Iterator[Limit]:
+        """Limit the question of a block; cancel it when the store is closed meanwhile."""
+        if limiter.statistics().tasks_waiting >= MOST_WAITING:
+            raise StoreBusyError("too many questions are asked at the same time; try again")
+        with limited(seconds=STATEMENT_SECONDS) as limit:
+            self._limits.add(limit)
+            try:
+                yield limit
+            finally:
+                self._limits.discard(limit)
 
     def cancel(self) -> None:
         """Cancel all running questions."""
@@ -136,9 +139,7 @@ async def answer(request: Request, work: Callable[[], T]) -> T:
     """Run a question in a thread; it is cancelled when the reader leaves."""
     store: OpenStore = request.app.state.store
     limiter: anyio.CapacityLimiter = request.app.state.limiter
-    if limiter.statistics().tasks_waiting >= MOST_WAITING:
-        raise StoreBusyError("too many questions are asked at the same time; try again")
-    with limited(seconds=STATEMENT_SECONDS) as limit, store.asking(limit):
+    with store.asking(limiter) as limit:
         leaving = asyncio.create_task(_cancel_when_left(request, limit))
         try:
             return await anyio.to_thread.run_sync(persistent, work, limiter=limiter)

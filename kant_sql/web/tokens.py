@@ -183,12 +183,10 @@ def _read(path: Path) -> list[Token]:
 
 
 def _token(written: dict[str, object]) -> Token:
-    own = [str(written[name]) for name in ("id", "actor", "sha256", "created_at")]
-    names, scopes = (
-        tuple(map(str, _list(written[name]))) for name in ("knowledge_bases", "scopes")
-    )
+    texts, lists = ("id", "actor", "sha256", "created_at"), ("knowledge_bases", "scopes")
+    id_, actor, sha256, created_at = (str(written[name]) for name in texts)
+    names, scopes = (tuple(map(str, _list(written[name]))) for name in lists)
     revoked_at = written.get("revoked_at")
-    id_, actor, sha256, created_at = own
     revoked = None if revoked_at is None else str(revoked_at)
     return Token(id_, actor, names, scopes, sha256, created_at, revoked)
 

@@ -11,7 +11,7 @@ from contextlib import suppress
 from datetime import timedelta
 from decimal import Decimal
 from functools import partial
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import anyio
 from fastapi import APIRouter, Header, Request
@@ -19,7 +19,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from starlette.exceptions import HTTPException
 
-from ..dao_calls import LONGEST_BODY, MOST_CHANGES, dao_of
+from ..dao_calls import KINDS, LONGEST_BODY, MOST_CHANGES, dao_of, is_read
 from ..errors import InvalidArgumentError, StaleRevisionError, StoreError
 from ..history.revisions import Revision
 from ..json_values import json_value
@@ -50,39 +50,13 @@ Result: TypeAlias = bool | int | Decimal | str | None
 Text = Annotated[str, Field(max_length=LONGEST_BODY)]
 Texts = Annotated[tuple[Text, ...], Field(max_length=MOST_CHANGES)]
 Number = int | float | Text
-Kind = Literal[
-    "types",
-    "objects",
-    "predicates",
-    "functions",
-    "actions",
-    "propositions",
-    "function_values",
-    "goals",
-    "processes",
-    "events",
-    "derived_predicates",
-    "timed_initial_literals",
-    "initial_literals",
-    "constraints",
-    "domain_constraints",
-    "metric",
-]
-Do = Literal[
-    "save",
-    "insert",
-    "update",
-    "delete",
-    "save_all",
-    "delete_all",
-    "confirm",
-    "set",
-    "unset",
-    "increase",
-    "decrease",
-    "scale_up",
-    "scale_down",
-]
+if TYPE_CHECKING:
+    Kind = str
+    Do = str
+else:
+    Kind = Literal[(*KINDS,)]
+    methods = {do for one in KINDS.values() for do in one.__abstractmethods__ if not is_read(do)}
+    Do = Literal[(*sorted(methods),)]
 
 
 class DaoCall(BaseModel):

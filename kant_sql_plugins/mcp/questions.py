@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from decimal import Decimal
 from itertools import islice
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
-from kant_sql.errors import InvalidArgumentError, KantSqlError, UnsupportedConstructError
+from kant_sql.errors import InvalidArgumentError, UnsupportedConstructError
 from kant_sql.history.state_parts import StateFilter, StatePage, read_state
 from kant_sql.knowledge_base import KnowledgeBase, state_of
 from kant_sql.planning.commands import named
@@ -33,6 +32,7 @@ from kant_sql.web.registry import (
     moment,
     past,
 )
+from kant_sql.web.report import Sections
 
 # Elements of each kind, links of causes, steps of a page, and seconds that a planner may take.
 MOST_ELEMENTS, MOST_LINKS, MOST_STEPS, MOST_SECONDS = 200, 100, 200, 120
@@ -188,24 +188,16 @@ def report(
 ) -> IncidentReport:
     """Report a range: writes of each actor, acts, rules, missed goals, unconfirmed effects."""
     reader = sections.ReportReader.of(kb, sections.ReportRange(since or None, until or None))
-    summary, errors = reader.summary(), dict[str, str]()
+    summary, read = reader.summary(), Sections(())
     if reader.is_empty:
-        return IncidentReport(summary, None, None, None, None, errors)
-
-    def read(name: str, section: Callable[[], Any]) -> Any:
-        try:
-            return section()
-        except KantSqlError as error:
-            errors[name] = str(error)
-            return None
-
+        return IncidentReport(summary, None, None, None, None, read.errors)
     return IncidentReport(
         summary,
         read("acts", reader.acts),
         read("rules", lambda: reader.rules(None)),
         read("goals", reader.goals),
         read("effects", reader.effects),
-        errors,
+        read.errors,
     )
 
 

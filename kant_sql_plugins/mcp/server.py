@@ -21,18 +21,17 @@ from pydantic import ConfigDict, Field, ValidationError
 
 from kant_sql import __version__, history
 from kant_sql.arguments import shown
-from kant_sql.errors import InvalidArgumentError, KantSqlError, StoreBusyError
+from kant_sql.errors import InvalidArgumentError, KantSqlError
 from kant_sql.history.overview import read_overview
 from kant_sql.html import visible
 from kant_sql.json_values import json_value
 from kant_sql.knowledge_base import KnowledgeBase, state_of
-from kant_sql.limits import limited
 from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import MOST_QUESTIONS
 from kant_sql.web.pages import acts, ask, elements, home, overview, plans, revisions, rules
 from kant_sql.web.pages.statistics import statistics
 from kant_sql.web.registry import NO_NUL, SinceMoment, UntilMoment, past
-from kant_sql.web.stores import MOST_WAITING, STATEMENT_SECONDS, OpenStore, persistent
+from kant_sql.web.stores import OpenStore, persistent
 
 from .questions import QUESTIONS
 
@@ -83,9 +82,7 @@ class Asking:
 
     async def answer(self, work: Callable[[], T]) -> T:
         """Run a question; it is cancelled when the one who asks leaves."""
-        if self._limiter.statistics().tasks_waiting >= MOST_WAITING:
-            raise StoreBusyError("too many questions are asked at the same time; try again")
-        with limited(seconds=STATEMENT_SECONDS) as limit, self.store.asking(limit):
+        with self.store.asking(self._limiter) as limit:
             try:
                 return await anyio.to_thread.run_sync(
                     persistent, work, abandon_on_cancel=True, limiter=self._limiter

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import partial
@@ -175,11 +176,8 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchPage:
     """Find objects, definitions, facts, values, actors or a revision by a part of a name."""
     text = q.strip()
     moment = None
-    if text:
-        try:
-            moment = parse_moment(text)
-        except InvalidArgumentError:
-            moment = None
+    with suppress(InvalidArgumentError):
+        moment = parse_moment(text) if text else None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
     matches = element_pages.read_matches(state_of(kb), text, MATCHES + 1) if text else []
     return SearchPage(
