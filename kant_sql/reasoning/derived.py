@@ -112,12 +112,7 @@ class _Rule:
     ) -> None:
         self.head = head
         compiler = Compiler(world)
-        declared = world.definitions.predicates.live(head).parameters
-        # Objects fit the parameters of the predicate, too.
-        bound = [
-            Bound(each.slot, (*each.types, closure(world.definitions, parameter.type_ids)))
-            for each, parameter in zip(rule.parameters, declared, strict=True)
-        ]
+        bound = fitting(world.definitions, head, rule)
         self._search = compiler.search(bound, rule.body, delta)
         self._pick = compiler.picker([each.slot for each in bound])
         self._template = compiler.template
@@ -127,3 +122,12 @@ class _Rule:
         env = self._template.copy()
         for _ in self._search(env):
             yield self._pick(env)
+
+
+def fitting(definitions: Definitions, head: int, rule: DerivationRule) -> tuple[Bound, ...]:
+    """Return the parameters of a rule: their objects fit those of its predicate, too."""
+    declared = definitions.predicates.live(head).parameters
+    return tuple(
+        Bound(each.slot, (*each.types, closure(definitions, parameter.type_ids)))
+        for each, parameter in zip(rule.parameters, declared, strict=True)
+    )

@@ -97,9 +97,9 @@ class Compiler:
                 test = self.test(inner)
                 return lambda env: not test(env)
             case r.AllOf(parts):
-                return _all([self.test(each) for each in parts])
+                return _joined([self.test(each) for each in parts], False)
             case r.OneOf(parts):
-                return _any([self.test(each) for each in parts])
+                return _joined([self.test(each) for each in parts], True)
             case r.Witness(bound, inner):
                 search = self.search(bound, inner)
                 return lambda env: next(search(env), True) is None
@@ -361,30 +361,19 @@ def _is_slow(part: r.Part) -> bool:
     )
 
 
-def _all(tests: Sequence[Test]) -> Test:
+def _joined(tests: Sequence[Test], decides: bool) -> Test:
+    """Test a disjunction, which a part that holds decides, or a conjunction, which another does."""
     if len(tests) == 2:
         first, second = tests
+        if decides:
+            return lambda env: first(env) or second(env)
         return lambda env: first(env) and second(env)
 
     def test(env: Env) -> bool:
-        for each in tests:  # noqa: SIM110
-            if not each(env):
-                return False
-        return True
-
-    return test
-
-
-def _any(tests: Sequence[Test]) -> Test:
-    if len(tests) == 2:
-        first, second = tests
-        return lambda env: first(env) or second(env)
-
-    def test(env: Env) -> bool:
-        for each in tests:  # noqa: SIM110
-            if each(env):
-                return True
-        return False
+        for each in tests:
+            if each(env) is decides:
+                return decides
+        return not decides
 
     return test
 
@@ -407,7 +396,7 @@ def _fitting(
 
 def _loop(tests: tuple[Test, ...], steps: tuple[_Step, ...]) -> Search:
     """Return a nested loop, on an explicit stack."""
-    is_possible = _all(tests)
+    is_possible = _joined(tests, False)
 
     def run(env: Env) -> Iterator[None]:
         if not is_possible(env):

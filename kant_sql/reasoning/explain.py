@@ -15,7 +15,7 @@ from ..dto import formulas as f
 from ..dto.formulas import Node
 from ..dto.lexical import fold
 from ..errors import InvalidKnowledgeError, UnsupportedConstructError
-from ..history.revisions import Revision, read_numbered
+from ..history.revisions import read_numbered
 from ..html import Listing
 from ..knowledge import resolved as r
 from ..knowledge.definitions import METRIC, Definitions
@@ -183,14 +183,11 @@ class Explainer(Explaining):
             for arguments, until in self._run(self._question().ended(predicate, of_predicate)):
                 if until is not None:
                     ends[of_predicate[arguments]] = until
-        known = self._revisions(set(ends.values()))
+        session, kb_id, numbers = self._view.session, self._view.kb_id, {*ends.values()}
+        known = {} if kb_id is None else read_numbered(session, kb_id, numbers)
         for position, until in ends.items():
             found[position] = replace(found[position], retracted=known.get(until))
         return found
-
-    def _revisions(self, numbers: set[int]) -> dict[int, Revision]:
-        kb_id = self._view.kb_id
-        return {} if kb_id is None else read_numbered(self._view.session, kb_id, numbers)
 
 
 def number_of(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:

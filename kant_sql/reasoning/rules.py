@@ -161,14 +161,11 @@ class Verdicts(html.Listing[Verdict]):
             the first violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`,
             `source`, `time` and `valid_at`; None without one.
         """
+        own = "rule", "verdict", "is_satisfied", "is_preference", "preference"
         ends = "committed_at", "observed_at", "actor", "reason", "source"
         return [
             {
-                "rule": one.rule,
-                "verdict": one.verdict,
-                "is_satisfied": one.is_satisfied,
-                "is_preference": one.is_preference,
-                "preference": one.preference,
+                **{name: getattr(one, name) for name in own},
                 "revision": None if one.revision is None else one.revision.number,
                 **{name: getattr(one.revision, name, None) for name in ends},
                 "time": one.time,

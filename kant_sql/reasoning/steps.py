@@ -457,23 +457,8 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
     if found is None:
         if len(kept) >= KEPT_STEPS:
             kept.clear()
-        found = kept[step] = _plain(definitions, step) or _ground(definitions, step)
+        found = kept[step] = _ground(definitions, step)
     return found
-
-
-def _plain(definitions: Definitions, step: str) -> GroundStep | None:
-    """Read what most steps are: an action and its objects, and nothing to refuse."""
-    if step[:1] != "(" or step[-1:] != ")":
-        return None
-    name, *words = step[1:-1].split() or ("",)
-    action = definitions.actions.named(name)
-    objects = [object_ for object_ in map(definitions.objects.named, words) if object_ is not None]
-    if action is None or len(objects) != len(words) or len(words) != len(action.parameters):
-        return None
-    if action.kind not in (ACTION, DURATIVE_ACTION):
-        return None
-    ids, names = [each.id for each in objects], [each.name for each in objects]
-    return GroundStep(prepared(definitions, action), tuple(ids), tuple(names))
 
 
 def _ground(definitions: Definitions, step: object) -> GroundStep:
@@ -510,6 +495,13 @@ _Given = tuple[str, Sequence[str], Decimal | None, Execution | None]
 
 def _given(definitions: Definitions, step: object) -> _Given:
     if isinstance(step, str):
+        name, *words = step[1:-1].split() or ("",)
+        known = definitions.actions.named(name)
+        objects = [one for one in map(definitions.objects.named, words) if one is not None]
+        is_plain = step[:1] == "(" and step[-1:] == ")" and len(objects) == len(words)
+        if known is not None and is_plain:
+            # As most steps are: the reader has nothing to refuse.
+            return known.name, [one.name for one in objects], None, None
         match = _TIMES.match(step)
         text, duration = (step, None) if match is None else match.groups()
         read = read_step(

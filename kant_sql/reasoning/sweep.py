@@ -183,7 +183,6 @@ def _earlier(store: Store, text: str, high: int) -> Iterator[Definitions]:
 
 
 RULE = re.compile(r"\(:derived \(([^\s()]+)")
-_WORD = re.compile(r"[^\s()?]+")
 
 
 def revision_text(revision: Revision) -> str:
@@ -279,17 +278,15 @@ class Sweep:
         for node in nodes:
             if not isinstance(node, f.Atom | f.Fluent):
                 continue
-            objects: list[int | None] = []
-            for term in node.terms:
-                objects.append(object_id(definitions, term))
+            objects = tuple([object_id(definitions, term) for term in node.terms])
             if isinstance(node, f.Atom):
                 predicate = definitions.predicates.named(node.predicate)
                 if predicate is not None:
-                    facts.append(Pattern(predicate.id, tuple(objects)))
+                    facts.append(Pattern(predicate.id, objects))
             else:
                 function = definitions.functions.named(node.function)
                 if function is not None:
-                    values.append(Pattern(function.id, tuple(objects)))
+                    values.append(Pattern(function.id, objects))
         return facts, values
 
     def _of_rules(self, rules: Iterable[str]) -> tuple[list[Pattern], list[Pattern]]:

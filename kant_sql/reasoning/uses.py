@@ -20,6 +20,7 @@ from ..dto.formulas import AT_END
 from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
 from ..knowledge.rules import rules_of
+from .derived import fitting
 from .evaluate import Compiler, Env, Rows, Test
 from .steps import CONTINUOUS, PreparedAction
 from .world import Row, World
@@ -122,11 +123,7 @@ class Uses:
         if found is None:
             definitions, found = self._world.definitions, []
             for rule in rules_of(definitions).of(predicate):
-                declared = definitions.predicates.live(predicate).parameters
-                own = tuple(
-                    r.Bound(one.slot, (*one.types, r.closure(definitions, parameter.type_ids)))
-                    for one, parameter in zip(rule.parameters, declared, strict=True)
-                )
+                own = fitting(definitions, predicate, rule)
                 found.append((_Compiled(self._world, rule.body, [one.slot for one in own]), own))
             self._bodies[predicate] = found
         return found

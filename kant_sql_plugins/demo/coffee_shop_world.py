@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 from kant_sql import (
@@ -105,20 +106,12 @@ def _facts() -> list[PddlPropositionDto]:
 FACTS = _facts()
 
 
-def _before(predicate: PddlPredicateDto, *terms: PddlObjectDto) -> PddlConditionEffectDto:
-    return PddlConditionEffectDto(predicate, terms, PddlConditionEffectDto.AT_START)
+def _at(time: str, is_negative: bool = False) -> Callable[..., PddlConditionEffectDto]:
+    return lambda predicate, *terms: PddlConditionEffectDto(predicate, terms, time, is_negative)
 
 
-def _throughout(predicate: PddlPredicateDto, *terms: PddlObjectDto) -> PddlConditionEffectDto:
-    return PddlConditionEffectDto(predicate, terms, PddlConditionEffectDto.OVER_ALL)
-
-
-def _ends(predicate: PddlPredicateDto, *terms: PddlObjectDto) -> PddlConditionEffectDto:
-    return PddlConditionEffectDto(predicate, terms, PddlConditionEffectDto.AT_START, True)
-
-
-def _then(predicate: PddlPredicateDto, *terms: PddlObjectDto) -> PddlConditionEffectDto:
-    return PddlConditionEffectDto(predicate, terms, PddlConditionEffectDto.AT_END)
+_before, _ends = _at(PddlConditionEffectDto.AT_START), _at(PddlConditionEffectDto.AT_START, True)
+_throughout, _then = _at(PddlConditionEffectDto.OVER_ALL), _at(PddlConditionEffectDto.AT_END)
 
 
 def _moves() -> list[PddlActionDto]:
