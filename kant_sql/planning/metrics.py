@@ -124,6 +124,24 @@ def unconditional(effects: tuple[f.Formula, ...]) -> Iterator[f.Formula]:
             yield effect
 
 
+def hard(nodes: Iterable[f.Formula]) -> Iterator[f.Formula]:
+    """Yield formulas without their preferences."""
+    for node in nodes:
+        match node:
+            case f.Preference():
+                continue
+            case f.And(parts) if f.mentions(f.Preference, node):
+                yield from hard(parts)
+            case f.Forall(variables, inner) if f.mentions(f.Preference, inner):
+                rest = tuple(hard([inner]))
+                if rest:
+                    yield f.Forall(variables, f.And(rest))
+            case f.Timed(time, inner) if f.mentions(f.Preference, inner):
+                yield from (f.Timed(time, rest) for rest in hard([inner]))
+            case _:
+                yield node
+
+
 def _readers(domain: Domain, problem: Problem) -> Iterator[f.Node]:
     for action in domain.actions:
         yield from (*action.condition, *action.duration)

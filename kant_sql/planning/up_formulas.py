@@ -15,7 +15,7 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import Domain, Problem, typed_names
 from . import names as n
-from .metrics import ONE, NotLinearError, linear
+from .metrics import ONE, NotLinearError, hard, linear
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment
@@ -379,26 +379,13 @@ class UpPreferences(UpConverter):
         """Whether the metric counts preferences."""
         return bool(self._weights)
 
-    def without(self, nodes: Iterable[f.Formula]) -> Iterator[f.Formula]:
+    def without(self, nodes: Sequence[f.Formula]) -> Iterator[f.Formula]:
         """Drop the preferences that the metric does not count."""
-        for node in nodes:
-            if not f.mentions(f.Preference, node):
-                yield node
-                continue
-            match node:
-                case f.And(parts):
-                    yield from self.without(parts)
-                case f.Forall(variables, inner):
-                    rest = tuple(self.without([inner]))
-                    if rest:
-                        yield f.Forall(variables, f.And(rest))
-                case f.Preference(name, _) if not self._weight(name):
-                    continue
-                case f.Preference():
-                    reason = "only a preference in the goal can be counted by a metric there"
-                    raise self._unsupported(node, reason)
-                case _:
-                    raise self._unsupported(node, "a preference has no counterpart here")
+        for node in f.walk(*nodes):
+            if isinstance(node, f.Preference) and self._weight(node.name):
+                reason = "only a preference in the goal can be counted by a metric there"
+                raise self._unsupported(node, reason)
+        return hard(nodes)
 
     def goals(self, nodes: Iterable[f.Formula], scope: Bindings) -> Iterator[FNode]:
         """Convert goals, and add up the gains of preferences."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 
-from ..dto.formulas import And, Atom, Comparison, Equal, Node, Not
+from ..dto.formulas import Atom, Comparison, Equal, Formula, Node, Not
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..history.confirmations import stale_facts
@@ -13,6 +13,7 @@ from ..history.revisions import Version
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
+from ..pddl.formulas import flatten
 from ..pddl.given import read_condition, text_of
 from ..sql.intervals import FIND
 from ..store.snapshot import View
@@ -81,15 +82,13 @@ def _needed(definitions: Definitions, text: str) -> list[tuple[int, list[str]]]:
     return found
 
 
-def _atoms(formula: Node) -> Iterator[Atom]:
+def _atoms(formula: Formula) -> Iterator[Atom]:
     """Yield the positive atoms of a conjunction."""
-    if isinstance(formula, Atom):
-        yield formula
-    elif isinstance(formula, And):
-        for part in formula.formulas:
-            yield from _atoms(part)
-    elif not isinstance(formula, Not | Comparison | Equal):
-        raise _refused(str(formula))
+    for part in flatten(formula):
+        if isinstance(part, Atom):
+            yield part
+        elif not isinstance(part, Not | Comparison | Equal):
+            raise _refused(str(part))
 
 
 def _refused(what: str) -> UnsupportedConstructError:

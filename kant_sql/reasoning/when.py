@@ -26,6 +26,7 @@ from ..knowledge.definitions import Definitions, PredicateDefinition
 from ..knowledge.sayings import COMMITTED
 from ..knowledge.symbols import symbols_of
 from ..moment_text import When
+from ..pddl.formulas import flatten
 from ..pddl.given import disjuncts, text_of
 from ..sql.dialects.base import Session
 from ..sql.periods import (
@@ -529,17 +530,9 @@ def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
 
 def conjunction(formula: f.Formula) -> list[f.Atom] | None:
     """Return the atoms of a conjunction of plain atoms; None for anything else."""
-    atoms: list[f.Atom] = []
-    parts = [formula]
-    while parts:
-        part = parts.pop()
-        if isinstance(part, f.And):
-            parts += reversed(part.formulas)
-        elif isinstance(part, f.Atom) and not any(isinstance(one, f.Fluent) for one in part.terms):
-            atoms.append(part)
-        else:
-            return None
-    return atoms or None
+    atoms = [part for part in flatten(formula) if isinstance(part, f.Atom)]
+    is_plain = len(atoms) == len(flatten(formula)) and not f.mentions(f.Fluent, *atoms)
+    return atoms if atoms and is_plain else None
 
 
 def _is_implied(variable: f.TypedName, atoms: Iterable[f.Atom], definitions: Definitions) -> bool:

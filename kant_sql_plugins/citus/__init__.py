@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from kant_sql.later import asked_for
+
 if TYPE_CHECKING:
     from .distribution import Distribution, distribute
+else:
+    # On first need: the help of `kant-sql db` starts without SQLAlchemy.
+    __getattr__ = asked_for(__name__, {".distribution": ("Distribution", "distribute")})
 
 __all__ = ["Distribution", "distribute"]
-
-
-def __getattr__(name: str) -> object:
-    # On first need: the help of `kant-sql db` starts without SQLAlchemy.
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from . import distribution
-
-    return getattr(distribution, name)

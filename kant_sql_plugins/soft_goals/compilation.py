@@ -26,7 +26,7 @@ from kant_sql.knowledge.grounding import replaced
 from kant_sql.pddl import document as pddl
 from kant_sql.pddl.requirements import is_function
 from kant_sql.planning.action_costs import CostedAction, Objects, UnusedNames, write_costs
-from kant_sql.planning.metrics import ONE, NotLinearError, Variant, linear
+from kant_sql.planning.metrics import ONE, NotLinearError, Variant, hard, linear
 from kant_sql.planning.names import SHARED_MODALS, too_deep
 
 from .costs import Costs
@@ -253,7 +253,7 @@ class SoftGoals:
         if grounded is None:
             self._ignore(where, node, f"it has more than {MOST_INSTANCES} instances")
             # The conditions beside the preferences still hold.
-            rest = tuple(SoftGoals.hard([inner]))
+            rest = tuple(hard([inner]))
             if rest:
                 yield f.Forall(tuple(variables), f.And(rest))
             return
@@ -275,24 +275,6 @@ class SoftGoals:
             replaced(node.formula, dict(zip(keys, map(f.Constant, chosen), strict=True)))
             for chosen in product(*ranges)
         ]
-
-    @staticmethod
-    def hard(nodes: Iterable[f.Formula]) -> Iterator[f.Formula]:
-        """Yield formulas without their preferences."""
-        for node in nodes:
-            match node:
-                case f.Preference():
-                    continue
-                case f.And(parts) if f.mentions(f.Preference, node):
-                    yield from SoftGoals.hard(parts)
-                case f.Forall(variables, inner) if f.mentions(f.Preference, inner):
-                    rest = tuple(SoftGoals.hard([inner]))
-                    if rest:
-                        yield f.Forall(variables, f.And(rest))
-                case f.Timed(time, inner) if f.mentions(f.Preference, inner):
-                    yield from (f.Timed(time, rest) for rest in SoftGoals.hard([inner]))
-                case _:
-                    yield node
 
     def _weight(self, name: str | None, node: f.Formula, where: str) -> Fraction:
         if self._measured or name is None:
