@@ -133,8 +133,9 @@ def export_transitions(
     given = to, knowledge_base, since, until, replace, progress, clock
     with new_export(url, FORMAT, *given) as export:
         snapshot, done = export.snapshot, 0
-        kb_ids = [snapshot.ids[state.name] for state, _ in export.windows]
-        chosen.check([_names_ever(snapshot.session, kb_id) for kb_id in kb_ids])
+        rows, ids = snapshot.session.rows, snapshot.ids
+        kb_ids = [ids[state.name] for state, _ in export.windows]
+        chosen.check([row[0] for kb_id in kb_ids for row in rows(_NAMES, kb=kb_id)])
         for state, window in export.each():
             path = f"{folder_name(state.name)}/{CONTENT}.{FORMAT}"
             with export.folder.new_file(path, state, CONTENT) as made:
@@ -167,9 +168,8 @@ class _Chosen:
         self._elements = {_folded_words(text): text for text in texts}
         self.is_all = names is None and elements is None  # whether all are, and steps of plans
 
-    def check(self, known: Sequence[list[str]]) -> None:
-        """Refuse names that never were."""
-        every = [*chain.from_iterable(known)]
+    def check(self, every: list[str]) -> None:
+        """Refuse names that no predicate and no function ever had."""
         folded = {fold(name) for name in every}
         for name in [*self._names, *(words[0] for words in self._elements)]:
             if fold(name) not in folded:
@@ -274,7 +274,8 @@ class _Recording:
         facts = {key: str(value) for key, value in state._asdict().items()}
         self._writer.add_metadata("kant_sql", facts)
         if self._chosen.is_all:
-            self._steps = _step_texts(session, kb_id)
+            rows = session.rows(_STEP_TEXTS, kb=kb_id)
+            self._steps = {id_text((row[0], row[1])): row[2] for row in rows}
         # Of what was before, a part may be in the archive.
         low, high = max(window[0], state.archived + 1 if state.archived else 1), window[1]
         if span is not None:
@@ -495,16 +496,6 @@ def _audited(session: Session, rows: Iterable[Row]) -> Iterator[_AuditedChange]:
             observed = change.observed_at and session.to_time(change.observed_at)
             committed = session.to_time(change.committed_at)
         yield change._replace(committed_at=committed, observed_at=observed)
-
-
-def _step_texts(session: Session, kb_id: int) -> dict[str, str]:
-    """Read the actions of all steps, by the ids of their executions."""
-    return {id_text((row[0], row[1])): row[2] for row in session.rows(_STEP_TEXTS, kb=kb_id)}
-
-
-def _names_ever(session: Session, kb_id: int) -> list[str]:
-    """List the predicates and functions that a knowledge base ever had."""
-    return [row[0] for row in session.rows(_NAMES, kb=kb_id)]
 
 
 def _time_of_revision(session: Session, kb_id: int, revision: int) -> datetime | None:

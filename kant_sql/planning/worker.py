@@ -287,7 +287,9 @@ class Search:
         """Try the engines in turn."""
         installed, engine = self._environment.factory.engines, self._task.engine
         if engine is not None and engine not in installed:
-            raise PlannerMissingError(absent(engine, _planners(installed, self._environment)))
+            known = self._environment.factory.engine
+            planners = [name for name in installed if known(name).is_oneshot_planner()]
+            raise PlannerMissingError(absent(engine, planners))
         domain, problem = self._task.domain, self._task.problem
         if self._task.strict:
             # What it refuses is refused here, in the same words.
@@ -494,10 +496,6 @@ def _original(steps: Iterable[PlanStep], variant: Variant) -> Iterator[PlanStep]
         action = variant.steps.get(fold(step.action), step.action)
         if action is not None:
             yield replace(step, action=action)
-
-
-def _planners(installed: list[str], environment: Environment) -> list[str]:
-    return [name for name in installed if environment.factory.engine(name).is_oneshot_planner()]
 
 
 _JAVA_ERROR = re.compile(r"(?:\w+\.)+(\w*(?:Exception|Error)\b.*)")

@@ -250,15 +250,12 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
         if prepared is None:
             prepared = prepare(view.definitions, condition, None, bindings)
             values = prepared.values(view.definitions, bindings)
-        statement = prepared.statement(view, "truth", lambda asked: _truth(asked, prepared))
+        whole, places = prepared.condition, prepared.places
+        statement = prepared.statement(view, "truth", lambda q: q.truths([r.exists(whole)], places))
         [row] = asked(view, statement, values, OF_TRUTHS)
         return bool(row[GUARDS])
 
     return state.store.read(work, state.at)
-
-
-def _truth(question: Question, prepared: Prepared) -> ConditionStatement:
-    return question.truths([r.exists(prepared.condition)], prepared.places)
 
 
 def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:

@@ -6,7 +6,7 @@ import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import CheckConstraint, Connection, text
 from sqlalchemy.dialects.postgresql.base import PGDialect
@@ -29,6 +29,7 @@ OLDEST = (13, 1)
 MOST_SHARDS = 64_000
 _QUIET = "SET LOCAL client_min_messages = 'warning'"
 _EXTENSION = text("SELECT extversion FROM pg_extension WHERE extname = 'citus'")
+_SHARDS = text("SELECT current_setting('citus.shard_count')")
 _GROUP = text("SELECT groupid FROM pg_dist_local_group")
 _NODES = text(
     "SELECT groupid, nodename || ':' || nodeport, "
@@ -273,7 +274,7 @@ class Distributor:
             self._check_tables(due)
             self._check_writers()
             statements = (*self._distribution(due, shards),)
-        count = self.layout.shards or shards or self._scalar("current_setting('citus.shard_count')")
+        count = self.layout.shards or shards or self._connection.scalar(_SHARDS)
         return self._result(int(count), due, statements)
 
     def undistribute(self) -> Distribution:
@@ -445,9 +446,6 @@ class Distributor:
     def _literal(self, table: str) -> str:
         quoted = self._names.relation(table).replace("'", "''")
         return f"'{quoted}'"
-
-    def _scalar(self, expression: str) -> Any:
-        return self._connection.exec_driver_sql(f"SELECT {expression}").scalar()
 
     def _refused(self, what: str, remedy: str) -> StoreError:
         return StoreError(f"{self._label}: nothing was changed: {what}; {remedy}")

@@ -142,19 +142,11 @@ def _find(kb: KnowledgeBase, id_: int) -> RecordedPlan:
 
 def _runs(kb: KnowledgeBase, steps: Sequence[Execution]) -> list[Stretch]:
     """Read the revisions that were made while each of some steps ran."""
-    begun = [step for step in steps if step.outcomes and _has_begun(step)]
-    ends = [one.outcomes[0].until for one in begun]
-    bounds = [
-        (one.outcomes[0].since.number, end.number if end else None)
-        for one, end in zip(begun, ends, strict=True)
-    ]
-    runs = read_stretches(state_of(kb), bounds, REVISIONS)
-    of_step = {step.id: run for step, run in zip(begun, runs, strict=True)}
-    return [of_step.get(step.id, Stretch([], 0)) for step in steps]
-
-
-def _has_begun(step: Execution) -> bool:
-    return read_outcome(step.outcomes[0].text).outcome == RUNNING
+    firsts = {step.id: step.outcomes[0] for step in steps if step.outcomes}
+    begun = {id_: one for id_, one in firsts.items() if read_outcome(one.text).outcome == RUNNING}
+    bounds = [(one.since.number, one.until.number if one.until else None) for one in begun.values()]
+    runs = dict(zip(begun, read_stretches(state_of(kb), bounds, REVISIONS), strict=True))
+    return [runs.get(step.id, Stretch([], 0)) for step in steps]
 
 
 def _texts(plan: RecordedPlan) -> dict[str, str]:
