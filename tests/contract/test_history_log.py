@@ -187,12 +187,12 @@ def test_an_element_that_is_none_is_refused_at_once(told: KnowledgeBase) -> None
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"actor": "Driver"}, r"of actor 'Driver' \(did you mean driver\?\)"),
-        ({"actor": ""}, "of actor ''"),
+        ({"actor": "Driver"}, r"by actor 'Driver' \(did you mean driver\?\)"),
+        ({"actor": ""}, "by actor ''"),
         ({"element": "nobody"}, "has never had an element 'nobody'"),
         ({"element": "(robot_at rb1 wp11)"}, r"an object 'wp11' \(did you mean wp1\?\)"),
         ({"element": "(robot_att rb1 wp1)"}, r"'robot_att' \(did you mean robot_at\?\)"),
-        ({"element": robot_at(RB1, WP1), "actor": "nobody"}, "of actor 'nobody'"),
+        ({"element": robot_at(RB1, WP1), "actor": "nobody"}, "by actor 'nobody'"),
     ],
 )
 def test_what_never_was_is_refused_with_a_similar_name(
