@@ -159,8 +159,10 @@ def _apply(transaction: Transaction, step: GroundStep) -> None:
     if step.recorded is None:
         _record(transaction, step, SUCCEEDED, before.numbers)
         return
-    if step.recorded.outcome is None or step.action.is_durative:
+    if step.action.is_durative:
         _set(transaction, step.recorded, RUNNING)
+    elif step.recorded.outcome is None:
+        set_outcome(transaction, step.recorded, RUNNING)
     _set(transaction, step.recorded, SUCCEEDED)
 
 
