@@ -286,13 +286,12 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
     # In the order of an index: what is beyond the bound is always the same.
     mentioning = first_rows(mentioning.order_by(arguments[id_]), _constant(SEARCHED))
     own = select(version.since).where(version.kb_id == KB, version[id_] == atom.id)
+    is_open: ColumnElement[bool] = version.until.is_(None)
     if shape.is_past:
-        holds = case((or_(version.until.is_(None), version.until > THEN), version.since))
-        last = own.with_only_columns(holds).where(version.since <= THEN)
-        own = first_rows(last.order_by(version.since.desc()), _constant(1))
-    else:
-        own = own.where(version.until.is_(None))
-    since = own.correlate(table).scalar_subquery()
+        own, is_open = own.where(version.since <= THEN), or_(is_open, version.until > THEN)
+    # The last one: by its end, an index of all predicates would be read without statistics.
+    own = own.with_only_columns(case((is_open, version.since))).order_by(version.since.desc())
+    since = first_rows(own, _constant(1)).correlate(table).scalar_subquery()
     conditions: list[Any] = [atom.kb_id == KB, in_rows(atom.id, mentioning)]
     if source == PROPOSITION:
         # As an expression, which has no index: SQLite would read all atoms by it.

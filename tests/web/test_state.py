@@ -15,7 +15,7 @@ from kant_sql.history import state_parts
 from kant_sql.history.state_parts import StateFilter, read_state
 from kant_sql.knowledge_base import state_of
 from tests.support.servers import Server
-from tests.support.statements import fill
+from tests.support.statements import explain, fill, seen
 from tests.web.conftest import Filled
 
 
@@ -196,3 +196,15 @@ def test_a_state_is_planned_for_the_tables_as_they_are(
         monkeypatch.setattr(psycopg.Cursor, "execute", noted)
         assert read_state(state_of(kb), None, StateFilter(object="rb1")).parts
     assert prepares == {None}
+
+
+def test_what_names_an_object_is_looked_up_one_by_one(server: Server) -> None:
+    """Without statistics, an index of all open versions of a knowledge base seems as good."""
+    url = server.new_store()
+    with kant_sql.connect(url) as kb:
+        fill(kb, 400)
+        with seen() as statements:
+            assert read_state(state_of(kb), None, StateFilter(object="rb1")).parts
+    plans = [explain(url, one) for one in statements if "AS held" in one.sql]
+    assert len(plans) == 3
+    assert not [step for plan in plans for step in plan if "proposition_version_now" in step]
