@@ -8,6 +8,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import psycopg
 import pytest
@@ -154,6 +155,23 @@ def test_a_reader_of_the_log_is_named(tmp_path: Path, connect: Connect) -> None:
         assert "wal_checkpoint" in remaining
 
 
+def test_a_name_goes_in_each_spelling(fresh_kb: KnowledgeBase) -> None:
+    kb, name = fresh_kb, "Weiß\\Ångström"
+    kb.objects.save(PddlObjectDto(PddlTypeDto("person"), name))
+    with kb.transaction(reason=f"{name.upper()} came", source={"who": name}):
+        kb.predicates.save("(awake)")
+    spelled = f"no {name.upper()}, {normalize('NFD', name)}"
+    kb.executions.report("call", outcome="failed", text=spelled)
+    found = kb.erasure_preview(name).mentions
+    assert [one.place for one in found] == ["reason", "source"]
+    kb.erase(name, reason="asked", also=["reason", "source"])
+    (call,) = kb.executions.get_all()
+    assert call.text == "no erased-1, erased-1"
+    (entry,) = [entry for entry in kb.log() if entry.revision.number == 2]
+    assert (entry.revision.reason, entry.revision.source) == ("erased-1", "erased-1")
+    assert kb.store.verify().findings == ()
+
+
 def test_what_revisions_say_is_erased(kb: KnowledgeBase) -> None:
     number = next(entry.revision.number for entry in kb.log() if entry.revision.reason)
     erased = kb.erase(revisions=[number], parts=["reason", "source", "actor"], reason="asked")
@@ -171,6 +189,7 @@ def test_what_cannot_be_erased_is_refused_with_a_remedy(kb: KnowledgeBase) -> No
     for wrong, error in (
         ({"element": NAME, "reason": f"{NAME.title()} asked"}, errors.InvalidArgumentError),
         ({"element": NAME, "reason": "asked", "actor": NAME}, errors.InvalidArgumentError),
+        ({"element": "bob", "reason": "Bob left"}, errors.InvalidArgumentError),
         ({"element": "nobody", "reason": "asked"}, errors.UnknownNameError),
         (
             {"revisions": [before + 1], "parts": ["reason"], "reason": "x"},

@@ -26,7 +26,7 @@ from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
 from ..rewriting.parts import Destroyer, said_in_place
-from ..rewriting.texts import ChangeKey, Renaming, TextWriter
+from ..rewriting.texts import ChangeKey, Renaming, TextWriter, has_word, spellings
 from ..verify.chain import read_links
 from .archived import ArchiveDestroyer, ArchivedPart, open_archive
 
@@ -43,9 +43,9 @@ _GIVEN_OUT = Query(
 )
 _SAYING_IT = {
     label: Query(
-        select(_REVISION.c.number, cast(_REVISION.c[label], Text))
-        .where(_REVISION.c.kb_id == KB, contains(cast(_REVISION.c[label], Text)))
-        .order_by(_REVISION.c.number)
+        select(_REVISION.c.number).where(
+            _REVISION.c.kb_id == KB, contains(cast(_REVISION.c[label], Text))
+        )
     )
     for label in SAID
 }
@@ -292,7 +292,12 @@ class Eraser:
         for label, given in (("actor", said.actor), ("reason", said.reason)):
             if given is None:
                 continue
-            if is_in(text, given) if len(text) >= _TELLING else text == given:
+            is_long = len(text) >= _TELLING
+            if (
+                any(is_in(one, given) for one in spellings(text))
+                if is_long
+                else has_word(given, text)
+            ):
                 raise InvalidArgumentError(
                     f"the {label} of the erasure contains the erased text, and would stay; give "
                     "another one"
@@ -304,8 +309,9 @@ class Eraser:
         asked = {**wanted.said}
         if name is not None:
             for label in wanted.also:
-                for number, _ in find_said(session, kb, label, name):
-                    asked[number] = (*asked.get(number, ()), label)
+                for pattern in patterns_of(session, name):
+                    for (number,) in session.rows(_SAYING_IT[label], kb=kb, pattern=pattern):
+                        asked[number] = (*asked.get(number, ()), label)
         links = {link.number: link for link in read_links(session, kb, sorted(asked))}
         said: dict[int, dict[str, str]] = {}
         for number, labels in asked.items():
@@ -324,11 +330,9 @@ class Eraser:
         return said
 
 
-def find_said(session: Session, kb_id: int, label: str, name: str) -> list[tuple[int, str]]:
-    """Find the revisions whose actor, reason or source contains a name."""
-    pattern = pattern_of(session, name)
-    rows = session.rows(_SAYING_IT[label], kb=kb_id, pattern=pattern)
-    return [(number, text) for number, text in rows]
+def patterns_of(session: Session, name: str) -> set[str]:
+    """Return the patterns of what contains a name, however it is spelled."""
+    return {pattern_of(session, spelled) for spelled in spellings(name)}
 
 
 def next_pseudonym(session: Session, kb_id: int) -> str:

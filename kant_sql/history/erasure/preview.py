@@ -14,12 +14,12 @@ from ... import html
 from ...dto.elements import PddlObjectDto
 from ...dto.lexical import fold
 from ...sql import tables as t
-from ...sql.dialects.base import Row, Session
-from ...sql.dialects.containing import contains, is_in, pattern_of
+from ...sql.dialects.base import Session
+from ...sql.dialects.containing import contains, is_in
 from ...sql.query import Query, first_rows
 from ...sql.rows import KB, KIND_TABLES, table_of
 from ...store.state import State
-from .erase import Eraser, NothingErasedError, begun, make_wanted, opened
+from .erase import Eraser, NothingErasedError, begun, make_wanted, opened, patterns_of
 
 # Texts of one place that are listed.
 LISTED = 100
@@ -147,10 +147,10 @@ def erasure_preview(
 
 
 def _mentioned(session: Session, kb_id: int, name: str) -> Iterator[Mention]:
-    pattern = pattern_of(session, name)
+    patterns = patterns_of(session, name)
     for number, (place, *_) in enumerate(_PLACES):
-        rows: list[Row] = session.rows(_mentions(number), kb=kb_id, pattern=pattern)
-        yield from (Mention(place, *row) for row in rows)
+        found = (session.rows(_mentions(number), kb=kb_id, pattern=each) for each in patterns)
+        yield from (Mention(place, *row) for row in sorted({row for rows in found for row in rows}))
 
 
 def _similar(session: Session, kb_id: int, name: str) -> Iterator[str]:

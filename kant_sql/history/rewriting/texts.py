@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
+from unicodedata import normalize
 
 from sqlalchemy import Table, bindparam, false, literal_column, null, or_, select, update
 
@@ -45,12 +46,25 @@ class Renaming(NamedTuple):
 
     def is_in(self, *texts: str | None) -> bool:
         """Return whether one of some texts has the name."""
-        return any(self.in_text(text) != text for text in texts)
+        return any(has_word(text, self.name) for text in texts if text is not None)
+
+
+def spellings(name: str) -> list[str]:
+    """Return how texts may spell a name, but for the case of single letters, also as JSON."""
+    cased = {name} if name.isascii() else {name, name.casefold(), name.upper()}
+    spelled = {normalize(form, each) for each in cased for form in ("NFC", "NFD")}
+    return sorted(spelled | {each.replace("\\", r"\\") for each in spelled})
 
 
 @cache
 def _whole(name: str) -> re.Pattern[str]:
-    return re.compile(rf"(?<![\w-]){re.escape(name)}(?![\w-])", re.IGNORECASE)
+    spelled = "|".join(map(re.escape, spellings(name)))
+    return re.compile(rf"(?<![\w-])({spelled})(?![\w-])", re.IGNORECASE)
+
+
+def has_word(text: str, name: str) -> bool:
+    """Return whether a name stands in a text as a whole name."""
+    return _whole(name).search(text) is not None
 
 
 _FACTS, _ARGUMENTS, _HELD, _SAID, *_ = ATOM_TABLES[PROPOSITION]
