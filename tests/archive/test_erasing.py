@@ -288,18 +288,30 @@ def test_without_an_archive_there_is_nothing_to_name(
         file_kb.erase(NAME, reason="asked", archive=archive_url)
 
 
-def test_a_moved_revision_of_form_1_is_refused(
-    file_url: str, archive_url: str, connect: Connect
+def test_moved_revisions_of_form_1_are_erased(
+    file_url: str, archive_url: str, connect: Connect, tmp_path: Path
 ) -> None:
     fill(connect(file_url, knowledge_base="tiago")).close()
     rehash(file_url)
     kb = connect(file_url, knowledge_base="tiago")
+    away, new = (target_url(tmp_path, f"{name}.db") for name in ("away", "new"))
+    kb.store.push(away)
     kb.store.archive(kb.revision, to=archive_url)
-    before = rows_of(file_url)
-    with pytest.raises(ConflictError, match="is of form 1"):
-        kb.erase(NAME, reason="asked", form_1=True, archive=archive_url)
-    assert rows_of(file_url) == before
-    intact(archive_url)
+    anchor = kb.store.anchor()
+    with pytest.raises(ConflictError, match="revisions of form 1 mention it"):
+        kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url)
+    for name in (NAME, "bath"):
+        found = kb.erase(name, reason="asked", also=ALSO, form_1=True, archive=archive_url)
+        assert (found.form_1 > 5, found.remaining) == (True, ())
+        assert kb.store.verify(anchor=anchor).findings == ()
+        intact(archive_url)
+    for url in (away, new):
+        kb.store.push(url, archive=archive_url)
+        intact(url)
+    assert same(away, new)
+    assert not any(map(names_it, (file_url, archive_url, away, new)))
+    damage(archive_url, "UPDATE revision SET actor = 'x' WHERE number = 3")
+    assert not connect(archive_url, knowledge_base="tiago").store.verify().is_intact
 
 
 def test_the_prompt_takes_an_archive(file_url: str, archive_url: str, connect: Connect) -> None:

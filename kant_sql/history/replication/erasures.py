@@ -18,11 +18,11 @@ from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
 from ...store.head import hash_of
 from ..revisions import LARGEST, read_position
-from ..rewriting.parts import next_salt
+from ..rewriting.parts import next_salt, whole_salt
 from ..rewriting.texts import Renaming, TextWriter
 from ..verify.chain import read_links, texts_of
 from ..verify.erasures import ErasureCheck
-from ..verify.parts import Part, kept_parts
+from ..verify.parts import Part, kept_parts, whole_part
 from ..verify.sides import Check, Report
 from .copy import ATOMS, COMMITMENT, REPLACEMENT, CopyRange, Identities, Stores
 
@@ -119,6 +119,9 @@ class Followed:
             parts: Iterable[Part] = link.parts
             if link.seed is not None and link.fault is None and link.number > whole:
                 parts = kept_parts(link.seed, link.metadata, sorted(lines[link.number]))
+            elif link.form == 1 and not parts:
+                salt = whole_salt(target, target_kb, self._name, link, lines[link.number])
+                parts = [whole_part(link.hash, 0)._replace(salt=salt)]
             for part in parts:
                 place = link.number, part.position
                 known, salt = own.get(place, ({}, part.salt))

@@ -6,7 +6,6 @@ digest of the erasure covers it, and gives nothing away that a later erasure des
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from hashlib import sha256
@@ -65,12 +64,19 @@ class Taken(NamedTuple):
     superseded: str | None  # the commitment to what was there, if that was a replacement
 
 
-def next_salt(salt: bytes | None) -> bytes:
+def next_salt(salt: bytes) -> bytes:
     """Derive the salt of what takes a place from that of what was there, which is destroyed.
 
-    A store that was not erased in yet derives it as well. Form 1 has no salt to derive one from.
+    A store that was not erased in yet derives it as well.
     """
-    return os.urandom(SEED) if salt is None else sha256(b"replacement" + salt).digest()[:SEED]
+    return sha256(b"replacement" + salt).digest()[:SEED]
+
+
+def whole_salt(session: Session, kb_id: int, name: str, link: Link, lines: Iterable[Row]) -> bytes:
+    """Derive a salt from all texts of a revision of form 1, which has none."""
+    of = hash_of(session, kb_id, link.number - 1), name, link.number, link.committed_at
+    texts = sorted((sign, kind, text) for sign, kind, text, *_ in lines)
+    return bytes.fromhex(revision_hash(*of, link.metadata, texts, b""))[:SEED]
 
 
 class Destroyer:
@@ -176,7 +182,8 @@ class Destroyer:
         if not link.parts and old != link.hash:
             raise self._damaged(link)
         part = link.parts[0] if link.parts else whole_part(link.hash, 0)
-        self._take(link.number, part, old, now, not link.parts, standing)
+        first = whole_salt(self._session, self._kb, self._name, link, before)
+        self._take(link.number, part, old, now, not link.parts, standing, first)
 
     def _take(
         self,
@@ -186,10 +193,11 @@ class Destroyer:
         new: str,
         is_new: bool,
         standing: Mapping[tuple[int, int], bytes],
+        first: bytes = b"",
     ) -> None:
         place = number, part.position
         before = standing.get(place)
-        salt = next_salt(before or part.salt)
+        salt = next_salt(before or part.salt or first)
         if part.salt is not None:
             part = part._replace(salt=None, commitment=commit_to(part.salt, old))
         superseded = None if before is None else commit_to(before, old)
