@@ -12,6 +12,9 @@ from . import common as c
 from .output import Printer, complain, plural, write_json
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .. import KnowledgeBase
     from ..history.erasure.preview import ErasurePreview
     from ..history.erasure.retention import RetentionRule
 
@@ -19,11 +22,21 @@ Archive = Annotated[
     str | None,
     c.option("The archive with a part of the history, to erase there, too.", metavar="URL"),
 ]
-_ERASE_USAGE, _RETENTION_USAGE = "[URL] OBJECT", "[URL]"
+Parts = Annotated[str, c.option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")]
+_PARTS = "reason,source"
+_ERASE_USAGE, _RETENTION_USAGE = "[URL] [OBJECT]", "[URL]"
 
 
 def erase(
-    words: Annotated[list[str], c.words_argument(_ERASE_USAGE, "the name of an object.")],
+    words: Annotated[
+        list[str] | None,
+        c.words_argument(_ERASE_USAGE, "the name of an object, unless --revision is given."),
+    ] = None,
+    revision: Annotated[
+        list[int] | None,
+        c.option("Erase only --parts of this revision; repeatable.", metavar="NUMBER"),
+    ] = None,
+    parts: Parts = _PARTS,
     kb: c.Name = None,
     actor: c.Actor = None,
     reason: c.Reason = None,
@@ -45,14 +58,20 @@ def erase(
     yes: Annotated[bool, c.option("Erase; without it, this is a dry run.", "--yes")] = False,
     as_json: c.AsJson = False,
 ) -> int:
-    """Erase the name of an object, wherever it is stored.
+    """Erase the name of an object, wherever it is stored, or what single revisions say.
 
     Without --yes it changes nothing: it counts the texts that would be erased, and lists others
     that may name the same person. Exits with 1 if bytes of the name may remain in the database.
     """
-    url, (element,) = c.split_url(words, _ERASE_USAGE, "sqlite:///robot.db maria")
+    url, objects = c.split_url(words or [], _ERASE_USAGE, "sqlite:///robot.db maria")
+    if bool(objects) == bool(revision):
+        raise typer.BadParameter("give an object, or --revision", param_hint=_ERASE_USAGE)
+    element, said = next(iter(objects), None), parts.split(",") if revision else []
     with c.open_to_read(url, kb) as (name, knowledge_base):
         if not yes:
+            if element is None:
+                _write_said(knowledge_base, name, revision or (), said, as_json)
+                return 0
             found = knowledge_base.erasure_preview(element, archive=archive)
             if as_json:
                 write_json(knowledge_base=name, **found._asdict())
@@ -66,6 +85,8 @@ def erase(
             reason=reason,
             actor=actor,
             also=also or (),
+            revisions=revision or (),
+            parts=said,
             form_1=form_1,
             archive=archive,
         )
@@ -73,8 +94,9 @@ def erase(
             write_json(knowledge_base=name, **done._asdict())
         else:
             texts, of = plural(done.parts, "text"), plural(done.revisions, "revision")
+            now = "they are" if element is None else "the object is"
             line = f"knowledge base {name}, revision {done.revision}: erased {texts} of {of}; "
-            Printer().line(f"{line}the object is called {done.pseudonym}", "bold")
+            Printer().line(f"{line}{now} called {done.pseudonym}", "bold")
         for remaining in done.remaining:
             complain(f"bytes of it may remain in {remaining}")
         return 1 if done.remaining else 0
@@ -96,15 +118,37 @@ def _write_preview(found: ErasurePreview, name: str) -> None:
     printer.line("Nothing was changed; add --reason and --yes.")
 
 
+def _write_said(
+    knowledge_base: KnowledgeBase,
+    name: str,
+    numbers: Iterable[int],
+    parts: list[str],
+    as_json: bool,
+) -> None:
+    """Show what revisions say that would be erased."""
+    from ..history.erasure.erase import make_wanted
+    from ..history.revisions import refuse_unknown
+
+    found = []
+    for number, labels in make_wanted(None, (), [*numbers], parts).said.items():
+        refuse_unknown(name, number, knowledge_base.revision)
+        (own,) = knowledge_base.store.revisions(number - 1, limit=1)
+        found += [{"revision": number, "part": each, "text": getattr(own, each)} for each in labels]
+    if as_json:
+        write_json(knowledge_base=name, said=found)
+        return
+    for one in found:
+        Printer().line("would erase: {part} of revision {revision}: {text}".format(**one))
+    Printer().line("Nothing was changed; add --reason and --yes.")
+
+
 def retention(
     words: Annotated[list[str] | None, c.words_argument(_RETENTION_USAGE, "none.")] = None,
     after: Annotated[
         str | None,
         c.option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE"),
     ] = None,
-    parts: Annotated[
-        str, c.option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")
-    ] = "reason,source",
+    parts: Parts = _PARTS,
     of_actor: Annotated[
         str | None, c.option("Only in revisions of this actor.", "--of", metavar="ACTOR")
     ] = None,
@@ -130,6 +174,8 @@ def retention(
     Each run makes one revision, or none if nothing is old enough.
     """
     url, _ = c.split_url(words or [], _RETENTION_USAGE, "sqlite:///robot.db --after 30d")
+    if after is None and rules is None:
+        raise typer.BadParameter("give an age, or a file with --rules", param_hint="--after")
     from ..history.erasure.retention import read_rules
 
     lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]

@@ -353,6 +353,13 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     done = commands.run("erase", url, NAME, "--yes", "--reason", "asked", "--also", "reason")
     assert (done.exit_code, "erased-1" in done.output, NAME in done.output) == (0, True, False)
     assert "erased by revision" in commands.run("verify", url).output
+    said = "erase", url, "--revision", "4", "--parts", "actor"
+    assert "would erase: actor of revision 4: camera" in commands.run(*said).output
+    assert "camera" in commands.run(*said, "--json").output
+    assert "they are called erased-2" in commands.run(*said, "--reason", "x", "--yes").output
+    assert commands.run("erase", url, "--revision", "99").exit_code == 1
+    for wrong in (("erase", url), ("erase", url, "bob", "--revision", "4"), ("retention", url)):
+        assert commands.run(*wrong).exit_code == 2
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 

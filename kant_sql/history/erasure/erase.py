@@ -292,12 +292,8 @@ class Eraser:
         for label, given in (("actor", said.actor), ("reason", said.reason)):
             if given is None:
                 continue
-            is_long = len(text) >= _TELLING
-            if (
-                any(is_in(one, given) for one in spellings(text))
-                if is_long
-                else has_word(given, text)
-            ):
+            short = len(text) < _TELLING
+            if has_word(given, text) if short else any(is_in(o, given) for o in spellings(text)):
                 raise InvalidArgumentError(
                     f"the {label} of the erasure contains the erased text, and would stay; give "
                     "another one"

@@ -119,7 +119,7 @@ class Followed:
             parts: Iterable[Part] = link.parts
             if link.seed is not None and link.fault is None and link.number > whole:
                 parts = kept_parts(link.seed, link.metadata, sorted(lines[link.number]))
-            elif link.form == 1 and not parts:
+            elif link.form == 1 and not parts and link.number > whole:
                 salt = whole_salt(target, target_kb, self._name, link, lines[link.number])
                 parts = [whole_part(link.hash, 0)._replace(salt=salt)]
             for part in parts:
