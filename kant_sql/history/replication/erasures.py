@@ -120,8 +120,9 @@ class Followed:
             if link.seed is not None and link.fault is None and link.number > whole:
                 parts = kept_parts(link.seed, link.metadata, sorted(lines[link.number]))
             elif link.form == 1 and not parts and link.number > whole:
-                salt = whole_salt(target, target_kb, self._name, link, lines[link.number])
-                parts = [whole_part(link.hash, 0)._replace(salt=salt)]
+                previous = hash_of(target, target_kb, link.number - 1)
+                first = whole_salt(previous, self._name, link, lines[link.number])
+                parts = [whole_part(link.hash, 0)._replace(salt=first)]
             for part in parts:
                 place = link.number, part.position
                 known, salt = own.get(place, ({}, part.salt))

@@ -72,11 +72,10 @@ def next_salt(salt: bytes) -> bytes:
     return sha256(b"replacement" + salt).digest()[:SEED]
 
 
-def whole_salt(session: Session, kb_id: int, name: str, link: Link, lines: Iterable[Row]) -> bytes:
+def whole_salt(previous: str | None, name: str, link: Link, lines: Iterable[Row]) -> bytes:
     """Derive a salt from all texts of a revision of form 1, which has none."""
-    of = hash_of(session, kb_id, link.number - 1), name, link.number, link.committed_at
-    texts = sorted((sign, kind, text) for sign, kind, text, *_ in lines)
-    return bytes.fromhex(revision_hash(*of, link.metadata, texts, b""))[:SEED]
+    of = previous, name, link.number, link.committed_at, link.metadata
+    return bytes.fromhex(revision_hash(*of, sorted(row[:3] for row in lines), b""))[:SEED]
 
 
 class Destroyer:
@@ -99,6 +98,7 @@ class Destroyer:
         self._into = (session, kb_id) if into is None else into
         self._name = name
         self._taken: list[Taken] = []
+        self._salts: dict[tuple[int, int], bytes] = {}
         self.form_1 = 0
 
     def destroy(self, old: Mapping[ChangeKey, str], said: Mapping[int, Mapping[str, str]]) -> None:
@@ -113,21 +113,16 @@ class Destroyer:
             by_number[number][tuple(key)] = text
         for numbers in batches(sorted({*by_number, *said})):
             lines = lines_by_revision(self._changes(numbers))
-            standing = _standing(self._session, self._kb, numbers)
+            self._salts = _standing(self._session, self._kb, numbers)
             for link in read_links(self._session, self._kb, numbers):
                 new = said.get(link.number, {})
-                self._destroy(link, lines[link.number], by_number[link.number], new, standing)
+                self._destroy(link, lines[link.number], by_number[link.number], new)
 
     def _changes(self, numbers: list[int]) -> list[Row]:
         return keyed_changes_of(self._session, self._kb, numbers)
 
     def _destroy(
-        self,
-        link: Link,
-        lines: list[Row],
-        old: dict[Any, str],
-        new: Mapping[str, str],
-        standing: Mapping[tuple[int, int], bytes],
+        self, link: Link, lines: list[Row], old: dict[Any, str], new: Mapping[str, str]
     ) -> None:
         now = {(sign, kind, *key): text for sign, kind, text, *key in lines}
         before = [
@@ -138,7 +133,7 @@ class Destroyer:
             raise self._damaged(link)
         if link.form == 1:
             self.form_1 += 1
-            self._destroy_whole(link, before, lines, new, standing)
+            self._destroy_whole(link, before, lines, new)
             return
         is_new = not link.parts
         parts = link.parts
@@ -151,7 +146,7 @@ class Destroyer:
         for part in parts:
             if part.key in wanted:
                 key = part.key
-                self._take(link.number, part, wanted.pop(key), texts[key], is_new, standing)
+                self._take(link.number, part, wanted.pop(key), texts[key], is_new)
             elif is_new:
                 kept.append((kb, link.number, *self._own(part)))
         if wanted:
@@ -161,19 +156,14 @@ class Destroyer:
             session.run(_UNSEED, kb=kb, own_number=link.number)
 
     def _destroy_whole(
-        self,
-        link: Link,
-        before: list[Row],
-        after: list[Row],
-        new: Mapping[str, str],
-        standing: Mapping[tuple[int, int], bytes],
+        self, link: Link, before: list[Row], after: list[Row], new: Mapping[str, str]
     ) -> None:
         """Keep the hash of a revision of form 1, of which no part can be kept."""
         previous = hash_of(self._session, self._kb, link.number - 1)
         of = previous, self._name, link.number, link.committed_at
         own: dict[str, Any] = {**new}
         old, now = (
-            revision_hash(*of, metadata, sorted((a, b, c) for a, b, c, *_ in lines), None, 1)
+            revision_hash(*of, metadata, sorted(row[:3] for row in lines), None, 1)
             for metadata, lines in (
                 (link.metadata, before),
                 (link.metadata._replace(**own), after),
@@ -182,21 +172,13 @@ class Destroyer:
         if not link.parts and old != link.hash:
             raise self._damaged(link)
         part = link.parts[0] if link.parts else whole_part(link.hash, 0)
-        first = whole_salt(self._session, self._kb, self._name, link, before)
-        self._take(link.number, part, old, now, not link.parts, standing, first)
+        first = whole_salt(previous, self._name, link, before)
+        self._take(link.number, part, old, now, not link.parts, first)
 
     def _take(
-        self,
-        number: int,
-        part: Part,
-        old: str,
-        new: str,
-        is_new: bool,
-        standing: Mapping[tuple[int, int], bytes],
-        first: bytes = b"",
+        self, number: int, part: Part, old: str, new: str, is_new: bool, first: bytes = b""
     ) -> None:
-        place = number, part.position
-        before = standing.get(place)
+        before = self._salts.get((number, part.position))
         salt = next_salt(before or part.salt or first)
         if part.salt is not None:
             part = part._replace(salt=None, commitment=commit_to(part.salt, old))
