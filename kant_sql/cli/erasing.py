@@ -12,8 +12,6 @@ from . import common as c
 from .output import Printer, complain, plural, write_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from .. import KnowledgeBase
     from ..history.erasure.preview import ErasurePreview
     from ..history.erasure.retention import RetentionRule
@@ -70,7 +68,7 @@ def erase(
     with c.open_to_read(url, kb) as (name, knowledge_base):
         if not yes:
             if element is None:
-                _write_said(knowledge_base, name, revision or (), said, as_json)
+                _write_said(name, knowledge_base, revision or [], said, as_json)
                 return 0
             found = knowledge_base.erasure_preview(element, archive=archive)
             if as_json:
@@ -92,6 +90,8 @@ def erase(
         )
         if as_json:
             write_json(knowledge_base=name, **done._asdict())
+        elif done.revision is None:
+            Printer().line(f"knowledge base {name}: there is nothing to erase")
         else:
             texts, of = plural(done.parts, "text"), plural(done.revisions, "revision")
             now = "they are" if element is None else "the object is"
@@ -119,20 +119,16 @@ def _write_preview(found: ErasurePreview, name: str) -> None:
 
 
 def _write_said(
-    knowledge_base: KnowledgeBase,
-    name: str,
-    numbers: Iterable[int],
-    parts: list[str],
-    as_json: bool,
+    name: str, kb: KnowledgeBase, numbers: list[int], parts: list[str], as_json: bool
 ) -> None:
     """Show what revisions say that would be erased."""
     from ..history.erasure.erase import make_wanted
     from ..history.revisions import refuse_unknown
 
     found = []
-    for number, labels in make_wanted(None, (), [*numbers], parts).said.items():
-        refuse_unknown(name, number, knowledge_base.revision)
-        (own,) = knowledge_base.store.revisions(number - 1, limit=1)
+    for number, labels in make_wanted(None, (), numbers, parts).said.items():
+        refuse_unknown(name, number, kb.revision)
+        (own,) = kb.store.revisions(number - 1, limit=1)
         found += [{"revision": number, "part": each, "text": getattr(own, each)} for each in labels]
     if as_json:
         write_json(knowledge_base=name, said=found)

@@ -358,6 +358,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "camera" in commands.run(*said, "--json").output
     assert "they are called erased-2" in commands.run(*said, "--reason", "x", "--yes").output
     assert commands.run("erase", url, "--revision", "99").exit_code == 1
+    nothing = commands.run("erase", url, "--revision", "1", "--reason", "x", "--yes")
+    assert "there is nothing to erase" in nothing.output
     for wrong in (("erase", url), ("erase", url, "bob", "--revision", "4"), ("retention", url)):
         assert commands.run(*wrong).exit_code == 2
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
