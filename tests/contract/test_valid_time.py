@@ -101,7 +101,7 @@ def test_it_is_for_reading(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_a_wrong_time_is_refused(fresh_kb: KnowledgeBase) -> None:
-    with pytest.raises(InvalidArgumentError, match="3 is none"):
+    with pytest.raises(InvalidArgumentError, match="valid is 3, expected a time"):
         fresh_kb.at(valid=3)
     with pytest.raises(UnknownRevisionError, match="give a revision's number"):
         fresh_kb.at()
