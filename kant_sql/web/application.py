@@ -152,7 +152,14 @@ def _answer_errors(app: FastAPI) -> None:
 
     async def wrong(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        parts = [f"{part['loc'][-1]}: {part['msg']}" for part in error.errors()]
+        parts = [
+            f"the body is not JSON: {part['ctx']['error']}"
+            if part["type"] == "json_invalid"
+            else f"{'.'.join(map(str, part['loc'][1:] or part['loc']))}: {part['msg']}"
+            for part in error.errors()
+        ]
+        if isinstance(error.body, bytes) and error.body:
+            parts = ["the body is taken for JSON only with Content-Type: application/json"]
         return _error(request, 422, "; ".join(parts), "InvalidArgumentError")
 
     async def failed(request: Request, error: Exception) -> Response:

@@ -26,6 +26,7 @@ TOKEN_COOKIE = "kant_sql_token"
 LOGIN = "/token"
 _LONGEST_FORM = 10_000
 _WRONG = "its token is not the one of this server"
+_UNKNOWN = "the token is unknown, or was revoked: get one by 'kant-sql tokens add'"
 # No inline script or style, nothing from elsewhere, in no other page's frame.
 POLICY = "; ".join(
     (
@@ -73,7 +74,7 @@ class Programs:
     def admit(self, scope: Scope, headers: Headers) -> Response | None:
         """Note the token of a request, as `scope["token"]`; return the answer if it is refused.
 
-        A request without a token that only reads is not judged here.
+        A request that only reads is not judged here without a token of the file.
         """
         writes = self._scopes.get(scope["path"]) if scope["method"] == "POST" else None
         given = _bearer(headers)
@@ -82,9 +83,7 @@ class Programs:
             if writes is None:
                 return None
             why = "a token is needed: Authorization: Bearer TOKEN, of 'kant-sql tokens add'"
-            if given is not None:
-                why = "the token is unknown, or was revoked: get one by 'kant-sql tokens add'"
-            return refusal(scope, 401, why)
+            return refusal(scope, 401, why if given is None else _UNKNOWN)
         scope["token"] = token
         verifies = scope["path"].endswith("/verify") and scope["method"] == "POST"
         needed = writes or ("verify" if verifies else "read")
@@ -226,7 +225,8 @@ class Guard:
             if refused is not None or "token" in scope:
                 return refused
         if self._token is None:
-            return None
+            is_unknown = self._programs is not None and _bearer(headers) is not None
+            return refusal(scope, 401, _UNKNOWN) if is_unknown else None
         if scope["path"] == LOGIN and scope["method"] == "POST":
             return await self._log_in(Request(scope, receive))
         given = _given(headers)

@@ -156,14 +156,16 @@ class TokenFile:
 
     def _write(self, tokens: Iterable[Token]) -> None:
         """Write the file in one step, for its owner alone."""
-        beside = self._path.with_name(f".{self._path.name}.{secrets.token_hex(4)}")
+        # A link stays one: servers may know the file by its other name.
+        path = self._path.resolve()
+        beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
         text = json.dumps({"tokens": [asdict(one) for one in tokens]}, indent=2)
         try:
             with open(beside, "x", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
                 file.write(f"{text}\n")
                 file.flush()
                 os.fsync(file.fileno())
-            beside.replace(self._path)
+            beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
 

@@ -74,7 +74,5 @@ class Endpoint:
         server = make_server(self._store)
         # The guard knows the names of the server.
         names = TransportSecuritySettings(enable_dns_rebinding_protection=False)
-        server.streamable_http_app(
-            stateless_http=True, json_response=True, transport_security=names
-        )
+        server.streamable_http_app(stateless_http=True, transport_security=names)
         return server.session_manager

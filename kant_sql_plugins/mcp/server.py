@@ -6,6 +6,7 @@ import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import count
 from typing import Annotated, Any, TypeVar
 from urllib.parse import quote
 
@@ -39,6 +40,8 @@ T = TypeVar("T")
 
 # Characters of an argument, and of an answer.
 LONGEST_ARGUMENT, LONGEST_ANSWER = 100_000, 400_000
+# How often the seconds that a tool has run are reported, to who asked for progress.
+SECOND = 1.0
 # Facts, goals and values that a resource may have; and resources that are listed.
 MOST_HELD, MOST_LISTED = 20_000, 50
 INSTRUCTIONS = """\
@@ -109,25 +112,37 @@ class _Arguments(FuncMetadata):
 class _Tool(Tool):
     """A tool whose errors are short, and which refuses what it does not know."""
 
-    async def run(self, arguments: dict[str, Any], *others: Any, **options: Any) -> Any:
-        """Check the arguments, and run the tool."""
+    async def run(self, arguments: dict[str, Any], context: Any, *others: Any, **more: Any) -> Any:
+        """Check the arguments, and run the tool; meanwhile, say how long it has run."""
         for name, value in arguments.items():
             if len(str(value)) > LONGEST_ARGUMENT:
                 raise ToolError(f"{name} has more than {LONGEST_ARGUMENT:,} characters; shorten it")
             if isinstance(value, str) and "\0" in value:
                 raise ToolError(f"{name} has a NUL character, which no text can have; remove it")
-        try:
-            return await super().run(arguments, *others, **options)
-        except ToolError as error:
-            if not isinstance(error.__cause__, ValidationError):
-                raise
-            parts = [
-                f"{'.'.join(map(str, one['loc']))}: {one['msg']}"
-                for one in error.__cause__.errors()
-            ]
-            known = ", ".join(self.parameters["properties"])
-            said = f"{'; '.join(parts)}; the arguments of {self.name} are: {known}"
-            raise ToolError(said) from error.__cause__
+        async with anyio.create_task_group() as beside:
+            beside.start_soon(self._report, context, arguments)
+            try:
+                return await super().run(arguments, context, *others, **more)
+            except ToolError as error:
+                # A group of tasks would wrap it.
+                failed = error
+            finally:
+                beside.cancel_scope.cancel()
+        if not isinstance(failed.__cause__, ValidationError):
+            raise failed
+        wrong = failed.__cause__.errors()
+        parts = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in wrong]
+        known = ", ".join(self.parameters["properties"])
+        said = f"{'; '.join(parts)}; the arguments of {self.name} are: {known}"
+        raise ToolError(said) from failed.__cause__
+
+    async def _report(self, context: Any, arguments: dict[str, Any]) -> None:
+        """Send the seconds that have passed, of a time-out if there is one."""
+        default = self.parameters["properties"].get("timeout", {}).get("default")
+        most = arguments.get("timeout", default)
+        for passed in count(1):
+            await anyio.sleep(SECOND)
+            await context.report_progress(passed, most if isinstance(most, int | float) else None)
 
 
 def make_tool(
@@ -263,19 +278,28 @@ class KantServer(MCPServer[Any]):
         except KantSqlError as error:
             raise MCPError(types.INTERNAL_ERROR, store.folders.said(error)) from error
 
+    async def call_tool(self, name: str, *others: Any, **options: Any) -> Any:
+        """Call a tool; the SDK answers an unknown one as if it had failed."""
+        _require_name("tool", name, [one.name for one in self._tool_manager.list_tools()])
+        return await super().call_tool(name, *others, **options)
+
     async def get_prompt(
         self, name: str, arguments: dict[str, Any] | None = None, *others: Any, **options: Any
     ) -> Any:
         """Write a prompt; the SDK does not say which names there are."""
         prompts = {one.name: one.arguments or () for one in await self.list_prompts()}
-        if name not in prompts:
-            said = f"there is no prompt {shown(name)}; these are: {', '.join(prompts)}"
-            raise MCPError(types.INVALID_PARAMS, said)
+        _require_name("prompt", name, [*prompts])
         known = [one.name for one in prompts[name]]
         for unknown in {*(arguments or ())} - {*known}:
             said = f"{name} has no argument {shown(unknown)}; its arguments are: {', '.join(known)}"
             raise MCPError(types.INVALID_PARAMS, said)
         return await super().get_prompt(name, arguments, *others, **options)
+
+
+def _require_name(kind: str, name: str, known: Sequence[str]) -> None:
+    if name not in known:
+        said = f"there is no {kind} {shown(name)}; these are: {', '.join(known)}"
+        raise MCPError(types.INVALID_PARAMS, said)
 
 
 def _read_part(write: Callable[[KnowledgeBase], str], at: str | None, kb: KnowledgeBase) -> str:

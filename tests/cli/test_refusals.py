@@ -94,6 +94,14 @@ def test_what_is_refused_is_one_line(store: str, words: str, code: int, said: st
     assert said in complaint(command, store, *rest, code=code)
 
 
+@pytest.mark.parametrize("words", ["show", "log", "apply '(a)'", "kbs", "verify"])
+def test_the_url_of_a_server_is_refused_by_name(words: str) -> None:
+    command, *rest = shlex.split(words)
+    said = complaint(command, "https://:geheim@localhost/tiago", *rest, code=1)
+    assert "https: this needs the store itself" in said
+    assert "which kant_sql.connect(URL) opens" in said
+
+
 def test_with_json_the_line_is_a_document(store: str) -> None:
     result = run("log", store, "--since", "2", "--json", "--actor", "nobody")
     assert "'nobody'" in json.loads(result.stderr)["error"]

@@ -134,7 +134,7 @@ def test_what_happened_since_is_the_answer_to_a_stale_writer(loaded: Post) -> No
     ("path", "status", "body", "says"),
     [
         ("facts", 400, {"save": ["(nonsense"]}, "expected"),
-        ("facts", 422, {"save": [7]}, "string"),
+        ("facts", 422, {"save": [7]}, "save.0: Input should be a valid string"),
         ("facts", 422, {"actor": "somebody"}, "actor"),
         ("values", 400, {"set": {"(battery rb1)": "much"}}, "much"),
         ("transaction", 400, {"changes": [{"kind": "actions", "do": "increase"}]}, "increase"),
@@ -153,6 +153,26 @@ def test_what_cannot_be_written_is_refused_by_name(
 ) -> None:
     assert says in loaded(path, status, **body)["error"]
     assert loaded("facts", save=["(robot_at rb1 wp2)"])["revision"] == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "says"),
+    [
+        (
+            "application/x-www-form-urlencoded",
+            '{"save": []}',
+            "only with Content-Type: application/",
+        ),
+        ("application/json", '{"save": [}', "the body is not JSON: Expecting value"),
+    ],
+)
+def test_what_is_no_json_is_refused_by_name(
+    client: TestClient, tokens: TokenFile, kind: str, body: str, says: str
+) -> None:
+    bearer = f"Bearer {tokens.add('driver', ['tiago'], ['write'])}"
+    headers = {"authorization": bearer, "content-type": kind}
+    answer = client.post("/api/facts", content=body, headers=headers)
+    assert (answer.status_code, says in answer.json()["error"]) == (422, True)
 
 
 def test_a_rule_that_refuses_is_a_conflict(loaded: Post, url: str) -> None:
@@ -207,8 +227,16 @@ def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: To
     secret = tokens.add("driver", ["*"], ["write"])
     headers = {"authorization": f"Bearer {secret}"}
     assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 200
-    TokenFile(tokens._path).revoke(secret.partition(".")[0])
+    link = tokens._path.with_name("link.json")
+    link.symlink_to(tokens._path.name)
+    TokenFile(link).revoke(secret.partition(".")[0])
+    assert link.is_symlink()
     assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 401
+    # Whoever shows a token is judged by it, where others of this machine read without one.
+    reads = "/api/"
+    assert client.get(reads, headers=headers).status_code == 401
+    assert client.get(reads, headers={"authorization": "Bearer nobodys"}).status_code == 401
+    assert client.get(reads).status_code == 200
     tokens._path.write_text("not a file of tokens")
     assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 401
 

@@ -56,8 +56,11 @@ def backend_name(url: str) -> str:
     """Read which backend a database URL names."""
     name = dialect_name(url)
     if name not in BACKENDS:
-        known = " and ".join(BACKENDS)
-        raise InvalidUrlError(f"{name}: there is no backend of this name; choose one of: {known}")
+        known = " or ".join(BACKENDS)
+        raise InvalidUrlError(
+            f"{name}: this needs the store itself, whose URL begins with {known}; other DAO "
+            "families have DAOs only, which kant_sql.connect(URL) opens"
+        )
     return name
 
 

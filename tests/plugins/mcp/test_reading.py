@@ -6,6 +6,7 @@ import json
 import sys
 import threading
 from collections.abc import Awaitable, Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -18,6 +19,7 @@ from kant_sql.json_values import json_value
 from kant_sql.web.application import create_app
 from kant_sql.web.stores import OpenStore
 from tests.support.processes.commands import command, complaint
+from tests.support.serving import running
 from tests.support.stores import make_store_url
 
 pytest.importorskip("mcp", reason="needs the extra mcp")
@@ -247,6 +249,16 @@ def test_a_wrong_prompt_is_refused_with_the_remedy(
     assert caught.value.code == INVALID_PARAMS
 
 
+@pytest.mark.parametrize("mode", ["auto", "legacy"])
+def test_a_tool_that_there_is_not_is_an_error_of_the_protocol(
+    reader: KantServer, mode: Any
+) -> None:
+    said = r"there is no tool 'nothing\\n'; these are: knowledge_bases, overview,"
+    with pytest.raises(MCPError, match=said) as caught:
+        asked(reader, lambda client: client.call_tool("nothing\n"), mode)
+    assert caught.value.code == INVALID_PARAMS
+
+
 def texts_in(data: Any) -> Iterator[str]:
     """All texts of a document."""
     if isinstance(data, str):
@@ -308,7 +320,6 @@ def test_texts_that_are_instructions_arrive_as_data_alone(reader: KantServer) ->
         ("find_plan", {"engine": "nobody"}, "nobody"),
         ("find_plan", {"engine": "x: touch {domain} {problem}"}, "is not run for others"),
         ("find_plan", {"engine": "touch {domain} {problem}"}, "is not run for others"),
-        ("nothing", {}, "Unknown tool: nothing"),
     ],
 )
 def test_a_wrong_call_is_refused_with_the_remedy(
@@ -372,6 +383,41 @@ def test_a_question_that_takes_long_keeps_nobody_waiting(
 
     monkeypatch.setattr(module, "json_value", wait)
     asked(reader, work)
+
+
+@pytest.mark.parametrize("mode", ["auto", "legacy"])
+@pytest.mark.parametrize("over", ["memory", "http"])
+def test_what_takes_long_sends_its_progress(
+    url: str, store: OpenStore, monkeypatch: pytest.MonkeyPatch, over: str, mode: Any
+) -> None:
+    seen, twice, write = list[tuple[float, float | None]](), threading.Event(), json_value
+
+    def wait(found: Any) -> Any:
+        if type(found).__name__ in ("FoundPlan", "LogPage"):
+            assert twice.wait(20)
+        return write(found)
+
+    async def note(passed: float, total: float | None, message: str | None) -> None:
+        seen.append((passed, total))
+        if len(seen) % 2 == 0:
+            twice.set()
+
+    async def work(client: Client) -> list[tuple[float, float | None]]:
+        given = {"timeout": 20.0}
+        assert not (await client.call_tool("find_plan", given, progress_callback=note)).is_error
+        planned = seen.copy()
+        seen.clear()
+        twice.clear()
+        assert not (await client.call_tool("log", {}, progress_callback=note)).is_error
+        assert not (await client.call_tool("overview")).is_error
+        return planned
+
+    monkeypatch.setattr(module, "json_value", wait)
+    monkeypatch.setattr(module, "SECOND", 0.01)
+    with running(url) if over == "http" else nullcontext() as address:
+        planned = asked(f"{address}/mcp" if address else make_server(store), work, mode)
+    assert planned[:2] == [(1, 20), (2, 20)]
+    assert seen[:2] == [(1, None), (2, None)]
 
 
 def test_without_the_extra_the_command_names_it(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
