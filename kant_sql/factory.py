@@ -16,7 +16,7 @@ from typing_extensions import override
 
 from . import dao
 from .acts import Execution
-from .arguments import flag, whole_number
+from .arguments import flag
 from .dao import interfaces as daos
 from .dao.base import refuse_past
 from .errors import InvalidArgumentError, InvalidUrlError
@@ -340,8 +340,6 @@ class SqlDaoFactory(DaoFactory):
     ) -> Iterator[None]:
         refuse_past(self._open_store, self._at)
         flag(confirm, "confirm", InvalidArgumentError)
-        if expected_revision is not None:
-            whole_number(expected_revision, "expected_revision")
         step = None
         if plan_step is not None:
             from .acts.recording import check_execution, key_of

@@ -6,6 +6,7 @@ changed since is taken over; what both have changed differently is a conflict.
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -38,7 +39,8 @@ from ..errors import (
 )
 from ..knowledge.canonical import read_source
 from ..knowledge.definitions import KINDS, Definitions
-from ..sql.changes import ASSERTED, RETRACTED, SAYING, Change, in_range, stream_changes
+from ..pddl.lexer import tokenize
+from ..sql.changes import ASSERTED, ERASURE, RETRACTED, SAYING, Change, in_range, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import KB, VALUE
@@ -111,6 +113,7 @@ class _Side(NamedTuple):
     traces: dict[Key, _Trace]
     definitions: Definitions
     sayings: list[tuple[int, str]]  # what was said of periods, with the revisions
+    pseudonyms: set[str]  # given out by erasures
 
 
 def _read_side(
@@ -118,17 +121,20 @@ def _read_side(
 ) -> _Side:
     """Read what a range of revisions changed, in one statement."""
     traces: dict[Key, _Trace] = {}
-    sayings = []
+    sayings, pseudonyms = [], set[str]()
     for number, change in stream_changes(session, kb_id, low, high):
         if change.kind == SAYING and number > split:
             sayings.append((number, change.text))
+        if change.kind == ERASURE:
+            _, _, said = change.text.partition(" :as ")
+            pseudonyms.add(json.loads(said.partition(" :parts ")[0]))
         if change.kind in STATED:
             name = name_in(change.kind, change.text)
             key = change.kind, fold(name)
             if key not in traces:
                 traces[key] = _Trace(name, number)
             traces[key].add(number, change, split)
-    return _Side(traces, definitions, sayings)
+    return _Side(traces, definitions, sayings, pseudonyms)
 
 
 class _Branch(NamedTuple):
@@ -314,7 +320,7 @@ class _Comparison:
     def _users(self, side: str, key: Key) -> list[Key]:
         """Return what a side has changed that mentions something of which the other has nothing."""
         if side not in self._uses:
-            traces, definitions, _ = self._sides[side]
+            traces, definitions, *_ = self._sides[side]
             kinds = ((kind, one) for kind in KINDS for one in definitions.elements(kind))
             known = {key_of(kind, one): one for kind, one in kinds}
             uses: dict[Key, list[Key]] = {}
@@ -338,6 +344,16 @@ class _Comparison:
                 text = self.text(side, key)
                 if text is not None:
                     yield Change(sign, key[0], text)
+
+    def refuse_pseudonyms(self) -> None:
+        """Refuse what names somebody by what both erased somebody as: it may be two."""
+        both = set.intersection(*(side.pseudonyms for side in self._sides.values()))
+        for change in self.changes() if both else ():
+            if both & {*tokenize(change.text)}:
+                raise ConflictError(
+                    f"{change.kind} {change.text} names an object that was erased in the branch; "
+                    "another may be called so here since an erasure: delete it in the branch"
+                )
 
     def element(self, key: Key) -> str:
         """Return what an element is decided by."""
@@ -496,6 +512,7 @@ class _Merging:
         undecided = [each for each in made.conflicts if each.decided is None]
         if undecided:
             raise MergeConflictError(self._said(undecided), made.conflicts)
+        compared.refuse_pseudonyms()
         carry(transaction, self._theirs.definitions, compared.wanted())
         if compared.is_mixed:
             refuse_misfits(transaction)

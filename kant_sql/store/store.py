@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 from sqlalchemy import select
 
-from ..arguments import one_of, shown
+from ..arguments import one_of, shown, whole_number
 from ..errors import (
     ConnectionLostError,
     InvalidArgumentError,
@@ -351,6 +351,8 @@ class Store:
 
         Only one that promotes may write to a replica. `given` is the period that it speaks of.
         """
+        if expected_revision is not None:
+            whole_number(expected_revision, "expected_revision")
         who = actor if actor is not None else self.actor
         metadata = make_metadata(who, reason, source, observed_at, plan_step)
         is_observed = self.write_clock == OBSERVED and given == FROM_NOW_ON

@@ -335,6 +335,25 @@ def test_what_no_longer_fits_is_refused_by_name(rooms: KnowledgeBase, branch_of:
         rooms.merge(other, decide={"type house": "ours"})
 
 
+def test_two_who_were_erased_are_not_taken_for_one(rooms: KnowledgeBase, branch_of: Branch) -> None:
+    trial = branch_of(rooms)
+    erased = rooms.erase("rb1", reason="sold"), trial.erase("p3", reason="private")
+    assert erased[0].pseudonym == erased[1].pseudonym == "erased-1"
+    trial.propositions.save("(open p2)")
+    trial.propositions.save("(open p1)")
+    assert lines(rooms.merge(trial)) == ["+ fact (open p1)"]
+    trial.propositions.save("(open erased-1)")
+    said = rooms.merge_preview(trial).refused
+    assert said is not None
+    with pytest.raises(
+        ConflictError, match="names an object that was erased in the branch"
+    ) as caught:
+        rooms.merge(trial)
+    assert str(caught.value) == said
+    trial.propositions.delete("(open erased-1)")
+    assert rooms.merge(trial).revision is None
+
+
 def test_a_rule_that_the_result_would_break_refuses(
     rooms: KnowledgeBase, branch_of: Branch
 ) -> None:
@@ -409,6 +428,8 @@ def test_another_writer_in_between(rooms: KnowledgeBase, branch_of: Branch) -> N
     rooms.function_values.set("battery", objects=["rb1"], value=45)
     with pytest.raises(StaleRevisionError):
         rooms.merge(trial, expected_revision=found.head)
+    with pytest.raises(InvalidArgumentError, match="expected_revision is a whole number"):
+        rooms.merge(trial, expected_revision="4")  # type: ignore[arg-type]
     # It is compared where the head is locked.
     merging = _Merging(state_of(rooms), state_of(trial), {"(battery rb1)": "theirs"})
     rooms.propositions.save("(open p3)")

@@ -397,8 +397,8 @@ def test_what_takes_long_sends_its_progress(
             assert twice.wait(20)
         return write(found)
 
-    async def note(passed: float, total: float | None, message: str | None) -> None:
-        seen.append((passed, total))
+    async def note(progress: float, total: float | None, message: str | None) -> None:
+        seen.append((progress, total))
         if len(seen) % 2 == 0:
             twice.set()
 
