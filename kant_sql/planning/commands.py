@@ -134,12 +134,13 @@ def configured() -> dict[str, str]:
     if not path.exists() and ENGINES_VARIABLE not in os.environ:
         return {}
     try:
-        found = tomllib.loads(path.read_text("utf-8")).get("engines", {})
+        given = tomllib.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
         raise InvalidArgumentError(
             f"the engines in {path} cannot be read: {error}; write a table [engines] in TOML with "
             f"a command line for each name, or unset {ENGINES_VARIABLE}"
         ) from error
+    found = given.get("engines", None if given else {})
     lines = found.items() if isinstance(found, dict) else ()
     wrong = [name for name, line in lines if not isinstance(line, str)]
     if wrong or not isinstance(found, dict):
@@ -272,11 +273,17 @@ def _filled(command: Command, paths: dict[str, str]) -> Iterator[str]:
 
 def _answers(ended: Ended, folder: str) -> Iterator[str]:
     """Yield the texts of the plan's files, the last first, then what the planner printed."""
-    numbered = {path: _NUMBERED.fullmatch(path.name) for path in Path(folder).iterdir()}
-    found = [(int(match[1] or 0), path) for path, match in numbered.items() if match]
+    found = [
+        (int(match[1] or 0), path)
+        # A planner may delete its folder, or write a pipe, or without end.
+        for path in Path(folder).glob("*")
+        if (match := _NUMBERED.fullmatch(path.name))
+        and path.is_file()
+        and path.stat().st_size < MOST_OUTPUT
+    ]
     for _, path in sorted(found, reverse=True):
-        with suppress(OSError), path.open("rb") as file:
-            yield file.read(MOST_OUTPUT).decode(errors="replace")
+        with suppress(OSError):
+            yield path.read_bytes().decode(errors="replace")
     if not found and ended.output.strip():
         yield ended.output
 

@@ -38,6 +38,8 @@ FAKES = {
     "prints": f"print({SHORT!r})",
     "numbered": f"open(plan + '.1', 'w').write({LONG!r}); open(plan + '.2', 'w').write({SHORT!r})",
     "cut": f"open(plan + '.9', 'w').write({LONG!r}); open(plan + '.10', 'w').write('(walk a')",
+    "removes": f"import shutil; shutil.rmtree(os.getcwd()); print({SHORT!r})",
+    "pipes": f"os.mkfifo(plan); open(plan + '.1', 'w').truncate(1 << 30); print({SHORT!r})",
     "improves": f"open(plan + '.1', 'w').write({SHORT!r}); hang()",
     "invalid": "open(plan, 'w').write('(walk b c)\\n')",
     "unknown": "open(plan, 'w').write('(fly a c)\\n')",
@@ -106,7 +108,7 @@ def nothing_stays(folder: Path) -> None:
     assert not list((folder / "run").iterdir())
 
 
-@pytest.mark.parametrize("name", ["valid", "prints", "numbered", "long", "cut"])
+@pytest.mark.parametrize("name", ["valid", "prints", "numbered", "long", "cut", "removes", "pipes"])
 def test_a_command_answers(
     name: str, kb: KnowledgeBase, fake: Callable[[str], str], tmp_path: Path
 ) -> None:
@@ -272,6 +274,9 @@ def test_engines_have_names_in_a_file(
     assert kb.plan("walker").engine == "walker"
     file.write_text("[engines]\nwalker = 3\n")
     with pytest.raises(InvalidArgumentError, match=r"engines.walker in .* write a command line"):
+        kb.plan("walker")
+    file.write_text(f'[engine]\nwalker = """{line}"""\n')
+    with pytest.raises(InvalidArgumentError, match=r"engines in .* is None; write a command line"):
         kb.plan("walker")
     monkeypatch.delenv("KANT_SQL_ENGINES")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
