@@ -99,7 +99,7 @@ def test_the_url_of_a_server_is_refused_by_name(words: str) -> None:
     command, *rest = shlex.split(words)
     said = complaint(command, "https://:geheim@localhost/tiago", *rest, code=1)
     assert "https: this needs the store itself" in said
-    assert "which kant_sql.connect(URL) opens" in said
+    assert "there is only what kant_sql.connect(URL) opens" in said
 
 
 def test_with_json_the_line_is_a_document(store: str) -> None:

@@ -58,8 +58,8 @@ def backend_name(url: str) -> str:
     if name not in BACKENDS:
         known = " or ".join(BACKENDS)
         raise InvalidUrlError(
-            f"{name}: this needs the store itself, whose URL begins with {known}; other DAO "
-            "families have DAOs only, which kant_sql.connect(URL) opens"
+            f"{name}: this needs the store itself, whose URL begins with {known}; of another DAO "
+            "family there is only what kant_sql.connect(URL) opens"
         )
     return name
 
