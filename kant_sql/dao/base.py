@@ -26,14 +26,8 @@ from ..dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from ..dto.actions import CLASSES, DEFAULT_DURATION, trusted_action, trusted_literal
-from ..dto.elements import (
-    NamedDto,
-    trusted_object,
-    trusted_predicate,
-    trusted_proposition,
-    trusted_type,
-)
+from ..dto.actions import CLASSES, DEFAULT_DURATION, trusted_literal
+from ..dto.elements import NamedDto, trusted, trusted_object, trusted_proposition
 from ..dto.formulas import Atom, Comparison, Constant, Fluent, Node, Not, Number, Timed, Variable
 from ..dto.lexical import check_name, decimal_text, fold, number_text, variable_name
 from ..errors import (
@@ -337,7 +331,7 @@ class DtoBuilder:
         types = self._types
         definition = self._definitions.types.live(id_)
         if definition.parent_id is None:
-            return types.setdefault(id_, trusted_type(definition.name, None))
+            return types.setdefault(id_, trusted(PddlTypeDto, name=definition.name, parent=None))
         pending = [] if id_ in types else [id_]
         opened: set[int] = set()
         # Those above come first, on a stack that is not the interpreter's.
@@ -346,7 +340,8 @@ class DtoBuilder:
             above = definition.parent_ids
             missing = [each for each in above if each not in types]
             if not missing:
-                dto = trusted_type(definition.name, self.types(above) if above else None)
+                parent = self.types(above) if above else None
+                dto = trusted(PddlTypeDto, name=definition.name, parent=parent)
                 types.setdefault(pending.pop(), dto)
             elif definition.id in opened:
                 error = ValueError("the type is above itself")
@@ -382,7 +377,8 @@ class DtoBuilder:
             types = [self.types(parameter.type_ids) for parameter in definition.parameters]
             names = _given_names(types, definition.parameters)
             if names is None:
-                dto = trusted_predicate(definition.name, types)
+                own = {"name": definition.name, "types": types, "parameter_names": None}
+                dto = trusted(PddlPredicateDto, **own)
             else:
                 with reading_rows("predicate_version", f"predicate {id_!r}"):
                     dto = PddlPredicateDto(definition.name, types, parameter_names=names)
@@ -440,14 +436,14 @@ class DtoBuilder:
             for parts in (template.conditions, template.effects)
         )
         duration = template.duration
-        return trusted_action(
+        return trusted(
             CLASSES.get(kind, PddlActionDto),
-            name,
-            parameters,
-            conditions,
-            effects,
-            _is_durative(kind),
-            list(duration) if isinstance(duration, tuple) else duration,
+            name=name,
+            parameters=parameters,
+            conditions=conditions,
+            effects=effects,
+            durative=_is_durative(kind),
+            duration=list(duration) if isinstance(duration, tuple) else duration,
         )
 
     def _literal(
@@ -580,16 +576,13 @@ class Definer(ABC, Generic[D, F]):
         """Find the element that another one refers to by name alone."""
         found: F | None = transaction.definitions.elements(self.kind).named(name)
         if found is None:
+            names = [each.name for each in transaction.definitions.elements(self.kind)]
             raise InvalidKnowledgeError(
                 f"{role} refers to {self.kind} {shown(name)}, which is not known"
-                f"{self._hint(transaction, name)}; save it first, or give a "
+                f"{hint(name, names)}; save it first, or give a "
                 f"{self.dto_class.__name__}"
             )
         return found
-
-    def _hint(self, transaction: Transaction, name: str) -> str:
-        elements = transaction.definitions.elements(self.kind)
-        return hint(name, [definition.name for definition in elements])
 
     def _find(self, transaction: Transaction, dto: D, role: str) -> F:
         """Find an element whose reference was not compared yet; save it when it is missing."""

@@ -81,18 +81,13 @@ class PddlConditionEffectDto(AtomDto):
         terms = [
             f"?{name}" if parameters is None or fold(name) in parameters else name for name in names
         ]
-        return literal_text(self.predicate.name, terms, self.time, self.is_negative)
+        text = atom_text(self.predicate.name, terms)
+        if self.is_negative:
+            text = f"(not {text})"
+        return f"({self.time} {text})" if self.time else text
 
     def __str__(self) -> str:
         return self.text()
-
-
-def literal_text(predicate: str, terms: Iterable[str], time: str | None, is_negative: bool) -> str:
-    """Write a literal."""
-    text = atom_text(predicate, terms)
-    if is_negative:
-        text = f"(not {text})"
-    return f"({time} {text})" if time else text
 
 
 DEFAULT_DURATION = 10
@@ -198,7 +193,12 @@ class PddlActionDto(NamedDto):
 
     def set_duration(self, duration: Duration) -> None:
         """Set the duration."""
-        self.duration = checked_duration(duration, "the duration of an action")
+        role = "the duration of an action"
+        if isinstance(duration, list | tuple):
+            expect_list(duration, Node, role)
+        else:
+            check_number(duration, role)
+        self.duration = duration
 
     def __str__(self) -> str:
         names = {fold(parameter.name) for parameter in self.parameters}
@@ -255,34 +255,6 @@ CLASSES: dict[str, type[PddlActionDto]] = {"process": PddlProcessDto, "event": P
 
 def _text(part: PddlConditionEffectDto | Node, parameters: set[str]) -> str:
     return part.text(parameters) if isinstance(part, PddlConditionEffectDto) else str(part)
-
-
-def trusted_action(
-    made: type[PddlActionDto],
-    name: str,
-    parameters: list[PddlObjectDto],
-    conditions: list[PddlConditionEffectDto | Node],
-    effects: list[PddlConditionEffectDto | Node],
-    durative: bool,
-    duration: Duration,
-) -> PddlActionDto:
-    """Make an action of a class, without checks, of a definition that was checked."""
-    dto = object.__new__(made)
-    dto.name = name
-    dto.parameters = parameters
-    dto.conditions = conditions
-    dto.effects = effects
-    dto.durative = durative
-    dto.duration = duration
-    return dto
-
-
-def checked_duration(duration: Duration, role: str) -> Duration:
-    """Check the duration of an action."""
-    if isinstance(duration, list | tuple):
-        return expect_list(duration, Node, role)
-    check_number(duration, role)
-    return duration
 
 
 def duration_text(duration: Duration) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import wraps
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from ..arguments import expect, flag, items, refusal
 from ..errors import InvalidKnowledgeError, InvalidNameError, KantSqlError
@@ -41,6 +41,9 @@ def _checked_text(text: Callable[[Dto], str]) -> Callable[[Dto], str]:
             raise _malformed(self) from error
 
     return checked
+
+
+D = TypeVar("D", bound="Dto")
 
 
 class Dto:
@@ -80,6 +83,13 @@ class Dto:
             raise
         except Exception as error:
             raise _malformed(self) from error
+
+
+def trusted(made: type[D], **fields: object) -> D:
+    """Make a DTO of a class without checks, of a definition that was checked."""
+    dto = object.__new__(made)
+    dto.__dict__ = fields
+    return dto
 
 
 class NamedDto(Dto):
@@ -169,14 +179,6 @@ class PddlTypeDto(NamedDto):
 
     def __str__(self) -> str:
         return self.name if self.parent is None else f"{self.name} - {self.parent.name}"
-
-
-def trusted_type(name: str, parent: PddlTypeDto | None) -> PddlTypeDto:
-    """Make a type without checks, of a definition that was checked."""
-    dto = object.__new__(PddlTypeDto)
-    dto.name = name
-    dto.parent = parent
-    return dto
 
 
 @dataclass(init=False, eq=False)
@@ -321,15 +323,6 @@ class PddlPredicateDto(DeclarationDto):
 
     def __str__(self) -> str:
         return declaration_text(self.name, [part.name for part in self.types], self.parameter_names)
-
-
-def trusted_predicate(name: str, types: list[PddlTypeDto]) -> PddlPredicateDto:
-    """Make a predicate whose parameters have no names of their own, without checks."""
-    dto = object.__new__(PddlPredicateDto)
-    dto.name = name
-    dto.types = types
-    dto.parameter_names = None
-    return dto
 
 
 class AppliedDto(Dto):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from itertools import count
 from operator import eq, ge, gt, le, lt
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar, get_args
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
@@ -200,22 +200,21 @@ def negate(part: Part) -> Part:
 
 def all_of(parts: Iterable[Part]) -> Part:
     """Make a conjunction, flat and without constants."""
-    found: list[Part] = []
-    for part in parts:
-        if part == FALSE:
-            return FALSE
-        found += part.parts if isinstance(part, AllOf) else (part,)
-    return found[0] if len(found) == 1 else AllOf(tuple(found))
+    return _joined(AllOf, FALSE, parts)
 
 
 def any_of(parts: Iterable[Part]) -> Part:
     """Make a disjunction, flat and without constants."""
+    return _joined(OneOf, TRUE, parts)
+
+
+def _joined(kind: type[AllOf] | type[OneOf], decides: Part, parts: Iterable[Part]) -> Part:
     found: list[Part] = []
     for part in parts:
-        if part == TRUE:
-            return TRUE
-        found += part.parts if isinstance(part, OneOf) else (part,)
-    return found[0] if len(found) == 1 else OneOf(tuple(found))
+        if part == decides:
+            return decides
+        found += part.parts if isinstance(part, kind) else (part,)
+    return found[0] if len(found) == 1 else kind(tuple(found))
 
 
 def same(left: Place, right: Place) -> Part:
@@ -554,47 +553,24 @@ def exists(condition: ResolvedCondition) -> Part:
     return Witness(tuple(column.bound for column in condition.columns), condition.part)
 
 
-def replaced(part: Part, places: dict[Slot, Place], resolver: Iterator[int]) -> Part:
+# What `replaced` copies with its fields; all other values stay as they are.
+_COPIED = {*get_args(Part), NumberOf, Operation, Bound}
+
+
+def replaced(part: Part, places: dict[Slot, Place], numbers: Iterator[int]) -> Part:
     """Copy a part, with places for some variables and new variables for all others it binds."""
-    made: Any = _replace(part, places, resolver)
+    made: Any = _replace(part, places, numbers)
     return made  # type: ignore[no-any-return]
 
 
-def _replace(part: Any, places: dict[Slot, Place], numbers: Iterator[int]) -> Any:
-    match part:
-        case Witness(bound, inner):
-            for variable in bound:
-                places[variable.slot] = Slot(next(numbers))
-            made = tuple(Bound(places[each.slot], each.types) for each in bound)  # type: ignore[arg-type]
-            return Witness(made, _replace(inner, places, numbers))
-        case Lacks(inner):
-            return Lacks(_replace(inner, places, numbers))
-        case Compares(operator, left, right):
-            sides = [_replace(each, places, numbers) for each in (left, right)]
-            return Compares(operator, *sides)
-        case AllOf(parts) | OneOf(parts) | Operation(_, parts):
-            copied = tuple([_replace(one, places, numbers) for one in parts])
-            if isinstance(part, Operation):
-                return Operation(part.operator, copied)
-            return type(part)(copied)
-    return _replace_terms(part, places)
-
-
-def _replace_terms(part: Any, places: dict[Slot, Place]) -> Any:
-    """Copy a part without parts of its own."""
-
-    def at(term: Place) -> Place:
-        return places.get(term, term) if isinstance(term, Slot) else term
-
-    match part:
-        case HoldsFact(predicate, terms, is_stored):
-            return HoldsFact(predicate, tuple(map(at, terms)), is_stored)
-        case NumberOf(function, terms):
-            return NumberOf(function, tuple(map(at, terms)))
-        case FluentIs(function, terms, value):
-            return FluentIs(function, tuple(map(at, terms)), at(value))
-        case SameObject(left, right):
-            return SameObject(at(left), at(right))
-        case HasType(term, types):
-            return HasType(at(term), types)
-    return part
+def _replace(value: Any, places: dict[Slot, Place], numbers: Iterator[int]) -> Any:
+    kind = type(value)
+    if kind is Slot:
+        return places.get(value, value)
+    if kind is tuple:
+        return tuple([_replace(one, places, numbers) for one in value])
+    if kind not in _COPIED:
+        return value
+    if kind is Witness:
+        places.update((each.slot, Slot(next(numbers))) for each in value.bound)
+    return kind(*[_replace(getattr(value, name), places, numbers) for name in kind.__slots__])

@@ -174,17 +174,14 @@ def _places_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter) -> 
     return conditions
 
 
-def _lanes_text(
-    loops: NestedLoops,
-    source: LaneSource,
-    wanted: LaneFilter,
-    is_listed: bool,
-    is_changed: bool,
-    is_valid: bool,
-) -> str:
+@cache
+def _lanes(
+    dialect: str, kind: str, has: LaneFilter, is_listed: bool, is_changed: bool, is_valid: bool
+) -> Query:
+    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
     place = f"p.{source.group}, p.arguments"
     last = _until(loops, source, "p.id", is_changed)
-    conditions = f"{_places_text(loops, source, wanted)} AND ({place}) > (:group, :arguments)"
+    conditions = f"{_places_text(loops, source, has)} AND ({place}) > (:group, :arguments)"
     tables = f"{source.relation} AS p"
     if is_listed:
         tables = f"{loops.rows('ids', 1)} AS listed"
@@ -202,17 +199,15 @@ def _lanes_text(
         f" WHERE {conditions} AND {is_there} ORDER BY {place} LIMIT :most"
     )
     began = _began(loops, source, "found.id", ":low", ":high")
-    return f"SELECT found.*, {began}, {said} FROM ({found}) AS found"
+    return Query(text(f"SELECT found.*, {began}, {said} FROM ({found}) AS found"))
+
+
+# The conditions of `_few`: something was said of a time of the window, or an object is named.
+_SAID_IN = "one.since <= :known AND one.valid_from <= :until AND one.valid_until > :begin"
+_WITH_OBJECT = f"one.object_id = {_named('object', 'object')}"
 
 
 @cache
-def _lanes(
-    dialect: str, kind: str, has: LaneFilter, is_listed: bool, is_changed: bool, is_valid: bool
-) -> Query:
-    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    return Query(text(_lanes_text(loops, source, has, is_listed, is_changed, is_valid)))
-
-
 def _few(kind: str, of: str, conditions: str) -> Query:
     """Build the query of what has rows in one of its tables, among so many of them."""
     source = LANE_SOURCES[kind]
@@ -222,15 +217,6 @@ def _few(kind: str, of: str, conditions: str) -> Query:
             f" FROM {source.identity}_{of} AS one WHERE one.kb_id = :kb AND {conditions}"
             f" LIMIT {MOST_LISTED + 1}) AS few"
         )
-    )
-
-
-@cache
-def _said_in(kind: str) -> Query:
-    return _few(
-        kind,
-        "saying",
-        "one.since <= :known AND one.valid_from <= :until AND one.valid_until > :begin",
     )
 
 
@@ -266,11 +252,6 @@ def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter, is_valid: 
             f" FROM ({few}) AS few"
         )
     return Query(text(f"SELECT sum(same), max(looked) FROM ({' UNION ALL '.join(counts)}) AS each"))
-
-
-@cache
-def _with_object(kind: str) -> Query:
-    return _few(kind, "argument", f"one.object_id = {_named('object', 'object')}")
 
 
 @cache
@@ -313,7 +294,8 @@ def _list_window(
     query = _in_window(kind, is_changed)
     rows = session.rows(query, kb=kb_id, high=high, begin=begin, **given)
     if valid is not None:
-        rows = [*rows, *((2, id_) for (id_,) in session.rows(_said_in(kind), kb=kb_id, **valid))]
+        said = session.rows(_few(kind, "saying", _SAID_IN), kb=kb_id, **valid)
+        rows = [*rows, *((2, id_) for (id_,) in said)]
     is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1, 2))
     return None if is_much else sorted({id_ for _, id_ in rows})
 
@@ -322,7 +304,7 @@ def _list_with_object(session: Session, kb_id: int, kind: str, object_: str) -> 
     """List what has an object among its arguments; None if it is too much."""
     if kind == FORMULA:
         return None
-    rows = session.rows(_with_object(kind), kb=kb_id, object=object_)
+    rows = session.rows(_few(kind, "argument", _WITH_OBJECT), kb=kb_id, object=object_)
     return None if len(rows) > MOST_LISTED else [id_ for (id_,) in rows]
 
 

@@ -149,25 +149,20 @@ class Overlap(NamedTuple):
     until: int
 
 
-_VERSION = "proposition_version"
-
-
-def _overlaps_text(loops: NestedLoops, count: int) -> str:
+@cache
+def _overlaps(dialect: str, count: int) -> Query:
+    loops = NESTED_LOOPS[dialect]
     since, until = ":before", ":after"
     tables, where = f"{loops.rows('facts', count)} AS wanted", []
     for n in range(count):
-        one = Walk(f"v{n}", _VERSION, "proposition_id", f"wanted.id{n}")
+        one = Walk(f"v{n}", "proposition_version", "proposition_id", f"wanted.id{n}")
         last = loops.last(one._replace(alias=f"l{n}"), since, f"l{n}.since")
         tables += loops.range(one, f"coalesce({last}, 0)", f"{until} - 1")
         where.append(f"(v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))")
         since = f"{loops.larger}({since}, v{n}.since)"
         until = f"{loops.smaller}({until}, coalesce(v{n}.until, :after))"
-    return f"SELECT wanted.place, {since}, {until} FROM {tables} WHERE {' AND '.join(where)}"
-
-
-@cache
-def _overlaps(dialect: str, count: int) -> Query:
-    return Query(text(_overlaps_text(NESTED_LOOPS[dialect], count)))
+    found = f"wanted.place, {since}, {until} FROM {tables}"
+    return Query(text(f"SELECT {found} WHERE {' AND '.join(where)}"))
 
 
 def find_overlaps(

@@ -321,11 +321,11 @@ def test_lanes_are_the_same_however_they_are_found(
     monkeypatch.setattr(lanes, "FEW_REVISIONS", 0)
     assert [one() for one in shown] == in_window
     monkeypatch.setattr(lanes, "MOST_LISTED", 0)
-    for made in (lanes._with_object, lanes._in_window):
+    for made in (lanes._few, lanes._in_window):
         made.cache_clear()
     assert [one() for one in shown] == in_window
     monkeypatch.undo()
-    for made in (lanes._with_object, lanes._in_window):
+    for made in (lanes._few, lanes._in_window):
         made.cache_clear()
 
 
