@@ -283,9 +283,12 @@ class _Recording:
             low, high = span.before + 1, span.high
         before = _time_of_revision(session, kb_id, low - 1)
         if before is not None:
-            held = _stream_state(session, kb_id, low, span is not None)
-            self._write(self._take_all(held), before)
-        changes = _stream_changes(session, kb_id, low, high, span is not None)
+            queries = _STATE if span is None else _STATE[-1:]
+            held = chain.from_iterable(session.stream(each, kb=kb_id, low=low) for each in queries)
+            self._write(self._take_all(_audited(session, held)), before)
+        # Oldest first; of a revision, what it ended first.
+        found = session.stream(_CHANGES[span is not None], kb=kb_id, low=low, high=high)
+        changes = _audited(session, found)
         for revision, group in groupby(changes, key=attrgetter("revision")):
             self._write(self._take_all(group), None)
             yield revision
@@ -472,21 +475,6 @@ class _AuditedChange(NamedTuple):
     actor: str | None
     reason: str | None
     source: str | None
-
-
-def _stream_changes(
-    session: Session, kb_id: int, low: int, high: int, of_steps: bool
-) -> Iterator[_AuditedChange]:
-    """Read changes of facts, values and steps, oldest first; of a revision, what it ended first."""
-    return _audited(session, session.stream(_CHANGES[of_steps], kb=kb_id, low=low, high=high))
-
-
-def _stream_state(
-    session: Session, kb_id: int, low: int, of_steps: bool
-) -> Iterator[_AuditedChange]:
-    """Read which revisions asserted facts and values that held before one, or started steps."""
-    for query in _STATE[-1:] if of_steps else _STATE:
-        yield from _audited(session, session.stream(query, kb=kb_id, low=low))
 
 
 def _audited(session: Session, rows: Iterable[Row]) -> Iterator[_AuditedChange]:

@@ -73,7 +73,10 @@ def query(
 
     name, _, found = c.ask_state(url, kb, at, valid, find)
     if isinstance(found, str):
-        _write_sql(name, found, as_json)
+        if as_json:
+            write_json(knowledge_base=name, sql=found)
+        else:
+            typer.echo(f"{found.rstrip().removesuffix(';')};")
     elif as_json:
         for answer in found.to_dicts():
             write_json(answer)
@@ -81,13 +84,6 @@ def query(
         Printer().line("holds" if found else "does not hold")
     else:
         Printer().table("answers", [f"?{column}" for column in found.columns], list(found))
-
-
-def _write_sql(name: str, statement: str, as_json: bool) -> None:
-    if as_json:
-        write_json(knowledge_base=name, sql=statement)
-    else:
-        typer.echo(f"{statement.rstrip().removesuffix(';')};")
 
 
 def holds(

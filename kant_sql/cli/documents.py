@@ -196,7 +196,9 @@ def read_inputs(paths: Sequence[str]) -> Inputs:
             domains.append(_without(text, forms, PROBLEM))
         if PROBLEM in kinds:
             problems.append(_without(text, forms, DOMAIN))
-        files.append({"path": _as_text(name), "sha256": hashlib.sha256(data).hexdigest()})
+        # A path may have bytes that are no text.
+        shown = os.fsencode(name).decode("utf-8", "backslashreplace")
+        files.append({"path": shown, "sha256": hashlib.sha256(data).hexdigest()})
     if len(problems) > 1:
         first, second = problems[:2]
         raise KantSqlError(f"{first.name} and {second.name} each have a problem: load one of them")
@@ -209,11 +211,6 @@ def _without(text: Text, forms: Sequence[Form], kind: str) -> Text:
     parts = [(form.head.start, end) for form, end in zip(forms, ends, strict=True)]
     unwanted = [part for form, part in zip(forms, parts, strict=True) if form.kind == kind]
     return text.without(unwanted) if unwanted else text
-
-
-def _as_text(name: str) -> str:
-    """Return a path as Unicode text, with undecodable bytes escaped."""
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def _require_domain(kb: str, url: str, paths: Sequence[str]) -> None:

@@ -67,7 +67,10 @@ def run_to_exit_code(command: Callable[[], object], words: Sequence[str]) -> int
         # Typer's own errors: the module of their base class depends on its version.
         if not hasattr(error, "format_message"):
             raise
-        return _complain(error, _usage(error), words, WRONG_USAGE)
+        message = str(error.format_message()).rstrip(".")
+        context = getattr(error, "ctx", None)
+        command_path = context.command_path if context else "kant-sql"
+        return _complain(error, f"{message}; try: {command_path} --help", words, WRONG_USAGE)
     return code if isinstance(code, int) else 0
 
 
@@ -79,27 +82,16 @@ def without_passwords(text: str, words: Sequence[str]) -> str:
     return _OPTION.sub(r"\1***", _AUTHORITY.sub(r"\1***@", text))
 
 
-def _usage(error: Exception) -> str:
-    message = str(error.format_message()).rstrip(".")  # type: ignore[attr-defined]
-    context = getattr(error, "ctx", None)
-    return f"{message}; try: {context.command_path if context else 'kant-sql'} --help"
-
-
 def _complain(error: Exception, message: str, words: Sequence[str], code: int) -> int:
     line = " ".join(without_passwords(message, words).split())
-    if _wants_json(words):
+    # Whether the words ask for JSON, even if they are wrong otherwise.
+    if JSON_OPTION in (words[: words.index("--")] if "--" in words else words):
         name = _WRONG_USAGE if code == WRONG_USAGE else type(error).__name__
         document = {"error": line, "type": name, "exit_code": code}
         output.write_error(output.json_text(document, sys.stderr))
     else:
         output.complain(line)
     return code
-
-
-def _wants_json(words: Sequence[str]) -> bool:
-    """Return whether the words ask for JSON, even if they are wrong otherwise."""
-    options = words[: words.index("--")] if "--" in words else words
-    return JSON_OPTION in options
 
 
 def _within(

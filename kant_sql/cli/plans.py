@@ -20,7 +20,6 @@ from .output import FAILED, Document, Printer, write_json
 if TYPE_CHECKING:
     from ..knowledge_base import KnowledgeBase
     from ..plans import RecordedPlan
-    from ..reasoning.validate import Validation
 
 _NOT_STARTED = "not started"
 
@@ -378,12 +377,9 @@ def validate(
         if as_json:
             write_json(found, knowledge_base=name, revision=state.revision)
         else:
-            _write_validation(Printer(), found)
+            first, *lines = str(found).splitlines()
+            printer = Printer()
+            printer.line(first, "green" if found.valid else "red")
+            for line in lines:
+                printer.line(line)
     return 0 if found.valid else FAILED
-
-
-def _write_validation(printer: Printer, found: Validation) -> None:
-    first, *lines = str(found).splitlines()
-    printer.line(first, "green" if found.valid else "red")
-    for line in lines:
-        printer.line(line)

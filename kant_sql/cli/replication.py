@@ -121,7 +121,10 @@ def push(
     )
     try:
         if follow:
-            _follow(service, interval, stop)
+            with stop.on_signals():
+                errors = service.follow(interval)
+            if errors:
+                raise c.ServiceError(errors[0], _code(errors[0]))
         else:
             _once(service, source, target, kb, is_said=not as_json)
     except c.ServiceError as error:
@@ -149,13 +152,6 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
             raise c.ServiceError(error, _code(error), is_said)
 
 
-def _follow(service: PushService, interval: float, stop: c.Stop) -> None:
-    with stop.on_signals():
-        errors = service.follow(interval)
-    if errors:
-        raise c.ServiceError(errors[0], _code(errors[0]))
-
-
 def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
     printer = Printer()
 
@@ -163,7 +159,8 @@ def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
         if as_json:
             write_json(_document(event))
         elif follow:
-            sys.stdout.write(f"{_log_line(_document(event))}\n")
+            pairs = (f"{key}={_value(value)}" for key, value in _document(event).items())
+            sys.stdout.write(f"{' '.join(pairs)}\n")
         elif event.pushed is not None:
             printer.line(f"{printable(event.knowledge_base or '')}: {_pushed_text(event.pushed)}")
         elif event.error is not None:
@@ -193,11 +190,6 @@ def _document(event: PushEvent) -> Document:
     if event.retry_in is not None:
         document["retry_in"] = round(event.retry_in, 3)
     return document
-
-
-def _log_line(document: Document) -> str:
-    """Write a document as key=value pairs."""
-    return " ".join(f"{key}={_value(value)}" for key, value in document.items())
 
 
 def _value(value: object) -> str:

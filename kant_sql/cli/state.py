@@ -144,17 +144,15 @@ def _read_part(state: KnowledgeBase, selection: Selection) -> Elements:
     if predicate is None:
         part["objects"] = [one for one in state.objects.get_all() if _names_one([one], objects)]
         values = state.function_values.get_all()
-        part["function_values"] = [one for one in values if _names_object(one, objects)]
+        part["function_values"] = [
+            one for one in values if _names_one([*one.objects, one.value], objects)
+        ]
     return part
 
 
-def _names_one(dtos: Iterable[PddlObjectDto], objects: frozenset[str] | None) -> bool:
+def _names_one(parts: Iterable[object], objects: frozenset[str] | None) -> bool:
+    dtos = (part for part in parts if isinstance(part, PddlObjectDto))
     return objects is None or any(fold(dto.name) in objects for dto in dtos)
-
-
-def _names_object(dto: PddlFunctionValueDto, objects: frozenset[str] | None) -> bool:
-    value = [dto.value] if isinstance(dto.value, PddlObjectDto) else []
-    return _names_one([*dto.objects, *value], objects)
 
 
 def _mentions(node: Node, selection: Selection) -> bool:

@@ -13,7 +13,7 @@ import typer
 from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
 from . import common as c
-from .output import Document, Printer, bar, json_text, plural, write_json
+from .output import Printer, bar, json_text, plural, write_json
 
 if TYPE_CHECKING:
     from ..export import Exported, PluggedFormat
@@ -346,19 +346,15 @@ def views(
 
     changes = (drop_views if drop else update_views)(url, knowledge_base=kb, dry_run=dry_run)
     if as_json:
-        write_json(views=[_view_document(change, dry_run) for change in changes])
+        documents = [change._asdict() for change in changes]
+        for document in documents if not dry_run else ():
+            del document["statements"]
+        write_json(views=documents)
     elif dry_run:
         statements = (statement for change in changes for statement in change.statements)
         typer.echo("".join(f"{statement};\n" for statement in statements), nl=False)
     else:
         _write_views(changes)
-
-
-def _view_document(change: PredicateView, dry_run: bool) -> Document:
-    document = change._asdict()
-    if not dry_run:
-        del document["statements"]
-    return document
 
 
 def _write_views(changes: list[PredicateView]) -> None:

@@ -657,14 +657,6 @@ def remove_formula(transaction: Transaction, section: str, node: f.Node) -> bool
     return True
 
 
-def remove_formulas(transaction: Transaction, section: str) -> int:
-    """Delete all formulas of a section; return their number."""
-    stored = read_formulas(transaction.definitions, section)
-    for each in stored:
-        transaction.undefine("formula", each.id)
-    return len(stored)
-
-
 class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]):
     """One section of formulas in an SQL store."""
 
@@ -748,7 +740,10 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         return remove_formula(transaction, self.section, formula)
 
     def _remove_all(self, transaction: Transaction) -> int:
-        return remove_formulas(transaction, self.section)
+        stored = read_formulas(transaction.definitions, self.section)
+        for each in stored:
+            transaction.undefine("formula", each.id)
+        return len(stored)
 
 
 class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedPredicateDao):

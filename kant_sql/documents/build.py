@@ -117,7 +117,7 @@ def put_document(
     stored = transaction.definitions.documents.named(name)
     if stored is not None and not replace:
         added = _unshown(stored, list(items))
-        if not added and _is_same_domain(stored.domain, domain):
+        if not added and fold(stored.domain or "") == fold(domain or ""):
             return
         # Titles agree but for their spelling, and the first spelling stays.
         title = stored.title
@@ -127,11 +127,6 @@ def put_document(
     identity = identify(transaction, "document", name)
     definition = d.DocumentDefinition(*identity, title, domain, places)
     transaction.define("document", with_text(transaction.definitions, definition))
-
-
-def _is_same_domain(stored: str | None, domain: str | None) -> bool:
-    """Compare the names of a problem's domain; a domain has none."""
-    return fold(stored or "") == fold(domain or "")
 
 
 def _unshown(stored: d.DocumentDefinition, items: list[d.Item]) -> list[d.Item]:
@@ -292,12 +287,6 @@ def _propositions(held: Any, for_text: bool) -> Query:
     )
 
 
-def _value_texts(held: Any) -> Query:
-    version = FunctionValueVersionRow
-    columns = version.function_value_id, version.text
-    return Query(select(*columns).where(version.kb_id == KB, held))
-
-
 _ID = itemgetter(0)
 # By whether for text alone, and whether it is about the past.
 _PROPOSITIONS = {
@@ -308,7 +297,11 @@ _PROPOSITIONS = {
     for for_text in (False, True)
 }
 _VALUE_TEXTS = {
-    is_past: _value_texts(held)
+    is_past: Query(
+        select(FunctionValueVersionRow.function_value_id, FunctionValueVersionRow.text).where(
+            FunctionValueVersionRow.kb_id == KB, held
+        )
+    )
     for is_past, held in now_and_then(FunctionValueVersionRow, ANY_FUNCTION)
 }
 

@@ -167,10 +167,22 @@ _KINDS = ("type", "object", "predicate", "function")
 def retract_misfits(transaction: Transaction) -> None:
     """Retract what does not fit the definitions that a transaction has changed."""
     definitions = transaction.definitions
-    if any(_is_redefined(transaction, kind) for kind in _KINDS):
-        # Definitions have one clock, and what goes with them, too.
-        with transaction.of_now():
-            _retract_misfits(transaction, definitions)
+    if not any(_is_redefined(transaction, kind) for kind in _KINDS):
+        return
+    # Definitions have one clock, and what goes with them, too.
+    with transaction.of_now():
+        atoms, values = misfits(transaction)
+        retract(transaction, atoms)
+        transaction.values.unset(values)
+        for formula in list(definitions.formulas):
+            if formula.section in d.PROBLEM_SECTIONS:
+                try:
+                    node = read_formula(definitions, formula)
+                    check_formula(transaction, formula.section, node)
+                    made = make_formula(transaction, formula.section, node)
+                    transaction.define("formula", made)
+                except InvalidKnowledgeError:
+                    transaction.undefine("formula", formula.id)
 
 
 def misfits(transaction: Transaction) -> tuple[list[GroundAtom], list[HeldValue]]:
@@ -186,20 +198,6 @@ def misfits(transaction: Transaction) -> tuple[list[GroundAtom], list[HeldValue]
     ]
     values = function_values_on(transaction, None)
     return atoms, [held for held in values if not _value_fits(definitions, held)]
-
-
-def _retract_misfits(transaction: Transaction, definitions: d.PendingDefinitions) -> None:
-    atoms, values = misfits(transaction)
-    retract(transaction, atoms)
-    transaction.values.unset(values)
-    for formula in list(definitions.formulas):
-        if formula.section in d.PROBLEM_SECTIONS:
-            try:
-                node = read_formula(definitions, formula)
-                check_formula(transaction, formula.section, node)
-                transaction.define("formula", make_formula(transaction, formula.section, node))
-            except InvalidKnowledgeError:
-                transaction.undefine("formula", formula.id)
 
 
 def _is_redefined(transaction: Transaction, kind: str) -> bool:
@@ -330,22 +328,13 @@ class Declaring:
         definition: Any = with_text(self._definitions, made)
         elements = self._definitions.elements(kind)
         stored, before = elements.get(definition.id), elements.origin.get(definition.id)
-        if stored is not None and _becomes_constant(stored, definition):
+        if isinstance(stored, d.ObjectDefinition) and definition.is_constant:
             # An action may mention an object, which the domain then declares.
-            before = None
+            before = before if stored.type_ids != definition.type_ids else None
         if stored is None or self._replace or before is None:
             self._transaction.define(kind, definition)
         elif stored != definition and not _says_the_same(stored, definition):
             raise _conflict(f"{kind} {stored.text}", definition.text)
-
-
-def _becomes_constant(stored: Any, definition: Any) -> bool:
-    """Return whether an object becomes a constant, and nothing else."""
-    return (
-        isinstance(stored, d.ObjectDefinition)
-        and stored.type_ids == definition.type_ids
-        and definition.is_constant
-    )
 
 
 def _says_the_same(stored: Any, definition: Any) -> bool:

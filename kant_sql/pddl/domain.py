@@ -45,11 +45,17 @@ class DomainReader:
             if reader is not None:
                 reader(self, section)
                 section.forget()
+        symbols = self._symbols
         domain = Domain(
             name=forms[0].name,
             requirements=tuple(self._requirements.values()),
-            types=tuple(self._known_types()),
-            constants=tuple(self._constants.resolve(self._symbols)),
+            # The declared types, followed by types that are only used.
+            types=tuple(
+                TypedName(name, symbols.parents.get(name, ANY))
+                for name in symbols.type_names()
+                if name != ROOT_TYPE
+            ),
+            constants=tuple(self._constants.resolve(symbols)),
             predicates=self._predicates.elements(),
             functions=self._all_functions(),
             constraints=tuple(self._constraints),
@@ -108,12 +114,6 @@ class DomainReader:
         name = find_cycle(symbols.parents)
         if name is not None:
             self._types.refuse(name, "no cycle of types", f"the type {name} above itself")
-
-    def _known_types(self) -> list[TypedName]:
-        """Return the declared types, followed by types that are only used."""
-        symbols = self._symbols
-        names = [name for name in symbols.type_names() if name != ROOT_TYPE]
-        return [TypedName(name, symbols.parents.get(name, ANY)) for name in names]
 
     def _read_constants(self, reader: DeclarationReader) -> None:
         for group in reader.names():

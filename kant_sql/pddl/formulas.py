@@ -305,9 +305,7 @@ class FormulaReader(Cursor):
                 self.fail(_TIMED_EFFECT if context & TIMED else "an effect without a time")
         elif not (context & TIMED or (time == f.AT_END and context & (CONSTRAINTS | MODAL))):
             self.fail("a formula without a time", f"({time} ...)")
-        return self._inside_time(time, context & EFFECT and EFFECT | INSIDE_TIME)
-
-    def _inside_time(self, time: str, context: int) -> f.Formula:
+        context = context & EFFECT and EFFECT | INSIDE_TIME
         self.at += 3
         formula = self.formula(context)
         self.expect(")", f"')' after the {_noun(context)} {time}")
@@ -343,16 +341,12 @@ class FormulaReader(Cursor):
         self.expect(")", "')' after the formula that is preferred")
         return f.Preference(name, formula)
 
-    def _takes_operands(self, numbers: int) -> bool:
-        """Return whether the operands of a modal operator follow the next word."""
-        # A predicate of that name takes neither a formula nor a number, which names no object.
-        found = self.is_number(2) if numbers else self.tokens[self.at + 2] == "("
-        return found or not self._may_be_predicate()
-
     def _modal(self, context: int) -> f.Formula:
         operator = self.tokens[self.at + 1].lower()
         wanted, formulas = f.MODALS[operator]
-        if not self._takes_operands(wanted):
+        # A predicate of that name takes neither a formula nor a number, which names no object.
+        takes_operands = self.is_number(2) if wanted else self.tokens[self.at + 2] == "("
+        if not takes_operands and self._may_be_predicate():
             return self._named_like_operator(context)
         if not context & (CONSTRAINTS | MODAL):
             self.fail("a formula; constraints belong to (:constraints ...)")

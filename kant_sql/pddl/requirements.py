@@ -180,7 +180,9 @@ def used_requirements(
     names = pddl.typed_names(domain, problem)
     if domain.types or any(name.types != (ROOT_TYPE,) for name in names):
         used.add(":typing")
-    if any(map(_takes_fluent, f.walk(*pddl.formulas(domain, problem)))):
+    applied = f.Atom | f.Equal | f.Fluent
+    nodes = (n for n in f.walk(*pddl.formulas(domain, problem)) if isinstance(n, applied))
+    if any(isinstance(term, f.Fluent) for node in nodes for term in f.children(node)):
         used.add(":object-fluents")
     return tuple(requirement for requirement in REQUIREMENTS if requirement in used)
 
@@ -277,9 +279,3 @@ def _of_effects(effects: Iterable[f.Node]) -> Iterator[str]:
             stack.append(node.effect)
         elif not isinstance(node, f.Assign):
             stack.extend(f.children(node))
-
-
-def _takes_fluent(node: f.Node) -> bool:
-    return isinstance(node, f.Atom | f.Equal | f.Fluent) and any(
-        isinstance(term, f.Fluent) for term in f.children(node)
-    )

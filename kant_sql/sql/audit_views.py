@@ -72,11 +72,6 @@ _TYPES = {name: type_ for type_, names in _NAMED.items() for name in names.split
 _LAST_WORDS = {"at": ColumnType.TIME, "epoch": ColumnType.DOUBLE, "id": ColumnType.INTEGER}
 
 
-def _type_of(name: str) -> ColumnType:
-    last_word = name.rpartition("_")[2]
-    return _TYPES.get(name) or _LAST_WORDS.get(last_word, ColumnType.TEXT)
-
-
 _REVISION = (
     "committed_at committed_epoch committed_hour observed_at observed_epoch delay actor reason "
     "source plan_id plan_step"
@@ -117,7 +112,10 @@ def _view(name: str, order: str, window: str | None, columns: str) -> AuditView:
     # The id comes last, but for what was added later: one shard has all rows of a knowledge base,
     # which its name does not find.
     names = ("knowledge_base", *columns.split(), "kb_id")
-    types = {column: _type_of(column) for column in names}
+    types = {
+        column: _TYPES.get(column) or _LAST_WORDS.get(column.rpartition("_")[2], ColumnType.TEXT)
+        for column in names
+    }
     return AuditView(f"{PREFIX}{name}", types, tuple(order.split()), window)
 
 
@@ -362,7 +360,10 @@ def stream_view(
 ) -> Iterator[pyarrow.RecordBatch]:
     """Read the rows of a view that are of one knowledge base, and of some revisions if bounded."""
     schema = arrow_schema(view)
-    batches = _batched(stream_rows(session, view, kb_id, bounds), _texts_of(view))
+    # The texts of a row: they alone can be long.
+    types = enumerate(view.columns.values())
+    texts_of = itemgetter(*(number for number, type_ in types if type_ is ColumnType.TEXT))
+    batches = _batched(stream_rows(session, view, kb_id, bounds), texts_of)
     while True:
         with reading_rows(view.name, f"knowledge base {kb_id}"):
             batch = next(batches, None)
@@ -370,12 +371,6 @@ def stream_view(
         if made is None:
             return
         yield made
-
-
-def _texts_of(view: AuditView) -> Callable[[Row], Iterable[str | None]]:
-    """Return what gives the texts of a row: they alone can be long."""
-    types = enumerate(view.columns.values())
-    return itemgetter(*(number for number, type_ in types if type_ is ColumnType.TEXT))
 
 
 def read_view(session: Session, view: AuditView, kb_id: int) -> pyarrow.Table:

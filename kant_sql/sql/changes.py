@@ -196,13 +196,9 @@ def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:
     return [end.line(within(end.revision)) for end in ends]
 
 
-def _of_range(end: ChangeEnd) -> tuple[ColumnElement[bool], ...]:
-    return (in_range(end.revision),)
-
-
-def _left(end: ChangeEnd) -> tuple[ColumnElement[bool], ...]:
-    """Return the condition of what the range asserted, and no revision of it retracted."""
-    until = end.source.version.get("until")
+def _held(end: ChangeEnd, left: bool) -> tuple[ColumnElement[bool], ...]:
+    """Return the condition of what the range changed, or asserted and did not retract."""
+    until = end.source.version.get("until") if left else None
     rest = () if until is None else (or_(until.is_(None), until > HIGH),)
     return in_range(end.revision), *rest
 
@@ -211,8 +207,8 @@ def _left(end: ChangeEnd) -> tuple[ColumnElement[bool], ...]:
 def _streamed(left: bool, keyed: bool) -> Query:
     """Build the statement of all changes of a range, or of those that an archive leaves."""
     ends = [end for end in _ENDS if not (left and end.retracted)]
-    held = _left if left else _of_range
-    lines = (end.keyed_line(*held(end)) if keyed else end.line(*held(end)) for end in ends)
+    held = [(end, _held(end, left)) for end in ends]
+    lines = (end.keyed_line(*own) if keyed else end.line(*own) for end, own in held)
     # Sorted at once: SQLite would merge the parts of a union pair by pair, in the order of its
     # plain columns; a sum is none.
     changed = union_all(*lines).subquery("changed").c

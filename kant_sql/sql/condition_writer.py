@@ -274,7 +274,8 @@ class ConditionWriter(ABC):
         """Write a part whose variables are bound as a condition that is true or false."""
         match part:
             case r.HoldsFact():
-                return self._fact_holds(part, places)
+                holds = self._derived_holds if self.is_derived(part) else self._stored_holds
+                return holds(part, places)
             case r.FluentIs(function, terms, value):
                 versions, where = self.value_version(function, terms, places)
                 where.append(f"{versions.split()[-1]}.object_id = {self.place(value, places)}")
@@ -295,11 +296,9 @@ class ConditionWriter(ABC):
             case r.Witness(bound, inner):
                 selection = self.selection([inner], bound, places)
                 if not selection.tables:
-                    return self._together(selection.where)
+                    own = balanced("AND", selection.where)
+                    return f"({own})" if own else "TRUE"
                 return f"EXISTS ({selection.text('1')})"
-
-    def _together(self, conditions: Sequence[str]) -> str:
-        return f"({balanced('AND', conditions)})" if conditions else "TRUE"
 
     def _junction(self, part: r.AllOf | r.OneOf, parts: Sequence[r.Part], places: Places) -> str:
         if not parts:
@@ -339,7 +338,10 @@ class ConditionWriter(ABC):
                 rest.append(part)
         found = []
         for (predicate, is_negative), keys in groups.items():
-            held = self._number_held(predicate, keys)
+            atom = self.alias("p")
+            among = self.words.in_list.format(f"{atom}.arguments", self.list_parameter(keys))
+            where = " AND ".join([*self.atom(atom, predicate), among, self.atom_holds(atom)])
+            held = f"(SELECT count(*) FROM proposition AS {atom} WHERE {where})"
             # All hold, none holds, one holds, one does not.
             compared = {
                 (True, False): f"= {len(keys)}",
@@ -349,12 +351,6 @@ class ConditionWriter(ABC):
             }[is_all, is_negative]
             found.append(f"{held} {compared}")
         return found, rest
-
-    def _number_held(self, predicate: int, keys: Iterable[str]) -> str:
-        atom = self.alias("p")
-        among = self.words.in_list.format(f"{atom}.arguments", self.list_parameter(keys))
-        where = [*self.atom(atom, predicate), among, self.atom_holds(atom)]
-        return f"(SELECT count(*) FROM proposition AS {atom} WHERE {' AND '.join(where)})"
 
     def argument(self, alias: str, of: str, position: int, table: str = "proposition") -> list[str]:
         """Write that a row is the argument at a position of an identity, given by its id."""
@@ -403,11 +399,6 @@ class ConditionWriter(ABC):
             f"(SELECT {wanted} FROM {table}_saying AS s WHERE {COVERS.format('s')} AND "
             f"s.{table}_id = {id_} ORDER BY s.since + 0 DESC LIMIT 1)"
         )
-
-    def _fact_holds(self, fact: r.HoldsFact, places: Places) -> str:
-        if self.is_derived(fact):
-            return self._derived_holds(fact, places)
-        return self._stored_holds(fact, places)
 
     def is_derived(self, fact: r.HoldsFact) -> bool:
         """Return whether rules count for a fact."""

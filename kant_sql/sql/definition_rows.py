@@ -203,17 +203,13 @@ def _gone_part(kind: str, version: VersionTable, *ended: ColumnElement[bool]) ->
     )
 
 
-def _head_part() -> Select[Any]:
-    head = table_of(HeadRow).c
-    return _part("head", [head.definition_revision]).where(head.kb_id == KB)
-
-
-def _erased_part() -> Select[Any]:
-    erasure = table_of(ErasureRow).c
-    return _part(ERASED, [erasure.since]).where(erasure.kb_id == KB, erasure.since > _AFTER)
-
-
-_NOW = Query(lambda: union_all(_head_part(), *_parts(lambda version: version.until.is_(None))))
+_HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
+_NOW = Query(
+    lambda: union_all(
+        _part("head", [_HEAD.definition_revision]).where(_HEAD.kb_id == KB),
+        *_parts(lambda version: version.until.is_(None)),
+    )
+)
 _AT = Query(lambda: union_all(*_parts(held_at)))
 _LAST_CHANGE = Query(
     lambda: union_all(
@@ -228,7 +224,7 @@ _SINCE = Query(
     lambda: union_all(
         *(_gone_part(kind, tables.version) for kind, tables in KIND_TABLES.items()),
         *_parts(_newer),
-        _erased_part(),
+        _part(ERASED, [_ERASURE.since]).where(_ERASURE.kb_id == KB, _ERASURE.since > _AFTER),
     )
 )
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import BigInteger, ColumnElement, Text, bindparam, tuple_
 
-from ..arguments import shown
+from ..arguments import UNSTORABLE, shown
 from ..errors import InvalidArgumentError
 
 Key = tuple[int | str | None, ...]
@@ -95,10 +95,6 @@ def _checked(given: Any, kinds: Sequence[tuple[type, ...]]) -> Place:
         if type(number) is not int or not 0 <= number <= _MOST:
             raise ValueError
     for one in key:
-        if isinstance(one, str) and ("\0" in one or not _is_unicode(one)):
+        if isinstance(one, str) and UNSTORABLE.search(one):
             raise ValueError
     return Place(passed, tuple(key), skip)
-
-
-def _is_unicode(text: str) -> bool:
-    return not any("\ud800" <= each <= "\udfff" for each in text)

@@ -41,6 +41,7 @@ class PlanDefinition(NamedTuple):
 
         A text that is kept stands there by its SHA-256; the ids of actions and objects by names.
         """
+        steps = [f"({s.start or 'null'} {s.text} {s.duration or 'null'})" for s in self.steps]
         members = (
             ("revision", str(self.revision)),
             ("problem-hash", _quoted(self.problem_hash)),
@@ -51,13 +52,9 @@ class PlanDefinition(NamedTuple):
             ("status", _quoted(self.status)),
             ("domain-pddl", _hash_of(self.domain_pddl)),
             ("problem-pddl", _hash_of(self.problem_pddl)),
-            ("steps", f"({' '.join([_step_text(step) for step in self.steps])})"),
+            ("steps", f"({' '.join(steps)})"),
         )
         return f"(:plan {self.id} {' '.join([f':{name} {value}' for name, value in members])})"
-
-
-def _step_text(step: ExecutionDefinition) -> str:
-    return f"({step.start or 'null'} {step.text} {step.duration or 'null'})"
 
 
 def _quoted(text: str | None) -> str:

@@ -134,9 +134,6 @@ class VersionTable:
         def ends_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
             return version.c.kb_id == KB, *within(version), version.c.until == THEN
 
-        def begins_here(version: FromClause) -> tuple[ColumnElement[bool], ...]:
-            return version.c.kb_id == KB, version.c.since == THEN
-
         change = update(table)
         self.close = IdsQuery(change.values(until=THEN, **closed), self.owner, is_open)
         self.reopen = IdsQuery(change.values(until=null(), **opened), self.owner, ends_here)
@@ -146,7 +143,9 @@ class VersionTable:
         self.unmake: tuple[IdsQuery, ...] = (IdsQuery(delete(table), self.owner, is_open),)
         if children:
             self.unmake = tuple(
-                IdsQuery(delete(each), each.c[owner], begins_here)
+                IdsQuery(
+                    delete(each), each.c[owner], lambda t: (t.c.kb_id == KB, t.c.since == THEN)
+                )
                 for each in (*reversed(children), table)
             )
 
@@ -274,7 +273,8 @@ class Kind:
         self._definition = definition
         self._fields = lists
         self._row = _values(self.columns)
-        booleans = [name for name in self.columns if _is_boolean(self.version.table.c[name])]
+        kinds = self.version.table.c
+        booleans = [name for name in self.columns if isinstance(kinds[name].type, Boolean)]
         self._booleans = [2 + self.columns.index(name) for name in booleans]
         # What comes last is found first: a column's own value is that of the driver.
         places = ("id", "name", *self.columns, *lists, *booleans)
@@ -329,10 +329,6 @@ class Kind:
         if section is None:
             return lambda row: (row[0], field)
         return lambda row: (row[0], row[section])
-
-
-def _is_boolean(column: ColumnElement[Any]) -> bool:
-    return isinstance(column.type, Boolean)
 
 
 def _list(table: str, record: Any = None, first: int = 0, **lists: ListTable) -> ListTable:

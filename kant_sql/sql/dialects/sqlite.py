@@ -120,16 +120,14 @@ def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[State
     wanted = None if names is None else {name.lower() for name in names}
     for kind, name, table, sql in rows(_OBJECTS):
         if wanted is None or {str(name).lower(), str(table).lower()} & wanted:
-            yield parse_statement(f"{_normal_form(kind, sql)};", table)
+            if kind == "table" and "(" in sql:
+                form = _sorted_table(sql)
+            else:
+                form = sql if kind == "view" else " ".join(sql.split())
+            yield parse_statement(f"{form};", table)
     for what, name, table in rows(_TEMPORARY):
         if wanted is not None and {name.lower(), table.lower()} & wanted:
             yield parse_statement(f"-- temporary {what}", table)
-
-
-def _normal_form(kind: str, sql: str) -> str:
-    if kind == "table" and "(" in sql:
-        return _sorted_table(sql)
-    return sql if kind == "view" else " ".join(sql.split())
 
 
 def _sorted_table(sql: str) -> str:
