@@ -475,6 +475,15 @@ def missing_revision(label: str, name: object, number: object) -> StoreIntegrity
 
 
 @contextmanager
+def needing(message: str) -> Iterator[None]:
+    """Raise `ExtraMissingError` with a message when the block cannot import something."""
+    try:
+        yield
+    except ImportError as error:
+        raise ExtraMissingError(message) from error
+
+
+@contextmanager
 def reading_rows(table: str, key: object) -> Iterator[None]:
     """Raise `StoreIntegrityError`, which names the rows, when the block fails on their content."""
     try:

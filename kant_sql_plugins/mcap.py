@@ -28,10 +28,10 @@ from kant_sql.dao.base import batches
 from kant_sql.dao.interfaces import Progress
 from kant_sql.dto.lexical import NUMBER, fold
 from kant_sql.errors import (
-    ExtraMissingError,
     InvalidArgumentError,
     StoreIntegrityError,
     UnknownNameError,
+    needing,
     reading_rows,
 )
 from kant_sql.export.files import Exported, encoded, folder_name, new_export
@@ -149,12 +149,8 @@ def export_transitions(
 
 
 def _import_mcap() -> Any:
-    try:
+    with needing("this needs mcap, which is not installed; run: pip install 'kant-sql[mcap]'"):
         import mcap.writer
-    except ImportError:
-        raise ExtraMissingError(
-            "this needs mcap, which is not installed; run: pip install 'kant-sql[mcap]'"
-        ) from None
     return mcap.writer
 
 

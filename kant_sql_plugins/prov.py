@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import kant_sql
 from kant_sql.acts import Execution
 from kant_sql.dao.interfaces import Progress
-from kant_sql.errors import ExtraMissingError, InvalidArgumentError
+from kant_sql.errors import InvalidArgumentError, needing
 from kant_sql.export.files import Exported, encoded, folder_name, new_export, refuse_valid_clock
 from kant_sql.history.revisions import LogEntry
 from kant_sql.knowledge.sayings import COMMITTED
@@ -78,7 +78,8 @@ def export_provenance(
     if names is not None or elements is not None:
         raise InvalidArgumentError("provenance is whole; leave names and elements out")
     refuse_valid_clock(clock, "provenance is")
-    document_class = _import_prov()
+    with needing("this needs prov, which is not installed; run: pip install 'kant-sql[prov]'"):
+        from prov.model import ProvDocument
     with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
         for state, (low, high) in export.each():
             path = f"{folder_name(state.name)}/provenance.json"
@@ -86,21 +87,11 @@ def export_provenance(
                 kant_sql.connect(url, knowledge_base=state.name, read_only=True) as kb,
                 export.folder.new_file(path, state, "provenance") as made,
             ):
-                document = document_class()
+                document: Any = ProvDocument()
                 if low <= high:
                     made.rows = _Provenance(document, kb.at(high), state.name).add(low, high)
                 made.file.write(document.serialize(format="json").encode())
     return export.exported
-
-
-def _import_prov() -> Any:
-    try:
-        from prov.model import ProvDocument
-    except ImportError:
-        raise ExtraMissingError(
-            "this needs prov, which is not installed; run: pip install 'kant-sql[prov]'"
-        ) from None
-    return ProvDocument
 
 
 class _Provenance:

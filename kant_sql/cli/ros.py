@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import ExtraMissingError
+from ..errors import needing
 from .common import DEFAULT_NAME, Actor, AsJson, Target, leaving_nothing, split_url, words_argument
 from .output import Printer, plural, write_json
 
@@ -33,10 +33,8 @@ def ros(
     the node's, such as: -- --ros-args -r __ns:=/rb1
     """
     url, arguments = split_url(words or [], _USAGE, _EXAMPLE)
-    try:
+    with needing(ROS_MISSING):
         from ..ros.node import main
-    except ImportError as error:
-        raise ExtraMissingError(ROS_MISSING) from error
     main([sys.argv[0], *arguments], url=url, knowledge_base=kb, actor=actor or "")
 
 

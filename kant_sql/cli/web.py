@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from ..errors import ExtraMissingError, InvalidArgumentError, printable
+from ..errors import InvalidArgumentError, needing, printable
 from ..pddl.lexer import read_file
 from .asking import rules_source
 from .common import AnchorFile, Clock, Name, Since, Until, Url, choose, option, parse_optional
@@ -66,10 +66,8 @@ def serve(
     file. Ends with Ctrl-C. At an address that other machines reach, readers need the printed token,
     or the one in KANT_SQL_TOKEN.
     """
-    try:
+    with needing(WEB_MISSING):
         from ..web.application import make_server
-    except ImportError as error:
-        raise ExtraMissingError(WEB_MISSING) from error
     from ..web.tokens import TokenFile
 
     if write != (tokens is not None):
@@ -122,10 +120,8 @@ def report(
     rules and violations, goals not reached, the log with reasons, and the verdict of verification
     with an anchor. Exits with 0 if it is written, whatever it says.
     """
-    try:
+    with needing(WEB_MISSING):
         from ..web.report import report_html, write_report
-    except ImportError as error:
-        raise ExtraMissingError(WEB_MISSING) from error
     from ..history.anchors import parse_anchor
     from ..knowledge_base import connect
     from ..sql.catalog import written_names

@@ -16,13 +16,13 @@ from unittest.mock import patch
 
 from ..compat import DaoFactory
 from ..errors import (
-    ExtraMissingError,
     InvalidArgumentError,
     KantSqlError,
     NotApplicableError,
     ReadOnlyError,
     ReplicaError,
     StoreError,
+    needing,
 )
 from ..knowledge_base import KnowledgeBase, factory_of
 from . import own, paper
@@ -199,11 +199,9 @@ def _element(change: Any) -> tuple[str, str]:
 
 def _read(path: Path, keys: Collection[_Key], namespace: str | None) -> Iterator[_Said]:
     """Yield what a bag has of one node, in the order of the bag."""
-    try:
+    with needing("this needs rosbags; run: pip install 'kant-sql[bags]'"):
         from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
         from rosbags.rosbag2 import Reader, storage_mcap
-    except ImportError as error:
-        raise ExtraMissingError("this needs rosbags; run: pip install 'kant-sql[bags]'") from error
 
     def definition(schema: Any) -> Any:
         return MessageDefinition(MessageDefinitionFormat.MSG, schema.data if schema else "")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from sqlalchemy import BigInteger, bindparam, column, select, table, text
 
 from ..arguments import expect, shown
-from ..errors import ExtraMissingError, InvalidArgumentError, printable, reading_rows
+from ..errors import InvalidArgumentError, needing, printable, reading_rows
 from .dialects.base import Row, Session
 from .query import Query
 from .rows import KB
@@ -333,12 +333,8 @@ BATCH_CHARACTERS = 16_000_000
 
 def import_arrow() -> Any:
     """Import pyarrow, or say how to install it."""
-    try:
+    with needing("this needs pyarrow, which is not installed; run: pip install 'kant-sql[data]'"):
         import pyarrow
-    except ImportError:
-        raise ExtraMissingError(
-            "this needs pyarrow, which is not installed; run: pip install 'kant-sql[data]'"
-        ) from None
     return pyarrow
 
 

@@ -16,7 +16,7 @@ import typer
 
 from kant_sql.cli.common import option, signals_raise
 from kant_sql.cli.web import WEB_MISSING, listen
-from kant_sql.errors import ExtraMissingError, InvalidArgumentError, printable
+from kant_sql.errors import InvalidArgumentError, needing, printable
 
 if TYPE_CHECKING:
     from .stories import World
@@ -71,12 +71,10 @@ def _kept_or_temporary(store: str | None, name: str) -> Iterator[str]:
 
 def _serve(world: World, url: str, port: int, *, has_browser: bool, is_kept: bool) -> None:
     """Write the story of a world, and serve it until the process is interrupted."""
-    try:
+    with needing(WEB_MISSING):
         from kant_sql.web.application import make_server
 
         from .pages import PAGES
-    except ImportError as error:
-        raise ExtraMissingError(WEB_MISSING) from error
     from kant_sql.knowledge_base import open_store
 
     from .worlds import write

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperCommand
 
 from kant_sql.cli.common import Name, Url, option
-from kant_sql.errors import ExtraMissingError
+from kant_sql.errors import needing
 
 MISSING = "this needs the SDK of the Model Context Protocol; run: pip install 'kant-sql[mcp]'"
 
@@ -52,9 +52,7 @@ def answer_models(
         raise typer.BadParameter(f"{write!r}: expected branch or checked", param_hint="--write")
     if kb is not None and write != "checked":
         raise typer.BadParameter("goes with --write checked", param_hint="--kb")
-    try:
+    with needing(MISSING):
         from .stdio import serve
-    except ImportError as error:
-        raise ExtraMissingError(MISSING) from error
     where: Any = write
     serve(url, where, kb, actor)
