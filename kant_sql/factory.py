@@ -35,8 +35,8 @@ from .store.store import Store
 def daos_only(factory: DaoFactory, lacked: str) -> InvalidUrlError:
     """Return the error for what a family that is not built on an SQL store has not."""
     return InvalidUrlError(
-        f"{type(factory).__name__}: this DAO family has only DAOs and lacks {lacked}; use an SQL "
-        "store, such as sqlite:// or postgresql://"
+        f"{type(factory).__name__}: this DAO family lacks {lacked}; use an SQL store, such as "
+        "sqlite:// or postgresql://"
     )
 
 

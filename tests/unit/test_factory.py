@@ -161,7 +161,7 @@ def test_a_question_names_a_family_that_has_daos_only(
 ) -> None:
     with (
         other_family(monkeypatch) as kb,
-        pytest.raises(InvalidUrlError, match="OtherFactory: this DAO family has only DAOs"),
+        pytest.raises(InvalidUrlError, match="OtherFactory: this DAO family lacks "),
     ):
         ask(kb)
 
