@@ -56,7 +56,7 @@ def erase(
     yes: Annotated[bool, c.option("Erase; without it, this is a dry run.", "--yes")] = False,
     as_json: c.AsJson = False,
 ) -> int:
-    """Erase the name of an object, wherever it is stored, or what single revisions say.
+    """Erase the name of an object, or texts of single revisions.
 
     Without --yes it changes nothing: it counts the texts that would be erased, and lists others
     that may name the same person. Exits with 1 if bytes of the name may remain in the database.

@@ -184,7 +184,7 @@ def corrections(
     limit: Annotated[int | None, c.most("Show at most N corrections.")] = None,
     as_json: Annotated[bool, c.json_lines("correction")] = False,
 ) -> None:
-    """Show sayings that differ from what was believed of their time."""
+    """Show sayings that differ from earlier beliefs of that time."""
     with c.open_state(url, kb, None) as (_, state):
         found = state.corrections(since=since, until=until, limit=limit)
         write_each(found, as_json, _write_correction)
@@ -226,7 +226,7 @@ def origins(
     limit: _Most = 100,
     as_json: _LinkLines = False,
 ) -> None:
-    """Show the acts, observations and files that a fact comes from."""
+    """Show the acts, observations and files behind a fact."""
     url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
     with c.open_state(url, kb, at) as (_, state):
         _write_links(state.origins(element, depth=depth, limit=limit), as_json)
