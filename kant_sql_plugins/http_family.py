@@ -255,13 +255,9 @@ class _Transaction:
 
     def ask(self, step: str, **said: object) -> Any:
         """Take the next step."""
-        lost = errors.ConnectionLostError(
-            f"{self._link.place.address}: a call of this transaction had no answer; nothing of it "
-            "is written, begin it again"
-        )
         # A child that was forked within the block leaves it to its parent.
         if (self._is_broken and step != "rollback") or self._process != os.getpid():
-            raise lost
+            raise self._lost()
         self._number += 1
         self._is_broken = True
         own = {"transaction": self._id, "number": self._number, "step": step, **said}
@@ -270,14 +266,18 @@ class _Transaction:
         except errors.OutcomeUnknownError as error:
             if step == "commit":
                 raise
-            raise lost from error
-        except errors.StoreUnreachableError:
-            raise
-        except KantSqlError:
-            self._is_broken = False
+            raise self._lost() from error
+        except KantSqlError as error:
+            self._is_broken = isinstance(error, errors.StoreUnreachableError)
             raise
         self._is_broken = False
         return answer
+
+    def _lost(self) -> errors.ConnectionLostError:
+        return errors.ConnectionLostError(
+            f"{self._link.place.address}: a call of this transaction had no answer; nothing of it "
+            "is written, begin it again"
+        )
 
 
 class _HttpDao:
@@ -371,12 +371,11 @@ class HttpDaoFactory(DaoFactory):
     def transaction(
         self, *, actor: str | None = None, source: object | None = None, **said: Any
     ) -> Iterator[None]:
-        self._refuse_past()
-        make_metadata(actor, None, None)
+        self._refuse_to_write()
+        metadata = make_metadata(self._actor if actor is None else actor, None, source)
         self._refuse_other(actor)
         if said.get("plan_step") is not None:
             raise daos_only(self, "steps of plans")
-        metadata = make_metadata(self._actor, None, source)
         outer = self._opened()
         if outer is None:
             self._wait_for_none()
@@ -410,7 +409,7 @@ class HttpDaoFactory(DaoFactory):
         if ahead is not None:
             raise ahead.refuse("to write")
 
-    def _refuse_past(self) -> None:
+    def _refuse_to_write(self) -> None:
         if self._at:
             raise past_error(self.name, _described(self._at))
         if self._is_read_only:
@@ -422,7 +421,7 @@ class HttpDaoFactory(DaoFactory):
         """Call a method of a DAO of the server."""
         reads = dao_calls.is_read(do)
         if not reads:
-            self._refuse_past()
+            self._refuse_to_write()
         if do in _BULK:
             arguments = {name: _listed(value, do) for name, value in arguments.items()}
         opened = self._opened()

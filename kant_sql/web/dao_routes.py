@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Annotated, Any
 
@@ -15,17 +15,17 @@ from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from ..arguments import shown
-from ..dao_calls import call, document, is_read, keywords, read
+from ..dao_calls import TRANSACTION_PATH, call, document, is_read, keywords, read
 from ..errors import ConnectionLostError, InvalidArgumentError
 from ..json_values import json_value
-from ..knowledge_base import KnowledgeBase, state_of
+from ..knowledge_base import KnowledgeBase
 from ..store.requests import find_request, keep_request
 from .registry import KbName
 from .security import refusal
 from .stores import OpenStore, answer
 from .tokens import Token
 from .transactions import GONE, Lend, Step, Transactions
-from .writing import WRITES, Kind, RequestKey, Result
+from .writing import WRITES, Kind, RequestKey, Result, open_transaction
 
 reading = APIRouter(prefix="/api", tags=["DAOs"])
 
@@ -109,10 +109,10 @@ class TransactionStep(BaseModel):
     source: Annotated[Any, Field(description="Of `begin`: where it comes from, any JSON.")] = None
 
 
-WRITES.scopes["/api/dao/transaction"] = "write"
+WRITES.scopes[TRANSACTION_PATH] = "write"
 
 
-@WRITES.api.post("/dao/transaction", response_model=dict[str, Any])
+@WRITES.api.post(TRANSACTION_PATH.removeprefix("/api"), response_model=dict[str, Any])
 async def dao_transaction(
     request: Request, given: TransactionStep, kb_name: KbName = None
 ) -> Response:
@@ -122,10 +122,12 @@ async def dao_transaction(
     token: Token = request.scope["token"]
     if is_read(given.do) and "read" not in token.scopes:
         return refusal(request.scope, 403, "the token has not the scope read")
-    name = await anyio.to_thread.run_sync(store.choose, kb_name)
-    place = token.id, name, given.transaction
+    place = token.id, kb_name, given.transaction
     key = RequestKey.of(token.id, given.transaction, b"transaction")
-    lend: Lend = partial(store.knowledge_base, name)
+
+    def lend() -> AbstractContextManager[KnowledgeBase]:
+        return store.knowledge_base(store.choose(kb_name))
+
     work = partial(_take, given, token.actor, key)
     asked = transactions.ask(place, given.number, given.step, lend, work)
     if asked is None:
@@ -152,9 +154,7 @@ def _block(
     except TypeError as error:
         raise InvalidArgumentError(f"begin: {error}") from error
     with block:
-        transaction = state_of(kb).store.current()
-        assert transaction is not None
-        keep_request(transaction, *key, [])
+        keep_request(open_transaction(kb), *key, [])
         yield
 
 
@@ -162,9 +162,7 @@ def _ended(lend: Lend, step: Step, key: RequestKey) -> Any:
     """Answer a step of a transaction that is not open, and may have been committed."""
     if step == "commit":
         with lend() as kb, kb.transaction():
-            transaction = state_of(kb).store.current()
-            assert transaction is not None
-            if find_request(transaction, key.key) is not None:
+            if find_request(open_transaction(kb), key.key) is not None:
                 return {}
     if step == "rollback":
         return {}

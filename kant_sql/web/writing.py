@@ -26,7 +26,7 @@ from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase, state_of
 from ..pddl.lexer import is_text
 from ..store.requests import find_request, forget_requests, keep_request
-from ..store.store import Store
+from ..store.transaction import Transaction
 from .description import schema_of, texts_of
 from .registry import KbName, VisibleJson, status_of
 from .stores import OpenStore
@@ -294,10 +294,8 @@ def write(
     key: RequestKey | None = None,
 ) -> tuple[WriteAnswer, int]:
     """Write in one revision; return what was written, and the last revision."""
-    store: Store = state_of(kb).store
     with kb.transaction(**said):
-        transaction = store.current()
-        assert transaction is not None
+        transaction = open_transaction(kb)
         before = None if key is None else find_request(transaction, key.key)
         if key is not None and before is not None:
             if before.digest != key.digest:
@@ -314,6 +312,13 @@ def write(
     made = transaction.committed
     revision = None if made is None else made.number
     return WriteAnswer(revision, (*results,), (*warnings,)), revision or transaction.head.revision
+
+
+def open_transaction(kb: KnowledgeBase) -> Transaction:
+    """Return the transaction that is open here."""
+    found = state_of(kb).store.current()
+    assert found is not None
+    return found
 
 
 def _stale(kb: KnowledgeBase, error: StaleRevisionError) -> Stale:
