@@ -328,9 +328,13 @@ class Declaring:
         definition: Any = with_text(self._definitions, made)
         elements = self._definitions.elements(kind)
         stored, before = elements.get(definition.id), elements.origin.get(definition.id)
-        if isinstance(stored, d.ObjectDefinition) and definition.is_constant:
+        if (
+            isinstance(stored, d.ObjectDefinition)
+            and stored.type_ids == definition.type_ids
+            and definition.is_constant
+        ):
             # An action may mention an object, which the domain then declares.
-            before = before if stored.type_ids != definition.type_ids else None
+            before = None
         if stored is None or self._replace or before is None:
             self._transaction.define(kind, definition)
         elif stored != definition and not _says_the_same(stored, definition):

@@ -151,9 +151,9 @@ def _find(
             own["upto"] = at
             if age is not None:
                 past = read_numbered(session, kb_id, [state.at] if state.at else [])
-                dates = [one.committed_at for one in past.values()]
-                moment = (dates or [state.store.clock(session)])[0] - age
-                row = session.first(_UPTO, kb=kb_id, moment=session.from_time(moment))
+                last = next(iter(past.values()), None)
+                now = state.store.clock(session) if last is None else last.committed_at
+                row = session.first(_UPTO, kb=kb_id, moment=session.from_time(now - age))
                 own["upto"] = (row and row[0]) or 0
             own |= {} if state.at is None else then(session, at)
         own["at"] = at

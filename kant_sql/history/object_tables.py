@@ -87,7 +87,7 @@ def _facts(is_past: bool) -> Query:
 @cache
 def _values(is_past: bool) -> Query:
     """Select the values of fluents that begin with some objects: function, arguments, value."""
-    fluent, argument, version, *_ = (table.c for table in ATOM_TABLES[VALUE][:4])
+    fluent, argument, version = (table.c for table in ATOM_TABLES[VALUE][:3])
     named = select(argument.function_value_id).where(
         argument.kb_id == KB,
         in_list(argument.object_id, "objects"),

@@ -188,7 +188,8 @@ def _held(
 
 _HELD_ATOMS = _held(_FACT, ANY_PREDICATE, atoms_among)
 _HELD_FLUENTS = _held(
-    *(_VALUE, ANY_FUNCTION),
+    _VALUE,
+    ANY_FUNCTION,
     lambda ids: Query(_identities(_VALUE).where(in_rows(_VALUE.identity.c.id, ids))),
 )
 _HELD_VALUES = _held(_VALUE, ANY_FUNCTION, Query, "text", "object_id")

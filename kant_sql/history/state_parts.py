@@ -236,7 +236,7 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
     """Select facts, goals or values by their versions, in the order of an index."""
     columns = VERSION_COLUMNS[source]
     version = columns.version
-    owner = version[ATOM_TABLES[source].key[-2]]
+    owner = version[ATOM_TABLES[source].head]
     conditions: list[Any] = [version.kb_id == KB]
     if source == PROPOSITION:
         conditions.append(_is_wanted(version, shape))
@@ -278,8 +278,9 @@ def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
 
 def _of_object(source: str, shape: _Shape) -> Select[Any]:
     """Select facts, goals or values that name an object: of each, one version is looked up."""
-    table, argument, *_, id_, (*_, head, _) = ATOM_TABLES[source]
-    atom, arguments, version = table.c, argument.c, VERSION_COLUMNS[source].version
+    tables, version = ATOM_TABLES[source], VERSION_COLUMNS[source].version
+    table, arguments, id_ = tables.identity, tables.arguments.c, tables.owner
+    atom = table.c
     mentioning = select(arguments[id_]).where(
         arguments.kb_id == KB, arguments.object_id == integer("object")
     )
@@ -297,7 +298,7 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
         # As an expression, which has no index: SQLite would read all atoms by it.
         conditions.append(_constant(f"({'' if shape.kind == GOAL else 'NOT '}proposition.is_goal)"))
     if shape.has_predicate:
-        conditions.append(atom[head] == integer(_HEADS[source]))
+        conditions.append(atom[tables.head] == integer(_HEADS[source]))
     columns = atom.id.label("id"), atom.kb_id.label("kb_id"), since.label("since"), atom.text
     held = select(*columns).where(*conditions).subquery("held")
     text: Any = held.c.text

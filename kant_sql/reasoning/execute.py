@@ -316,7 +316,7 @@ class Executive:
         for at in range(self._seen + 1, head_revision(self._store) + 1):
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
-            broken = find_broken(self._store, begun, at)
+            broken = find_broken(self._store, begun, at) if begun else []
             if broken:
                 step = broken[0].step
                 self._fail(step, tuple(each for each in broken if each.step == step))

@@ -530,8 +530,9 @@ def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
 
 def conjunction(formula: f.Formula) -> list[f.Atom] | None:
     """Return the atoms of a conjunction of plain atoms; None for anything else."""
-    atoms = [part for part in flatten(formula) if isinstance(part, f.Atom)]
-    is_plain = len(atoms) == len(flatten(formula)) and not f.mentions(f.Fluent, *atoms)
+    parts = flatten(formula)
+    atoms = [part for part in parts if isinstance(part, f.Atom)]
+    is_plain = len(atoms) == len(parts) and not f.mentions(f.Fluent, *atoms)
     return atoms if atoms and is_plain else None
 
 

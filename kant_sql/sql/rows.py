@@ -428,6 +428,11 @@ class AtomTables(NamedTuple):
     owner: str  # the column of the identity in the other tables
     key: tuple[str, ...]  # the columns that intern one: its head, and last its arguments
 
+    @property
+    def head(self) -> str:
+        """The column of the predicate or the function."""
+        return self.key[-2]
+
 
 def _atoms(key: tuple[str, ...], *mapped: type[Base]) -> AtomTables:
     identity, arguments, version, sayings = map(table_of, mapped)

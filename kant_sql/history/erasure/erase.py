@@ -292,8 +292,11 @@ class Eraser:
         for label, given in (("actor", said.actor), ("reason", said.reason)):
             if given is None:
                 continue
-            short = len(text) < _TELLING
-            if has_word(given, text) if short else any(is_in(o, given) for o in spellings(text)):
+            if len(text) < _TELLING:
+                is_contained = has_word(given, text)
+            else:
+                is_contained = any(is_in(one, given) for one in spellings(text))
+            if is_contained:
                 raise InvalidArgumentError(
                     f"the {label} of the erasure contains the erased text, and would stay; give "
                     "another one"

@@ -70,7 +70,7 @@ def _atoms(tables: AtomTables, sayings: SayingTable, *held: str) -> _Atoms:
 
 
 _FACTS = _atoms(
-    *(ATOM_TABLES[PROPOSITION], FACT_SAYINGS, "is_goal", "first_object_id", "second_object_id")
+    ATOM_TABLES[PROPOSITION], FACT_SAYINGS, "is_goal", "first_object_id", "second_object_id"
 )
 _FLUENTS = _atoms(ATOM_TABLES[VALUE], VALUE_SAYINGS, "value", "number", "object_id", "text")
 
@@ -110,11 +110,11 @@ class FactCheck:
         said: Callable[[Row, Row, Sequence[int]], tuple[bool, str] | None],
     ) -> None:
         """Merge identities, arguments, versions and sayings by the id of the identity."""
-        (table, *parts, _, _), owners, touched = atoms.tables, self._names[kind], atoms.touched
-        names, side = atoms.sayings.names[1:], self._check.side
-        arguments = side(parts[0], table, narrow=touched.parts)
-        versions = side(parts[1], table, *atoms.held, narrow=touched.versions)
-        sayings = side(parts[2], table, *names, narrow=touched.said)
+        tables, owners, touched = atoms.tables, self._names[kind], atoms.touched
+        table, names, side = tables.identity, atoms.sayings.names[1:], self._check.side
+        arguments = side(tables.arguments, table, narrow=touched.parts)
+        versions = side(tables.version, table, *atoms.held, narrow=touched.versions)
+        sayings = side(tables.sayings, table, *names, narrow=touched.said)
         for row in self._check.read(table, *atoms.said, narrow=touched.identities):
             own = [*arguments.take(row[0])]
             ids = [argument[2] for argument in own]
@@ -140,7 +140,7 @@ class FactCheck:
                 fault = self._saying_fault(row, saying, said(row, saying, ids))
                 if fault is not None:
                     shown = f"'{saying[5]}', said in revision {saying[1]}, {fault}"
-                    self._add(saying[1], parts[2].name, shown)
+                    self._add(saying[1], tables.sayings.name, shown)
             self._tick(row[0])
         arguments.end()
         versions.end()

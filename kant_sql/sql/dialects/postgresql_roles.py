@@ -552,7 +552,7 @@ class RoleMaker:
             roles = self.roles_of(scope)
             if is_upgrade and roles.eraser not in existing:
                 roles = roles._replace(eraser=None)
-            for role in roles[:4]:
+            for role in _names_of(roles):
                 if role is not None and role not in existing:
                     yield f"CREATE ROLE {self._names.quote(role)} NOLOGIN"
             yield from self._grants(scope, roles)
@@ -615,7 +615,7 @@ class RoleMaker:
 
     def _grants(self, scope: RoleScope, roles: Roles) -> Iterator[str]:
         quote, listed = self._names.quote, self._listed
-        everyone = self._quoted(*roles[:4])
+        everyone = self._quoted(*_names_of(roles))
         tables, all_views = self._named(), [*self._views, *sorted(self._generated)]
         yield f"GRANT USAGE ON SCHEMA {quote(self._names.schema)} TO {everyone}"
         yield f"REVOKE ALL ON TABLE {listed(self._relations())} FROM {everyone}"
@@ -646,7 +646,7 @@ class RoleMaker:
         """Yield the statements that create the audit views of one knowledge base."""
         assert scope.schema is not None
         schema, names = self._names.quote(scope.schema), self._names
-        everyone = self._quoted(*roles[:4])
+        everyone = self._quoted(*_names_of(roles))
         yield f"CREATE SCHEMA IF NOT EXISTS {schema}"
         yield f"GRANT USAGE ON SCHEMA {schema} TO {everyone}"
         for view in self._views:
@@ -695,6 +695,10 @@ class RoleMaker:
 
     def _query(self, query: Any) -> list[Any]:
         return [*self._connection.execute(query, {"schema": self._names.schema})]
+
+
+def _names_of(roles: Roles) -> tuple[str | None, ...]:
+    return roles.writer, roles.reader, roles.auditor, roles.eraser
 
 
 def _as_it_is(table: Table, columns: Sequence[str]) -> Table:
