@@ -1,4 +1,4 @@
-"""Planners that are programs: their command lines, what they answer, and Fast Downward's."""
+"""Planners that are programs: their command lines, also those of engines, and what they answer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import shutil
 import sys
 import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -47,18 +47,38 @@ _EXIT_CODES = {
     24: "memout",
     34: "unsupported_problem",
 }
-# What Fast Downward says where unified-planning may write the problem in a way that it reads.
+# What engines say where unified-planning may write the problem in a way that they read.
 MISREAD = "internal_error", "unsupported_problem"
+INVALID = "invalid_plan"
 FAST_DOWNWARD, OPTIMAL_DOWNWARD = "fast-downward", "fast-downward-opt"
+PYPERPLAN, ENHSP = "pyperplan", "enhsp"
 # The seconds that Fast Downward looks for invariants; it would take minutes for what was compiled.
 INVARIANTS = ("--invariant-generation-max-time", "5")
-_SIMPLE = {":strips", ":typing", ":negative-preconditions", ":equality", ":action-costs"}
+_STRIPS = {":strips", ":typing"}
+_SIMPLE = _STRIPS | {":negative-preconditions", ":equality", ":action-costs"}
 _LOGICAL = _SIMPLE | {
     ":disjunctive-preconditions",
     ":existential-preconditions",
     ":universal-preconditions",
     ":conditional-effects",
-    ":derived-predicates",
+}
+# Of engines of unified-planning: the requirements of documents that they read as they are, their
+# packages, and their options.
+_ANYTIME = "fast-downward while there is time"
+_READS = {
+    FAST_DOWNWARD: _LOGICAL | {":derived-predicates"},
+    PYPERPLAN: _STRIPS,
+    ENHSP: (_LOGICAL | {":numeric-fluents"}) - {":equality"},
+    OPTIMAL_DOWNWARD: _SIMPLE,  # LM-cut takes no axioms and no `when`.
+}
+_PACKAGES = {PYPERPLAN: "pyperplan", ENHSP: "up_enhsp"}
+_OPTIONS = {
+    FAST_DOWNWARD: "--alias lama-first {domain} {problem}",
+    _ANYTIME: "--alias seq-sat-lama-2011 {domain} {problem} --translate-options "
+    + " ".join(INVARIANTS),
+    OPTIMAL_DOWNWARD: "{domain} {problem} --search astar(lmcut())",
+    PYPERPLAN: "-s wastar -H hadd {domain} {problem}",
+    ENHSP: "-o {domain} -f {problem} -sp {plan} -npm -h hadd -s gbfs",
 }
 
 
@@ -151,41 +171,46 @@ def configured() -> dict[str, str]:
     return found
 
 
-def fast_downward(
-    domain: Domain, problem: Problem, engine: str | None, improves: bool = False
+def _direct(
+    domain: Domain, problem: Problem, engines: Sequence[str], improves: bool
 ) -> Command | None:
-    """Return Fast Downward's command line, where it is installed and reads all of the documents.
+    """Return the command line of the first engine that is installed and reads the documents."""
+    needed = {*used_requirements(domain, problem=problem)}
+    for name in engines:
+        if needed <= _READS.get(name, set()) and _fits(domain, problem, name):
+            command = _installed(name, problem, improves)
+            if command is not None:
+                return command
+    return None
 
-    Args:
-        engine: its name in unified-planning, or None for any.
-        improves: whether to look for better plans for as long as it may run.
-    """
-    if engine not in (None, FAST_DOWNWARD, OPTIMAL_DOWNWARD):
+
+def _installed(name: str, problem: Problem, improves: bool) -> Command | None:
+    """Return the command line of an engine of unified-planning, if it is installed."""
+    package = _PACKAGES.get(name, "up_fast_downward")
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None or (name == ENHSP and not shutil.which("java")):
         return None
-    spec = importlib.util.find_spec("up_fast_downward")
-    is_optimal = engine == OPTIMAL_DOWNWARD
-    if spec is None or spec.origin is None or not _fits(domain, problem, is_optimal):
-        return None
-    driver = Path(spec.origin).parent / "downward" / "fast-downward.py"
-    words = [sys.executable, str(driver), "--plan-file", "{plan}"]
-    if improves and not is_optimal:
-        words += ["--alias", "seq-sat-lama-2011", "{domain}", "{problem}"]
-        words += ["--translate-options", *INVARIANTS]
-    elif is_optimal:
-        words += ["{domain}", "{problem}", "--search", "astar(lmcut())"]
+    home, status, codes = Path(spec.origin).parent, SATISFICING, _EXIT_CODES
+    if name == PYPERPLAN:
+        program, codes = [sys.executable, "-m", package], {0: "unsolvable_proven"}
+    elif name == ENHSP:
+        program, codes = ["java", "-jar", str(home / "ENHSP" / "enhsp.jar")], {}
     else:
-        words += ["--alias", "lama-first", "{domain}", "{problem}"]
-    status = OPTIMAL if is_optimal and problem.metric is not None else SATISFICING
-    return Command(engine or FAST_DOWNWARD, tuple(words), status, _EXIT_CODES)
+        driver = str(home / "downward" / "fast-downward.py")
+        program = [sys.executable, driver, "--plan-file", "{plan}"]
+    if name == OPTIMAL_DOWNWARD and problem.metric is not None:
+        status = OPTIMAL
+    options = _OPTIONS[_ANYTIME if improves and name == FAST_DOWNWARD else name]
+    return Command(name, (*program, *options.split()), status, codes)
 
 
-def _fits(domain: Domain, problem: Problem, is_optimal: bool) -> bool:
-    """Return whether Fast Downward reads the documents; LM-cut takes no axioms and no `when`."""
-    if not {*used_requirements(domain, problem=problem)} <= (_SIMPLE if is_optimal else _LOGICAL):
-        return False
+def _fits(domain: Domain, problem: Problem, engine: str) -> bool:
+    """Return whether an engine reads documents of requirements that it knows."""
     names = (*typed_names(domain, problem), *domain.types)
     if problem.literals or any(len(name.types) > 1 for name in names):
         return False
+    if engine not in {FAST_DOWNWARD, OPTIMAL_DOWNWARD}:
+        return engine == ENHSP or problem.metric is None
     values = [value.value for value in problem.values]
     numbers = (node for node in f.walk(*formulas(domain, problem), *values))
     if any(isinstance(n, f.Number) and n.value != n.value.to_integral_value() for n in numbers):
@@ -230,32 +255,41 @@ def ask(
         raise _without_plan(command, ended)
 
 
-def ask_fast_downward(
+def ask_directly(
     domain: Domain,
     problem: Problem,
     engine: str | None,
     improving: float,
+    failures: dict[str, str],
     process: PlannerProcess,
     folder: str,
     until: float,
     memory: int | None = None,
 ) -> Iterator[Plan]:
-    """Ask Fast Downward as `ask` does; yield nothing where it does not read the documents.
+    """Ask an engine as `ask` does; yield nothing where none reads the documents as they are.
 
     Args:
         engine: its name in unified-planning, or None for any.
         improving: the seconds in which to look for better plans.
+        failures: the statuses of engines, to which that of this one is added.
     """
     given = domain, problem, process, folder
-    if improving and (command := fast_downward(domain, problem, engine, improves=True)):
+    engines = [engine or FAST_DOWNWARD]
+    anytime = improving and engine in {None, FAST_DOWNWARD, OPTIMAL_DOWNWARD}
+    if not (engine or improving):
+        engines += PYPERPLAN, ENHSP
+    for improves in [True, False] if anytime else [False]:
+        command = _direct(domain, problem, engines, improves)
+        if command is None or failures.get(command.name) == INVALID:
+            return
+        end = min(until, time.monotonic() + improving) if improves else until
         try:
-            yield from ask(command, *given, min(until, time.monotonic() + improving), memory)
+            yield from ask(command, *given, end, memory)
             return
         except NoPlanError as error:
-            if error.status != "timeout":
+            if not improves or error.status != "timeout":
+                failures[command.name] = error.status
                 raise
-    if command := fast_downward(domain, problem, engine):
-        yield from ask(command, *given, until, memory)
 
 
 def _filled(command: Command, paths: dict[str, str]) -> Iterator[str]:

@@ -22,7 +22,7 @@ from ..arguments import expect, flag, iterate, one_of, optional_text, seconds, w
 from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMissingError, printable
 from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
-from .commands import FAST_DOWNWARD, MISREAD, WAYS_OUT, ask, ask_fast_downward, find_command
+from .commands import INVALID, MISREAD, WAYS_OUT, ask, ask_directly, find_command
 from .names import require_unified_planning
 from .plan import EngineRun, Plan
 from .processes import PlannerProcess
@@ -327,14 +327,21 @@ class Attempt:
         if self.is_best:
             improving = self._longest
         try:
-            found = ask_fast_downward(
-                *documents, task.engine, improving, self.process, folder, until, self.memory
+            found = ask_directly(
+                *documents,
+                task.engine,
+                improving,
+                self._failures,
+                self.process,
+                folder,
+                until,
+                self.memory,
             )
             first = next(found, None)
         except NoPlanError as error:
             if error.status in FINAL or (task.engine and error.status not in MISREAD):
                 raise
-            first, self._failures = None, {task.engine or FAST_DOWNWARD: error.status}
+            first = None
         if first is not None:
             yield first
             yield from found
@@ -426,7 +433,6 @@ def _chosen(attempts: Sequence[Attempt]) -> Plan:
 
 
 FINAL = "unsolvable_proven", "timeout"
-INVALID = "invalid_plan"
 # What of several failures says most.
 _TELLING = ("unsolvable_proven", "timeout", "memout", "unsolvable_incompletely", "internal_error")
 # The seconds for improving a plan. A plan that forgoes all soft goals is found at once.

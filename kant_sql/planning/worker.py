@@ -27,11 +27,11 @@ from ..dto.lexical import fold
 from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
-from .commands import FAST_DOWNWARD, INVARIANTS, MISREAD, WAYS_OUT, ask_fast_downward
+from .commands import INVARIANTS, MISREAD, WAYS_OUT, ask_directly
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 from .plan import OPTIMAL, SATISFICING, Plan, PlanStep
 from .processes import PlannerProcess
-from .solving import IMPROVING_SECONDS, INVALID, Task, absent, unsupported
+from .solving import IMPROVING_SECONDS, Task, absent, unsupported
 from .to_up import convert, convert_whole
 
 if TYPE_CHECKING:
@@ -317,10 +317,9 @@ class Search:
 
     def _solve(self, variant: Variant) -> Plan | None:
         try:
-            plan = self._ask_fast_downward(variant)
+            plan = self._ask_directly(variant)
         except NoPlanError as error:
             plan = None
-            self._failures[self._task.engine or FAST_DOWNWARD] = error.status
             if error.status == "unsolvable_proven":
                 return None
         if plan is not None:
@@ -340,21 +339,21 @@ class Search:
                 return None
         return None
 
-    def _ask_fast_downward(self, variant: Variant) -> Plan | None:
-        """Give Fast Downward a variant as it is, if it reads it."""
-        is_asked = variant.problem is self._task.problem  # It was asked before this process.
-        if is_asked or self._failures.get(FAST_DOWNWARD) == INVALID:
+    def _ask_directly(self, variant: Variant) -> Plan | None:
+        """Give an engine a variant as it is, if it reads it."""
+        if variant.problem is self._task.problem:  # It was asked before this process.
             return None
         left = self._remaining()
         improving = min(IMPROVING_SECONDS, left / 2) if variant.improves else 0
         if improving and not self._task.strict:
             # The rest is for a plan without soft goals.
             left /= 2
-        plans = ask_fast_downward(
+        plans = ask_directly(
             variant.domain,
             variant.problem,
             self._task.engine,
             improving,
+            self._failures,
             PlannerProcess(),
             tempfile.mkdtemp(),
             time.monotonic() + left,

@@ -19,7 +19,7 @@ from kant_sql.errors import PlannerMissingError
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.pddl.writer import write
-from kant_sql.planning import Judged, Plan, PlanStep, solve, to_unified_planning
+from kant_sql.planning import Judged, Plan, PlanStep, solve, solving, to_unified_planning
 from tests.meaning import val
 from tests.meaning.material import Pair
 
@@ -106,6 +106,22 @@ def test_engines_by_name(engine: str) -> None:
     assert plan.status == "solved_satisficing"
 
 
+JAVA = pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
+
+
+@pytest.mark.usefixtures("quick_start")
+@pytest.mark.parametrize("engine", ["pyperplan", pytest.param("enhsp", marks=JAVA)])
+def test_engines_read_what_they_can_without_unified_planning(
+    engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(solving.Attempt, "_by_unified_planning")
+    plan = solve_pair(documents(), engine=engine, timeout=60)
+    assert (plan.steps, plan.engine) == (STEPS, engine)
+    for more in ("(:metric minimize (total-time))", "(:constraints (sometime (at rb b)))"):
+        with pytest.raises(AttributeError, match="_by_unified_planning"):
+            solve_pair(documents(more=more), engine="pyperplan", timeout=60)
+
+
 @pytest.mark.usefixtures("quick_start")
 def test_classical_plan(tmp_path: Path) -> None:
     given = documents(
@@ -120,7 +136,7 @@ def test_classical_plan(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick_start")
-@pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
+@JAVA
 def test_numeric_plan(tmp_path: Path) -> None:
     given = documents(
         functions="(:functions (fuel))",
@@ -250,7 +266,7 @@ def test_durations_of_plans_are_no_costs() -> None:
 
 
 @pytest.mark.usefixtures("quick_start")
-@pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
+@JAVA
 def test_soft_goals_of_a_numeric_problem(tmp_path: Path) -> None:
     given = documents(
         functions="(:functions (fuel) (worn) (toll ?a ?b - wp))",
