@@ -192,9 +192,7 @@ def misfits(transaction: Transaction) -> tuple[list[GroundAtom], list[HeldValue]
     atoms = [
         atom
         for atom in propositions_on(transaction, None)
-        if not _fits(
-            definitions, predicates.live(atom.key.predicate_id).parameters, atom.key.arguments
-        )
+        if not definitions.admits(predicates.live(atom.key.predicate_id), _ids(atom.key.arguments))
     ]
     values = function_values_on(transaction, None)
     return atoms, [held for held in values if not _value_fits(definitions, held)]
@@ -210,27 +208,13 @@ def _is_redefined(transaction: Transaction, kind: str) -> bool:
 
 
 def _value_fits(definitions: d.Definitions, held: HeldValue) -> bool:
+    ids, value = _ids(held.fluent.key.arguments), held.value.object_id
     function = definitions.functions.live(held.fluent.key.function_id)
-    value = held.value.object_id
-    if value is None or not function.type_ids:
-        same_kind = value is None and not function.type_ids
-    else:
-        object_ = definitions.objects.live(value)
-        same_kind = definitions.any_fits(object_.type_ids, function.type_ids)
-    return same_kind and _fits(definitions, function.parameters, held.fluent.key.arguments)
+    return definitions.admits(function, ids if value is None else [*ids, value])
 
 
-def _fits(
-    definitions: d.Definitions, parameters: tuple[ParameterDefinition, ...], arguments: str
-) -> bool:
-    ids = arguments.split()
-    if len(ids) != len(parameters):
-        return False
-    objects = [definitions.objects.live(int(id_)) for id_ in ids]
-    return all(
-        definitions.any_fits(object_.type_ids, parameter.type_ids)
-        for object_, parameter in zip(objects, parameters, strict=True)
-    )
+def _ids(arguments: str) -> list[int]:
+    return [int(id_) for id_ in arguments.split()]
 
 
 # Progress reports per load.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from functools import cache
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, and_, case, func, literal_column, or_, select, union_all
 
 from .. import html
+from ..knowledge.definitions import Definitions
 from ..knowledge.sayings import COMMITTED
 from ..moment_text import When
 from ..sql.changes import (
@@ -24,7 +26,7 @@ from ..sql.changes import (
     paged,
     unsortable,
 )
-from ..sql.definition_rows import read_lost
+from ..sql.definition_rows import last_definitions, read_lost, read_redefined
 from ..sql.dialects.base import Session
 from ..sql.intervals import forks_at, held_by
 from ..sql.places import Place, place_text, read_places
@@ -56,6 +58,7 @@ from .moments import (
 )
 from .revisions import LARGEST, read_position
 
+_WORD = re.compile(r"[^\s()]+")
 # States so many revisions apart are compared by what began and ended between them.
 NARROW = 20_000
 # Differences of a kind that pages have; the rest is left out.
@@ -251,7 +254,20 @@ def _valid_lines(
         texts = [own.get((kind, id_), text) for own, text in zip(said, plain, strict=True)]
         if texts[0] != texts[1]:
             lines.update((side, kind, text) for side, text in enumerate(texts) if text is not None)
+    known = views[0].known
+    if read_redefined(session, kb_id, before, known):
+        definitions = last_definitions(session, kb_id, before, known)
+        lines = {line for line in lines if _fits(definitions, *line[1:])}
     return lines, is_cut
+
+
+def _fits(definitions: Definitions, kind: str, text: str) -> bool:
+    """Return whether a fact or a value is one by the definition of its predicate or function."""
+    name, *words = _WORD.findall(text.removeprefix("(= "))
+    ids = [one.id for one in map(definitions.objects.named, words) if one is not None]
+    owners: Any = definitions.predicates if kind == FACT else definitions.functions
+    owner = owners.named(name)
+    return owner is not None and definitions.admits(owner, ids)
 
 
 class ChangesOfKind(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 from math import isqrt
@@ -428,6 +428,16 @@ class Definitions:
     def any_fits(self, type_ids: Iterable[int], allowed: Iterable[int]) -> bool:
         """Return whether one of some types fits a parameter."""
         return any(self.fits(type_id, allowed) for type_id in type_ids)
+
+    def admits(self, owner: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> bool:
+        """Return whether objects fit the parameters, then the value if it is an object."""
+        wanted = [parameter.type_ids for parameter in owner.parameters]
+        if isinstance(owner, FunctionDefinition) and owner.type_ids:
+            wanted.append(owner.type_ids)
+        return len(ids) == len(wanted) and all(
+            self.any_fits(self.objects.live(id_).type_ids, allowed)
+            for id_, allowed in zip(ids, wanted, strict=True)
+        )
 
     def subtypes(self, *type_ids: int) -> set[int]:
         """Return types and all their subtypes."""

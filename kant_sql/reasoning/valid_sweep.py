@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Collection, Iterator, Sequence
 from datetime import datetime, timedelta
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
@@ -19,9 +20,9 @@ from ..dto import formulas as f
 from ..history.moments import Bounds
 from ..history.revisions import FIRST_MOMENT
 from ..knowledge.definitions import Definitions
-from ..sql.definition_rows import Lost, read_lost, with_lost, without
+from ..sql.definition_rows import Lost, read_lost, read_redefined, with_lost, without
 from ..sql.dialects.base import Session
-from ..sql.periods import Subjects, Touch
+from ..sql.periods import Subjects, Touch, fits
 from ..sql.valid_periods import Instant, Key, ValidRange, key_of, read_valid
 from ..store.store import Store
 from .derived import world_of
@@ -57,11 +58,24 @@ class ValidPast(NamedTuple):
         definitions: all types, objects, predicates and functions that were known in it, as they
             were last defined; the rest as it is known.
         lost: those of them that ended for good, in order.
+        is_redefined: whether some of them were defined otherwise, so that what was said does not
+            fit: then it is not true.
     """
 
     span: ValidRange
     definitions: Definitions
     lost: Sequence[Lost]
+    is_redefined: bool = False
+
+    def read(
+        self, session: Session, kb_id: int, which: Subjects
+    ) -> tuple[list[Touch], Iterator[tuple[Instant, Touch]]]:
+        """Read what was true right before the range and what changed in it, as far as it fits."""
+        state, changes = read_valid(session, kb_id, which, self.span)
+        if not self.is_redefined:
+            return state, changes
+        fit = partial(fits, self.definitions)
+        return [*filter(fit, state)], (each for each in changes if fit(each[1]))
 
 
 def read_past(store: Store, span: ValidRange) -> ValidPast:
@@ -70,11 +84,11 @@ def read_past(store: Store, span: ValidRange) -> ValidPast:
 
     def work(session: Session, kb_id: int) -> ValidPast:
         check_range(session, kb_id, span)
-        lost = read_lost(session, kb_id, span.before, span.known)
-        if not lost:
-            return ValidPast(span, definitions, lost)
-        every = with_lost(session, kb_id, definitions, span.before, span.known)
-        return ValidPast(span, every, lost)
+        bounds = span.before, span.known
+        lost, own = read_lost(session, kb_id, *bounds), definitions
+        if lost:
+            own = with_lost(session, kb_id, definitions, *bounds)
+        return ValidPast(span, own, lost, bool(read_redefined(session, kb_id, *bounds)))
 
     return store.query_known(work, ValidPast(span, definitions, []))
 
@@ -107,7 +121,7 @@ class ValidSweep(Sweep):
         self._definitions, lost = self._past.definitions, self._past.lost
         self._world = world_of(self._definitions)
         span = self._past.span
-        state, changes = read_valid(self._session, self._kb_id, self._subjects, span)
+        state, changes = self._past.read(self._session, self._kb_id, self._subjects)
         for touch in state:
             self._apply(self._world, touch)
         ends: list[tuple[Instant, Touch | Lost]] = [
@@ -151,11 +165,11 @@ Period = tuple[int, int]
 
 
 def read_periods(
-    session: Session, kb_id: int, which: Subjects, span: ValidRange
+    session: Session, kb_id: int, which: Subjects, past: ValidPast
 ) -> dict[Key, list[Period]]:
     """Read when facts were true in a range: from 0 if right before it, up to `ENDLESS` if after."""
     found: dict[Key, list[Period]] = {}
-    state, changes = read_valid(session, kb_id, which, span)
+    state, changes = past.read(session, kb_id, which)
     for touch in state:
         found[key_of(touch)] = [(0, ENDLESS)]
     for instant, touch in changes:

@@ -492,14 +492,14 @@ class _ValidSearch(_Search):
 
     @override
     def _join(self, atoms: Sequence[f.Atom]) -> Iterable[Span]:
-        session, kb_id, span = self._session, self._kb_id, self._past.span
+        session, kb_id = self._session, self._kb_id
         found = self._facts(atoms, 0, 0)
         pairs = [(one, own) for _, one, own in found]
         whole = {one.owner for one, _ in pairs if not one.is_restricted}
         ids = {fact.id for one, own in pairs if one.is_restricted for fact in own}
         which = Subjects(predicates=tuple(sorted(whole)), facts=tuple(sorted(ids)))
         keys = {fact.id: (True, one.owner, fact.objects) for one, own in pairs for fact in own}
-        periods = valid_sweep.read_periods(session, kb_id, which, span)
+        periods = valid_sweep.read_periods(session, kb_id, which, self._past)
         for objects, own in _combinations(self._question.definitions, found, self._question.free):
             for since, until in valid_sweep.common([periods.get(keys[id_], ()) for id_ in own]):
                 yield Span(since, objects, None if until == valid_sweep.ENDLESS else until)

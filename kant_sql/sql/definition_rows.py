@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
+from functools import partial
 from itertools import count
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -243,8 +244,11 @@ _ADVANCE = Query(
 _NAMED = "type", "object", "predicate", "function"
 
 
-def _was_lost(version: Any) -> ColumnElement[bool]:
-    """Return whether an element ended with a version after the revision `after`, up to `at`."""
+def _ended(version: Any, for_good: bool) -> ColumnElement[bool]:
+    """Return whether an element ended after the revision `after`, up to `at`: for good, or not.
+
+    What did not end for good was defined otherwise later.
+    """
     table = version.since.table
     later, owner = table.alias("later"), [*table.primary_key][1].name
     again = select(later.c.since).where(
@@ -252,10 +256,13 @@ def _was_lost(version: Any) -> ColumnElement[bool]:
         later.c[owner] == table.c[owner],
         later.c.since > version.since,
         later.c.since <= THEN,
+        true() if for_good else later.c.text != table.c.text,
     )
-    return and_(version.until > _AFTER, version.until <= THEN, ~again.correlate(table).exists())
+    is_again = again.correlate(table).exists()
+    return and_(version.until > _AFTER, version.until <= THEN, ~is_again if for_good else is_again)
 
 
+_was_lost = partial(_ended, for_good=True)
 _LOST = Query(
     lambda: union_all(
         *(_version_part(KIND_TABLES[kind], _was_lost) for kind in _NAMED),
@@ -304,6 +311,32 @@ def with_lost(
 ) -> Definitions:
     """Add to the definitions of a revision those that ended for good after an earlier one."""
     return evolve(definitions, session.rows(_LOST, kb=kb_id, after=after, at=at))
+
+
+_REDEFINED = Query(
+    lambda: union_all(
+        *(
+            select(literal_column(f"'{kind}'"), version.owner).where(
+                version.table.c.kb_id == KB, _ended(version.table.c, for_good=False)
+            )
+            for kind in _NAMED
+            for version in (KIND_TABLES[kind].version,)
+        )
+    )
+)
+
+
+def read_redefined(session: Session, kb_id: int, after: int, at: int) -> list[tuple[str, int]]:
+    """Read which of them were defined otherwise between two revisions, by kind and id.
+
+    Without any, all that was said since fits what is known of it.
+    """
+    return session.rows(_REDEFINED, kb=kb_id, after=after, at=at) if after < at else []
+
+
+def last_definitions(session: Session, kb_id: int, after: int, at: int) -> Definitions:
+    """Read all that was known between two revisions, as it was last defined."""
+    return with_lost(session, kb_id, load_at(session, kb_id, at), after, at)
 
 
 def without(definitions: Definitions, lost: Iterable[Lost]) -> Definitions:

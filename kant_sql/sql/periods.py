@@ -28,7 +28,7 @@ from sqlalchemy import (
 )
 
 from ..errors import reading_rows
-from ..knowledge.definitions import DERIVED_PREDICATE
+from ..knowledge.definitions import DERIVED_PREDICATE, Definitions
 from .dialects.base import Row, Session
 from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
 from .intervals import forks_at
@@ -463,6 +463,13 @@ def touch_of(row: Any) -> Touch:
     objects = tuple([int(one) for one in arguments.split()])
     held = value if object_id is None else object_id
     return Touch(revision, bool(is_end), bool(is_fact), owner, objects, held)
+
+
+def fits(definitions: Definitions, touch: Touch) -> bool:
+    """Return whether a fact or a value is one by the definition of its predicate or function."""
+    owners: Any = definitions.predicates if touch.is_fact else definitions.functions
+    value = (touch.value,) if isinstance(touch.value, int) else ()
+    return definitions.admits(owners.live(touch.owner), touch.objects + value)
 
 
 # Where definitions changed.

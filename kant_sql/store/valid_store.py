@@ -51,6 +51,7 @@ class ValidStore(Store):
     ) -> T:
         def overlaid(session: Session) -> T:
             self.valid.kb_id = self._find(session)
+            self.valid.find_misfits(session)
             with session.overlaid(self.valid):
                 return work(session)
 

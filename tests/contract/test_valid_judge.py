@@ -5,17 +5,22 @@ KANT_SQL_TEST_EXAMPLES=400 hunts for longer: 20,000 reads on each backend.
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import UTC, datetime
+from itertools import pairwise
 from random import Random
+from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import kant_sql
 from kant_sql import KnowledgeBase
 from tests.support.profile import hunting
-from tests.support.two_clocks import FACTS, FLUENTS, OBJECTS, Content, Model, Writer
+from tests.support.two_clocks import FACTS, FLUENTS, OBJECTS, Content, Model, Plain, Writer
 
 READS = 10
+AFTER = datetime.max.replace(tzinfo=UTC)
 
 
 def test_every_read_says_what_was_said_last(fresh_kb: KnowledgeBase) -> None:
@@ -62,6 +67,77 @@ def test_corrections_are_all_that_was_believed_otherwise(fresh_kb: KnowledgeBase
     numbers = [said.since for said in model.sayings]
     some = fresh_kb.corrections(since=numbers[len(numbers) // 2], limit=3)
     assert some == found[:3]
+
+
+# What is defined otherwise, as it is then, and what fits no more.
+REDEFINED: dict[str, tuple[str, str, str]] = {
+    "predicates of another type": ("(clean ?p - room)", "(clean ?p - robot)", "(clean"),
+    "predicates with fewer arguments": ("(at ?r - robot ?p - room)", "(at ?r - robot)", "(at"),
+    "predicates with more arguments": ("(open)", "(open ?p - room)", "(open"),
+    "functions with numbers": ("(home ?r - robot) - room", "(home ?r - robot) - number", "(home"),
+    "functions of objects": ("(battery ?r - robot) - number", "(battery ?p - room)", "(battery"),
+    "objects of another type": ("r2 - robot", "r2 - room", "r2"),
+}
+
+
+@pytest.mark.parametrize("name", REDEFINED)
+def test_what_does_not_fit_its_definition_is_not_true(fresh_kb: KnowledgeBase, name: str) -> None:
+    writer, known = Writer(fresh_kb, seed=3), 0
+    *forms, lost = REDEFINED[name]
+    dao: Any = getattr(fresh_kb, name.split(maxsplit=1)[0])
+    # What fits, by the last revision of a definition.
+    fitting: dict[int, list[str]] = {}
+    for number in range(3):
+        every = [*FACTS, *FLUENTS]
+        if number:
+            dao.save(forms[number % 2], cascade=True)
+            writer.note()
+            known = max(writer.model.times)
+            gone = [one for one in every if lost in one]
+            content = {one: False if one in FACTS else None for one in gone}
+            writer.model.plain += [Plain(one, said, known) for one, said in content.items()]
+        writer.elements = [one for one in every if not (number % 2 and lost in one)]
+        writer.run(5)
+        fitting[max(writer.model.times)] = writer.elements
+    moments = writer.model.moments()
+    for known, elements in fitting.items():
+        judge_fitting(fresh_kb, writer.model, known, elements, moments[:: 1 + len(moments) // 5])
+
+
+def judge_fitting(
+    kb: KnowledgeBase, model: Model, known: int, elements: list[str], moments: list[datetime]
+) -> None:
+    """Compare reads of states, and of the times between them, with what fits of what is true."""
+    asked = [one for one in elements if one in FACTS][::3]
+    periods = {one: kb.at(known).when(one, clock="valid").to_dicts() for one in asked}
+    before: set[str] = set()
+    moments = [one for one in moments if one <= model.times[known]]
+    for earlier, moment in pairwise([moments[0], *moments]):
+        then = kb.at(known=known, valid=moment)
+        truth = {one: model.truth(one, moment, known) for one in elements}
+        facts = {one for one in elements if truth[one] is True}
+        values = {one for one in elements if truth[one] not in (None, True, False)}
+        assert {str(dto) for dto in then.propositions.get_all()} == facts, where(moment, known)
+        now = {f"(= {one} {truth[one]})" for one in values}
+        assert {str(dto) for dto in then.function_values.get_all()} == now, where(moment, known)
+        now |= facts
+        changes = kb.at(known).diff(earlier, moment, clock="valid")
+        said = {(one.sign, one.text) for one in changes if one.kind in ("fact", "value")}
+        if moment != moments[0]:
+            wanted = {("-", one) for one in before - now} | {("+", one) for one in now - before}
+            assert said == wanted, where(moment, known)
+        before = now
+        for one in asked:
+            assert then.holds(one) is truth[one], (one, where(moment, known))
+            covers = [
+                (held["since_time"] or moment) <= moment < (held["until_time"] or AFTER)
+                for held in periods[one]
+            ]
+            assert any(covers) is truth[one], (one, where(moment, known))
+    with kant_sql.connect("sqlite://") as copy:
+        copy.load_domain(then.domain_pddl())
+        copy.load_problem(then.problem_pddl())
+        assert {str(dto) for dto in copy.propositions.get_all()} == facts
 
 
 def shown(content: Content) -> str:

@@ -87,13 +87,14 @@ class Writer:
         self.kb = kb
         self.model = Model()
         self.random = Random(seed)
+        self.elements = [*FACTS, *FLUENTS]
         kb.load_domain(DOMAIN)
         kb.load_problem(
             "(define (problem p) (:domain clocks) (:objects "
             + " ".join(f"{' '.join(names)} - {kind}" for kind, names in OBJECTS.items())
             + ") (:init) (:goal (and)))"
         )
-        self._note()
+        self.note()
 
     def run(self, revisions: int) -> Model:
         """Write some revisions."""
@@ -113,7 +114,7 @@ class Writer:
             for _ in range(2)
         ]
         begin, end = min(picked), max(picked)
-        elements = self.random.sample([*FACTS, *FLUENTS], self.random.randint(1, 4))
+        elements = self.random.sample(self.elements, self.random.randint(1, 4))
         contents = {one: self._content(one) for one in elements}
         if kind == "plain":
             self.write(contents)
@@ -132,7 +133,7 @@ class Writer:
         with self.kb.transaction(valid_from=valid_from, valid_until=valid_until):
             for element, content in contents.items():
                 set_content(self.kb, element, content)
-        if not self._note():
+        if not self.note():
             return
         number = max(self.model.times)
         for element, content in contents.items():
@@ -151,7 +152,7 @@ class Writer:
             return self.random.choice(OBJECTS["room"])
         return str(self.random.randint(0, 9))
 
-    def _note(self) -> bool:
+    def note(self) -> bool:
         """Note the times of new revisions; return whether there is one."""
         known = max(self.model.times, default=0)
         new = {one.number: one.committed_at for one in self.kb.store.revisions(known)}
