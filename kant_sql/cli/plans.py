@@ -358,6 +358,7 @@ def validate(
     ] = None,
     kb: c.Name = None,
     at: c.At = None,
+    valid: c.Valid = None,
     id_: Annotated[
         int | None,
         c.option("Validate this recorded plan instead of a file.", "--plan", metavar="ID"),
@@ -371,7 +372,7 @@ def validate(
     url, files = c.split_url(words or (), _PLAN_USAGE, "sqlite:///robot.db sas_plan")
     if bool(files) == (id_ is not None):
         raise typer.BadParameter("give a file or --plan", param_hint="FILE")
-    with c.open_state(url, kb, at) as (name, state):
+    with c.open_state(url, kb, at, valid) as (name, state):
         plan = read_plan(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
         found = state.validate(plan)
         if as_json:

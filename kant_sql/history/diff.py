@@ -26,7 +26,7 @@ from ..sql.changes import (
     paged,
     unsortable,
 )
-from ..sql.definition_rows import last_definitions, read_lost, read_redefined
+from ..sql.definition_rows import last_definitions, read_ends
 from ..sql.dialects.base import Session
 from ..sql.intervals import forks_at, held_by
 from ..sql.places import Place, place_text, read_places
@@ -227,7 +227,10 @@ def _valid_differences(
         ends = (end, span.high), (begin, span.before)
         views = [ValidTime(clamped(time), span.known, at) for time, at in ends]
         lines, is_cut = _valid_lines(session, kb_id, views, most)
-        lost = read_lost(session, kb_id, span.before, span.known)
+        lost, redefined = read_ends(session, kb_id, span.before, span.known)
+        if redefined:
+            definitions = last_definitions(session, kb_id, span.before, span.known)
+            lines = {line for line in lines if _fits(definitions, *line[1:])}
         lines.update((1, one.kind, one.text) for one in lost if one.revision <= span.high)
         return lines, is_cut
 
@@ -254,10 +257,6 @@ def _valid_lines(
         texts = [own.get((kind, id_), text) for own, text in zip(said, plain, strict=True)]
         if texts[0] != texts[1]:
             lines.update((side, kind, text) for side, text in enumerate(texts) if text is not None)
-    known = views[0].known
-    if read_redefined(session, kb_id, before, known):
-        definitions = last_definitions(session, kb_id, before, known)
-        lines = {line for line in lines if _fits(definitions, *line[1:])}
     return lines, is_cut
 
 

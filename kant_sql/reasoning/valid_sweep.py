@@ -20,7 +20,7 @@ from ..dto import formulas as f
 from ..history.moments import Bounds
 from ..history.revisions import FIRST_MOMENT
 from ..knowledge.definitions import Definitions
-from ..sql.definition_rows import Lost, read_lost, read_redefined, with_lost, without
+from ..sql.definition_rows import Lost, read_ends, with_lost, without
 from ..sql.dialects.base import Session
 from ..sql.periods import Subjects, Touch, fits
 from ..sql.valid_periods import Instant, Key, ValidRange, key_of, read_valid
@@ -84,11 +84,11 @@ def read_past(store: Store, span: ValidRange) -> ValidPast:
 
     def work(session: Session, kb_id: int) -> ValidPast:
         check_range(session, kb_id, span)
-        bounds = span.before, span.known
-        lost, own = read_lost(session, kb_id, *bounds), definitions
+        lost, redefined = read_ends(session, kb_id, span.before, span.known)
+        every = definitions
         if lost:
-            own = with_lost(session, kb_id, definitions, *bounds)
-        return ValidPast(span, own, lost, bool(read_redefined(session, kb_id, *bounds)))
+            every = with_lost(session, kb_id, definitions, span.before, span.known)
+        return ValidPast(span, every, lost, bool(redefined))
 
     return store.query_known(work, ValidPast(span, definitions, []))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
-from functools import partial
 from itertools import count
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -33,7 +32,7 @@ from ..dto.lexical import fold, is_word
 from ..errors import UNREADABLE, check_integer, reading_rows, unreadable
 from ..knowledge.definitions import KINDS, Definitions
 from .dialects.base import Row, Session
-from .query import Query, in_list
+from .query import Query, first_rows, in_list
 from .rows import (
     KB,
     KIND_TABLES,
@@ -244,25 +243,29 @@ _ADVANCE = Query(
 _NAMED = "type", "object", "predicate", "function"
 
 
-def _ended(version: Any, for_good: bool) -> ColumnElement[bool]:
-    """Return whether an element ended after the revision `after`, up to `at`: for good, or not.
+def _ended(version: Any) -> ColumnElement[bool]:
+    """Return whether a version ended after the revision `after`, up to `at`."""
+    return and_(version.until > _AFTER, version.until <= THEN)
 
-    What did not end for good was defined otherwise later.
-    """
+
+def _last_text(version: Any) -> ColumnElement[Any]:
+    """Look up how an element was last defined after a version, up to `at`; NULL if it was not."""
     table = version.since.table
     later, owner = table.alias("later"), [*table.primary_key][1].name
-    again = select(later.c.since).where(
+    texts = select(later.c.text).where(
         later.c.kb_id == KB,
         later.c[owner] == table.c[owner],
         later.c.since > version.since,
         later.c.since <= THEN,
-        true() if for_good else later.c.text != table.c.text,
     )
-    is_again = again.correlate(table).exists()
-    return and_(version.until > _AFTER, version.until <= THEN, ~is_again if for_good else is_again)
+    last = first_rows(texts.order_by(later.c.since.desc()), literal_column("1"))
+    return last.correlate(table).scalar_subquery()
 
 
-_was_lost = partial(_ended, for_good=True)
+def _was_lost(version: Any) -> ColumnElement[bool]:
+    return and_(_ended(version), _last_text(version).is_(None))
+
+
 _LOST = Query(
     lambda: union_all(
         *(_version_part(KIND_TABLES[kind], _was_lost) for kind in _NAMED),
@@ -285,25 +288,40 @@ class Lost(NamedTuple):
     revision: int
 
 
+class Ends(NamedTuple):
+    """Types, objects, predicates and functions that ended for good, and others as kind and id.
+
+    The others were defined otherwise later: what was said of them may not fit any more.
+    """
+
+    lost: list[Lost]
+    redefined: list[tuple[str, int]]
+
+
 def _end_of(kind: str) -> Select[Any]:
-    table = KIND_TABLES[kind].version.table
-    time = looked_up(RevisionRow.committed_at, RevisionRow.number, table.c.until)
-    owner = KIND_TABLES[kind].version.owner
-    columns: tuple[Any, ...] = literal_column(f"'{kind}'"), owner, table.c.text, time
-    named = select(*columns, table.c.until.label("ended"))
-    return named.where(table.c.kb_id == KB, _was_lost(table.c))
+    table, owner = KIND_TABLES[kind].version.table.c, KIND_TABLES[kind].version.owner
+    time = looked_up(RevisionRow.committed_at, RevisionRow.number, table.until)
+    last = _last_text(table)
+    columns: tuple[Any, ...] = literal_column(f"'{kind}'"), owner, table.text, time
+    named = select(*columns, table.until.label("ended"), last.is_(None).label("is_lost"))
+    differs = func.coalesce(last, literal_column("''")) != table.text
+    return named.where(table.kb_id == KB, _ended(table), differs)
 
 
 _ENDS = Query(lambda: union_all(*map(_end_of, _NAMED)).order_by("ended"))
 
 
-def read_lost(session: Session, kb_id: int, after: int, at: int) -> list[Lost]:
-    """Read which types, objects, predicates and functions ended for good between two revisions."""
-    found = []
-    for kind, id_, definition, time, revision in session.rows(_ENDS, kb=kb_id, after=after, at=at):
+def read_ends(session: Session, kb_id: int, after: int, at: int) -> Ends:
+    """Read which definitions ended between two revisions, but for those that are the same again."""
+    ends = Ends([], [])
+    rows = session.rows(_ENDS, kb=kb_id, after=after, at=at)
+    for kind, id_, definition, time, revision, is_lost in rows:
         with reading_rows("revision", f"revision {revision!r}"):
-            found.append(Lost(kind, id_, definition, session.to_time(time), revision))
-    return found
+            if is_lost:
+                ends.lost.append(Lost(kind, id_, definition, session.to_time(time), revision))
+            else:
+                ends.redefined.append((kind, id_))
+    return ends
 
 
 def with_lost(
@@ -311,27 +329,6 @@ def with_lost(
 ) -> Definitions:
     """Add to the definitions of a revision those that ended for good after an earlier one."""
     return evolve(definitions, session.rows(_LOST, kb=kb_id, after=after, at=at))
-
-
-_REDEFINED = Query(
-    lambda: union_all(
-        *(
-            select(literal_column(f"'{kind}'"), version.owner).where(
-                version.table.c.kb_id == KB, _ended(version.table.c, for_good=False)
-            )
-            for kind in _NAMED
-            for version in (KIND_TABLES[kind].version,)
-        )
-    )
-)
-
-
-def read_redefined(session: Session, kb_id: int, after: int, at: int) -> list[tuple[str, int]]:
-    """Read which of them were defined otherwise between two revisions, by kind and id.
-
-    Without any, all that was said since fits what is known of it.
-    """
-    return session.rows(_REDEFINED, kb=kb_id, after=after, at=at) if after < at else []
 
 
 def last_definitions(session: Session, kb_id: int, after: int, at: int) -> Definitions:

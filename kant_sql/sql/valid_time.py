@@ -11,12 +11,12 @@ from __future__ import annotations
 import re
 from datetime import datetime
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from sqlalchemy import Dialect, text
 
 from ..knowledge.canonical import time_text
-from .definition_rows import last_definitions, read_redefined
+from .definition_rows import last_definitions, read_ends
 from .dialects.base import Session
 from .dialects.words import COVERS, Words
 from .intervals import forks_at, forks_at_time
@@ -28,13 +28,6 @@ from .tables import TABLES
 _DEFINED = "type", "object", "predicate", "function"
 # Of what something may be said, and what owns it: the first columns of an index.
 _OWNERS = {"proposition": "predicate", "function_value": "function"}
-
-
-class _Writer(NamedTuple):
-    """How subqueries are written: in the words of a dialect, and whether something does not fit."""
-
-    words: Words
-    has_misfits: bool
 
 
 _TEXT = (
@@ -58,45 +51,42 @@ def _held(words: Words, row: str, at: str, forks: str) -> str:
     return f"{row}.kb_id = :kb AND {among} AND {row}.since <= :{at} AND {until}"
 
 
-def _decides(writer: _Writer, table: str, row: str, newer: str = "") -> str:
+def _decides(words: Words, table: str, row: str, newer: str = "") -> str:
     """Write that nothing else was said of an element that covers the time, and that it fits."""
-    words, has_misfits = writer
     id_ = f"{row}.{table}_id"
-    fits = f"({words.in_list.format(id_, f':misfit_{table}')}) IS NOT TRUE AND "
+    is_misfit = words.in_list.format(id_, f":misfit_{table}")
     # With an offset, PostgreSQL makes no join of it, which without statistics it orders badly.
     return (
-        f"{fits if has_misfits else ''}"
-        f"NOT EXISTS (SELECT 1 FROM {table}_saying AS l WHERE {COVERS.format('l')} "
-        f"AND l.{table}_id = {id_}{newer} LIMIT 1 OFFSET 0)"
+        f"({is_misfit}) IS NOT TRUE AND NOT EXISTS "
+        f"(SELECT 1 FROM {table}_saying AS l WHERE {COVERS.format('l')} AND "
+        f"l.{table}_id = {id_}{newer} LIMIT 1 OFFSET 0)"
     )
 
 
-def _said(writer: _Writer, table: str, is_found: bool) -> str:
+def _said(words: Words, table: str, is_found: bool) -> str:
     """Write what was last said of the time, as versions; or of one element, which is found."""
     owner, own = _OWNERS[table], {}
     rows = f"{table}_saying AS s WHERE"
     if not is_found:
-        rows, column = writer.words.of_owners
+        rows, column = words.of_owners
         rows = f"{rows.format(owner=owner, table=f'{table}_saying', forks=':valid_periods')} AND"
         own[f"{owner}_id"] = column.format(owner=owner)
         own["since"] = "CAST(s.since + 0 AS BIGINT)"
     if table == "proposition":
         # Cast: SQLite looks into a UNION whose columns have the same affinities.
-        own["is_goal"] = "CAST(0 AS BOOLEAN)"
-        holds = writer.words.is_true.format("s.holds")
+        own["is_goal"], holds = "CAST(0 AS BOOLEAN)", words.is_true.format("s.holds")
     else:
         own["text"], holds = _TEXT, "(s.number IS NOT NULL OR s.object_id IS NOT NULL)"
-    last = _decides(writer, table, "s", " AND l.since + 0 > s.since")
+    last = _decides(words, table, "s", " AND l.since + 0 > s.since")
     where = f"{COVERS.format('s')} AND {holds} AND {last}"
     return f"SELECT {_columns(table, 's', **own)} FROM {rows} {where}"
 
 
-def _overlaid(writer: _Writer, table: str, is_found: bool = False) -> str:
+def _overlaid(words: Words, table: str, is_found: bool = False) -> str:
     """Write what held of facts or values; goals are those of what is known."""
-    words = writer.words
     held = _held(words, "v", "valid_state", "valid_forks")
     version = f"FROM {table}_version AS"
-    parts = [f"{held} AND {_decides(writer, table, 'v')}"]
+    parts = [f"{held} AND {_decides(words, table, 'v')}"]
     if table == "proposition":
         parts[0] = f"{words.is_fact.format('v')} AND {parts[0]}"
     parts[0] = f"SELECT {_columns(table, 'v')} {version} v WHERE {parts[0]}"
@@ -105,7 +95,7 @@ def _overlaid(writer: _Writer, table: str, is_found: bool = False) -> str:
         own = {"predicate_id": "CAST(g.predicate_id + 0 AS BIGINT)"}
         goals = f"{words.is_true.format('g.is_goal')} AND {goals}"
         parts.append(f"SELECT {_columns(table, 'g', **own)} {version} g WHERE {goals}")
-    return " UNION ALL ".join([*parts, _said(writer, table, is_found)])
+    return " UNION ALL ".join([*parts, _said(words, table, is_found)])
 
 
 def _definitions(kind: str) -> str:
@@ -122,11 +112,11 @@ def _definitions(kind: str) -> str:
 
 
 @cache
-def _subqueries(writer: _Writer) -> dict[str, Query]:
+def _subqueries(words: Words) -> dict[str, Query]:
     """Return what takes the place of each table."""
     found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
-    found |= {f"{table}_version": _overlaid(writer, table) for table in _OWNERS}
-    found["function_value_found"] = _overlaid(writer, "function_value", is_found=True)
+    found |= {f"{table}_version": _overlaid(words, table) for table in _OWNERS}
+    found["function_value_found"] = _overlaid(words, "function_value", is_found=True)
     return {name: Query(text(sql)) for name, sql in found.items()}
 
 
@@ -134,9 +124,9 @@ def _subqueries(writer: _Writer) -> dict[str, Query]:
 def _true(words: Words) -> Query:
     """Select what was true of some predicates and functions."""
     parts = []
-    for part, owners in ((PARTS[0], ":predicate"), (PARTS[2], ":function")):
+    for part in (PARTS[0], PARTS[2]):
         leading = part.select("v.since AS revision, 0 AS is_end", f", v.{part.id} AS id")
-        which = words.in_list.format(f"v.{part.owner}", owners)
+        which = words.in_list.format(f"v.{part.owner}", ":owners")
         rows = f"{part.table} AS v WHERE v.kb_id = :kb{part.condition} AND {which}"
         parts.append(f"{leading} FROM {rows}")
     return Query(text(" UNION ALL ".join(parts)))
@@ -148,7 +138,7 @@ _NAMED = re.compile(
     r"(?![\w.'])(?: AS (\w+))?"
 )
 # The statements that were written, by dialect; conditions are of any form.
-_WRITTEN: dict[tuple[str, str, bool], str] = {}
+_WRITTEN: dict[tuple[str, str], str] = {}
 _KEPT = 2_000
 
 
@@ -174,18 +164,16 @@ class ValidTime:
 
     def text(self, sql: str, dialect: Dialect, words: Words) -> str:
         """Put it in the place of the tables that a statement names."""
-        has_misfits = any((self.misfits or {}).values())
-        made = _WRITTEN.get((dialect.name, sql, has_misfits))
+        made = _WRITTEN.get((dialect.name, sql))
         if made is None:
             if len(_WRITTEN) > _KEPT:
                 _WRITTEN.clear()
 
             def written(found: re.Match[str]) -> str:
                 name, alias = found.groups()
-                query = _subqueries(_Writer(words, has_misfits))[name]
-                return f"({query.text(dialect)}) AS {alias or name}"
+                return f"({_subqueries(words)[name].text(dialect)}) AS {alias or name}"
 
-            made = _WRITTEN[dialect.name, sql, has_misfits] = _NAMED.sub(written, sql)
+            made = _WRITTEN[dialect.name, sql] = _NAMED.sub(written, sql)
         return made
 
     def parameters(self, session: Session) -> dict[str, Any]:
@@ -208,28 +196,24 @@ class ValidTime:
         """Find what does not fit, in the tables and in what was true; once."""
         if self.kb_id is None or self.misfits is not None:
             return
-        self.misfits = {table: [] for table in _OWNERS}
+        found: dict[str, list[int]] = {table: [] for table in _OWNERS}
         bounds = session, self.kb_id, self.state, self.known
-        changed = read_redefined(*bounds)
-        if not changed:
-            return
-        definitions, kinds = last_definitions(*bounds), {kind for kind, _ in changed}
-        owners: dict[str, Any] = {"predicate": definitions.predicates}
-        owners["function"] = definitions.functions
-        ids = {
-            kind: {id_ for own, id_ in changed if own == kind}
-            # The arguments of any may be of other types than they were.
-            if kinds <= owners.keys()
-            else {one.id for one in own}
-            for kind, own in owners.items()
-        }
-        with session.overlaid(self):
-            given = {kind: session.list_value(sorted(own)) for kind, own in ids.items()}
-            rows = session.rows(_true(session.words), **given, kb=self.kb_id, is_goal=False)
-        for *row, id_ in rows:
-            touch = touch_of(row)
-            if not fits(definitions, touch):
-                self.misfits["proposition" if touch.is_fact else "function_value"].append(id_)
+        redefined = read_ends(*bounds).redefined if self.state < self.known else []
+        if redefined:
+            definitions = last_definitions(*bounds)
+            owners = [id_ for _, id_ in redefined]
+            if not {kind for kind, _ in redefined} <= {*_OWNERS.values()}:
+                # The arguments of any may be of other types than they were.
+                every = (definitions.predicates, definitions.functions)
+                owners = [one.id for of_kind in every for one in of_kind]
+            with session.overlaid(self):
+                given = {"owners": session.list_value(owners), "is_goal": False}
+                rows = session.rows(_true(session.words), **given, kb=self.kb_id)
+            for *row, id_ in rows:
+                touch = touch_of(row)
+                if not fits(definitions, touch):
+                    found["proposition" if touch.is_fact else "function_value"].append(id_)
+        self.misfits = found
 
 
 @cache

@@ -171,10 +171,10 @@ def can_do(
     return PossibleSteps(revision, steps[:limit], end if len(steps) > limit else None)
 
 
-def would_work(kb: KnowledgeBase, plan: PlanText, at: At = None) -> Validation:
+def would_work(kb: KnowledgeBase, plan: PlanText, at: At = None, valid: Valid = None) -> Validation:
     """Execute a plan in memory: whether it reaches the goal, or which step fails and why."""
     # A text without a line break could be a path.
-    return past(kb, at, None).validate(f"{plan}\n")
+    return past(kb, at, valid).validate(f"{plan}\n")
 
 
 def find_plan(kb: KnowledgeBase, engine: Engine = None, timeout: Seconds = 30.0) -> FoundPlan:

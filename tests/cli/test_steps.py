@@ -199,3 +199,26 @@ def test_a_branch_may_be_in_another_store(breakfast: str, tmp_path: Path) -> Non
     assert (empty["revision"], empty["source"]) == (None, None)
     text = run("branch", breakfast, "nothing", "--url", target, "--at", "0").stdout
     assert text == "knowledge base nothing: nothing was there to begin with\n"
+
+
+def test_a_state_is_what_was_true_at_a_time(tmp_path: Path) -> None:
+    url, plan = f"sqlite:///{tmp_path / 'doors.db'}", tmp_path / "leave.plan"
+    plan.write_text("0: (leave)\n")
+    with kant_sql.connect(url) as kb:
+        kb.load_domain(
+            "(define (domain doors) (:predicates (open) (left))"
+            " (:action leave :parameters () :precondition (open) :effect (left)))"
+        )
+        kb.goals.save("(left)")
+        with kb.transaction(valid_from="60 minutes ago", valid_until="30 minutes ago"):
+            kb.propositions.save("(open)")
+    for command, asked in (("validate", str(plan)), ("holds", "(open)")):
+        codes = [
+            run(command, url, asked, *then).exit_code
+            for then in (
+                [],
+                ["--valid", "45 minutes ago"],
+                ["--valid", "45 minutes ago", "--at", "2"],
+            )
+        ]
+        assert codes == [1, 0, 1], command
