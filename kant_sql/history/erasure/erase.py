@@ -331,7 +331,7 @@ class Eraser:
 
 def patterns_of(session: Session, name: str) -> set[str]:
     """Return the patterns of what contains a name, however it is spelled."""
-    return {pattern_of(session, spelled) for spelled in spellings(name)}
+    return {pattern_of(session, spelled, is_composed=False) for spelled in spellings(name)}
 
 
 def next_pseudonym(session: Session, kb_id: int) -> str:

@@ -42,8 +42,17 @@ def contains(column: Any, parameter: str = "pattern") -> ColumnElement[bool]:
     return _Contains(column, bindparam(parameter))
 
 
-def pattern_of(session: Session, text: str, *, begins: bool = False, ends: bool = False) -> str:
+def pattern_of(
+    session: Session,
+    text: str,
+    *,
+    begins: bool = False,
+    ends: bool = False,
+    is_composed: bool = True,
+) -> str:
     """Return the pattern of what contains a text, or begins or ends with it.
+
+    Names are stored with composed letters, so the text is composed, unless you say that it is not.
 
     Raises:
         InvalidArgumentError: no text can contain it.
@@ -54,13 +63,14 @@ def pattern_of(session: Session, text: str, *, begins: bool = False, ends: bool 
             "no text of a store contains a NUL character or an unpaired surrogate; leave it out"
         )
     special, escaped = _SPECIAL[dialect]
+    sought = (normalize("NFC", text) if is_composed else text)[:LONGEST_SOUGHT]
     written = "".join(
         f"[{_spellings()[one]}]"
         if one in _spellings()
         else escaped.format(one)
         if one in special
         else one
-        for one in _folded(text[:LONGEST_SOUGHT])
+        for one in sought.translate(_keys())
     )
     if dialect == "sqlite":
         return f"{'' if begins else '*'}{written}{'' if ends else '*'}"
