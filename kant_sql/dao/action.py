@@ -17,7 +17,22 @@ from ..dto import (
     PddlProcessDto,
     PddlTypeDto,
 )
-from ..dto.formulas import TIMES, Atom, Comparison, Constant, Node, Not, Number, Timed, Variable
+from ..dto.actions import action_text, duration_text
+from ..dto.formulas import (
+    AT_END,
+    AT_START,
+    TIMES,
+    And,
+    Atom,
+    Comparison,
+    Constant,
+    Node,
+    Not,
+    Number,
+    Timed,
+    TypedName,
+    Variable,
+)
 from ..dto.lexical import check_name, fold, number_text, with_article
 from ..errors import ArityError, ConflictError, InvalidKnowledgeError, TypeMismatchError
 from ..knowledge.canonical import with_text
@@ -29,9 +44,10 @@ from ..pddl.formulas import flatten
 from ..pddl.given import read_action
 from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
-from .formula import FormulaChecker, Symbol, TreeWriter
+from .formula import TreeWriter, refuse_others
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .signatures import PREDICATES
+from .text import TextReader
 from .type import OBJECTS, TYPES, ensure_types
 
 Trees = tuple[Tree, Tree, Tree]
@@ -39,25 +55,19 @@ Trees = tuple[Tree, Tree, Tree]
 Parts = tuple[Sequence[Node], Sequence[Node], Sequence[Node]]
 
 
-def check_action(
-    transaction: Transaction,
-    kind: str,
-    name: str,
-    parameters: Sequence[ParameterDefinition],
-    parts: Parts,
-) -> None:
-    """Check the formulas of an action that are given as nodes."""
-    durative = kind == DURATIVE_ACTION
-    if parts[0] and not durative:
-        raise InvalidKnowledgeError(f"{kind} {name!r} has a duration; only a {DURATIVE_ACTION} has")
-    symbols = [Symbol.DURATION, Symbol.CONDITION, Symbol.EFFECT]
-    if durative:
-        symbols[1:] = Symbol.TIMED_CONDITION, Symbol.TIMED_EFFECT
-    sections = "duration", "condition", "effect"
-    for section, formulas, symbol in zip(sections, parts, symbols, strict=True):
-        role = f"the {section} of {kind.rpartition('-')[2]} {name!r}"
-        checker = FormulaChecker(transaction, role, parameters, kind)
-        checker.check(_conjuncts(formulas), symbol)
+def read_parts(
+    transaction: Transaction, kind: str, name: str, parameters: Sequence[TypedName], parts: Parts
+) -> Parts:
+    """Read the formulas of an action from its text, which the PDDL reader checks."""
+    duration, condition, effect = map(_conjuncts, parts)
+    typed = [(one.name, one.type_text) for one in parameters]
+    of_duration, texts = duration_text(duration), (map(str, condition), map(str, effect))
+    text = action_text(kind, name, typed, of_duration, *texts)
+    read: Any = TextReader(transaction).read(read_action, text)
+    found = (read.duration if read.durative else [], read.conditions, read.effects)
+    for given, part in zip((duration, condition, effect), found, strict=True):
+        refuse_others(And(tuple(given)), And(tuple(part)))
+    return found
 
 
 def _conjuncts(formulas: Iterable[Any]) -> list[Any]:
@@ -124,11 +134,12 @@ class ActionChecker:
         duration = self._duration() if durative else ()
         for parameter in expect_list(dto.parameters, PddlObjectDto, self._part("parameters")):
             self._add_parameter(parameter)
-        condition = self._formulas("condition", dto.conditions)
-        effect = self._formulas("effect", dto.effects)
+        condition = self._formulas("condition", dto.conditions, *TIMES)
+        effect = self._formulas("effect", dto.effects, AT_START, AT_END)
         parameters = tuple(self._parameters)
-        parts = duration, condition, effect
-        check_action(self._transaction, dto.keyword, dto.name, parameters, parts)
+        typed = [typed_name(self._definitions, one) for one in parameters]
+        given = duration, condition, effect
+        parts = read_parts(self._transaction, dto.keyword, dto.name, typed, given)
         trees = action_trees(self._transaction, parameters, parts)
         return put_action(self._transaction, dto.keyword, dto.name, parameters, trees)
 
@@ -164,19 +175,21 @@ class ActionChecker:
         self._positions[key] = len(self._parameters)
         self._parameters.append(ParameterDefinition(dto.name, types))
 
-    def _formulas(self, section: str, parts: Iterable[PddlConditionEffectDto | Node]) -> list[Node]:
+    def _formulas(
+        self, section: str, parts: Iterable[PddlConditionEffectDto | Node], *times: str
+    ) -> list[Node]:
         expect_list(parts, (PddlConditionEffectDto, Node), self._part(f"{section}s"))
         return [
             part
             if isinstance(part, Node)
-            else self._literal(part, f"{section} {number} of {self._role}")
+            else self._literal(part, f"{section} {number} of {self._role}", times)
             for number, part in enumerate(parts, start=1)
         ]
 
-    def _literal(self, dto: PddlConditionEffectDto, role: str) -> Node:
+    def _literal(self, dto: PddlConditionEffectDto, role: str, times: Sequence[str]) -> Node:
         expect(dto.predicate, PddlPredicateDto, f"the predicate of {role}")
         expect_list(dto.objects, PddlObjectDto, f"the list of objects of {role}")
-        self._check_time(dto, role)
+        self._check_time(dto, role, times)
         predicate = PREDICATES.ensure(self._transaction, dto.predicate, role)
         if len(dto.objects) != len(predicate.parameters):
             raise ArityError(
@@ -200,17 +213,17 @@ class ActionChecker:
         literal = Not(atom) if flag(dto.is_negative, f"is_negative of {role}") else atom
         return Timed(dto.time, literal) if self._dto.durative and dto.time else literal
 
-    def _check_time(self, dto: PddlConditionEffectDto, role: str) -> None:
+    def _check_time(self, dto: PddlConditionEffectDto, role: str, times: Sequence[str]) -> None:
         # The original library's programs write no time as an empty text.
         if not self._dto.durative and dto.time not in (None, ""):
             raise InvalidKnowledgeError(
                 f"{role}: {dto} has the time {shown(dto.time)}, but the action is not durative; "
                 "leave the time out"
             )
-        if self._dto.durative and dto.time not in TIMES:
+        if self._dto.durative and dto.time not in times:
             raise InvalidKnowledgeError(
                 f"{role}: {dto} has the time {shown(dto.time)}, expected one of "
-                f"{', '.join(map(repr, TIMES))}, for the action is durative"
+                f"{', '.join(map(repr, times))}, for the action is durative"
             )
 
     def _term(self, dto: PddlObjectDto, role: str) -> tuple[Variable | Constant, tuple[int, ...]]:

@@ -1,23 +1,21 @@
 """Formulas as trees, and the DAOs of derived predicates, goals, constraints and the metric.
 
-A formula that is given as text is checked by the PDDL reader, with line and column; one that is
-given as a node is checked here. Both accept the same, so the text of a stored formula can be read
-back.
+The PDDL reader checks every formula, one that is given as a node by its text. So the text of a
+stored formula can be read back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from enum import Enum
-from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, TypeVar, get_args
+from typing import Any, ClassVar, Generic, TypeVar, get_args
 
 from typing_extensions import override
 
 from ..arguments import is_many, shown
 from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto import formulas as f
-from ..dto.lexical import ROOT_TYPE, check_name, decimal_text, fold
-from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, reading_rows
+from ..dto.lexical import ROOT_TYPE, decimal_text, fold
+from ..errors import InvalidKnowledgeError, reading_rows
 from ..knowledge import trees as kinds
 from ..knowledge.canonical import canonical_text
 from ..knowledge.definitions import (
@@ -31,14 +29,11 @@ from ..knowledge.definitions import (
     Definition,
     Definitions,
     FormulaDefinition,
-    FunctionDefinition,
-    PredicateDefinition,
     formula_name,
 )
 from ..knowledge.formulas import TreeReader
 from ..knowledge.rules import check_stratified
 from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
-from ..pddl.document import DURATIVE_ACTION, PROCESS
 from ..pddl.formulas import flatten
 from ..pddl.given import (
     read_constraints,
@@ -70,62 +65,19 @@ from .type import TYPES
 TypeIds = tuple[int, ...]
 
 
-class Symbol(Enum):
-    """What a formula is in PDDL's grammar: it decides which nodes the formula may contain."""
-
-    CONDITION = "a condition or a goal"
-    EFFECT = "an effect"
-    TIMED_CONDITION = "a condition of a durative action, where what holds is within a Timed"
-    TIMED_EFFECT = "an effect of a durative action, where what happens is within a Timed"
-    DURATION = "a duration"
-    CONSTRAINT = "a constraint, where what holds is within a Modal"
-    TRAJECTORY = "what a constraint is about"
-    INITIAL = "an initial state"
-    TIMED = "the timed initial literals"
-    DERIVED = "the rules for derived predicates"
-    METRIC = "a metric"
-
-
-class FormulaContext(NamedTuple):
-    """What a node is a part of, and whether a preference may stand there."""
-
-    symbol: Symbol
-    allows_preferences: bool = False
-
-    def hard(self) -> FormulaContext:
-        """Return the same symbol without preferences."""
-        return self._replace(allows_preferences=False)
-
-
-_HARD = (Symbol.CONDITION, Symbol.TIMED_CONDITION, Symbol.CONSTRAINT, Symbol.TRAJECTORY)
-_HOLDS = (Symbol.CONDITION, Symbol.TRAJECTORY)
-_WITHIN_TIMED = {
-    Symbol.TIMED_CONDITION: Symbol.CONDITION,
-    Symbol.TIMED_EFFECT: Symbol.EFFECT,
-    Symbol.DURATION: Symbol.DURATION,
-    Symbol.CONSTRAINT: Symbol.CONDITION,
-    Symbol.TRAJECTORY: Symbol.CONDITION,
-}
-_Parts = Iterable[tuple[object, FormulaContext]]
-
-
 def _bound_variables(
-    transaction: Transaction, variables: Iterable[f.TypedName], role: str
+    transaction: Transaction, variables: Iterable[f.TypedName]
 ) -> tuple[ParameterDefinition, ...]:
     """Find the types of variables; `object` needs no declaration."""
-    found = []
-    for variable in variables:
-        ids = []
-        for name in variable.types:
-            type_ = transaction.definitions.types.named(name)
-            if type_ is None and fold(name) != ROOT_TYPE:
-                raise InvalidKnowledgeError(
-                    f"{role}: ?{variable.name} is of type {name!r}, which is not known; save it "
-                    "first"
-                )
-            ids.append((type_ or TYPES.ensure(transaction, PddlTypeDto(ROOT_TYPE), role)).id)
-        found.append(ParameterDefinition(variable.name, tuple(ids)))
-    return tuple(found)
+    types = transaction.definitions.types
+
+    def type_id(name: str) -> int:
+        known = types.named(name)
+        return (known or TYPES.ensure(transaction, PddlTypeDto(ROOT_TYPE), "a variable")).id
+
+    return tuple(
+        [ParameterDefinition(one.name, tuple(map(type_id, one.types))) for one in variables]
+    )
 
 
 class TreeWriter:
@@ -196,7 +148,7 @@ class TreeWriter:
         self, node: f.Forall | f.Exists | f.Count | f.Derived, parent: int | None
     ) -> None:
         operator = node.operator if isinstance(node, f.Count) else _QUANTIFIERS[type(node)]
-        bound = _bound_variables(self._transaction, node.variables, operator)
+        bound = _bound_variables(self._transaction, node.variables)
         position = self._open(parent, operator, variables=bound)
         for index, one in enumerate(bound):
             term = TreeTerm(quantifier=position, variable=index)
@@ -266,333 +218,18 @@ def _plain(node: Any) -> tuple[str, dict[str, str | None], Sequence[f.Node]]:
     return f.head(node), {}, f.children(node)
 
 
-class FormulaChecker:
-    """Checks formulas that are given as nodes; those of texts are checked where they are read.
-
-    Args:
-        transaction: where names are looked up.
-        role: what the formulas are, for messages.
-        parameters: the parameters of the action that they belong to.
-        kind: the kind of that action.
-    """
-
-    def __init__(
-        self,
-        transaction: Transaction,
-        role: str,
-        parameters: Sequence[ParameterDefinition] = (),
-        kind: str = "",
-    ) -> None:
-        self._transaction = transaction
-        self._definitions = transaction.definitions
-        self._role = role
-        self._has_duration = kind == DURATIVE_ACTION
-        self._has_time = kind in (DURATIVE_ACTION, PROCESS)
-        # The types of variables, innermost last.
-        self._scope: dict[str, list[TypeIds]] = {
-            fold(one.name): [one.type_ids] for one in parameters
-        }
-        self._check_duration(parameters)
-
-    def check(self, formulas: Iterable[f.Node], symbol: Symbol) -> None:
-        """Refuse formulas that have no place, or that name what is not known."""
-        formulas = tuple(formulas)
-        f.check_nesting(*formulas)
-        for formula in formulas:
-            self._check(formula, FormulaContext(symbol, allows_preferences=symbol in _HARD))
-
-    def _check(self, part: object, context: FormulaContext) -> None:
-        """Check a formula with its parts."""
-        if type(part) not in _HANDLERS:
-            self._fail(f"{shown(part)} is not a formula but {type(part).__name__}")
-        handler, symbols = _HANDLERS[type(part)]
-        if symbols:
-            self._expect(part, context, *symbols)
-        variables: Sequence[f.TypedName] = getattr(part, "variables", ())
-        bound = self._bind(variables)
-        for one in bound:
-            self._scope.setdefault(fold(one.name), []).append(one.type_ids)
-        for child, inner in handler(self, part, context):
-            self._check(child, inner)
-        for one in bound:
-            self._scope[fold(one.name)].pop()
-
-    def _expect(self, formula: object, context: FormulaContext, *symbols: Symbol) -> None:
-        if context.symbol not in symbols:
-            self._fail(f"{shown(formula)} has no place in {context.symbol.value}")
-
-    def _fail(self, fault: str) -> NoReturn:
-        raise InvalidKnowledgeError(f"{self._role}: {fault}")
-
-    # Formulas: each handler returns the parts to check.
-
-    def _atom(self, formula: f.Atom, context: FormulaContext) -> _Parts:
-        predicate = self._definitions.predicates.named(formula.predicate)
-        if predicate is None:
-            self._fail(
-                f"{shown(formula)} is of predicate {formula.predicate!r}, which is not known; "
-                "save the predicate first"
-            )
-        self._check_terms(formula, predicate, context)
-        return ()
-
-    def _equal(self, formula: f.Equal, context: FormulaContext) -> _Parts:
-        for term in (formula.left, formula.right):
-            self._term(term, context)
-        return ()
-
-    def _comparison(self, formula: f.Comparison, context: FormulaContext) -> _Parts:
-        sides = (formula.left, formula.right)
-        if formula.operator not in f.COMPARISONS:
-            self._fail(
-                f"{formula.operator!r} is not a comparison; use one of {' '.join(f.COMPARISONS)}"
-            )
-        if context.symbol is Symbol.DURATION and f.Variable(f.DURATION) not in sides:
-            self._fail(f"{shown(formula)} is not a constraint on ?duration")
-        for side in sides:
-            self._expression(side, context)
-        return ()
-
-    def _not(self, formula: f.Not, context: FormulaContext) -> _Parts:
-        part, symbol = formula.formula, context.symbol
-        if symbol is Symbol.EFFECT and not isinstance(part, f.Atom):
-            self._fail(f"{shown(formula)} deletes what is not an atom")
-        if symbol is Symbol.INITIAL and not isinstance(part, f.Atom | f.Equal):
-            self._fail(f"{shown(formula)} is not a literal, as the initial state asks for")
-        return [(part, context.hard())]
-
-    def _soft(self, formula: f.And | f.Forall, context: FormulaContext) -> _Parts:
-        return [(part, context) for part in f.children(formula)]
-
-    def _hard(self, formula: f.Or | f.Imply | f.Exists, context: FormulaContext) -> _Parts:
-        return [(part, context.hard()) for part in f.children(formula)]
-
-    def _timed(self, formula: f.Timed, context: FormulaContext) -> _Parts:
-        time, symbol = formula.time, context.symbol
-        if time not in f.TIMES:
-            self._fail(f"{shown(formula)} has the time {time!r}, expected one of {f.TIMES}")
-        inner = _WITHIN_TIMED.get(symbol)
-        # The paper allows effects `over all`.
-        wrong = symbol is Symbol.DURATION and time == f.OVER_ALL
-        wrong = wrong or (symbol in (Symbol.CONSTRAINT, Symbol.TRAJECTORY) and time != f.AT_END)
-        if inner is None or wrong:
-            self._fail(f"{shown(formula)} has a time that has no place in {symbol.value}")
-        return [(formula.formula, context.hard()._replace(symbol=inner))]
-
-    def _preference(self, formula: f.Preference, context: FormulaContext) -> _Parts:
-        if not context.allows_preferences:
-            self._fail(
-                f"{shown(formula)} has no place here: a preference stands at the top of a goal, a "
-                "precondition or a constraint, or within forall there"
-            )
-        if formula.name is not None:
-            check_name("preference", formula.name)
-        return [(formula.formula, context.hard())]
-
-    def _modal(self, formula: f.Modal, context: FormulaContext) -> _Parts:
-        wanted = f.MODALS.get(formula.operator)
-        if wanted != (len(formula.numbers), len(formula.formulas)):
-            self._fail(f"{shown(formula)} is not a constraint of PDDL 3.0")
-        inner = context.hard()._replace(symbol=Symbol.TRAJECTORY)
-        return [(part, inner) for part in formula.formulas]
-
-    def _when(self, formula: f.When, context: FormulaContext) -> _Parts:
-        is_timed = context.symbol is Symbol.TIMED_EFFECT
-        symbol = Symbol.TIMED_CONDITION if is_timed else Symbol.CONDITION
-        return [(formula.condition, context._replace(symbol=symbol)), (formula.effect, context)]
-
-    def _assign(self, formula: f.Assign, context: FormulaContext) -> _Parts:
-        if formula.operator not in f.ASSIGNMENTS:
-            known = " ".join(f.ASSIGNMENTS)
-            self._fail(f"{formula.operator!r} is not an assignment; use one of {known}")
-        types = self._fluent(formula.fluent, context).type_ids
-        if types:
-            self._assign_object(formula, types, context)
-        else:
-            self._expression(formula.value, context)
-        if context.symbol is Symbol.TIMED_EFFECT and not f.mentions(
-            f.ContinuousTime, formula.value
-        ):
-            self._expect(formula, context, Symbol.EFFECT)
-        return ()
-
-    # Formulas that stand on their own.
-
-    def _derived(self, formula: f.Derived, context: FormulaContext) -> _Parts:
-        del context
-        inner = FormulaContext(Symbol.CONDITION)
-        return [(_derived_atom(formula), inner), (formula.formula, inner)]
-
-    def _timed_literal(self, formula: f.TimedLiteral, context: FormulaContext) -> _Parts:
-        effect = formula.effect
-        if isinstance(effect, f.Assign):
-            terms = (*effect.fluent.terms, effect.value)
-            is_ground = all(isinstance(term, f.Constant | f.Number) for term in terms)
-            if effect.operator != f.ASSIGNMENTS[0] or not is_ground:
-                self._fail(f"{shown(formula)} assigns no number and no object to a ground fluent")
-            return [(effect, context._replace(symbol=Symbol.EFFECT))]
-        atom = effect.formula if isinstance(effect, f.Not) else effect
-        if not isinstance(atom, f.Atom):
-            self._fail(f"{shown(formula)} is not a timed literal; give an Atom, a Not or an Assign")
-        return [(effect, context._replace(symbol=Symbol.INITIAL))]
-
-    def _metric(self, formula: f.Metric, context: FormulaContext) -> _Parts:
-        if formula.optimization not in kinds.OPTIMIZATIONS:
-            self._fail(f"{formula.optimization!r} is neither minimize nor maximize")
-        self._expression(formula.expression, context)
-        return ()
-
-    # Expressions.
-
-    def _expression(self, part: object, context: FormulaContext) -> None:
-        match part:
-            case f.Arithmetic():
-                self._arithmetic(part)
-                for operand in part.operands:
-                    self._expression(operand, context)
-            case f.Fluent():
-                self._numeric_fluent(part, context)
-            case f.IsViolated() if context.symbol is Symbol.METRIC:
-                check_name("preference", part.preference)
-            case f.Variable() if fold(part.name) == f.DURATION and self._has_duration:
-                pass
-            case f.ContinuousTime() if self._has_time:
-                pass
-            case f.Number():
-                pass
-            case _:
-                self._fail(f"{shown(part)} is not a number here")
-
-    def _arithmetic(self, expression: f.Arithmetic) -> None:
-        operator, operands = expression.operator, expression.operands
-        if operator not in f.ARITHMETIC:
-            self._fail(f"{operator!r} is not an operation; use one of {' '.join(f.ARITHMETIC)}")
-        least, most = 1 if operator == "-" else 2, 2 if operator in "-/" else len(operands)
-        if not least <= len(operands) <= most:
-            self._fail(f"{shown(expression)} has {len(operands)} operands")
-
-    def _numeric_fluent(self, fluent: f.Fluent, context: FormulaContext) -> None:
-        named = self._definitions.functions.named(fluent.function)
-        is_time = context.symbol is Symbol.METRIC and fold(fluent.function) == f.TOTAL_TIME
-        if named is None and is_time and not fluent.terms:
-            return
-        if self._fluent(fluent, context).type_ids:
-            self._fail(f"{shown(fluent)} is an object, not a number")
-
-    def _fluent(self, fluent: f.Fluent, context: FormulaContext) -> FunctionDefinition:
-        function = self._definitions.functions.named(fluent.function)
-        if function is None:
-            self._fail(
-                f"{shown(fluent)} is of function {fluent.function!r}, which is not known; save "
-                "the function first"
-            )
-        self._check_terms(fluent, function, context)
-        return function
-
-    # Terms and variables.
-
-    def _bind(self, variables: Sequence[f.TypedName]) -> tuple[ParameterDefinition, ...]:
-        for variable in variables:
-            check_name("variable", variable.name)
-        bound = _bound_variables(self._transaction, variables, self._role)
-        self._check_duration(bound)
-        if len({fold(variable.name) for variable in bound}) < len(bound):
-            self._fail(f"one quantifier binds a variable twice: {f.variables_text(variables)}")
-        return bound
-
-    def _check_duration(self, variables: Sequence[ParameterDefinition]) -> None:
-        """Refuse a variable named `?duration` in a durative action."""
-        if self._has_duration:
-            for each in variables:
-                check_name("variable of a durative action", each.name)
-
-    def _check_terms(
-        self,
-        formula: f.Atom | f.Fluent,
-        owner: PredicateDefinition | FunctionDefinition,
-        context: FormulaContext,
-    ) -> None:
-        """Check the terms of an atom or a fluent."""
-        terms = formula.terms
-        if len(terms) != len(owner.parameters):
-            raise ArityError(
-                f"{self._role}: {shown(formula)} has {len(terms)} terms, expected "
-                f"{len(owner.parameters)} as in {owner.text}"
-            )
-        for number, (term, wanted) in enumerate(zip(terms, owner.parameters, strict=True), start=1):
-            if not self._may_fit(term, self._term(term, context), wanted.type_ids):
-                raise TypeMismatchError(
-                    f"{self._role}: term {number} of {shown(formula)} does not fit {owner.text}"
-                )
-
-    def _may_fit(self, term: object, given: TypeIds, wanted: TypeIds) -> bool:
-        """Return whether a term may fit: real domains pass variables of a supertype."""
-        fits = self._definitions.any_fits
-        return fits(given, wanted) or (not isinstance(term, f.Constant) and fits(wanted, given))
-
-    def _term(self, term: object, context: FormulaContext) -> TypeIds:
-        """Check a term with all its subterms; return its types."""
-        if isinstance(term, f.Variable):
-            around = self._scope.get(fold(term.name))
-            if not around:
-                self._fail(f"?{term.name} is neither a parameter nor bound by a quantifier")
-            return around[-1]
-        if isinstance(term, f.Constant):
-            object_ = self._definitions.objects.named(term.name)
-            if object_ is None:
-                self._fail(f"object {term.name!r} is not known; save it first")
-            return object_.type_ids
-        if not isinstance(term, f.Fluent):
-            self._fail(f"{shown(term)} is not a term; give a Variable, a Constant or a Fluent")
-        if context.symbol is Symbol.INITIAL:
-            self._fail(f"{shown(term)} is not an object, as the initial state asks for")
-        function = self._fluent(term, context)
-        if not function.type_ids:
-            self._fail(f"{shown(term)} is a number, not an object")
-        return function.type_ids
-
-    def _assign_object(self, formula: f.Assign, types: TypeIds, context: FormulaContext) -> None:
-        if formula.operator != f.ASSIGNMENTS[0]:
-            self._fail(f"{shown(formula)} counts with a function whose values are objects")
-        if not self._may_fit(formula.value, self._term(formula.value, context), types):
-            raise TypeMismatchError(f"{self._role}: the value in {shown(formula)} does not fit")
-
-
-# By node: what checks it, and the symbols that may have it; without any, the handler checks that.
-_HANDLERS: dict[
-    type, tuple[Callable[[FormulaChecker, Any, FormulaContext], _Parts], tuple[Symbol, ...]]
-] = {
-    f.Atom: (FormulaChecker._atom, (*_HOLDS, Symbol.EFFECT, Symbol.INITIAL)),
-    f.Equal: (FormulaChecker._equal, (*_HOLDS, Symbol.INITIAL)),
-    f.Comparison: (FormulaChecker._comparison, (*_HOLDS, Symbol.DURATION)),
-    f.Not: (FormulaChecker._not, (*_HARD, Symbol.EFFECT, Symbol.INITIAL)),
-    f.And: (FormulaChecker._soft, (*_HARD, *_WITHIN_TIMED, Symbol.EFFECT)),
-    f.Or: (FormulaChecker._hard, _HARD),
-    f.Imply: (FormulaChecker._hard, _HARD),
-    f.Forall: (FormulaChecker._soft, (*_HARD, Symbol.EFFECT, Symbol.TIMED_EFFECT)),
-    f.Exists: (FormulaChecker._hard, _HARD),
-    f.Timed: (FormulaChecker._timed, ()),
-    f.Preference: (FormulaChecker._preference, ()),
-    f.Modal: (FormulaChecker._modal, (Symbol.CONSTRAINT, Symbol.TRAJECTORY)),
-    f.When: (FormulaChecker._when, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
-    f.Assign: (FormulaChecker._assign, (Symbol.EFFECT, Symbol.TIMED_EFFECT)),
-    f.Derived: (FormulaChecker._derived, (Symbol.DERIVED,)),
-    f.TimedLiteral: (FormulaChecker._timed_literal, (Symbol.TIMED,)),
-    f.Metric: (FormulaChecker._metric, (Symbol.METRIC,)),
-}
-
-
 N = TypeVar("N", bound=f.Node)
 Given = TypeVar("Given")
 
-_SYMBOLS = {
-    DERIVED_PREDICATE: Symbol.DERIVED,
-    DOMAIN_CONSTRAINT: Symbol.CONSTRAINT,
-    INITIAL: Symbol.INITIAL,
-    TIMED: Symbol.TIMED,
-    GOAL: Symbol.CONDITION,
-    CONSTRAINT: Symbol.CONSTRAINT,
-    METRIC: Symbol.METRIC,
+# By section, what reads a formula of it.
+_READS: dict[str, Callable[..., Any]] = {
+    DERIVED_PREDICATE: read_derived,
+    DOMAIN_CONSTRAINT: read_constraints,
+    INITIAL: read_initial_literal,
+    TIMED: read_timed_literal,
+    GOAL: read_goal,
+    CONSTRAINT: read_constraints,
+    METRIC: read_metric,
 }
 # What the root of a tree may be, in the sections that do not take any formula.
 _CLASSES: dict[str, tuple[type, ...]] = {
@@ -618,9 +255,36 @@ def read_formulas(definitions: Definitions, section: str) -> list[FormulaDefinit
     return [each for each in definitions.formulas if each.section == section]
 
 
-def check_formula(transaction: Transaction, section: str, node: f.Node) -> None:
-    """Check a formula that is given as a node."""
-    FormulaChecker(transaction, f"the {section} {shown(node)}").check((node,), _SYMBOLS[section])
+def read_given(transaction: Transaction, section: str, given: f.Node | str) -> Any:
+    """Read a formula that is given as text or as a node.
+
+    Raises:
+        PddlError: it has no place in the section, or names what is not known.
+        InvalidKnowledgeError: a node's text says something else than the node.
+    """
+    read = TextReader(transaction).read(_READS[section], given)
+    if isinstance(given, f.Node):
+        refuse_others(given, read)
+    return read
+
+
+def refuse_others(given: f.Node, read: f.Node) -> None:
+    """Refuse a node whose text says something else: a name may have blanks and parentheses."""
+    if _content(given) != _content(read):
+        raise InvalidKnowledgeError(
+            f"the text of {shown(given)} is read as another formula, {shown(read)}; give each "
+            "name, operator and operand as PDDL has it"
+        )
+
+
+def _content(node: f.Node) -> list[object]:
+    """Return what two formulas have in common that say the same, however it is spelled."""
+    bound = [
+        (fold(one.name), [*map(fold, one.types)])
+        for part in f.walk(node)
+        for one in getattr(part, "variables", ())
+    ]
+    return [[*map(type, f.walk(node))], fold(str(node)), bound]
 
 
 def make_formula(transaction: Transaction, section: str, node: f.Node) -> FormulaDefinition:
@@ -647,8 +311,7 @@ def remove_formula(transaction: Transaction, section: str, node: f.Node) -> bool
     """Delete a formula; return whether there was one."""
     try:
         with transaction.scope():
-            check_formula(transaction, section, node)
-            made = make_formula(transaction, section, node)
+            made = make_formula(transaction, section, read_given(transaction, section, node))
             if transaction.definitions.formulas.get(made.id) is None:
                 raise _AbsentError
     except (InvalidKnowledgeError, _AbsentError):
@@ -662,8 +325,6 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
 
     section: ClassVar[str]
     node_classes: tuple[type, ...] = (f.Node,)
-    # Reads such a formula from text.
-    _reads: ClassVar[Callable[..., Any]]
     _items = "an iterable of formulas"
     example: ClassVar[str]
 
@@ -706,20 +367,16 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
 
     def _put_given(self, transaction: Transaction, formula: Any) -> bool:
         """Save a node or a text; return whether that is a change."""
-        node: N = formula
-        if isinstance(formula, str):
-            node = TextReader(transaction).read(self._reads, formula)
-        made = []
-        for part in self._parts(node):
-            if node is formula:
-                check_formula(transaction, self.section, part)
-            made.append(self._put(transaction, part))
+        # A conjunction may be deeper than its parts may be.
+        given: Sequence[Any] = (formula,) if isinstance(formula, str) else self._parts(formula)
+        read = [read_given(transaction, self.section, part) for part in given]
+        made = [self._put(transaction, part) for each in read for part in self._parts(each)]
         return any(made)
 
     def _remove(self, transaction: Transaction, dto: Any) -> bool:
         node: N | None = dto
         if isinstance(dto, str):
-            node = TextReader(transaction).read_stored(self._reads, dto)
+            node = TextReader(transaction).read_stored(_READS[self.section], dto)
         if node is None:
             return False
         gone = [self._remove_part(transaction, part) for part in self._parts(node)]
@@ -751,7 +408,6 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedP
 
     section = DERIVED_PREDICATE
     node_classes = (f.Derived,)
-    _reads = staticmethod(read_derived)
     example = "(:derived (reachable ?p - place) (connected dock ?p))"
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[f.Derived | str]) -> int:
@@ -768,7 +424,6 @@ class SqlTimedInitialLiteralDao(
 
     section = TIMED
     node_classes = (f.TimedLiteral,)
-    _reads = staticmethod(read_timed_literal)
     example = "(at 10 (open door1))"
 
 
@@ -779,7 +434,6 @@ class SqlInitialLiteralDao(
 
     section = INITIAL
     node_classes = (f.Not, f.Equal)
-    _reads = staticmethod(read_initial_literal)
     example = "(not (open door1))"
 
 
@@ -794,7 +448,6 @@ class SqlConstraintDao(_SqlConjunctionDao[f.Formula | str], ConstraintDao):
     """The problem's constraints in an SQL store."""
 
     section = CONSTRAINT
-    _reads = staticmethod(read_constraints)
     example = "(always (not (open door1)))"
 
 
@@ -818,7 +471,6 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
     """Goals of any form in an SQL store; ground atoms among them are propositions."""
 
     section = GOAL
-    _reads = staticmethod(read_goal)
     example = "(robot_at rb1 wp1)"
 
     @override
@@ -898,20 +550,14 @@ class SqlMetricDao(SqlDao, MetricDao):
                 f"{type(metric).__name__}: {shown(metric)}"
             )
 
-        def set_(transaction: Transaction) -> bool:
-            if isinstance(metric, str):
-                return put_metric(transaction, TextReader(transaction).read(read_metric, metric))
-            return put_metric(transaction, metric)
-
-        return self._open_store.write(set_)
+        return self._open_store.write(lambda transaction: put_metric(transaction, metric))
 
 
-def put_metric(transaction: Transaction, metric: f.Metric | None) -> bool:
+def put_metric(transaction: Transaction, metric: f.Metric | str | None) -> bool:
     """Replace the metric; return whether it changed."""
     made = None
     if metric is not None:
-        check_formula(transaction, METRIC, metric)
-        made = make_formula(transaction, METRIC, metric)
+        made = make_formula(transaction, METRIC, read_given(transaction, METRIC, metric))
     changed = False
     for stored in read_formulas(transaction.definitions, METRIC):
         if made is None or stored.id != made.id:

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
-from ..dao.action import check_action
+from ..dao.action import read_parts
 from ..dao.base import batches, identify
 from ..dao.dependants import Scope, delete_scope
-from ..dao.formula import check_formula, read_formula
+from ..dao.formula import read_formula, read_given
 from ..dao.text import TextReader
 from ..dto.elements import atom_text
 from ..dto.lexical import fold
@@ -287,13 +287,13 @@ def _misfits(transaction: Transaction) -> Iterator[str]:
     checks: list[tuple[str, Callable[[], object]]] = []
     for formula in definitions.formulas:
         node = read_formula(definitions, formula)
-        check = partial(check_formula, transaction, formula.section, node)
+        check = partial(read_given, transaction, formula.section, node)
         checks.append((f"{formula.section} {formula.text}", check))
     for action in definitions.actions:
         read = action_of(definitions, action)
         parts = read.duration, read.condition, read.effect
-        own = action.kind, action.name, action.parameters, parts
-        checks.append((f"action {action.name}", partial(check_action, transaction, *own)))
+        own = action.kind, action.name, read.parameters, parts
+        checks.append((f"action {action.name}", partial(read_parts, transaction, *own)))
     for rule in definitions.rules:
         text = str(TreeReader(definitions, rule.constraint).formula())
         again = partial(TextReader(transaction).read, read_rules, text)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 from ..dao.action import action_trees, put_action
 from ..dao.base import batches, identify
 from ..dao.dependants import Scope, delete_scope, function_values_on, propositions_on, retract
-from ..dao.formula import check_formula, is_ground, make_formula, read_formula, read_formulas
+from ..dao.formula import is_ground, make_formula, read_formula, read_formulas, read_given
 from ..dao.interfaces import Progress
 from ..dao.signatures import same_types
 from ..dto.formulas import Atom, Constant, Node, Not, Number, TypedName
@@ -178,7 +178,7 @@ def retract_misfits(transaction: Transaction) -> None:
             if formula.section in d.PROBLEM_SECTIONS:
                 try:
                     node = read_formula(definitions, formula)
-                    check_formula(transaction, formula.section, node)
+                    node = read_given(transaction, formula.section, node)
                     made = make_formula(transaction, formula.section, node)
                     transaction.define("formula", made)
                 except InvalidKnowledgeError:

@@ -497,7 +497,7 @@ class TimedLiteral(Node):
 
     def __str__(self) -> str:
         effect: object = self.effect
-        if isinstance(effect, Assign):
+        if isinstance(effect, Assign) and effect.operator == ASSIGNMENTS[0]:
             effect = f"(= {effect.fluent} {effect.value})"
         return f"(at {self.time} {effect})"
 

@@ -324,7 +324,7 @@ class ActionReader(FormulaReader):
                 parts.append(self._duration())
             self.at += 1
             return f.And(tuple(parts))
-        if time is not None:
+        if time in (f.AT_START, f.AT_END):
             self.at += 3
             formula = self._duration()
             self.expect(")", f"')' after the duration {time}")

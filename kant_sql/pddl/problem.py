@@ -396,9 +396,13 @@ class InitialStateReader(FormulaReader):
         if head == "=":
             value = self._function_value()
             return f.Assign("assign", value.fluent, value.value)
-        if head == "not":
-            return self._negation()
-        return self._ground_atom()
+        if head != "not":
+            return self._ground_atom()
+        start = self.at
+        found = self._negation()
+        if isinstance(found.formula, f.Equal):
+            self.fail("an atom that becomes false", shown(found), start)
+        return found
 
 
 _OPTIMIZATIONS = ("minimize", "maximize")

@@ -129,10 +129,11 @@ def test_each_time_and_negation_is_read_as_it_was_saved(
     fresh_kb: KnowledgeBase, time: str, is_negative: bool
 ) -> None:
     literal = Literal(ROBOT_AT, [R, S], time, is_negative)
-    action = Action("a", [R, S], [literal], [literal])
-    fresh_kb.actions.save(action)
+    # A time, not a period, has effects (PDDL 2.1, section 5).
+    effects = [literal] if time != Literal.OVER_ALL else []
+    fresh_kb.actions.save(Action("a", [R, S], [literal], effects))
     past = present(fresh_kb.at(1).actions.get("a"))
-    assert (past.conditions, past.effects) == ([literal], [literal])
+    assert (past.conditions, past.effects) == ([literal], effects)
 
 
 def test_a_duration_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:
@@ -182,7 +183,7 @@ def test_renaming_a_parameter_is_a_change(fresh_kb: KnowledgeBase) -> None:
         changed(lambda action: action.conditions.clear()),
         changed(lambda action: action.effects.reverse()),
         changed(lambda action: literals(action.effects)[0].set_is_negative(False)),
-        changed(lambda action: literals(action.effects)[0].set_time(Literal.OVER_ALL)),
+        changed(lambda action: literals(action.effects)[0].set_time(Literal.AT_END)),
         changed(lambda action: action.set_duration(10.0)),
         wait(),
     ],
@@ -213,13 +214,15 @@ def test_delete_all_deletes_actions_alone(fresh_kb: KnowledgeBase) -> None:
 # What makes one well formed: times, terms and their types.
 
 
-@pytest.mark.parametrize("time", [None, "at noon", "AT START", "", 5, ["at start"]])
+@pytest.mark.parametrize(
+    "time", [None, "at noon", "AT START", "", 5, ["at start"], Literal.OVER_ALL]
+)
 def test_a_literal_of_a_durative_action_needs_a_time(fresh_kb: KnowledgeBase, time: object) -> None:
     wrong = assigned(Literal(ROBOT_AT, [R, S]), time=time)
     action = Action("go", [R, S], [at_start(R, S)], [at_start(R, S), wrong])
     caught = refuses(fresh_kb, InvalidKnowledgeError, lambda: fresh_kb.actions.save(action))
     assert "effect 2 of action 'go'" in str(caught.value)
-    assert "expected one of 'at start', 'over all', 'at end'" in str(caught.value)
+    assert "expected one of 'at start', 'at end'" in str(caught.value)
 
 
 @pytest.mark.parametrize("time", [Literal.AT_START, "at noon", 0])

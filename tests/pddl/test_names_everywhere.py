@@ -17,7 +17,7 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlError, PddlObjectDto, PddlTypeDto
 from kant_sql.dto.formulas import Atom, Constant
 from kant_sql.dto.lexical import fold, is_name, is_requirement
-from kant_sql.errors import InvalidNameError
+from kant_sql.errors import InvalidKnowledgeError, InvalidNameError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Domain, Problem
 from tests.support.parts import action_dto, function_dto, predicate_dto, type_dto
@@ -235,7 +235,7 @@ def check_refused(names: dict[str, str]) -> None:
     # Titles and requirements are in documents alone.
     saved = {key: names[key] for key in names if KINDS[key] not in IN_DOCUMENTS}
     if not is_right(saved):
-        with kant_sql.connect("sqlite://") as kb, pytest.raises(InvalidNameError):
+        with kant_sql.connect("sqlite://") as kb, pytest.raises(InvalidKnowledgeError):
             save_parts(kb, made.domain, made.problem)
     with pytest.raises(InvalidNameError):  # noqa: PT012
         write(made.domain)

@@ -31,7 +31,7 @@ from kant_sql.errors import ArityError, InvalidNameError, TypeCycleError, TypeMi
 from tests.support.worlds.robots import literals
 
 ROOT = "object"
-TIMES = {"at start", "over all", "at end"}
+TIMES: set[str | None] = {"at start", "over all", "at end"}
 RESERVED = {
     "type": {"either"},
     "predicate": {
@@ -234,16 +234,22 @@ class ModelState:
             type_ = self.refer("type", parameter.type)
             parameters[fold(parameter.name)] = (parameter.name, type_)
         conditions, effects = (
-            tuple([self._literal(each, dto.durative, parameters) for each in literals(part)])
-            for part in (dto.conditions, dto.effects)
+            tuple([self._literal(each, times, parameters) for each in literals(part)])
+            for part, times in (
+                (dto.conditions, TIMES if dto.durative else {None}),
+                (dto.effects, TIMES - {"over all"} if dto.durative else {None}),
+            )
         )
         text = str(duration) if dto.durative else None
         return Action(tuple(parameters.values()), conditions, effects, text)
 
     def _literal(
-        self, dto: PddlConditionEffectDto, durative: bool, parameters: dict[str, tuple[str, str]]
+        self,
+        dto: PddlConditionEffectDto,
+        times: Collection[str | None],
+        parameters: dict[str, tuple[str, str]],
     ) -> Literal:
-        if dto.time not in (TIMES if durative else {None}):
+        if dto.time not in times:
             raise InvalidKnowledgeError
         predicate = self.refer("predicate", dto.predicate)
         wanted = self.held["predicate"][predicate]

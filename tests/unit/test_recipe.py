@@ -33,7 +33,6 @@ BEYOND = {
     "aio.py": "the awaitable DAO has its type",
     "cli/state.py": "the command that sets a value",
     "dao/base.py": "a result of values builds the DTOs of their functions",
-    "dao/formula.py": "formulas apply functions",
     "dao/function_value.py": "functions have values",
     "dao/proposition.py": "arguments of fluents and of facts are checked alike",
     "documents/build.py": "a domain lists functions",
