@@ -9,7 +9,6 @@ import shlex
 import shutil
 import sys
 import time
-import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -32,7 +31,6 @@ WAYS_OUT = (
 )
 ENGINES_VARIABLE = "KANT_SQL_ENGINES"
 _COMMAND = re.compile(r"\s*(?P<name>[^\s:{}]+):\s+(?P<line>\S.*)", re.DOTALL)
-_FIELDS = ("domain", "problem", "plan")
 _NO_PLAN = re.compile(r"unsolvable|no solution|no plan|not solvable", re.IGNORECASE)
 _NUMBERED = re.compile(r"(?:sas_)?plan(?:\.(\d+))?|.*\.soln")
 # The exit codes of Fast Downward, https://www.fast-downward.org/ExitCodes.
@@ -130,7 +128,9 @@ def _parsed(name: str | None, line: str, given: str) -> Command:
         raise InvalidArgumentError(
             f"engine {printable(given)!r} is not a command line: {error}; quote as in a shell"
         ) from error
-    missing = [one for one in _FIELDS[:2] if not any(f"{{{one}}}" in word for word in words)]
+    missing = [
+        one for one in ("domain", "problem") if not any(f"{{{one}}}" in word for word in words)
+    ]
     if missing:
         raise InvalidArgumentError(
             f"engine {printable(given)!r} does not say where the planner takes the {missing[0]}; "
@@ -153,6 +153,8 @@ def configured() -> dict[str, str]:
     path = engines_file()
     if not path.exists() and ENGINES_VARIABLE not in os.environ:
         return {}
+    import tomllib
+
     try:
         given = tomllib.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
@@ -225,13 +227,7 @@ def _fits(domain: Domain, problem: Problem, engine: str) -> bool:
 
 
 def ask(
-    command: Command,
-    domain: Domain,
-    problem: Problem,
-    process: PlannerProcess,
-    folder: str,
-    until: float,
-    memory: int | None = None,
+    command: Command, domain: Domain, problem: Problem, process: PlannerProcess, until: float
 ) -> Iterator[Plan]:
     """Run a planner, and yield what it answers, the best (the last) first.
 
@@ -239,13 +235,14 @@ def ask(
         NoPlanError: it answers nothing; `status` is the reason.
         PlannerMissingError: the program is not there.
     """
-    paths = {name: str(Path(folder, f"{name}.pddl")) for name in _FIELDS[:2]}
-    paths["plan"] = str(Path(folder, "plan"))
-    Path(paths["domain"]).write_text(write(domain), "utf-8")
-    Path(paths["problem"]).write_text(write(problem), "utf-8")
-    ended = process.run([*_filled(command, paths)], folder, until, memory)
+    paths = {"plan": str(Path(process.folder, "plan"))}
+    for name, document in (("domain", domain), ("problem", problem)):
+        path = Path(process.folder, f"{name}.pddl")
+        path.write_text(write(document), "utf-8")
+        paths[name] = str(path)
+    ended = process.run([*_filled(command, paths)], until)
     found = None
-    for text in _answers(ended, folder):
+    for text in _answers(ended, process.folder):
         with suppress(KantSqlError):
             found = Plan.read(f"{text}\n")
             if found.steps or not ended.code:
@@ -262,9 +259,7 @@ def ask_directly(
     improving: float,
     failures: dict[str, str],
     process: PlannerProcess,
-    folder: str,
     until: float,
-    memory: int | None = None,
 ) -> Iterator[Plan]:
     """Ask an engine as `ask` does; yield nothing where none reads the documents as they are.
 
@@ -273,7 +268,6 @@ def ask_directly(
         improving: the seconds in which to look for better plans.
         failures: the statuses of engines, to which that of this one is added.
     """
-    given = domain, problem, process, folder
     engines = [engine or FAST_DOWNWARD]
     anytime = improving and engine in {None, FAST_DOWNWARD, OPTIMAL_DOWNWARD}
     if not (engine or improving):
@@ -284,7 +278,7 @@ def ask_directly(
             return
         end = min(until, time.monotonic() + improving) if improves else until
         try:
-            yield from ask(command, *given, end, memory)
+            yield from ask(command, domain, problem, process, end)
             return
         except NoPlanError as error:
             if not improves or error.status != "timeout":

@@ -10,7 +10,6 @@ import os
 import resource
 import select
 import signal
-import subprocess
 import sys
 
 SUBREAPER = 36  # prctl: on Linux, orphans below this process become its children.
@@ -101,6 +100,8 @@ def descendants() -> "list[int]":
 def processes() -> "list[tuple[int, int]]":
     """Return all processes, each with its parent."""
     if not os.path.exists("/proc/self/stat"):
+        import subprocess  # It takes long.
+
         listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, check=False)
         return [(int(pid), int(up)) for pid, up in map(bytes.split, listed.stdout.splitlines())]
     found = []

@@ -162,35 +162,35 @@ class Plan:
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TIME = rf"(?:(?P<start>{_NUMBER})\s*:\s*)?"
 _DURATION = rf"(?:\[\s*(?P<duration>{_NUMBER})\s*\]\s*)?"
-_STEP = re.compile(rf"{_TIME}\(\s*(?P<words>[^()]*?)\s*\)\s*{_DURATION}")
-_CALL = re.compile(rf"{_TIME}(?P<name>[^\s()\[\],]+)(?:\((?P<arguments>[^()]*)\))?\s*{_DURATION}")
+# Texts, which are compiled when a plan is read: planners' processes read none.
+_STEP = rf"{_TIME}\(\s*(?P<words>[^()]*?)\s*\)\s*{_DURATION}"
+_CALL = rf"{_TIME}(?P<name>[^\s()\[\],]+)(?:\((?P<arguments>[^()]*)\))?\s*{_DURATION}"
 # A line that is meant to be a step, however it goes on.
-_BEGINS_STEP = re.compile(rf"\(|{_NUMBER}\s*:")
-_FD_STEP = re.compile(r"(?P<words>[^()]+?)\s*\(\d+\)")
-_FD_TIME = re.compile(r"^\[t=[^\]]*\]\s*")
-_COST = re.compile(rf";\s*cost\s*=\s*(?P<value>{_NUMBER})\s*\((?P<kind>\w+) cost\)", re.IGNORECASE)
-_FD_COST = re.compile(rf"Plan cost: (?P<value>{_NUMBER})$")
-_METRIC = re.compile(
-    rf"(?:;\s*(?:Plan found with metric|Cost:)|Metric \(Search\):)\s*(?P<value>{_NUMBER})$",
-    re.IGNORECASE,
+_BEGINS_STEP = rf"\(|{_NUMBER}\s*:"
+_FD_STEP = r"(?P<words>[^()]+?)\s*\(\d+\)"
+_FD_TIME = r"^\[t=[^\]]*\]\s*"
+_COST = rf"(?i);\s*cost\s*=\s*(?P<value>{_NUMBER})\s*\((?P<kind>\w+) cost\)"
+_FD_COST = rf"Plan cost: (?P<value>{_NUMBER})$"
+_METRIC = (
+    rf"(?i)(?:;\s*(?:Plan found with metric|Cost:)|Metric \(Search\):)\s*(?P<value>{_NUMBER})$"
 )
-_OURS = re.compile(r";\s*(?P<status>solved_[a-z]+)(?: by (?P<engine>\S.*))?$")
+_OURS = r";\s*(?P<status>solved_[a-z]+)(?: by (?P<engine>\S.*))?$"
 # The lines after which a log has the steps of a plan; those of POPF may follow its progress.
-_HEADS = re.compile(
-    r";\s*Plan found with metric|;;;;\s*Solution Found|(?:Found new|Rescheduled|Found|new) plan:$",
-    re.IGNORECASE,
+_HEADS = (
+    r"(?i);\s*Plan found with metric|;;;;\s*Solution Found"
+    r"|(?:Found new|Rescheduled|Found|new) plan:$"
 )
 # ENHSP passes the time of processes so.
 _WAITING = "-----waiting----"
 _UP_HEADS = ("SequentialPlan:", "TimeTriggeredPlan:")
 _FAST_DOWNWARD = "fast-downward"
-_TEXT = re.compile(rf"\ufeff?\s*(?:[(;]|{_NUMBER}\s*:|\Z)|[^\r\n\0]*[\r\n\0]|{'|'.join(_UP_HEADS)}")
+_TEXT = rf"\ufeff?\s*(?:[(;]|{_NUMBER}\s*:|\Z)|[^\r\n\0]*[\r\n\0]|{'|'.join(_UP_HEADS)}"
 
 
 def _read_plan(source: str | os.PathLike[str]) -> Plan:
     expected = "a path, or a plan's text"
     expect(source, (str, os.PathLike), "a plan", InvalidArgumentError, expected)
-    if isinstance(source, str) and _TEXT.match(source):
+    if isinstance(source, str) and re.match(_TEXT, source):
         return _Reader(STRING, source).read()
     try:
         name = os.fsdecode(source)
@@ -229,7 +229,7 @@ class _Reader:
             steps = [self._call(line) for line in lines[1:] if line.code]
         elif any("Solution found!" in line.text for line in lines):
             steps = list(self._of_fast_downward())
-        elif any(_HEADS.search(line.text) for line in lines):
+        elif any(re.search(_HEADS, line.text) for line in lines):
             steps = list(self._of_log())
         else:
             steps = list(self._of_file(lines))
@@ -244,14 +244,14 @@ class _Reader:
 
     def _of_log(self) -> Iterator[PlanStep]:
         """Read the last plan of a log: planners that go on find better ones."""
-        heads = [at for at, line in enumerate(self._lines) if _HEADS.search(line.text)]
+        heads = [at for at, line in enumerate(self._lines) if re.search(_HEADS, line.text)]
         for line in self._lines[heads[-1] :]:
             self._comment(line.text)
         found = False
         for line in self._lines[heads[-1] + 1 :]:
             if _WAITING in line.code:
                 continue
-            if line.code and _BEGINS_STEP.match(line.code):
+            if line.code and re.match(_BEGINS_STEP, line.code):
                 found = True
                 yield self._step(line)
             elif found and not line.text.startswith(";"):
@@ -263,11 +263,11 @@ class _Reader:
         self._engine = _FAST_DOWNWARD
         rest = iter(self._lines[heads[-1] + 1 :])
         for line in rest:
-            text = _FD_TIME.sub("", line.text)
+            text = re.sub(_FD_TIME, "", line.text)
             if text.startswith("Plan length:"):
                 break
             if text and not text.startswith("Actual search time:"):
-                match = _FD_STEP.fullmatch(text)
+                match = re.fullmatch(_FD_STEP, text)
                 if match is None:
                     self._refuse(line, 0, "a step as 'move a b (1)'")
                 yield self._made(line, None, match["words"].split(), None)
@@ -275,24 +275,24 @@ class _Reader:
             at = self._lines[-1]
             self._refuse(at, 0, "the line 'Plan length:' of Fast Downward", "the end of the text")
         for line in rest:
-            if cost := _FD_COST.fullmatch(_FD_TIME.sub("", line.text)):
+            if cost := re.fullmatch(_FD_COST, re.sub(_FD_TIME, "", line.text)):
                 self._value = Decimal(cost["value"])
                 return
 
     def _comment(self, text: str) -> None:
-        if ours := _OURS.fullmatch(text):
+        if ours := re.fullmatch(_OURS, text):
             self._engine = ours["engine"] or ""
             self._status = OPTIMAL if ours["status"] == OPTIMAL else SATISFICING
-        elif cost := _COST.fullmatch(text):
+        elif cost := re.fullmatch(_COST, text):
             self._engine = _FAST_DOWNWARD
             if cost["kind"].lower() == "general":
                 # A unit cost is the number of steps, whatever the metric.
                 self._value = Decimal(cost["value"])
-        elif metric := _METRIC.search(text):
+        elif metric := re.search(_METRIC, text):
             self._value = Decimal(metric["value"])
 
     def _step(self, line: _Line) -> PlanStep:
-        match = _STEP.match(line.code)
+        match = re.match(_STEP, line.code)
         expected = "a step as '(move a b)' or '0.001: (move a b) [5]'"
         if match is None:
             self._refuse(line, 0, expected)
@@ -306,7 +306,7 @@ class _Reader:
         return self._made(line, match["start"], words, match["duration"])
 
     def _call(self, line: _Line) -> PlanStep:
-        match = _CALL.fullmatch(line.code)
+        match = re.fullmatch(_CALL, line.code)
         if match is None:
             self._refuse(line, 0, "a step as 'move(a, b)' or '0.0: move(a, b) [5.0]'")
         arguments = match["arguments"]

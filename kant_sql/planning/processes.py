@@ -51,31 +51,30 @@ class Ended(NamedTuple):
 
 
 class PlannerProcess:
-    """Runs a planner's programs one after the other; `end` ends them, from any thread."""
+    """Runs a planner's programs one after the other; `end` ends them, from any thread.
 
-    def __init__(self) -> None:
+    Attributes:
+        folder: where they run, and have their temporary files.
+        memory: the most bytes of each; 0 is no limit.
+    """
+
+    def __init__(self, folder: str = "", memory: int = 0) -> None:
+        self.folder, self.memory = folder, memory
         self.is_ended = False
         self._guard = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
 
-    def run(
-        self, words: Sequence[str], folder: str, until: float, memory: int | None = None
-    ) -> Ended:
-        """Run a program in a folder, where its temporary files are, too.
-
-        Args:
-            until: the moment of the monotonic clock at which it is ended.
-            memory: its most bytes.
-        """
+    def run(self, words: Sequence[str], until: float) -> Ended:
+        """Run a program until a moment of the monotonic clock at which it is ended."""
         path = os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
         with self._guard:
             if self.is_ended:
                 return Ended(0, "", "timeout")
             # It ends with its standard input, so it does not outlive a killed caller.
             self._process = process = subprocess.Popen(
-                [sys.executable, "-IS", str(GUARD), str(memory or 0), *words],
-                cwd=folder,
-                env={**os.environ, "PYTHONPATH": path, "TMPDIR": folder},
+                [sys.executable, "-IS", str(GUARD), str(self.memory), *words],
+                cwd=self.folder,
+                env={**os.environ, "PYTHONPATH": path, "TMPDIR": self.folder},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import contextvars
-import importlib
-import importlib.util
 import logging
 import pickle
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from ..arguments import expect, flag, iterate, one_of, optional_text, seconds, whole_number
 from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMissingError, printable
@@ -27,112 +25,7 @@ from .names import require_unified_planning
 from .plan import EngineRun, Plan
 from .processes import PlannerProcess
 
-if TYPE_CHECKING:
-    from unified_planning.environment import Environment
-
 logger = logging.getLogger("kant_sql.planning")
-
-_TEMPORAL, _NUMERIC = ("aries", "tamer", "lpg"), ("enhsp", "tamer", "aries")
-_LOGICAL = ("fast-downward", "enhsp")
-# Engines that unified-planning lists for features; an engine that is installed is asked itself.
-_KNOWN_FOR: Mapping[str, tuple[str, ...]] = {
-    "CONTINUOUS_TIME": _TEMPORAL,
-    "DURATION_INEQUALITIES": ("aries", "tamer"),
-    "INTERMEDIATE_CONDITIONS_AND_EFFECTS": ("aries", "tamer"),
-    "TIMED_EFFECTS": ("aries", "tamer"),
-    "TIMED_GOALS": ("aries", "tamer"),
-    "NUMERIC_FLUENTS": _NUMERIC,
-    "REAL_FLUENTS": _NUMERIC,
-    "INT_FLUENTS": _NUMERIC,
-    "SIMPLE_NUMERIC_PLANNING": _NUMERIC,
-    "GENERAL_NUMERIC_PLANNING": ("enhsp", "tamer"),
-    "INCREASE_EFFECTS": _NUMERIC,
-    "DECREASE_EFFECTS": _NUMERIC,
-    "PROCESSES": ("enhsp",),
-    "EVENTS": ("enhsp",),
-    "INCREASE_CONTINUOUS_EFFECTS": ("enhsp",),
-    "DECREASE_CONTINUOUS_EFFECTS": ("enhsp",),
-    "OBJECT_FLUENTS": ("aries", "tamer"),
-    "ACTIONS_COST": ("fast-downward-opt", "enhsp"),
-    "CONDITIONAL_EFFECTS": _LOGICAL,
-    "DISJUNCTIVE_CONDITIONS": _LOGICAL,
-    "EXISTENTIAL_CONDITIONS": _LOGICAL,
-    "UNIVERSAL_CONDITIONS": _LOGICAL,
-    "NEGATIVE_CONDITIONS": _LOGICAL,
-}
-
-
-def packages() -> Mapping[str, str]:
-    """Return the package of PyPI of each engine that unified-planning knows."""
-    from unified_planning.engines.factory import DEFAULT_ENGINES
-
-    modules = {name: module.split(".")[0] for name, (module, _) in DEFAULT_ENGINES.items()}
-    return {
-        name: module.replace("_", "-")
-        for name, module in modules.items()
-        if module.startswith("up_")
-    }
-
-
-def import_fault(engine: str) -> str | None:
-    """Return why an engine whose package is installed cannot be imported; None without one."""
-    from unified_planning.engines.factory import DEFAULT_ENGINES
-
-    module, name = DEFAULT_ENGINES.get(engine, ("", ""))
-    if not module or importlib.util.find_spec(module.split(".")[0]) is None:
-        return None
-    try:
-        getattr(importlib.import_module(module), name)
-    except Exception as error:  # a package may fail in any way
-        return f"{type(error).__name__}: {error}"
-    return None
-
-
-def absent(engine: str, planners: Iterable[str]) -> str:
-    """Say why an engine that was asked for is not there."""
-    fault = import_fault(engine)
-    others = f"or choose one of {', '.join(planners)}"
-    package = packages().get(engine)
-    if fault is not None:
-        return (
-            f"engine {engine} is installed, but cannot be imported ({fault}); repair its package "
-            f"{package}, {others}"
-        )
-    how = "install it" if package is None else f"run pip install {package}"
-    return f"engine {engine} is not installed; {how}, {others}"
-
-
-def unsupported(
-    missing: Mapping[str, Collection[str]], suitable: Collection[str], environment: Environment
-) -> str:
-    """Say what the engines that were asked do not know, and which others would know it.
-
-    Args:
-        missing: the features that each engine lacks.
-        suitable: engines that are installed and support the problem.
-        environment: has the engines that are installed.
-    """
-    said = [
-        f"{name} does not know {', '.join(sorted(features)).lower()}"
-        for name, features in missing.items()
-    ]
-    features = {feature for found in missing.values() for feature in found}
-    known = dict.fromkeys(
-        engine for feature in sorted(features) for engine in _KNOWN_FOR.get(feature, ())
-    )
-    if suitable:
-        said.append(f"{', '.join(suitable)} would do; choose it, or no engine")
-    for engine in known:
-        if engine in environment.factory.engines or engine in missing:
-            continue
-        fault = import_fault(engine)
-        how = f"pip install {packages().get(engine)}"
-        if fault is None:
-            own = [one for one in sorted(features) if engine in _KNOWN_FOR.get(one, ())]
-            said.append(f"{engine} knows {', '.join(own).lower()}: {how}")
-        else:
-            said.append(f"{engine} is installed, but cannot be imported ({fault})")
-    return "; ".join(said) or "install one"
 
 
 class Task(NamedTuple):
@@ -235,11 +128,12 @@ def solve(
             raise InvalidArgumentError("engines is empty; name at least one, or leave it out")
     is_best = keep == "best"
     attempts = [
-        Attempt(Task(domain, problem, one, timeout, strict, is_costed or is_best), judge, longest)
+        Attempt(
+            Task(domain, problem, one, timeout, strict, is_costed or is_best),
+            *(judge, longest, (memory or 0) << 20, is_best),
+        )
         for one in asked
     ]
-    for attempt in attempts:
-        attempt.memory, attempt.is_best = (memory or 0) << 20, is_best
     found = _race(attempts, is_best)
     if found.ignored:
         ignored = printable("; ".join(found.ignored))
@@ -260,11 +154,12 @@ def check_documents(domain: Domain, problem: Problem) -> None:
 class Attempt:
     """An engine that is asked, in processes and a thread of its own."""
 
-    def __init__(self, task: Task, judge: Judge, longest: float) -> None:
-        self._task, self._judge, self._longest = task, judge, longest
+    def __init__(
+        self, task: Task, judge: Judge, longest: float, memory: int, is_best: bool
+    ) -> None:
+        self._task, self._judge, self._longest, self._is_best = task, judge, longest, is_best
         self._started = time.monotonic()
-        self.process = PlannerProcess()
-        self.memory, self.is_best = 0, False
+        self.process = PlannerProcess(memory=memory)
         self.plan: Plan | None = None
         self.error: Exception | None = None
         self.cost: Decimal | None = None
@@ -276,8 +171,8 @@ class Attempt:
         try:
             with tempfile.TemporaryDirectory(
                 prefix="kant-sql-plan-", ignore_cleanup_errors=True
-            ) as folder:
-                self._keep_first_valid(self._answers(folder))
+            ) as self.process.folder:
+                self._keep_first_valid(self._answers())
         except Exception as error:  # The thread that waits raises it.
             self._is_stopped = self.process.is_ended
             self._said = str(error).removesuffix(f"; {WAYS_OUT}")
@@ -315,44 +210,37 @@ class Attempt:
                 raise
         raise NoPlanError(f"{refused}; {WAYS_OUT}", INVALID)
 
-    def _answers(self, folder: str) -> Iterator[Plan]:
+    def _answers(self) -> Iterator[Plan]:
         """Yield the plans of the engine, the best first."""
-        task, until = self._task, self._started + self._longest
-        documents = task.domain, task.problem
-        command = None if task.engine is None else find_command(task.engine)
+        task, engine, until = self._task, self._task.engine, self._started + self._longest
+        command = None if engine is None else find_command(engine)
         if command is not None:
-            yield from ask(command, *documents, self.process, folder, until, self.memory)
+            yield from ask(command, task.domain, task.problem, self.process, until)
             return
         improving = min(IMPROVING_SECONDS, self._longest / 2) if task.is_costed else 0
-        if self.is_best:
+        if self._is_best:
             improving = self._longest
         try:
             found = ask_directly(
-                *documents,
-                task.engine,
-                improving,
-                self._failures,
-                self.process,
-                folder,
-                until,
-                self.memory,
+                task.domain, task.problem, engine, improving, self._failures, self.process, until
             )
             first = next(found, None)
         except NoPlanError as error:
-            if error.status in FINAL or (task.engine and error.status not in MISREAD):
+            if error.status in FINAL or (engine and error.status not in MISREAD):
                 raise
             first = None
         if first is not None:
             yield first
             yield from found
-        while first is None or task.engine is None:
-            first = self._by_unified_planning(folder)
+        while first is None or engine is None:
+            first = self._by_unified_planning()
             if self._failures.get(first.engine) == INVALID:
                 return
             yield first
 
-    def _by_unified_planning(self, folder: str) -> Plan:
+    def _by_unified_planning(self) -> Plan:
         require_unified_planning()
+        folder = self.process.folder
         task, result = Path(folder, "task"), Path(folder, "result")
         left = self._started + self._longest - time.monotonic()
         longest = None if left == float("inf") else max(left, 0.0)
@@ -360,7 +248,7 @@ class Attempt:
         task.write_bytes(pickle.dumps(asked))
         result.unlink(missing_ok=True)
         words = [sys.executable, "-m", f"{__package__}.worker", folder]
-        ended = self.process.run(words, folder, time.monotonic() + left, self.memory)
+        ended = self.process.run(words, time.monotonic() + left)
         if not result.exists():
             status = ended.status or "internal_error"
             raise NoPlanError(f"the planner's process ended early: {ended.reason}", status)

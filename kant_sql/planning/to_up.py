@@ -102,7 +102,7 @@ class UpConversion:
         for parameter in parameters:
             type_ = context.types.widest(parameter.types)
             made = Parameter(scope.fresh(parameter.name), type_, context.environment)
-            scope = Bindings({}, scope.names | {made.name})
+            scope = Bindings({}, scope.names | {fold(made.name)})
             signature.append(made)
         fluent = Fluent(context.names.of(category, name), value, signature, context.environment)
         context.fluents[category, fold(name)] = context.problem.add_fluent(fluent)

@@ -382,12 +382,9 @@ class UpActions(UpConverter):
     def _interval(self, time: str) -> object:
         from unified_planning import model
 
-        start, end = model.StartTiming(), model.EndTiming()
-        if time == f.AT_START:
-            return model.TimePointInterval(start)
-        if time == f.AT_END:
-            return model.TimePointInterval(end)
-        return model.OpenTimeInterval(start, end)
+        if point := self._point(time):
+            return model.TimePointInterval(point)
+        return model.OpenTimeInterval(model.StartTiming(), model.EndTiming())
 
     def _effect(self, action: Action, made: Transition, effect: SingleEffect) -> None:
         if is_continuous(effect):
@@ -410,7 +407,12 @@ class UpActions(UpConverter):
             if operator == "assign":
                 raise self._unsupported(change, "it occurs more than once")
             value = self._manager.Times(repeats, value)
-        timing = [self._timing(effect)] if action.kind == DURATIVE_ACTION else []
+        timing = []
+        if action.kind == DURATIVE_ACTION:
+            timing = [self._point(effect.time)]
+            if timing == [None]:
+                reason = "an effect of a durative action is at start or at end"
+                raise self._unsupported(change, reason)
         add = {
             "assign": made.add_effect,
             "increase": made.add_increase_effect,
@@ -418,15 +420,11 @@ class UpActions(UpConverter):
         }[operator]
         add(*timing, target, value, condition, effect.variables)
 
-    def _timing(self, effect: SingleEffect) -> Timing:
+    def _point(self, time: str | None) -> Timing | None:
         from unified_planning import model
 
-        if effect.time == f.AT_START:
-            return model.StartTiming()
-        if effect.time == f.AT_END:
-            return model.EndTiming()
-        reason = "an effect of a durative action is at start or at end"
-        raise self._unsupported(effect.change, reason)
+        kinds = {f.AT_START: model.StartTiming, f.AT_END: model.EndTiming}
+        return kinds[time]() if time in kinds else None
 
     def _cost(self, made: Transition, effect: SingleEffect) -> None:
         cost = self._effects.number(effect)

@@ -109,24 +109,21 @@ class Bindings:
 
     # The value of each variable, by folded name.
     bound: dict[str, FNode] = field(default_factory=dict)
-    # The names of unified-planning's parameters and variables in scope.
+    # The folded names of unified-planning's parameters and variables in scope.
     names: frozenset[str] = frozenset()
 
     def fresh(self, name: str) -> str:
         """Return a name that hides no variable in scope."""
-        candidate, number = name, 2
-        while candidate in self.names:
-            candidate, number = f"{name}_{number}", number + 1
-        return candidate
+        return n.unused_name(name, self.names)
 
     def bind(self, name: str, node: FNode) -> Bindings:
         """Bind a variable to a value."""
-        taken = set(self.names)
+        taken = self.names
         if node.is_parameter_exp():
-            taken.add(node.parameter().name)
+            taken |= {fold(node.parameter().name)}
         elif node.is_variable_exp():
-            taken.add(node.variable().name)
-        return Bindings({**self.bound, fold(name): node}, frozenset(taken))
+            taken |= {fold(node.variable().name)}
+        return Bindings({**self.bound, fold(name): node}, taken)
 
 
 @dataclass

@@ -13,14 +13,14 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..dto.formulas import Arithmetic, Assign, ContinuousTime, Node, Number, walk
 from ..dto.lexical import fold
@@ -31,7 +31,7 @@ from .commands import INVARIANTS, MISREAD, WAYS_OUT, ask_directly
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 from .plan import OPTIMAL, SATISFICING, Plan, PlanStep
 from .processes import PlannerProcess
-from .solving import IMPROVING_SECONDS, Task, absent, unsupported
+from .solving import IMPROVING_SECONDS, Task
 from .to_up import convert, convert_whole
 
 if TYPE_CHECKING:
@@ -44,8 +44,16 @@ if TYPE_CHECKING:
     from .names import UpNames
 
 
-def engine_parameters(name: str) -> dict[str, str]:
-    """Return the parameters for creating an engine of unified-planning."""
+def engine_parameters(name: str, improving: float | None = None) -> dict[str, object]:
+    """Return the parameters for creating an engine of unified-planning.
+
+    Args:
+        improving: the seconds in which it improves its plan.
+    """
+    if improving is not None and name == "fast-downward":
+        return {"fast_downward_translate_options": [*INVARIANTS]}
+    if improving is not None and name == "enhsp-any":
+        return {"params": f"-h hadd -s gbfs -timeout {max(1, round(improving))}"}
     if name != "aries":
         return {}
     from up_aries.solver import _find_executable
@@ -58,60 +66,53 @@ def engine_parameters(name: str) -> dict[str, str]:
     return {"executable": str(link)}
 
 
-def limited(name: str, longest: float) -> tuple[dict[str, object], float | None]:
-    """Return the parameters of an engine that improves its plan for some seconds, and its timeout.
-
-    ENHSP watches the time itself, to print its last plan.
-    """
-    whole = max(1, round(longest))
-    if name == "fast-downward":
-        return {**_INVARIANTS}, longest
-    if name == "enhsp-any":
-        return {"params": f"-h hadd -s gbfs -timeout {whole}"}, None
-    return {**engine_parameters(name)}, longest
-
-
-_INVARIANTS = {"fast_downward_translate_options": [*INVARIANTS]}
-TEMPORAL = ("aries", "enhsp")
-NUMERIC = ("enhsp", "aries")
-CLASSICAL = ("fast-downward", "pyperplan", "enhsp", "aries")
 PREFERRED_GOALS = ("oversubscription[fast-downward]", "oversubscription[enhsp]")
 # These engines solve the problem once for each subset of the goals.
 MOST_PREFERRED_GOALS = 5
-# The engines that improve their plans, in place of others.
-ANYTIME = {"enhsp": "enhsp-any"}
 # Features that engines claim to support. Fast Downward makes axioms of quantifiers, which its
 # heuristic LM-cut does not know. Aries wants the costs of actions as constants.
 OVERSTATED = {
     "fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"},
     "aries": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
 }
-# The compilations that remove features, in the order of trial.
-REMOVALS = (
-    ("TRAJECTORY_CONSTRAINTS_REMOVING", {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"}),
-    ("USERTYPE_FLUENTS_REMOVING", {"OBJECT_FLUENTS"}),
-    (
-        "QUANTIFIERS_REMOVING",
-        {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS", "FORALL_EFFECTS"},
-    ),
-    ("CONDITIONAL_EFFECTS_REMOVING", {"CONDITIONAL_EFFECTS"}),
-    ("DISJUNCTIVE_CONDITIONS_REMOVING", {"DISJUNCTIVE_CONDITIONS"}),
-    ("NEGATIVE_CONDITIONS_REMOVING", {"NEGATIVE_CONDITIONS"}),
-    ("GROUNDING", {"STATIC_FLUENTS_IN_ACTIONS_COST"}),
-)
-
-
+_LOGIC = {"CONDITIONAL_EFFECTS", "NEGATIVE_CONDITIONS", "DISJUNCTIVE_CONDITIONS"}
+_QUANTIFIERS = {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"}
+_NUMBERS = {"NUMERIC_FLUENTS", "REAL_FLUENTS", "INT_FLUENTS", "SIMPLE_NUMERIC_PLANNING"}
+_NUMBERS |= {"INCREASE_EFFECTS", "DECREASE_EFFECTS"}
+_TIME = {"CONTINUOUS_TIME", "DURATION_INEQUALITIES", "INTERMEDIATE_CONDITIONS_AND_EFFECTS"}
+_TIME |= {"TIMED_EFFECTS", "TIMED_GOALS"}
+_PROCESSES = {"PROCESSES", "EVENTS", "INCREASE_CONTINUOUS_EFFECTS", "DECREASE_CONTINUOUS_EFFECTS"}
+# Features that engines know which may be absent; an engine that is installed is asked itself.
+KNOWN = {
+    "aries": _TIME | _NUMBERS | {"OBJECT_FLUENTS"},
+    "enhsp": _LOGIC | _QUANTIFIERS | _NUMBERS | _PROCESSES,
+    "fast-downward": _LOGIC | _QUANTIFIERS,
+    "fast-downward-opt": {"ACTIONS_COST"},
+    "lpg": {"CONTINUOUS_TIME"},
+    "tamer": _TIME | _NUMBERS | {"OBJECT_FLUENTS", "GENERAL_NUMERIC_PLANNING"},
+}
+KNOWN["enhsp"] |= {"GENERAL_NUMERIC_PLANNING", "ACTIONS_COST"}
+# The features that compilers remove, in the order of trial.
+REMOVALS = {
+    "up_trajectory_constraints_remover": {"TRAJECTORY_CONSTRAINTS", "STATE_INVARIANTS"},
+    "up_usertype_fluents_remover": {"OBJECT_FLUENTS"},
+    "up_quantifiers_remover": _QUANTIFIERS | {"FORALL_EFFECTS"},
+    "up_conditional_effects_remover": {"CONDITIONAL_EFFECTS"},
+    "up_disjunctive_conditions_remover": {"DISJUNCTIVE_CONDITIONS"},
+    "up_negative_conditions_remover": {"NEGATIVE_CONDITIONS"},
+    "fast-downward-reachability-grounder": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
+    "up_grounder": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
+}
 # What a compilation keeps as it is, though compilers do not list it.
 _UNTOUCHED = {"UNDEFINED_INITIAL_NUMERIC"}
 
 
-@dataclass(frozen=True)
-class EngineProblem:
+class EngineProblem(NamedTuple):
     """A problem as an engine receives it."""
 
     problem: UpProblem
     # Maps its actions back to the original ones, last compilation first.
-    back: tuple[Callable[[ActionInstance], ActionInstance | None], ...] = field(default=())
+    back: tuple[Callable[[ActionInstance], ActionInstance | None], ...] = ()
 
 
 def candidates(problem: UpProblem, improves: bool = False) -> tuple[str, ...]:
@@ -121,41 +122,121 @@ def candidates(problem: UpProblem, improves: bool = False) -> tuple[str, ...]:
         goals = sum(len(metric.goals) for metric in problem.quality_metrics)
         return PREFERRED_GOALS if goals <= MOST_PREFERRED_GOALS else ()
     if kind.has_continuous_time():
-        return TEMPORAL
-    found: tuple[str, ...] = CLASSICAL
+        return "aries", "enhsp"
+    numeric = "enhsp-any" if improves else "enhsp"
     if kind.has_real_fluents() or kind.has_int_fluents() or kind.has_processes():
-        found = NUMERIC
-    return tuple(ANYTIME.get(name, name) for name in found) if improves else found
+        return numeric, "aries"
+    return "fast-downward", "pyperplan", numeric, "aries"
 
 
-def form_for(
-    form: EngineProblem, engine: str, environment: Environment, most_effects: int = MOST_EFFECTS
-) -> EngineProblem | None:
-    """Compile a problem until an engine supports it; None if that is impossible."""
-    from unified_planning.engines import CompilationKind
-    from unified_planning.exceptions import UPException
-    from unified_planning.model import ProblemKind
+class Engines:
+    """The engines of unified-planning; each is imported when it is needed: all take long."""
 
-    for name, features in REMOVALS:
-        missing = missing_features(form.problem, engine, environment)
-        if not missing:
-            return form
-        if not missing & features:
-            continue
-        if "CONDITIONAL_EFFECTS" in features and conditional_effects(form.problem) > most_effects:
-            return None
-        kind = form.problem.kind
+    def __init__(self) -> None:
+        from unified_planning.engines.factory import DEFAULT_ENGINES, DEFAULT_META_ENGINES
+        from unified_planning.environment import get_environment
+
+        self._known, self._metas = {**DEFAULT_ENGINES}, DEFAULT_META_ENGINES
+        DEFAULT_ENGINES.clear()
         try:
-            with environment.factory.Compiler(
-                problem_kind=ProblemKind(kind.features - _UNTOUCHED, version=kind.version),
-                compilation_kind=CompilationKind[name],
-            ) as compiler:
-                compiler.skip_checks = True
-                made = compiler.compile(form.problem, CompilationKind[name])
-        except UPException:
-            return None
-        form = replace(form, problem=made.problem, back=(made.map_back_action_instance, *form.back))
-    return None if missing_features(form.problem, engine, environment) else form
+            self.environment: Environment = get_environment()
+        finally:
+            DEFAULT_ENGINES.update(self._known)
+        self.environment.credits_stream = None
+        self._known["up_trajectory_constraints_remover"] = (
+            "unified_planning.engines.compilers.trajectory_constraints_remover",
+            "TrajectoryConstraintsRemover",
+        )
+        self._faults: dict[str, str] = {}
+
+    def find(self, name: str) -> Any:
+        """Return an engine's class; None if it is not there."""
+        factory = self.environment.factory
+        meta, _, base = name.removesuffix("]").partition("[")
+        if name not in factory.engines:
+            if base and meta in self._metas and self.find(base):
+                factory.add_meta_engine(meta, *self._metas[meta])
+            elif name in self._known and name not in self._faults:
+                try:
+                    factory.add_engine(name, *self._known[name])
+                except Exception as error:  # a package may fail in any way
+                    self._faults[name] = f"{type(error).__name__}: {error}"
+        return factory.engine(name) if name in factory.engines else None
+
+    def planners(self) -> list[str]:
+        """Return the names of the installed engines that plan."""
+        for name in self._known:
+            self.find(name)
+        engines = self.environment.factory.engines
+        return [name for name in engines if self.find(name).is_oneshot_planner()]
+
+    def how(self, name: str) -> str:
+        """Say how to get an engine that is not there."""
+        self.find(name)
+        module = self._known.get(name, ("",))[0].partition(".")[0]
+        package = module.replace("_", "-")
+        if module and importlib.util.find_spec(module):
+            fault = self._faults[name]
+            return f"is installed, but cannot be imported ({fault}); repair its package {package}"
+        how = f"run pip install {package}" if module.startswith("up_") else "install it"
+        return f"is not installed; {how}"
+
+    def lacking(self, missing: Mapping[str, Collection[str]], suitable: Collection[str]) -> str:
+        """Say what the engines that were asked do not know, and which others would know it.
+
+        Args:
+            missing: the features that each engine lacks.
+            suitable: engines that are installed and support the problem.
+        """
+        said = [
+            f"{name} does not know {', '.join(sorted(features)).lower()}"
+            for name, features in missing.items()
+        ]
+        if suitable:
+            said.append(f"{', '.join(suitable)} would do; choose it, or no engine")
+        features = {feature for found in missing.values() for feature in found}
+        for engine, known in KNOWN.items():
+            own = ", ".join(sorted(features & known)).lower()
+            if own and engine not in missing and not self.find(engine):
+                said.append(f"{engine} knows {own}: {engine} {self.how(engine)}")
+        return "; ".join(said) or "install one"
+
+    def form_for(
+        self, form: EngineProblem, engine: str, most_effects: int = MOST_EFFECTS
+    ) -> EngineProblem | None:
+        """Compile a problem until an engine supports it; None if that is impossible."""
+        from unified_planning.engines import CompilationKind
+        from unified_planning.exceptions import UPException
+        from unified_planning.model import ProblemKind
+
+        for name, features in REMOVALS.items():
+            missing = self.missing_features(form.problem, engine)
+            if not missing:
+                return form
+            compiler, kind = missing & features and self.find(name), form.problem.kind
+            if not compiler or not compiler.supports(
+                ProblemKind(kind.features - _UNTOUCHED, version=kind.version)
+            ):
+                continue
+            effects = conditional_effects(form.problem)
+            if "CONDITIONAL_EFFECTS" in features and effects > most_effects:
+                return None
+            compiles = next(filter(compiler.supports_compilation, CompilationKind))
+            made = compiler()
+            made.skip_checks = True
+            with suppress(UPException):
+                done = made.compile(form.problem, compiles)
+                form = EngineProblem(done.problem, (done.map_back_action_instance, *form.back))
+        return None if self.missing_features(form.problem, engine) else form
+
+    def missing_features(self, problem: UpProblem, engine: str) -> set[str]:
+        """Return the features of a problem that an engine does not support."""
+        made, kind = self.find(engine), problem.kind
+        wrong: set[str] = kind.features & OVERSTATED.get(engine, set())
+        if made.supports(kind):
+            return wrong
+        features: set[str] = kind.features - made.supported_kind().features
+        return features | wrong or {"PROBLEM_KIND"}
 
 
 def conditional_effects(problem: UpProblem) -> int:
@@ -163,17 +244,6 @@ def conditional_effects(problem: UpProblem) -> int:
     found = [getattr(action, "conditional_effects", ()) for action in problem.actions]
     counts = (sum(map(len, one.values())) if isinstance(one, dict) else len(one) for one in found)
     return max(counts, default=0)
-
-
-def missing_features(problem: UpProblem, engine: str, environment: Environment) -> set[str]:
-    """Return the features of a problem that an engine does not support."""
-    made = environment.factory.engine(engine)
-    kind = problem.kind
-    wrong: set[str] = kind.features & OVERSTATED.get(engine, set())
-    if made.supports(kind):
-        return wrong
-    features: set[str] = kind.features - made.supported_kind().features
-    return features | wrong or {"PROBLEM_KIND"}
 
 
 def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
@@ -189,30 +259,18 @@ def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
     return True
 
 
-def forms(
-    variant: Variant, convert: Callable[[Variant, bool], UpProblem]
-) -> Iterator[EngineProblem]:
-    """Yield a variant with real numbers, and with integers where these suffice."""
-    integers = numbers_are_integers(variant.domain, variant.problem)
-    # Of planners for costs, most want integers.
-    for is_whole in sorted({False, integers}, reverse=variant.improves):
-        yield EngineProblem(convert(variant, is_whole))
-
-
-_PLACES = 6
-
-
 class _Spared(ModuleType):
-    """Takes the place of a module until an engine uses more of it than a class in annotations."""
+    """Takes the place of a module until an engine uses more of it than classes in annotations."""
 
-    def __init__(self, name: str, path: Iterable[str], annotates: str) -> None:
+    def __init__(self, name: str, path: Iterable[str], *annotate: str) -> None:
         super().__init__(name)
         self.__path__ = [*path]
+        for one in annotate:
 
-        def make(_: type, *given: object, **options: object) -> object:
-            return self.__getattr__(annotates)(*given, **options)
+            def make(_: type, *given: object, _name: str = one, **options: object) -> object:
+                return self.__getattr__(_name)(*given, **options)
 
-        setattr(self, annotates, type(annotates, (), {"__new__": make}))
+            setattr(self, one, type(one, (), {"__new__": make}))
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -223,12 +281,22 @@ class _Spared(ModuleType):
 
 
 def _spare_imports() -> None:
-    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none."""
-    for name, annotates in ("ConfigSpace", "ConfigurationSpace"), ("networkx", "DiGraph"):
-        found = importlib.util.find_spec(name)
+    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none.
+
+    Its own readers import pyparsing, and only some engines need them.
+    """
+    import unified_planning
+
+    for name, *annotate in (
+        ("ConfigSpace", "ConfigurationSpace"),
+        ("networkx", "DiGraph"),
+        ("unified_planning.io", "PDDLWriter", "PDDLReader"),
+    ):
+        found = None if name in sys.modules else importlib.util.find_spec(name)
         if found is not None:
             places = found.submodule_search_locations or ()
-            sys.modules[name] = _Spared(name, places, annotates)
+            sys.modules[name] = _Spared(name, places, *annotate)
+    unified_planning.io = sys.modules["unified_planning.io"]
 
 
 def _mend_grounder() -> None:
@@ -266,17 +334,10 @@ class Search:
     """The search for a plan, engine by engine."""
 
     def __init__(self, task: Task) -> None:
-        from unified_planning.environment import get_environment
-
         self._task, self._started = task, time.monotonic()
-        self._environment: Environment = get_environment()
-        self._environment.credits_stream = None
+        self._engines = Engines()
+        self._environment = self._engines.environment
         _mend_grounder()
-        self._environment.factory.add_engine(
-            "trajectory-constraints-remover",
-            "unified_planning.engines.compilers.trajectory_constraints_remover",
-            "TrajectoryConstraintsRemover",
-        )
         self._names: UpNames | None = None
         self._failures = {**task.failures}
         self._missing: dict[str, set[str]] = {}
@@ -285,11 +346,10 @@ class Search:
 
     def run(self) -> Plan | NoPlanError:
         """Try the engines in turn."""
-        installed, engine = self._environment.factory.engines, self._task.engine
-        if engine is not None and engine not in installed:
-            known = self._environment.factory.engine
-            planners = [name for name in installed if known(name).is_oneshot_planner()]
-            raise PlannerMissingError(absent(engine, planners))
+        engine = self._task.engine
+        if engine is not None and not self._engines.find(engine):
+            how, others = self._engines.how(engine), ", ".join(self._engines.planners())
+            raise PlannerMissingError(f"engine {engine} {how}, or choose one of {others}")
         domain, problem = self._task.domain, self._task.problem
         if self._task.strict:
             # What it refuses is refused here, in the same words.
@@ -324,14 +384,17 @@ class Search:
                 return None
         if plan is not None:
             return plan
-        failures = self._failures.items()
-        tried = {name for name, why in failures if why.partition(" ")[0] not in MISREAD}
+        failures = self._failures
+        tried = {name for name, why in failures.items() if why.partition(" ")[0] not in MISREAD}
         for form, name in self._choices(variant, self._task.engine):
             if name in tried:
                 continue
             plan = self._ask(name, form, variant)
             if plan is not None:
-                self._note_fallbacks(name)
+                failures.pop(name, None)
+                if why := ", ".join(map(": ".join, failures.items())):
+                    said = f"{name} was asked because others found no plan ({why})"
+                    self.fallbacks.append(said)
                 return plan
             if name in self._failures:
                 tried.add(name)
@@ -354,8 +417,7 @@ class Search:
             self._task.engine,
             improving,
             self._failures,
-            PlannerProcess(),
-            tempfile.mkdtemp(),
+            PlannerProcess(tempfile.mkdtemp()),
             time.monotonic() + left,
         )
         for plan in plans:
@@ -363,23 +425,23 @@ class Search:
         return None
 
     def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
-        """Yield the forms of a variant, each with the installed engines to ask."""
-        for form in forms(variant, self._convert):
+        """Yield the forms of a variant, each with the installed engines to ask.
+
+        It has real numbers, and integers where these suffice: most planners for costs want these.
+        """
+        integers = numbers_are_integers(variant.domain, variant.problem)
+        for is_whole in sorted({False, integers}, reverse=variant.improves):
+            form = EngineProblem(self._convert(variant, is_whole))
             names = (engine,) if engine else candidates(form.problem, variant.improves)
-            yield from ((form, name) for name in names if name in self._environment.factory.engines)
+            yield from ((form, name) for name in names if self._engines.find(name))
 
     def _suitable(self, variant: Variant, engine: str | None) -> Iterator[str]:
         """Yield engines that support a variant."""
         with suppress(UnsupportedConstructError):
             for form, name in self._choices(variant, engine):
                 with suppress(Exception):
-                    if form_for(form, name, self._environment) is not None:
+                    if self._engines.form_for(form, name) is not None:
                         yield name
-
-    def _note_fallbacks(self, name: str) -> None:
-        failed = ", ".join(f"{e}: {why}" for e, why in self._failures.items() if e != name)
-        if failed:
-            self.fallbacks.append(f"{name} was asked because others found no plan ({failed})")
 
     def _failed(self) -> NoPlanError:
         if self._failures:
@@ -390,7 +452,7 @@ class Search:
         if self._task.engine is not None:
             whole = next(iter(variants(self._task.domain, self._task.problem)))
             whose, others = "engine that was asked", dict.fromkeys(self._suitable(whole, None))
-        reasons = unsupported(self._missing, others, self._environment)
+        reasons = self._engines.lacking(self._missing, others)
         hint = missing_compilation(self._task.problem)
         message = f"no {whose} supports the problem: {reasons}{hint}; {WAYS_OUT}"
         return NoPlanError(message, "unsupported_problem")
@@ -402,20 +464,16 @@ class Search:
 
     def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
         try:
-            made = form_for(form, name, self._environment, variant.most_effects)
-        except Exception as error:  # a compiler may fail in any way; the next engine is tried
+            made = self._engines.form_for(form, name, variant.most_effects)
+            result = made and self._result(name, made.problem, variant.improves)
+        except Exception as error:  # compilers and engines may fail in any way; the next is tried
             self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
             return None
-        if made is None:
-            missing = missing_features(form.problem, name, self._environment)
+        if made is None or result is None:
+            missing = self._engines.missing_features(form.problem, name)
             # What is left when all is compiled away that can be, of the form that lacks least.
-            missing = missing.difference(*(features for _, features in REMOVALS)) or missing
+            missing = missing.difference(*REMOVALS.values()) or missing
             self._missing[name] = min(self._missing.get(name, missing), missing, key=len)
-            return None
-        try:
-            result = self._result(name, made.problem, variant.improves)
-        except Exception as error:  # an engine may fail in any way; the next one is tried
-            self._failures[name] = f"internal_error ({type(error).__name__}: {error})"
             return None
         if result.plan is None:
             self._failures[name] = _failure(name, result)
@@ -429,7 +487,8 @@ class Search:
 
     def _given(self, plan: Plan, variant: Variant) -> Plan:
         """Return a plan of the original problem, with what the planner was given."""
-        steps = tuple(_original(plan.steps, variant))
+        named = ((step, variant.steps.get(fold(step.action), step.action)) for step in plan.steps)
+        steps = tuple(replace(step, action=name) for step, name in named if name is not None)
         found = replace(plan, steps=steps, ignored=self._ignored(variant))
         if variant.problem is self._task.problem:
             return found
@@ -438,18 +497,19 @@ class Search:
 
     def _result(self, name: str, problem: UpProblem, improves: bool) -> PlanGenerationResult:
         factory = self._environment.factory
+        improving = min(IMPROVING_SECONDS, self._remaining() / 2) if improves else None
         if improves and factory.engine(name).is_anytime_planner():
-            parameters, timeout = limited(name, min(IMPROVING_SECONDS, self._remaining() / 2))
-            best = None
+            parameters, best = engine_parameters(name, improving), None
+            # ENHSP watches the time itself, to print its last plan.
+            timeout = None if name == "enhsp-any" else improving
             with factory.AnytimePlanner(name=name, params=parameters) as planner:
                 _end_with_error(planner, name)
                 for result in planner.get_solutions(problem, timeout=timeout):
                     best = result if result.plan is not None else best
             if best is not None:
                 return best
-        parameters, timeout = {**engine_parameters(name)}, None
-        if improves and name == "fast-downward":
-            parameters.update(_INVARIANTS)
+        parameters = engine_parameters(name, None if name == "enhsp-any" else improving)
+        timeout = None
         if improves and self._task.timeout is not None and not self._task.strict:
             # The rest is for a plan without soft goals.
             timeout = self._remaining() / 2
@@ -489,14 +549,6 @@ class Search:
         ]
 
 
-def _original(steps: Iterable[PlanStep], variant: Variant) -> Iterator[PlanStep]:
-    """Yield the steps of the original problem."""
-    for step in steps:
-        action = variant.steps.get(fold(step.action), step.action)
-        if action is not None:
-            yield replace(step, action=action)
-
-
 _JAVA_ERROR = re.compile(r"(?:\w+\.)+(\w*(?:Exception|Error)\b.*)")
 
 
@@ -519,7 +571,7 @@ def _decimal(value: Fraction | None) -> Decimal | None:
     if value is None:
         return None
     number = Decimal(value.numerator) / Decimal(value.denominator)
-    return Decimal(format(round(number, _PLACES).normalize(), "f"))
+    return Decimal(format(round(number, 6).normalize(), "f"))
 
 
 def main(directory: str) -> None:

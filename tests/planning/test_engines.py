@@ -344,16 +344,28 @@ def test_fast_downward_reads_what_unified_planning_cannot_express(kb: KnowledgeB
     assert Plan.read(str(plan)).steps == plan.steps
 
 
-def test_a_planner_does_not_wait_for_scipy_and_networkx() -> None:
+def test_a_planner_waits_for_no_module_that_it_does_not_need() -> None:
     pytest.importorskip("unified_planning")
     code = """
 import subprocess
 import sys
 from kant_sql.planning import worker
 worker._spare_imports()
+engines = worker.Engines()
+assert engines.find("pyperplan").is_oneshot_planner()
+assert not {"scipy", "networkx.algorithms", "pyparsing", "grpc", "up_enhsp"} & {*sys.modules}
+assert engines.find("oversubscription[fast-downward]") and not engines.find("replanner[hal9000]")
+assert {"pyperplan", "oversubscription[fast-downward]"} <= {*engines.planners()}
+import unified_planning as up
+from unified_planning.io import PDDLReader, PDDLWriter
+problem = up.model.Problem("none")
+for writer in up.io.PDDLWriter, PDDLWriter:
+    assert PDDLReader().parse_problem_string(writer(problem).get_domain()).fluents == []
+from unified_planning.io.pddl_writer import PDDLWriter as Same
+assert isinstance(PDDLWriter(problem), Same)
 from unified_planning.shortcuts import InstantaneousAction
 from ConfigSpace import ConfigurationSpace
-assert not {"scipy", "networkx.algorithms"} & {*sys.modules}
+assert "scipy" not in sys.modules
 from unified_planning.plans import ActionInstance, PartialOrderPlan, PlanKind
 first, last = (ActionInstance(InstantaneousAction(name)) for name in "ba")
 ordered = PartialOrderPlan({first: [last]})
