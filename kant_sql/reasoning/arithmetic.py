@@ -27,6 +27,15 @@ _DECIMALS: dict[str, Callable[[Decimal, Decimal], Decimal]] = {
     "-": EXACT_DECIMALS.subtract,
     "*": EXACT_DECIMALS.multiply,
 }
+# The same of few digits, as most numbers have; what has more, or is no decimal, raises.
+_FEW = Context(ROUNDED_DIGITS, Emin=-ROUNDED_DIGITS, Emax=ROUNDED_DIGITS, traps=[*Context().flags])
+FEW_DIGITS: dict[str, Callable[[Any, Any], Decimal]] = {
+    "+": _FEW.add,
+    "-": _FEW.subtract,
+    "*": _FEW.multiply,
+    "/": _FEW.divide,
+}
+NOT_FEW = TypeError, ArithmeticError
 _FRACTIONS: dict[str, Callable[[Any, Any], Fraction]] = {
     "+": operator.add,
     "-": operator.sub,

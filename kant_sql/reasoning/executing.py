@@ -127,13 +127,12 @@ class StepRun:
         return self._changed((bits, values), changes.updates)
 
     def _changed(self, at: At, updates: dict[FluentRow, list[Update]]) -> At:
-        text = self._task.world.text
-        made: Assignments = {
-            each: (text((False, each[0]), each[1]), found) for each, found in updates.items()
-        }
-        values = changed_values(at[1], made)
-        if isinstance(values, list):
-            raise not_applicable(self._step, values)
+        task, made = self._task, Assignments()
+        for fluent, found in updates.items():
+            text = task.world.text((False, fluent[0]), fluent[1])
+            made[task.fluent(fluent)] = text, [*found]
+        values, failed = changed_values(at[1], made)
+        self._refuse(failed)
         return at[0], values
 
 

@@ -205,7 +205,8 @@ class KnowledgeState:
 
     def _lines(self, other: KnowledgeState) -> Iterator[tuple[str, str]]:
         """Yield kind and text of what holds here, without some that holds in the other state."""
-        task, values, theirs = self._task, self._values, other._values
+        task = self._task
+        values, theirs = task.values_of(self._values), task.values_of(other._values)
         facts: Iterable[FluentRow] = task.facts_of(self._bits & ~other._bits)
         if other._task is not task:
             facts = chain(task.facts, task.facts_of(self._bits))
@@ -228,14 +229,14 @@ class KnowledgeState:
         return same and self._values == other._values
 
     def __hash__(self) -> int:
-        values = self._values
-        return hash((self._bits, frozenset(values.items()))) if values else hash(self._bits)
+        return hash((self._bits, *self._values))
 
     def __repr__(self) -> str:
         task, origin = self._task, self._first.origin
         facts = len(task.facts) + self._bits.bit_count()
+        values = len(task.values) + len(task.values_of(self._values))
         where = f"{origin.parent!r} from revision {origin.revision}: {facts} facts"
-        return f"<{type(self).__name__} of {where}, {len(task.values) + len(self._values)} values>"
+        return f"<{type(self).__name__} of {where}, {values} values>"
 
     def _changes(self) -> StepChanges:
         """Return what differs from the state that was read, as effects."""
@@ -245,8 +246,9 @@ class KnowledgeState:
         for head, row in task.facts_of(self._bits & ~first.bits):
             key = AtomKey(False, head, _arguments(row))
             changes.adds[key] = task.world.text((True, head), row)
-        for (head, row), value in self._values.items():
-            if first.values.get((head, row)) != value:
+        before = task.values_of(first.values)
+        for (head, row), value in task.values_of(self._values).items():
+            if before.get((head, row)) != value:
                 text = task.world.text((False, head), row)
                 changes.assignments[FluentKey(head, _arguments(row))] = text, [("assign", value)]
         return changes
@@ -314,8 +316,9 @@ def state(state: State) -> KnowledgeState:
     )
     bits = sum(task.bit(each) for each in facts if (True, each[0]) in changing)
     begun = origin._replace(definitions=Definitions(), atoms=[], values=[])
-    first = _First(task, begun, at is not None, bits, moving)
-    return KnowledgeState(task, first, bits, moving, None)
+    numbers = task.numbered(moving)
+    first = _First(task, begun, at is not None, bits, numbers)
+    return KnowledgeState(task, first, bits, numbers, None)
 
 
 def commit(

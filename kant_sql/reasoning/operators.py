@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import cached_property, partial, reduce
-from itertools import islice
-from operator import attrgetter, methodcaller, or_
+from itertools import islice, zip_longest
+from operator import attrgetter, is_not, itemgetter, or_
 from threading import RLock
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary, WeakValueDictionary
@@ -29,7 +29,7 @@ from ..knowledge.definitions import KINDS, Definitions
 from ..knowledge.rules import rules_of
 from ..planning import PlanStep
 from .after import heads_of
-from .arithmetic import EXACT, Exact
+from .arithmetic import CHANGES, EXACT, FEW_DIGITS, NOT_FEW, Exact
 from .derived import world_of
 from .effects import combined
 from .evaluate import Compiler, Env, Search, alternatives
@@ -38,12 +38,14 @@ from .promise import promise_of
 from .steps import EffectItem, PreparedAction, executable, prepared
 from .world import FluentRow, Head, Relation, Row, Value
 
-Values = Mapping[FluentRow, Value]
+# The values of fluents by their numbers; None or no place without a value.
+Values = Sequence[Value | None]
 # What steps change of a state: the facts that hold, as bits, and the values.
 At = tuple[int, Values]
 Judge = Callable[[int, Values], bool]
+# A number in a state; what has no value is None, or raises IndexError.
 NumberIn = Callable[[Values], Exact | None]
-Assignments = dict[FluentRow, tuple[str, Sequence[tuple[str, Exact | int]]]]
+Assignments = dict[int, tuple[str, list[tuple[str, Exact | int]]]]
 # The steps whose literals hold, in order, and the bits of their state.
 Near = tuple[list["Operator"], int]
 _ORDER = attrgetter("order")
@@ -95,6 +97,29 @@ def _some(single: int, others: Sequence[_Needs]) -> Judge:
     return some
 
 
+def _is_value(part: r.Part) -> bool:
+    """Return whether a comparison says that a number has a value, and no more."""
+    return isinstance(part, r.Compares) and part == r.Compares("=", part.left, part.left)
+
+
+def _conjuncts(part: r.Part) -> Iterator[r.Part]:
+    """Yield the parts of a conjunction; for what has a value, the fluents that others leave out."""
+    parts = part.parts if isinstance(part, r.AllOf) else (part,)
+    said: set[Any] = set()
+    for each in parts:
+        if isinstance(each, r.Compares) and not _is_value(each):
+            said.update(r.parts_of(each))
+    for each in parts:
+        inner = [*r.parts_of(each)]
+        if not _is_value(each) or any(getattr(one, "operator", "") == "/" for one in inner):
+            yield each
+            continue
+        for one in inner:
+            if isinstance(one, r.NumberOf | r.Parameter) and one not in said:
+                said.add(one)
+                yield r.Compares("=", one, one)
+
+
 class _Conjunction:
     """A conjunction, taken apart by how its parts are judged.
 
@@ -109,7 +134,7 @@ class _Conjunction:
         self.literals: list[r.Part] = []
         self._bits: list[tuple[bool, int, Callable[[Env], Row]]] = []
         self._tests: list[tuple[bool, Callable[[Env], Judge]]] = []
-        for each in part.parts if isinstance(part, r.AllOf) else (part,):
+        for each in _conjuncts(part):
             inner = each.part if isinstance(each, r.Lacks) else each
             if not task.changes(each):
                 fixed.append(each)
@@ -159,11 +184,14 @@ def _grounder(
 ) -> Callable[[Env], Judge] | None:
     """Compile what grounds a test of bits and values; None if the world has to judge it."""
     if isinstance(part, r.Compares):
-        left, right = (_number(task, compiler, side) for side in (part.left, part.right))
-        # What equals itself has a value.
-        is_value = part.operator == "=" and part.left == part.right
-        compare = None if is_value else r.COMPARE[part.operator]
-        return lambda env: _compared(compare, left(env), right(env))
+        by, left = r.COMPARE[part.operator], _number(task, compiler, part.left)
+        if _is_value(part):
+            return lambda env: _compared_with(is_not, left(env), None)
+        if isinstance(part.right, Decimal):
+            number = part.right
+            return lambda env: _compared_with(by, left(env), number)
+        right = _number(task, compiler, part.right)
+        return lambda env: _compared(by, left(env), right(env))
     return _choice(task, compiler, part) if isinstance(part, r.OneOf | r.Witness) else None
 
 
@@ -205,20 +233,26 @@ def _negated(test: Judge) -> Judge:
     return lambda bits, values: not test(bits, values)
 
 
-def _compared(by: Callable[[Any, Any], bool] | None, left: NumberIn, right: NumberIn) -> Judge:
-    if by is None:
-        return lambda bits, values: left(values) is not None
-
+def _compared(by: Callable[[Any, Any], bool], left: NumberIn, right: NumberIn) -> Judge:
     def test(bits: int, values: Values) -> bool:
-        first, second = left(values), right(values)
+        try:
+            first, second = left(values), right(values)
+        except IndexError:
+            return False
         return first is not None and second is not None and by(first, second)
 
-    def with_number(bits: int, values: Values) -> bool:
-        first = left(values)
-        return first is not None and by(first, number)
+    return test
 
-    number = right.args[0] if isinstance(right, partial) else None
-    return test if number is None else with_number
+
+def _compared_with(by: Callable[[Any, Any], bool], left: NumberIn, number: Decimal | None) -> Judge:
+    def test(bits: int, values: Values) -> bool:
+        try:
+            return by(left(values), number)
+        except (IndexError, TypeError):
+            # It has no value.
+            return False
+
+    return test
 
 
 def _number(
@@ -227,39 +261,47 @@ def _number(
     """Compile what grounds a number."""
     if isinstance(quantity, r.NumberOf) and (False, quantity.function) in task.changing:
         pick, function = compiler.picker(quantity.terms), quantity.function
-
-        def fluent(env: Env) -> NumberIn:
-            return methodcaller("get", (function, pick(env)))
-
-        return fluent
+        return lambda env: itemgetter(task.fluent((function, pick(env))))
     if isinstance(quantity, r.Operation):
         operands = [_number(task, compiler, each) for each in quantity.operands]
-
-        def operation(env: Env) -> NumberIn:
-            of, inner = quantity.operator, [each(env) for each in operands]
-            calculate = EXACT.calculate
-            if len(inner) == 2:
-                left, right = inner
-                return lambda values: calculate(of, (left(values), right(values)))
-            return lambda values: calculate(of, [each(values) for each in inner])
-
-        return operation
+        if len(operands) == 1:
+            operands.insert(0, _number(task, compiler, Decimal(0)))
+        calculated = partial(_calculated, quantity.operator)
+        return lambda env: reduce(calculated, [each(env) for each in operands])
     number = compiler.number(quantity)
-
-    def constant(env: Env) -> NumberIn:
-        return partial(_given, number(env, EXACT))
-
-    return constant
+    return lambda env: _always(number(env, EXACT))
 
 
-def _given(number: Exact | None, values: Values) -> Exact | None:
+def _always(number: Exact | None) -> NumberIn:
+    return lambda values: number
+
+
+def _value(number: NumberIn, values: Values) -> Exact | None:
+    try:
+        return number(values)
+    except IndexError:
+        return None
+
+
+def _calculated(symbol: str, left: NumberIn, right: NumberIn) -> NumberIn:
+    quick = FEW_DIGITS[symbol]
+
+    def number(values: Values) -> Exact | None:
+        operands = left(values), right(values)
+        try:
+            return quick(*operands)
+        except NOT_FEW:
+            return EXACT.calculate(symbol, operands)
+
     return number
 
 
 # An effect on facts: what it needs, the bits that it deletes, and those that it adds.
 _Branch = tuple[_Needs, int, int]
-# The effects on fluents, each with its text: the operators, with objects or numbers from values.
-_Updates = dict[FluentRow, tuple[str, list[tuple[str, NumberIn | int]]]]
+# The effects on fluents, each with its text: the operators, with what gives their operands.
+_Updates = dict[int, tuple[str, list[tuple[str, NumberIn | int]]]]
+# The fluent, what calculates its number from that before or another one, and the second operand.
+_Change = tuple[int, Callable[[Any, Any], Decimal], Decimal | None, NumberIn]
 
 
 class _Effect:
@@ -290,10 +332,20 @@ class _Effect:
                     bit, is_added = task.bit((head, row)), operator == "add"
                     branches.append((condition.ground(env), bit * (not is_added), bit * is_added))
                 else:
-                    made = updates.setdefault(
-                        (head, row), (task.world.text((False, head), row), [])
-                    )
-                    made[1].append((operator, self._value(env)))
+                    text, fluent = task.world.text((False, head), row), task.fluent((head, row))
+                    updates.setdefault(fluent, (text, []))[1].append((operator, self._value(env)))
+
+
+def _quick(updates: _Updates) -> list[_Change]:
+    """Return what changes numbers of few digits; nothing if some change is of another kind."""
+    found: list[_Change] = []
+    for fluent, (_, changes) in updates.items():
+        [operator, by] = changes[0]
+        if len(changes) > 1 or isinstance(by, int) or operator.startswith("scale"):
+            return []
+        first = Decimal(0) if operator == "assign" else None
+        found.append((fluent, FEW_DIGITS[CHANGES.get(operator, "+")], first, by))
+    return found
 
 
 class Operator:
@@ -311,7 +363,7 @@ class Operator:
     """
 
     __slots__ = (
-        *("_branches", "_is_grounded", "_updates"),
+        *("_branches", "_is_grounded", "_quick", "_updates"),
         *("adds", "care", "is_plain", "keep", "order", "step", "test", "want"),
     )
 
@@ -324,6 +376,7 @@ class Operator:
         self._updates: _Updates = {}
         for effect in schema.effects or () if self.want != _NEVER else ():
             effect.ground(env, branches, self._updates)
+        self._quick = _quick(self._updates)
         self._branches = [each for each in branches if each[0] != _Needs(0, 0)]
         certain = [each for each in branches if each[0] == _Needs(0, 0)]
         self.keep = ~reduce(or_, [deleted for _, deleted, _ in certain], 0)
@@ -340,26 +393,41 @@ class Operator:
         for needs, deletes, added in self._branches:
             if needs.holds(bits, values):
                 keep, adds = keep & ~deletes, adds | added
+        after = self._changed(values) if self._updates else values
+        return None if after is None else (bits & keep | adds, after)
+
+    def _changed(self, values: Values) -> Values | None:
+        """Return the values after the step; None if the step is refused."""
+        after, quick = [*values], self._quick
+        try:
+            for fluent, calculate, first, by in quick:
+                before = after[fluent]
+                found = calculate(before if first is None else first, by(values))
+                # Else the number stays as it is spelled, as it does in the store.
+                if found != before:
+                    after[fluent] = found
+            if quick:
+                return after
+        except (IndexError, *NOT_FEW):
+            pass
         made: Assignments = {}
         for fluent, (text, changes) in self._updates.items():
-            found = []
+            made[fluent] = text, []
             for operator, number in changes:
-                value = number if isinstance(number, int) else number(values)
+                value = number if isinstance(number, int) else _value(number, values)
                 if value is None:
                     return None
-                found.append((operator, value))
-            made[fluent] = text, found
-        after = changed_values(values, made)
-        return None if isinstance(after, list) else (bits & keep | adds, after)
+                made[fluent][1].append((operator, value))
+        settled, failed = changed_values(values, made)
+        return None if failed else settled
 
 
-def changed_values(values: Values, made: Assignments) -> Values | list[FailedCondition]:
-    """Return values after the changes of a step, or why some have none."""
-    if not made:
-        return values
-    after, failed = dict(values), []
+def changed_values(values: Values, made: Assignments) -> tuple[Values, list[FailedCondition]]:
+    """Return values after the changes of a step, and why some have none."""
+    after, failed = [*values], list[FailedCondition]()
     for fluent, (text, changes) in made.items():
-        before = values.get(fluent)
+        after += [None] * (fluent + 1 - len(after))
+        before = after[fluent]
         found = combined(text, changes, before if isinstance(before, Decimal) else None)
         if isinstance(found, FailedCondition):
             failed.append(found)
@@ -369,7 +437,7 @@ def changed_values(values: Values, made: Assignments) -> Values | list[FailedCon
                 decimal_text(found)
             # Else the number stays as it is spelled, as it does in the store.
             after[fluent] = found
-    return failed or after
+    return after, failed
 
 
 class _Schema:
@@ -436,7 +504,7 @@ class GroundedTask:
         definitions: Definitions,
         goals: Sequence[f.Formula],
         facts: frozenset[FluentRow],
-        values: Values,
+        values: Mapping[FluentRow, Value],
     ) -> None:
         self.definitions, self.goals, self.facts, self.values = definitions, goals, facts, values
         self.rules, self.world = rules_of(definitions), world_of(definitions)
@@ -454,7 +522,9 @@ class GroundedTask:
         self.asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
         self._facts: list[FluentRow] = []
         self._bits: dict[FluentRow, int] = {}
-        self._at: At = 0, {}
+        # The fluents that steps change, with their numbers.
+        self._fluents: dict[FluentRow, int] = {}
+        self._at: At = 0, []
         self._kept: dict[Any, Any] = {}
         self._operators: dict[tuple[str, Row], Operator] = {}
         # The steps that a fact matters to, by its bit.
@@ -479,6 +549,11 @@ class GroundedTask:
 
     # Facts.
 
+    def fluent(self, fluent: FluentRow) -> int:
+        """Return the number of a fluent."""
+        with self.lock:
+            return self._fluents.setdefault(fluent, len(self._fluents))
+
     def bit(self, fact: FluentRow) -> int:
         """Return the bit of a fact."""
         with self.lock:
@@ -494,6 +569,16 @@ class GroundedTask:
             yield self._facts[last.bit_length() - 1]
             bits ^= last
 
+    def numbered(self, values: Mapping[FluentRow, Value]) -> Values:
+        """Return values by the numbers of their fluents."""
+        found = {self.fluent(each): value for each, value in values.items()}
+        return [found.get(n) for n in range(max(found, default=-1) + 1)]
+
+    def values_of(self, values: Values) -> dict[FluentRow, Value]:
+        """Return the values of fluents that have one."""
+        pairs = zip([*self._fluents], values, strict=False)
+        return {fluent: value for fluent, value in pairs if value is not None}
+
     def go(self, at: At) -> None:
         """Move the world to a state; the caller holds the lock."""
         world, (was, old), (bits, values) = self.world, self._at, at
@@ -503,11 +588,10 @@ class GroundedTask:
         for fact in self.facts_of(bits & ~was):
             world.add(*fact)
         if old is not values:
-            for fluent in old.keys() - values.keys():
-                world.set(*fluent, None)
-            for fluent, value in values.items():
-                if old.get(fluent) is not value:
-                    world.set(*fluent, value)
+            fluents = [*self._fluents]
+            for n, (before, value) in enumerate(zip_longest(old, values)):
+                if before is not value:
+                    world.set(*fluents[n], value)
 
     # Steps.
 
@@ -584,7 +668,7 @@ def task_of(
     definitions: Definitions,
     goals: Sequence[f.Formula],
     facts: Iterable[FluentRow],
-    values: Values,
+    values: Mapping[FluentRow, Value],
 ) -> GroundedTask:
     """Return the one task of these in this process."""
     said: Any = definitions.derived.get(task_of)

@@ -216,6 +216,38 @@ def test_numbers_that_no_store_can_write_are_refused(fresh_kb: KnowledgeBase) ->
     assert "cannot express the number 4.9" in theirs[1]
 
 
+# Few digits, many, without an end, without a value at first, and the same number spelled otherwise.
+NUMBERS = """(define (domain numbers) (:requirements :fluents)
+  (:functions (a) (b) (c) (e) (total-cost))
+  (:action add :parameters () :precondition (< (* (a) (a)) 1000000) :effect (and
+    (increase (a) (- (* (b) 1.25) 3)) (decrease (b) (/ (a) 4)) (increase (total-cost) 0.50)))
+  (:action third :parameters () :effect (and (assign (a) (/ (- (a)) 3)) (increase (b) (/ 1 3))))
+  (:action scale :parameters () :effect (and
+    (scale-up (a) 12345678901234567890.10) (scale-down (b) 0.5) (increase (e) 0)))
+  (:action spell :parameters () :effect (and (assign (e) 7) (assign (a) (+ (a) 0.000))))
+  (:action make :parameters () :effect (assign (c) (+ (a) (b))))
+  (:action use :parameters () :precondition (>= (c) (- 1000)) :effect (increase (e) (c)))
+  (:action swap :parameters () :effect (and (assign (b) (e)) (assign (e) (b)))))"""
+
+
+def test_states_calculate_and_write_numbers_as_the_store(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain(NUMBERS)
+    for name, value in (("a", "5.20"), ("b", "7"), ("e", "7.0")):
+        fresh_kb.function_values.set(name, value=Decimal(value))
+    random, found = Random(1), fresh_kb.state()
+    names = ["add", "third", "scale", "spell", "make", "use", "swap"]
+    for name in ["use", "make", *random.choices(names, k=25)]:
+        listed = [step.action for step in found.applicable_actions()]
+        assert listed == [step.action for step in fresh_kb.applicable_actions()]
+        after, theirs = (result(lambda: one.apply(f"({name})")) for one in (found, fresh_kb))  # noqa: B023
+        assert isinstance(after, KnowledgeState) == (name in listed), (after, theirs)
+        found = after if isinstance(after, KnowledgeState) else found
+        again = fresh_kb.state()
+        new = {(each.kind, each.text) for each in found.difference() if each.sign == "+"}
+        assert new <= lines(fresh_kb)
+        assert (found, hash(found)) == (again, hash(again))
+
+
 def test_states_of_other_histories_are_refused_by_what_they_are(home: KnowledgeBase) -> None:
     state = home.state()
     moved = state.apply("(move hall lab)")
