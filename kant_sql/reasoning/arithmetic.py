@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from decimal import Context, Decimal, Inexact
+from decimal import Context, Decimal
 from fractions import Fraction
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -22,20 +22,18 @@ Exact = Decimal | Fraction
 
 # What an effect does to the value of a fluent, as an operator of arithmetic.
 CHANGES = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
-_DECIMALS: dict[str, Callable[[Decimal, Decimal], Decimal]] = {
-    "+": EXACT_DECIMALS.add,
-    "-": EXACT_DECIMALS.subtract,
-    "*": EXACT_DECIMALS.multiply,
-}
-# The same of few digits, as most numbers have; what has more, or is no decimal, raises.
-_FEW = Context(ROUNDED_DIGITS, Emin=-ROUNDED_DIGITS, Emax=ROUNDED_DIGITS, traps=[*Context().flags])
-FEW_DIGITS: dict[str, Callable[[Any, Any], Decimal]] = {
-    "+": _FEW.add,
-    "-": _FEW.subtract,
-    "*": _FEW.multiply,
-    "/": _FEW.divide,
-}
-NOT_FEW = TypeError, ArithmeticError
+
+
+def _operations(context: Context) -> dict[str, Callable[[Any, Any], Decimal]]:
+    add, subtract = context.add, context.subtract
+    return {"+": add, "-": subtract, "*": context.multiply, "/": context.divide}
+
+
+_DECIMALS = _operations(EXACT_DECIMALS)
+# Few digits, as most numbers have; what has more, or is no decimal, raises one of the errors.
+_FEW = Context(ROUNDED_DIGITS, Emin=-ROUNDED_DIGITS, Emax=ROUNDED_DIGITS)
+_FEW.traps = dict.fromkeys(_FEW.traps, True)
+FEW_DIGITS, NOT_FEW = _operations(_FEW), (TypeError, ArithmeticError)
 _FRACTIONS: dict[str, Callable[[Any, Any], Fraction]] = {
     "+": operator.add,
     "-": operator.sub,
@@ -63,15 +61,13 @@ class Numbers(NamedTuple, Generic[T]):
 
 
 def _exact(symbol: str, left: Exact, right: Exact) -> Exact | None:
-    if symbol == "/" and not right:
-        return None
-    if isinstance(left, Decimal) and isinstance(right, Decimal):
-        if symbol != "/":
-            return _DECIMALS[symbol](left, right)
-        context = Context(prec=ROUNDED_DIGITS)
-        result = context.divide(left, right)
-        if not context.flags[Inexact]:
-            return result
+    try:
+        return FEW_DIGITS[symbol](left, right)
+    except NOT_FEW:
+        if symbol == "/" and not right:
+            return None
+    if symbol != "/" and isinstance(left, Decimal) and isinstance(right, Decimal):
+        return _DECIMALS[symbol](left, right)
     return _FRACTIONS[symbol](Fraction(left), Fraction(right))
 
 

@@ -103,21 +103,18 @@ def _is_value(part: r.Part) -> bool:
 
 
 def _conjuncts(part: r.Part) -> Iterator[r.Part]:
-    """Yield the parts of a conjunction; for what has a value, the fluents that others leave out."""
+    """Yield the parts of a conjunction; of what has a value, the fluents that none compares."""
     parts = part.parts if isinstance(part, r.AllOf) else (part,)
-    said: set[Any] = set()
-    for each in parts:
-        if isinstance(each, r.Compares) and not _is_value(each):
-            said.update(r.parts_of(each))
+    compared = [each for each in parts if isinstance(each, r.Compares)]
+    said = {one for each in compared if not _is_value(each) for one in r.parts_of(each)}
     for each in parts:
         inner = [*r.parts_of(each)]
         if not _is_value(each) or any(getattr(one, "operator", "") == "/" for one in inner):
             yield each
             continue
-        for one in inner:
-            if isinstance(one, r.NumberOf | r.Parameter) and one not in said:
-                said.add(one)
-                yield r.Compares("=", one, one)
+        numbers = {one for one in inner if isinstance(one, r.NumberOf | r.Parameter)} - said
+        yield from (r.Compares("=", one, one) for one in numbers)
+        said |= numbers
 
 
 class _Conjunction:
@@ -184,14 +181,12 @@ def _grounder(
 ) -> Callable[[Env], Judge] | None:
     """Compile what grounds a test of bits and values; None if the world has to judge it."""
     if isinstance(part, r.Compares):
-        by, left = r.COMPARE[part.operator], _number(task, compiler, part.left)
+        left, right = (_number(task, compiler, side) for side in (part.left, part.right))
         if _is_value(part):
-            return lambda env: _compared_with(is_not, left(env), None)
-        if isinstance(part.right, Decimal):
-            number = part.right
-            return lambda env: _compared_with(by, left(env), number)
-        right = _number(task, compiler, part.right)
-        return lambda env: _compared(by, left(env), right(env))
+            return lambda env: _compared(is_not, left(env), None)
+        by = _is_same if part.operator == "=" else r.COMPARE[part.operator]
+        number = part.right if isinstance(part.right, Decimal) else None
+        return lambda env: _compared(by, left(env), right(env) if number is None else number)
     return _choice(task, compiler, part) if isinstance(part, r.OneOf | r.Witness) else None
 
 
@@ -233,23 +228,19 @@ def _negated(test: Judge) -> Judge:
     return lambda bits, values: not test(bits, values)
 
 
-def _compared(by: Callable[[Any, Any], bool], left: NumberIn, right: NumberIn) -> Judge:
+def _is_same(left: Exact | None, right: Exact | None) -> bool:
+    return left is not None and left == right
+
+
+def _compared(
+    by: Callable[[Any, Any], bool], left: NumberIn, right: NumberIn | Decimal | None
+) -> Judge:
+    number, second = (None, right) if callable(right) else (right, None)
+
     def test(bits: int, values: Values) -> bool:
         try:
-            first, second = left(values), right(values)
-        except IndexError:
-            return False
-        return first is not None and second is not None and by(first, second)
-
-    return test
-
-
-def _compared_with(by: Callable[[Any, Any], bool], left: NumberIn, number: Decimal | None) -> Judge:
-    def test(bits: int, values: Values) -> bool:
-        try:
-            return by(left(values), number)
+            return by(left(values), number if second is None else second(values))
         except (IndexError, TypeError):
-            # It has no value.
             return False
 
     return test
@@ -274,13 +265,6 @@ def _number(
 
 def _always(number: Exact | None) -> NumberIn:
     return lambda values: number
-
-
-def _value(number: NumberIn, values: Values) -> Exact | None:
-    try:
-        return number(values)
-    except IndexError:
-        return None
 
 
 def _calculated(symbol: str, left: NumberIn, right: NumberIn) -> NumberIn:
@@ -393,7 +377,10 @@ class Operator:
         for needs, deletes, added in self._branches:
             if needs.holds(bits, values):
                 keep, adds = keep & ~deletes, adds | added
-        after = self._changed(values) if self._updates else values
+        try:
+            after = self._changed(values) if self._updates else values
+        except IndexError:
+            return None
         return None if after is None else (bits & keep | adds, after)
 
     def _changed(self, values: Values) -> Values | None:
@@ -414,7 +401,7 @@ class Operator:
         for fluent, (text, changes) in self._updates.items():
             made[fluent] = text, []
             for operator, number in changes:
-                value = number if isinstance(number, int) else _value(number, values)
+                value = number if isinstance(number, int) else number(values)
                 if value is None:
                     return None
                 made[fluent][1].append((operator, value))
