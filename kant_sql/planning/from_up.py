@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from fractions import Fraction
 from math import prod
 from typing import TYPE_CHECKING
 
@@ -426,19 +425,12 @@ class PddlDocuments(PddlActions):
             if not (interval.lower == interval.upper and interval.lower.is_from_end()):
                 raise self.unsupported(f"a goal in {interval}", "goals hold at the end")
             goals.extend(self.conjuncts(nodes, {}))
-        for number_, (goal, _) in enumerate(self._gains().items(), start=1):
-            preferred = self.formula(goal, {})
-            goals.append(f.Preference(f"{_PREFERENCE}{number_}", preferred))
+        gains = (one.goals for one in up_problem.quality_metrics if one.is_oversubscription())
+        for number_, goal in enumerate(next(gains, ()), start=1):
+            goals.append(f.Preference(f"{_PREFERENCE}{number_}", self.formula(goal, {})))
         self.where = "the trajectory constraints"
         constraints = self.conjuncts(up_problem.trajectory_constraints, {})
         return replace(problem, goal=tuple(goals), constraints=constraints)
-
-    def _gains(self) -> dict[up.FNode, Fraction | int]:
-        for metric in self._problem.quality_metrics:
-            if metric.is_oversubscription():
-                gains: dict[up.FNode, Fraction | int] = metric.goals
-                return gains
-        return {}
 
     def _metric(self) -> f.Metric | None:
         self.where = "the metric"
@@ -478,15 +470,12 @@ class PddlDocuments(PddlActions):
         return tuple(facts), tuple(values)
 
     def _value(self, value: up.FNode, fluent: up.Fluent) -> f.Number | f.Constant:
-        if fluent.type.is_user_type():
-            item = self.term(value, {})
-            if isinstance(item, f.Constant):
-                return item
-            raise self.unsupported(value, "it is not an object")
-        number = self.expression(value, {})
-        if isinstance(number, f.Number):
-            return number
-        raise self.unsupported(value, "no decimal number is equal to it")
+        is_object = fluent.type.is_user_type()
+        found = self.term(value, {}) if is_object else self.expression(value, {})
+        if isinstance(found, f.Constant | f.Number):
+            return found
+        reason = "it is not an object" if is_object else "no decimal number is equal to it"
+        raise self.unsupported(value, reason)
 
     def _values(self, fluent: up.Fluent) -> Iterator[tuple[up.FNode, up.FNode]]:
         from unified_planning.model.fluent import get_all_fluent_exp

@@ -209,7 +209,7 @@ class UpConversion:
             )
             kind = model.MinimizeMakespan if timed else model.MinimizeSequentialPlanLength
             made = kind(environment)
-        elif self._preferences.counted:
+        elif self._preferences.weights:
             made = model.Oversubscription(self._preferences.gains, environment)
         elif not f.mentions(f.IsViolated, metric.expression):
             optimization = "Minimize" if minimize else "Maximize"

@@ -262,12 +262,6 @@ def _atom(change: f.Atom | f.Not | None) -> f.Atom:
     return inner
 
 
-def is_continuous(effect: SingleEffect) -> bool:
-    """Return whether an effect is continuous."""
-    change = effect.change
-    return isinstance(change, f.Assign) and f.mentions(f.ContinuousTime, change.value)
-
-
 class UpActions(UpConverter):
     """Converts actions; one with `either` becomes one action for each choice of types."""
 
@@ -387,10 +381,10 @@ class UpActions(UpConverter):
         return model.OpenTimeInterval(model.StartTiming(), model.EndTiming())
 
     def _effect(self, action: Action, made: Transition, effect: SingleEffect) -> None:
-        if is_continuous(effect):
+        change = effect.change
+        if isinstance(change, f.Assign) and f.mentions(f.ContinuousTime, change.value):
             self._continuous(action, made, effect)
             return
-        change = effect.change
         if action.kind != DURATIVE_ACTION and effect.time is not None:
             raise self._unsupported(change, "only a durative action's effects have a time")
         if action.kind == PROCESS:

@@ -342,6 +342,7 @@ class UpPreferences(UpConverter):
     """The preferences of a problem and their weights in the metric.
 
     Attributes:
+        weights: the gain of each preference that the metric counts, by its folded name.
         gains: the gain of each preferred goal.
     """
 
@@ -350,12 +351,12 @@ class UpPreferences(UpConverter):
     ) -> None:
         super().__init__(context)
         self._formulas = formulas
-        self._weights: dict[str, Fraction] = {}
+        self.weights: dict[str, Fraction] = {}
         self.gains: dict[FNode, Fraction] = {}
         if metric is not None and f.mentions(f.IsViolated, metric.expression):
             with context.at("the metric"):
                 sign = 1 if metric.optimization == "minimize" else -1
-                self._weights = {
+                self.weights = {
                     name: sign * weight for name, weight in self._violations(metric) if weight
                 }
 
@@ -370,11 +371,6 @@ class UpPreferences(UpConverter):
                 yield node.preference, weight
             elif node != ONE:
                 raise self._unsupported(node, reason)
-
-    @property
-    def counted(self) -> bool:
-        """Whether the metric counts preferences."""
-        return bool(self._weights)
 
     def without(self, nodes: Sequence[f.Formula]) -> Iterator[f.Formula]:
         """Drop the preferences that the metric does not count."""
@@ -413,4 +409,4 @@ class UpPreferences(UpConverter):
             yield within
 
     def _weight(self, name: str | None) -> Fraction:
-        return self._weights.get(fold(name), Fraction(0)) if name else Fraction(0)
+        return self.weights.get(fold(name), Fraction(0)) if name else Fraction(0)
