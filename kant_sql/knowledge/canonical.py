@@ -338,16 +338,15 @@ def _hash(
 ) -> str:
     """Hash the document of a revision whose texts are written as its form has them."""
     actor, reason, source = said
-    digest = sha256(f'{{"actor":{actor},"changes":['.encode())
-    separator = ""
+    digest, text = sha256(), f'{{"actor":{actor},"changes":[{",".join(islice(lines, _BATCH))}'
     while batch := ",".join(islice(lines, _BATCH)):
-        digest.update(f"{separator}{batch}".encode())
-        separator = ","
+        digest.update(text.encode())
+        text = f",{batch}"
     observed = metadata.observed_at
     seen = "null" if observed is None else f'"{time_text(observed)}"'
     step = "null" if metadata.plan_step is None else "[{},{}]".format(*metadata.plan_step)
     digest.update(
-        f'],"committed_at":"{committed_at}","form":{form},'
+        f'{text}],"committed_at":"{committed_at}","form":{form},'
         f'"knowledge_base":{encode_basestring(knowledge_base)},"number":{number},'
         f'"observed_at":{seen},"plan_step":{step},'
         f'"previous":{_json(previous)},"reason":{reason},"source":{source}}}'.encode()

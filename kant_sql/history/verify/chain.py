@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import datetime
 from hashlib import sha256
 from itertools import chain, groupby, islice
 from operator import itemgetter
@@ -34,12 +31,12 @@ from ...store.head import read_name
 from ..revisions import LARGEST
 from .erasures import ErasureCheck
 from .parts import PARTS_OF, READ_PARTS, WHOLE, WHOLE_AT, Part, committed
-from .sides import Check, Side
+from .sides import Check, Side, check_time, stored_time
 
 SMALLEST = -(2**63)
+# Changes of a revision that are kept in a list: most have no more.
+FEW = 1_000
 
-_DATE, _CLOCK = r"[0-9]{4}-[0-9]{2}-[0-9]{2}", r"(?:[01][0-9]|2[0-3]):[0-9]{2}:[0-9]{2}\.[0-9]{6}"
-_TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
 _PART = table_of(CommitmentRow).c
 # Whether any of them has parts: that of all is read with each, and found once.
 _ANY_PART = select(_PART.number).where(_PART.kb_id == KB, in_range(_PART.number)).exists()
@@ -64,6 +61,7 @@ class Link(NamedTuple):
     seed: bytes | None
     hash: str
     is_readable: bool  # whether its times are times
+    fault: str | None  # what is wrong with its form, its seed or its parts, in words
     parts: tuple[Part, ...] = ()  # of one whose seed was destroyed
 
     def digest(
@@ -74,32 +72,31 @@ class Link(NamedTuple):
         Of a revision of form 1 of which something was erased, this is the hash that is kept.
         """
         link = previous, name, self.number, self.committed_at, self.metadata
-        if self.fault is None and not self.parts:
-            return revision_hash(*link, changes, self.seed, self.form)
-        lines = [*changes]
         if self.fault is not None:
+            deque(changes, 0)
             return ""
+        if not self.parts:
+            return revision_hash(*link, changes, self.seed, self.form)
         if self.form == 1:
             return self.parts[0].commitment or ""
-        return sealed_hash(*link, *committed(self.parts, self.metadata, lines, is_archived))
+        return sealed_hash(*link, *committed(self.parts, self.metadata, changes, is_archived))
 
-    @property
-    def fault(self) -> str | None:
-        """What is wrong with its form, its seed or its parts, in words."""
-        if self.form not in FORMS:
-            return f"form {self.form} is unknown: revisions have form 1 or {FORM}"
-        if self.form == 1:
-            if self.seed is not None:
-                return "it is of form 1, and has a seed"
-            is_whole = [part[:6] for part in self.parts] == [(WHOLE_AT, "", WHOLE, 0, 0, None)]
-            is_kept = not self.parts or is_whole
-            return None if is_kept else "it is of form 1, and has rows of form 2 in commitment"
-        if self.seed is None:
-            return None if self.parts else "its seed is missing, and nothing of it was erased"
-        if self.parts:
-            return "it has a seed, and rows in commitment"
-        is_seed = isinstance(self.seed, bytes) and len(self.seed) == SEED
-        return None if is_seed else f"its seed is not {SEED} bytes"
+
+def _fault(form: int, seed: Any, parts: tuple[Part, ...]) -> str | None:
+    """Find what is wrong with the form, the seed or the parts of a revision."""
+    if form not in FORMS:
+        return f"form {form} is unknown: revisions have form 1 or {FORM}"
+    if form == 1:
+        if seed is not None:
+            return "it is of form 1, and has a seed"
+        is_kept = not parts or [part[:6] for part in parts] == [(WHOLE_AT, "", WHOLE, 0, 0, None)]
+        return None if is_kept else "it is of form 1, and has rows of form 2 in commitment"
+    if seed is None:
+        return None if parts else "its seed is missing, and nothing of it was erased"
+    if parts:
+        return "it has a seed, and rows in commitment"
+    is_seed = isinstance(seed, bytes) and len(seed) == SEED
+    return None if is_seed else f"its seed is not {SEED} bytes"
 
 
 class Step(NamedTuple):
@@ -107,7 +104,7 @@ class Step(NamedTuple):
 
     number: int
     link: Link | None
-    changes: Iterator[_Line]  # to be read before the next step
+    changes: Iterable[_Line]  # a list, or of many an iterator, to be read before the next step
 
 
 def stream_chain(
@@ -170,26 +167,29 @@ def read_links(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Lin
     return [_link(session, row, parts) for row in session.rows(_OF_NUMBERS, **listed)]
 
 
-def _lines(rows: Iterable[Row], keyed: bool = False) -> Iterator[_Line]:
+def _lines(rows: Iterator[Row], keyed: bool = False) -> Iterable[_Line]:
     # A change whose identity is missing has no text.
     if keyed:
-        return ((SIGNS[sign], kind, text or "", *key) for _, sign, kind, text, *key in rows)
-    return ((SIGNS[row[1]], row[2], row[3] or "") for row in rows)
+        return [(SIGNS[sign], kind, text or "", *key) for _, sign, kind, text, *key in rows]
+    few = [(SIGNS[row[1]], row[2], row[3] or "") for row in islice(rows, FEW)]
+    if len(few) < FEW:
+        return few
+    return chain(few, ((SIGNS[row[1]], row[2], row[3] or "") for row in rows))
 
 
 def _link(session: Session, row: Row, parts: Side | None = None) -> Link:
     number, at, actor, reason, source, digest, seen, plan_id, position, form, seed, _ = row
     step = None if plan_id is None else (plan_id, position)
-    committed_at, observed_at, is_readable = "", None, False
-    with suppress(TypeError, ValueError):
-        text, seen_at = moment_text(session, at), _moment(session, seen)
-        if isinstance(at, str):
-            # Its text is hashed, so it must be in the form of a time.
-            _moment(session, at)
-        committed_at, observed_at, is_readable = text, seen_at, True
+    try:
+        committed_at, is_readable = moment_text(session, at), True
+        observed_at = None if seen is None else stored_time(session, seen)
+        check_time(at)  # Its text is hashed, so it must be in the form of a time.
+    except (TypeError, ValueError):
+        committed_at, observed_at, is_readable = "", None, False
     metadata = Metadata(actor, reason, source, observed_at, step)
     own = () if parts is None else tuple(Part(*part[1:]) for part in parts.take(number))
-    return Link(number, committed_at, metadata, form, seed, digest, is_readable, own)
+    fault = _fault(form, seed, own)
+    return Link(number, committed_at, metadata, form, seed, digest, is_readable, fault, own)
 
 
 def texts_of(
@@ -208,16 +208,6 @@ def texts_of(
 def moment_text(session: Session, raw: Any) -> str:
     """Return a time as it is hashed."""
     return raw if isinstance(raw, str) else time_text(session.to_time(raw))
-
-
-def _moment(session: Session, raw: Any) -> datetime | None:
-    """Read a time in the form that the library stores."""
-    if raw is None:
-        return None
-    # Several texts are read as the same time; only one has this form.
-    if isinstance(raw, str) and _TIME.fullmatch(raw) is None:
-        raise ValueError(f"{raw!r} is not written as times are")
-    return session.to_time(raw)
 
 
 def rest_digest(session: Session, kb_id: int, upto: int) -> str:
@@ -368,7 +358,6 @@ def _shown(line: _Line) -> str:
 
 # Wrong revisions that are explained; of the others, the first and the last are named.
 EXPLAINED = 20
-FEW = 1_000
 
 
 @dataclass
@@ -429,7 +418,6 @@ class Chain:
         is_archived = link.number <= self.archived
         changes = self._counted(step.changes)
         if link.parts:
-            changes = [*changes]
             self._check_erased(link, previous, changes)
         digest = link.digest(self._name, previous, changes, is_archived)
         if link.number <= self.check.after:
@@ -444,19 +432,20 @@ class Chain:
         self.revisions += link.number > self.check.after
         self.tick(link.number)
 
-    def _check_erased(self, link: Link, previous: str | None, changes: list[_Line]) -> None:
+    def _check_erased(self, link: Link, previous: str | None, changes: Iterable[_Line]) -> None:
         """Check what took the places of erased parts of a revision."""
         if self.erasures is not None and link.fault is None:
             texts = texts_of(link, self._name, previous, changes)
             self.erasures.take(link.number, link.parts, texts, self.archived)
 
-    def _counted(self, changes: Iterator[_Line]) -> Iterable[_Line]:
-        """Count changes while they are read; most revisions have few."""
-        few = [*islice(changes, FEW)]
-        self.changes += len(few)
-        return few if len(few) < FEW else chain(few, self._many(changes))
+    def _counted(self, changes: Iterable[_Line]) -> Iterable[_Line]:
+        """Count changes: many, while they are read."""
+        if not isinstance(changes, list):
+            return self._many(changes)
+        self.changes += len(changes)
+        return changes
 
-    def _many(self, changes: Iterator[_Line]) -> Iterator[_Line]:
+    def _many(self, changes: Iterable[_Line]) -> Iterator[_Line]:
         for change in changes:
             self.changes += 1
             yield change

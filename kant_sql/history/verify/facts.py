@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from datetime import datetime
 from functools import partial
 from hashlib import sha256
 from math import copysign
@@ -23,10 +22,9 @@ from sqlalchemy import (
 )
 
 from ...dto.elements import atom_text, value_text
-from ...knowledge.canonical import time_text
 from ...knowledge.sayings import Period
 from ...sql import tables as t
-from ...sql.dialects.base import Row, Session
+from ...sql.dialects.base import Row
 from ...sql.executions import (
     EXECUTION,
     NO_PLAN,
@@ -45,7 +43,7 @@ from ...sql.plans import PlanDefinition
 from ...sql.query import Query, in_rows, integer
 from ...sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, AtomTables, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
-from .sides import AFTER, Check, Touched, interval_fault
+from .sides import AFTER, Check, Touched, interval_fault, stored_time
 
 
 class _Atoms(NamedTuple):
@@ -436,14 +434,6 @@ class ExecutionCheck:
         if since < recorded or text != expected:
             return f"has the outcome {outcome!r}, or something else that its text does not show"
         return None
-
-
-def stored_time(session: Session, raw: Any) -> datetime:
-    """Read a time; raise unless it is stored as it is written."""
-    moment = session.to_time(raw)
-    if isinstance(raw, str) and time_text(moment) != raw:
-        raise ValueError(raw)
-    return moment
 
 
 def check_plans(check: Check) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from datetime import date, datetime
+from functools import cache, lru_cache
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -76,26 +78,24 @@ class Side:
         self._groups = groupby(rows, key=itemgetter(*range(width)))
         self._stray = stray
         self._key: Any = _END
-        self._rows: Iterator[Row] = iter(())
+        self._rows: Iterable[Row] = ()
         self._next()
 
-    def take(self, key: Any) -> Iterator[Row]:
-        """Return the rows of a key; keys are taken in ascending order."""
+    def take(self, key: Any) -> Iterable[Row]:
+        """Return the rows of a key, to be read at once; keys are taken in ascending order."""
         # Comparing a key with NULL raises: an error, and not the end.
         while self._key is not _END and self._key < key:
             self._pass()
         if self._key != key:
-            return iter(())
-        return self._taken()
+            return ()
+        # The next key is found when it is asked for: what was taken is no stray then.
+        rows, self._rows = self._rows, ()
+        return rows
 
     def end(self) -> None:
         """Report the remaining rows as strays."""
         while self._key is not _END:
             self._pass()
-
-    def _taken(self) -> Iterator[Row]:
-        yield from self._rows
-        self._next()
 
     def _pass(self) -> None:
         for row in self._rows:
@@ -103,7 +103,7 @@ class Side:
         self._next()
 
     def _next(self) -> None:
-        self._key, self._rows = next(self._groups, (_END, iter(())))
+        self._key, self._rows = next(self._groups, (_END, ()))
 
 
 Narrow = Callable[[Table], ColumnElement[bool]]
@@ -243,3 +243,26 @@ def differing(given: Iterable[Row], expected: Iterable[Row]) -> list[str]:
     """Return the tables whose rows differ; each row begins with the name of its table."""
     left, right = Counter(given), Counter(expected)
     return list(dict.fromkeys(row[0] for row in (left - right) + (right - left)))
+
+
+_DATE, _CLOCK = (
+    r"[0-9]{4}-[0-9]{2}-[0-9]{2}",
+    r"(?:[01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9]\.[0-9]{6}",
+)
+_TIME = re.compile(f"{_DATE}T{_CLOCK}Z")
+_date = lru_cache(maxsize=8)(date.fromisoformat)
+
+
+def check_time(raw: Any) -> None:
+    """Raise unless a time that is stored as text has the form in which it is written."""
+    if isinstance(raw, str):
+        # Several texts are read as the same time; only one has this form.
+        if _TIME.fullmatch(raw) is None:
+            raise ValueError(f"{raw!r} is not written as times are")
+        _date(raw[:10])
+
+
+def stored_time(session: Session, raw: Any) -> datetime:
+    """Read a time; raise unless it is stored as it is written."""
+    check_time(raw)
+    return session.to_time(raw)

@@ -153,21 +153,23 @@ def _split(body: str) -> list[str]:
 @cache
 def _wrong(tables: tuple[Table, ...]) -> Query:
     """Build the query that counts the wrong values of each column, in the order of the tables."""
-    counts = (
-        f"SELECT {number}, json_array({', '.join(map(_count_of_wrong, table.c))}) "
-        f"FROM {table.name} WHERE {_quoted(next(iter(table.c)))} = :kb"
-        for number, table in enumerate(tables)
-    )
+    counts = (f"SELECT {number}, {_counted(table)}" for number, table in enumerate(tables))
     return Query(text(f"{' UNION ALL '.join(counts)} ORDER BY 1"))
 
 
-def _count_of_wrong(column: Column[Any]) -> str:
+def _counted(table: Table) -> str:
+    right = [*map(_is_right, table.c)]
+    counts = ", ".join(f"count(*) - coalesce(sum({each}), 0)" for each in right)
+    # Only rows with a wrong value are counted: in most stores none.
+    rows = f"{_quoted(next(iter(table.c)))} = :kb AND NOT ({' AND '.join(right)})"
+    return f"json_array({counts}) FROM {table.name} WHERE {rows}"
+
+
+def _is_right(column: Column[Any]) -> str:
     name, allowed = _quoted(column), ["'null'"] if column.nullable else []
     kind = next(kind for types, kind in _STORED_AS if isinstance(column.type, types))
     is_right = f"typeof({name}) IN ({', '.join([*allowed, kind])})"
-    if isinstance(column.type, Boolean):
-        is_right += f" AND {name} IN (0, 1)"
-    return f"count(*) - coalesce(sum({is_right}), 0)"
+    return f"{is_right} AND {name} IN (0, 1)" if isinstance(column.type, Boolean) else is_right
 
 
 def _quoted(column: Column[Any]) -> str:
