@@ -128,6 +128,7 @@ class KnowledgeState:
         found = near[0]
         if task.is_tested:
             found = [each for each in found if not each.test or each.test(bits, values)]
+            task.tested = bits, values, frozenset(found)
         if not task.timed:
             return [each.step for each in found]
         with task.lock:
@@ -180,7 +181,7 @@ class KnowledgeState:
             given = ground(task.definitions, step)
             if not (given.action.is_durative or misfits(task.definitions, given)):
                 found = task.operator(given.action.name, given.ids)
-        after = None if found is None else found.after(bits, self._values)
+        after = None if found is None else found.after(bits, self._values, task.tested)
         if after is None:
             given = ground(task.definitions, step) if given is None else given
             with task.lock:

@@ -48,6 +48,8 @@ NumberIn = Callable[[Values], Exact | None]
 Assignments = dict[int, tuple[str, list[tuple[str, Exact | int]]]]
 # The steps whose literals hold, in order, and the bits of their state.
 Near = tuple[list["Operator"], int]
+# A state, and the steps that were found applicable in it.
+Tested = tuple[int, Values, frozenset["Operator"]]
 _ORDER = attrgetter("order")
 # No state has these bits.
 _NEVER = -1
@@ -368,10 +370,13 @@ class Operator:
         self._is_grounded = schema.effects is not None
         self.is_plain = self._is_grounded and not (self.test or self._branches or self._updates)
 
-    def after(self, bits: int, values: Values) -> At | None:
+    def after(self, bits: int, values: Values, tested: Tested) -> At | None:
         """Return what the step makes of a state; None if more has to be known, or it is refused."""
-        is_refused = bits & self.care != self.want or (self.test and not self.test(bits, values))
-        if is_refused or not self._is_grounded:
+        if not (tested[1] is values and tested[0] == bits and self in tested[2]) and (
+            bits & self.care != self.want or (self.test and not self.test(bits, values))
+        ):
+            return None
+        if not self._is_grounded:
             return None
         keep, adds = self.keep, self.adds
         for needs, deletes, added in self._branches:
@@ -482,6 +487,7 @@ class GroundedTask:
         lock: held while the world moves and is read.
         searched: the actions whose steps in reach the world finds for each state.
         listed: the steps that were found, by the addresses of what they are listed as.
+        tested: the state that steps were last listed of, and those whose tests held.
         is_tested: whether bits do not say all of a step's condition.
         asked: what was compiled of questions.
     """
@@ -506,6 +512,7 @@ class GroundedTask:
         self.searched: list[_Schema] = []
         self.listed: dict[int, Operator] = {}
         self.is_tested = False
+        self.tested: Tested = 0, [], frozenset()
         self.asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
         self._facts: list[FluentRow] = []
         self._bits: dict[FluentRow, int] = {}
