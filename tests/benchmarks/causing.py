@@ -14,6 +14,7 @@ from itertools import cycle, islice
 from statistics import median
 
 import kant_sql
+from tests.benchmarks.drivers import bare
 from tests.benchmarks.support import print_table, read_options, seconds, stores
 
 ROBOTS, ROUNDS = 100, 9
@@ -37,11 +38,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     rows = []
     with stores(options.backend) as found:
         for backend, new in found.items():
-            with kant_sql.connect(new(), knowledge_base="robot", actor="executive") as kb:
+            url = new()
+            with kant_sql.connect(url, knowledge_base="robot", actor="executive") as kb:
                 kb.load_domain(DOMAIN)
                 kb.load_problem(PROBLEM)
                 for step in islice(cycle(STEPS), options.acts):
                     kb.apply(step)
+                store = bare(url)
+                store.settle()
+                store.close()
                 assert len(kb.unconfirmed()) == min(options.acts, ROBOTS)
                 questions = {"what nobody has seen": kb.unconfirmed} | {
                     f"what {fact} {name}": partial(ask, fact)
