@@ -429,8 +429,10 @@ class Search:
 
         It has real numbers, and integers where these suffice: most planners for costs want these.
         """
-        integers = numbers_are_integers(variant.domain, variant.problem)
-        for is_whole in sorted({False, integers}, reverse=variant.improves):
+        forms = [False]
+        if numbers_are_integers(variant.domain, variant.problem):
+            forms = [True, False] if variant.improves else [False, True]
+        for is_whole in forms:
             form = EngineProblem(self._convert(variant, is_whole))
             names = (engine,) if engine else candidates(form.problem, variant.improves)
             yield from ((form, name) for name in names if self._engines.find(name))

@@ -297,7 +297,7 @@ def test_names_are_kept_in_their_first_spelling(depot_kb: KnowledgeBase) -> None
     shouted = f.Exists(
         (f.TypedName("T", ("TRUCK",)),), f.Atom("AT", (f.Variable("t"), f.Variable("T")))
     )
-    with pytest.raises(InvalidKnowledgeError, match="term 2 of"):
+    with pytest.raises(InvalidKnowledgeError, match="expected place as argument 2"):
         depot_kb.goals.save(shouted)
     shouted = f.Exists((f.TypedName("T", ("TRUCK",)),), f.Atom("AT", (f.Variable("t"), HUB)))
     depot_kb.goals.save(shouted)
