@@ -62,8 +62,6 @@ from .proposition import GOALS, References, check_dto, existing_key, key_of_atom
 from .text import TextReader, expect_text
 from .type import TYPES
 
-TypeIds = tuple[int, ...]
-
 
 def _bound_variables(
     transaction: Transaction, variables: Iterable[f.TypedName]
@@ -324,7 +322,6 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
     """One section of formulas in an SQL store."""
 
     section: ClassVar[str]
-    node_classes: tuple[type, ...] = (f.Node,)
     _items = "an iterable of formulas"
     example: ClassVar[str]
 
@@ -350,8 +347,9 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
 
     def _check(self, formula: object) -> None:
         """Refuse what is not a formula of the section."""
-        if isinstance(formula, f.Node) and not isinstance(formula, self.node_classes):
-            names = " or ".join(each.__name__ for each in self.node_classes)
+        classes = _CLASSES.get(self.section, (f.Node,))
+        if isinstance(formula, f.Node) and not isinstance(formula, classes):
+            names = " or ".join(each.__name__ for each in classes)
             raise InvalidKnowledgeError(
                 f"a {self.section} is a node {names} of kant_sql.pddl, not "
                 f"{type(formula).__name__}: {shown(formula)}"
@@ -407,7 +405,6 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedP
     """Rules for derived predicates in an SQL store."""
 
     section = DERIVED_PREDICATE
-    node_classes = (f.Derived,)
     example = "(:derived (reachable ?p - place) (connected dock ?p))"
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[f.Derived | str]) -> int:
@@ -423,7 +420,6 @@ class SqlTimedInitialLiteralDao(
     """Timed initial literals in an SQL store."""
 
     section = TIMED
-    node_classes = (f.TimedLiteral,)
     example = "(at 10 (open door1))"
 
 
@@ -433,7 +429,6 @@ class SqlInitialLiteralDao(
     """Negative literals and equalities of the initial state in an SQL store."""
 
     section = INITIAL
-    node_classes = (f.Not, f.Equal)
     example = "(not (open door1))"
 
 

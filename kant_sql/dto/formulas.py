@@ -18,7 +18,6 @@ from itertools import chain, groupby
 from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from ..arguments import Readable, expect, expect_tuple, items
-from ..errors import InvalidKnowledgeError
 from .lexical import ROOT_TYPE, check_number, decimal_text, either_text, with_article
 
 # Three times the deepest formula of the planning competitions. Each database evaluates as many
@@ -68,12 +67,6 @@ class Node(Checked, Readable):
 
 class FormulaNode(Node):
     """A node that is a formula or an effect."""
-
-    __slots__ = ()
-
-
-class Branch(Node):
-    """A node that may contain nodes of its own class: a level of nesting."""
 
     __slots__ = ()
 
@@ -138,19 +131,6 @@ def mentions(kind: type[Node], *nodes: Node) -> bool:
     return any(isinstance(node, kind) for node in walk(*nodes))
 
 
-def check_nesting(*nodes: Node) -> None:
-    """Refuse formulas that are nested too deeply."""
-    level = list(nodes)
-    levels = 0
-    while level:
-        levels += any(isinstance(node, (FormulaNode, Branch, IsViolated)) for node in level)
-        level = [child for node in level for child in children(node)]
-    if levels > MAX_NESTING:
-        raise InvalidKnowledgeError(
-            f"the formula is nested {levels} levels deep, expected {NESTING_REMEDY}"
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class TypedName(Checked):
     """A name with its type, in a list of parameters, objects or types.
@@ -194,7 +174,7 @@ class Constant(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Fluent(Branch):
+class Fluent(Node):
     """A function applied to terms, with a number or an object (PDDL 3.1) as its value.
 
     Attributes:
@@ -233,7 +213,7 @@ class ContinuousTime(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Arithmetic(Branch):
+class Arithmetic(Node):
     """An operation on numbers.
 
     Attributes:
@@ -336,28 +316,28 @@ class Comparison(FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Not(Branch, FormulaNode):
+class Not(FormulaNode):
     """A negation; as an effect, a delete."""
 
     formula: Formula
 
 
 @dataclass(frozen=True, slots=True)
-class And(Branch, FormulaNode):
+class And(FormulaNode):
     """A conjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Or(Branch, FormulaNode):
+class Or(FormulaNode):
     """A disjunction, in order."""
 
     formulas: tuple[Formula, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Imply(Branch, FormulaNode):
+class Imply(FormulaNode):
     """An implication.
 
     Attributes:
@@ -370,7 +350,7 @@ class Imply(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Forall(Branch, FormulaNode):
+class Forall(FormulaNode):
     """A formula, or an effect, for all objects of the variables' types."""
 
     variables: tuple[TypedName, ...]
@@ -378,7 +358,7 @@ class Forall(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Exists(Branch, FormulaNode):
+class Exists(FormulaNode):
     """A formula that holds for some objects of the variables' types."""
 
     variables: tuple[TypedName, ...]
@@ -386,7 +366,7 @@ class Exists(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Count(Branch, FormulaNode):
+class Count(FormulaNode):
     """A formula that holds for at most one object, or for exactly one: rules alone have it.
 
     Attributes:
@@ -401,7 +381,7 @@ class Count(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Timed(Branch, FormulaNode):
+class Timed(FormulaNode):
     """A condition or an effect at a time of a durative action; `at end` also in constraints.
 
     Attributes:
@@ -414,7 +394,7 @@ class Timed(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Preference(Branch, FormulaNode):
+class Preference(FormulaNode):
     """A soft goal, precondition or constraint (PDDL 3.0, section 3).
 
     Attributes:
@@ -427,7 +407,7 @@ class Preference(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Modal(Branch, FormulaNode):
+class Modal(FormulaNode):
     """A constraint on the trajectory (PDDL 3.0, section 2).
 
     Attributes:
@@ -443,7 +423,7 @@ class Modal(Branch, FormulaNode):
 
 
 @dataclass(frozen=True, slots=True)
-class When(Branch, FormulaNode):
+class When(FormulaNode):
     """A conditional effect."""
 
     condition: Formula

@@ -12,13 +12,9 @@ from tests.support.generators.documents import domains_and_problems
 
 NODES = {
     kind.__name__
-    for kind in (
-        *f.Node.__subclasses__(),
-        *f.FormulaNode.__subclasses__(),
-        *f.Branch.__subclasses__(),
-    )
+    for kind in (*f.Node.__subclasses__(), *f.FormulaNode.__subclasses__())
     if kind.__module__.startswith("kant_sql.dto.")
-} - {"Branch", "Count", "FormulaNode"}
+} - {"Count", "FormulaNode"}
 
 
 def roots(domain: Domain, problem: Problem) -> list[f.Node]:

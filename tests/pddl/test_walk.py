@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-import pytest
-
 from kant_sql.dto import formulas as f
-from kant_sql.errors import InvalidKnowledgeError
 
 X, A = f.Variable("x"), f.Constant("a")
 P = f.Atom("p", (X, f.Fluent("f", (A,))))
@@ -33,13 +30,3 @@ def test_walking_is_in_preorder() -> None:
     assert list(f.walk(nodes[0])) == nodes
     assert list(f.walk(P, A)) == [*f.walk(P), A]
     assert list(f.walk()) == []
-
-
-def test_nesting_counts_formulas_and_functions_but_no_names() -> None:
-    nested: f.Formula = P
-    for _ in range(f.MAX_NESTING - 2):
-        nested = f.Not(nested)
-    f.check_nesting(nested, P)
-    f.check_nesting(f.Derived("p", (f.TypedName("x"),), nested))
-    with pytest.raises(InvalidKnowledgeError, match="nested 51 levels deep, expected at most 50"):
-        f.check_nesting(P, f.And((P, nested)))

@@ -46,8 +46,12 @@ def nested(kind: type, levels: int, leaf: int = 0) -> Any:
 
 
 def test_all_nodes_that_may_contain_their_like_are_here() -> None:
-    names = {each.__name__ for each in f.Branch.__subclasses__()}
-    assert names == {each.__name__ for each in WRAP}
+    of_formulas = {
+        kind.__name__
+        for kind in f.FormulaNode.__subclasses__()
+        if "Formula" in " ".join(map(str, kind.__annotations__.values()))
+    }
+    assert {each.__name__ for each in WRAP} == {"Fluent", "Arithmetic", *of_formulas}
 
 
 @pytest.mark.parametrize("kind", WRAP, ids=lambda kind: kind.__name__)
