@@ -375,9 +375,11 @@ def _evidence() -> Select[Any]:
     )
     its = found_rows(held, _FACT.proposition_id, "ids")
     facts = select(its.c.proposition_id, its.c.since, *no_act, its.c.confirmed)
-    acts = select(none, _OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position, null()).where(
-        _OUTCOME.kb_id == KB, in_list(_OUTCOME.since, "numbers"), had_effect()
-    )
+    effective = select(_OUTCOME.since, _OUTCOME.plan_id, _OUTCOME.position)
+    its_acts = found_rows(
+        effective.where(_OUTCOME.kb_id == KB, had_effect()), _OUTCOME.since, "numbers"
+    ).c
+    acts = select(none, its_acts.since, its_acts.plan_id, its_acts.position, null())
     named = select(none, _LINK.number, _LINK.plan_id, _LINK.position, null()).where(
         _LINK.kb_id == KB, in_list(_LINK.number, "numbers")
     )
