@@ -29,6 +29,8 @@ _HASH = Query(
 )
 _FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
+# How often a number is chosen for a knowledge base while others take it.
+_ATTEMPTS = 100
 _NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _NEW_KB = Insert(table_of(KnowledgeBaseRow), "id", "name")
 _NEW_HEAD = Insert(table_of(HeadRow), "kb_id", *EMPTY_HEAD)
@@ -100,24 +102,38 @@ def find_knowledge_base(session: Session, name: str) -> int | None:
 
 
 def create_knowledge_base(session: Session, name: str) -> int:
-    """Create a knowledge base, before its first revision."""
+    """Create a knowledge base, before its first revision, unless another process just did."""
+    taken = None
+    for _ in range(_ATTEMPTS):
+        kb_id = 1 + _last_id(session)
+        try:
+            session.insert(_NEW_KB, [(kb_id, name)])
+        except StoreIntegrityError as error:
+            # The other one has committed: without a pause, for newcomers would be faster.
+            taken = error
+            session.rollback()
+            session.begin(write=True)
+            found = find_knowledge_base(session, name)
+            if found is not None:
+                return found
+            continue
+        session.insert(_NEW_HEAD, [(kb_id, *EMPTY_HEAD.values())])
+        session.commit()
+        session.begin(write=True)
+        return kb_id
+    raise StoreBusyError(
+        f"{session.backend.label}: other processes are creating knowledge bases just now; nothing "
+        "was written, try again"
+    ) from taken
+
+
+def _last_id(session: Session) -> int:
     row = session.first(_LAST_KB)
     last = row[0] or 0 if row else 0
     if not isinstance(last, int):
         # A label is formatted only for its message.
         check_integer("knowledge_base", f"the largest id of {session.backend.label}", "id", last)
-    kb_id: int = 1 + last
-    try:
-        session.insert(_NEW_KB, [(kb_id, name)])
-    except StoreIntegrityError as error:
-        raise StoreBusyError(
-            f"{session.backend.label}: another process is creating a knowledge base just now; "
-            "nothing was written, try again"
-        ) from error
-    session.insert(_NEW_HEAD, [(kb_id, *EMPTY_HEAD.values())])
-    session.commit()
-    session.begin(write=True)
-    return kb_id
+    return int(last)
 
 
 def lock_head(session: Session, kb_id: int) -> Head | None:

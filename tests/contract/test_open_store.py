@@ -252,6 +252,27 @@ def work_on(store: KnowledgeStore, number: int) -> None:
         kb.close()
 
 
+@on_server
+def test_who_loses_a_number_takes_the_next_one_at_once(
+    shared_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dialect_base, "RETRY_FOR", 0)
+    waiting = "SELECT FROM pg_locks WHERE NOT granted"
+    with (
+        kant_sql.connect(shared_url, knowledge_base="third") as kb,
+        psycopg.connect(shared_url) as other,
+        psycopg.connect(shared_url, autocommit=True) as looking,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        other.execute("INSERT INTO knowledge_base (id, name) VALUES (1, 'second')")
+        saving = pool.submit(kb.propositions.save, robot_at())
+        wait_for(lambda: looking.execute(waiting).fetchone() is not None)
+        other.commit()
+        assert saving.result() is True
+        found = looking.execute("SELECT id, name FROM knowledge_base ORDER BY id").fetchall()
+    assert found == [(1, "second"), (2, "third")]
+
+
 @pytest.mark.more
 @on_server
 def test_a_thousand_in_threads(shared_url: str) -> None:
