@@ -61,8 +61,8 @@ def read_parts(
     """Read the formulas of an action from its text, which the PDDL reader checks."""
     duration, condition, effect = map(_conjuncts, parts)
     typed = [(one.name, one.type_text) for one in parameters]
-    of_duration, texts = duration_text(duration), (map(str, condition), map(str, effect))
-    text = action_text(kind, name, typed, of_duration, *texts)
+    conditions, effects = map(str, condition), map(str, effect)
+    text = action_text(kind, name, typed, duration_text(duration), conditions, effects)
     read: Any = TextReader(transaction).read(read_action, text)
     found = (read.duration if read.durative else [], read.conditions, read.effects)
     for given, part in zip((duration, condition, effect), found, strict=True):

@@ -28,8 +28,6 @@ from .tables import TABLES
 _DEFINED = "type", "object", "predicate", "function"
 # Of what something may be said, and what owns it: the first columns of an index.
 _OWNERS = {"proposition": "predicate", "function_value": "function"}
-
-
 _TEXT = (
     "CAST('(= ' || (SELECT f.text FROM function_value AS f WHERE f.kb_id = :kb AND "
     "f.id = s.function_value_id) || ' ' || COALESCE(s.value, (SELECT o.name FROM object AS o "

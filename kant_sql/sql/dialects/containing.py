@@ -63,14 +63,15 @@ def pattern_of(
             "no text of a store contains a NUL character or an unpaired surrogate; leave it out"
         )
     special, escaped = _SPECIAL[dialect]
-    sought = (normalize("NFC", text) if is_composed else text)[:LONGEST_SOUGHT]
+    sought = text[:LONGEST_SOUGHT]
+    sought = _folded(sought) if is_composed else sought.translate(_keys())
     written = "".join(
         f"[{_spellings()[one]}]"
         if one in _spellings()
         else escaped.format(one)
         if one in special
         else one
-        for one in sought.translate(_keys())
+        for one in sought
     )
     if dialect == "sqlite":
         return f"{'' if begins else '*'}{written}{'' if ends else '*'}"
