@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from datetime import datetime
@@ -90,8 +91,10 @@ def removed_on_failure(url: str) -> Iterator[None]:
         is_new = not backend.exists()
         try:
             yield
-        except BaseException:
+        except BaseException as error:
             if is_new:
+                # A cursor that a signal came between keeps the file in use.
+                traceback.clear_frames(error.__traceback__)
                 backend.remove(ANY_REVISION)
             raise
 

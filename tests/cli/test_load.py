@@ -11,13 +11,16 @@ import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
 import kant_sql
 from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlTypeDto
+from kant_sql.cli.common import leaving_nothing
 from kant_sql.pddl import read_domain, read_problem
 from kant_sql.sql.catalog import written_names
+from kant_sql.sql.dialects.base import Session
 from tests.support.processes import commands
 from tests.support.processes.workers import wait_for
 
@@ -410,6 +413,19 @@ def test_a_load_that_is_stopped_leaves_no_new_file(tmp_path: Path, number: signa
     output, error = process.communicate(timeout=commands.CHILD_TIMEOUT)
     assert (process.returncode, output, error) == (128 + number, b"", b"")
     assert os.listdir(tmp_path) == ["large.pddl"]
+
+
+def test_an_interrupt_between_a_statement_and_its_rows_leaves_no_new_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(session: Session) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Session, "_fetch", interrupt)
+    url = f"sqlite:///{tmp_path}/new.db"
+    with pytest.raises(KeyboardInterrupt), leaving_nothing(url):
+        kant_sql.connect(url)
+    assert os.listdir(tmp_path) == []
 
 
 def test_the_library_says_how_far_a_load_has_come(url: str) -> None:
