@@ -41,6 +41,7 @@ _LISTED = re.compile(r"\([^()]*\) IN \(SELECT c0")
 # A table of the schema with its alias.
 _STORED = re.compile(r"[a-z_]+ AS [a-z]\d+")
 _COLUMN = re.compile(r"\b[a-z]\d+\.\w+")
+_VERSIONS, _HELD, _FOUND = "proposition_version", "proposition_held", "proposition_found"
 # What begins the name of the relation of what held of a predicate, and a table that is that or of
 # the schema: not what a recursive statement has found.
 PAST = "past_"
@@ -65,6 +66,8 @@ class JoinedTables:
         tables, where = (self.tables, self.where)
         if self._words.fence:
             tables, where, columns = self._fenced(columns)
+        elif self._words.is_one_state:
+            tables, where, columns = self._listed(columns)
         sql = f"SELECT {columns}"
         if tables:
             sql += " FROM " + " CROSS JOIN ".join(tables)
@@ -72,12 +75,8 @@ class JoinedTables:
             sql += f" WHERE {balanced('AND', where)}"
         return sql
 
-    def _fenced(self, columns: str) -> tuple[list[str], list[str], str]:
-        """Keep a planner to the order of the tables: each one looks up what those before found.
-
-        Without statistics PostgreSQL takes every lookup for one row, whatever index finds it, and
-        then any order and any index are as good to it as the best.
-        """
+    def _parted(self) -> tuple[list[list[str]], list[tuple[int, str]]]:
+        """Part the conditions: those of each stored table, and the others by their last table."""
         number = {table.split()[-1]: n for n, table in enumerate(self.tables)}
         own: list[list[str]] = [[] for _ in self.tables]
         rest: list[tuple[int, str]] = []
@@ -87,6 +86,34 @@ class JoinedTables:
                 own[last].append(condition)
             else:
                 rest.append((last, condition))
+        return own, rest
+
+    def _listed(self, columns: str) -> tuple[list[str], list[str], str]:
+        """Look up facts of valid time by what the tables before them found.
+
+        SQLite has no lateral subqueries, but a table-valued function takes one as its argument.
+        """
+        own, rest = self._parted()
+        tables, where = [], [condition for _, condition in rest]
+        for n, table in enumerate(self.tables):
+            if not n or not table.startswith(_FOUND):
+                tables.append(table)
+                where += own[n]
+                continue
+            later = [*where, *chain(*own[n + 1 :]), columns]
+            listed, rename = _as_list(table, own[n], later)
+            tables.append(listed)
+            own[n + 1 :] = [[*map(rename, texts)] for texts in own[n + 1 :]]
+            where, columns = [*map(rename, where)], rename(columns)
+        return tables, where, columns
+
+    def _fenced(self, columns: str) -> tuple[list[str], list[str], str]:
+        """Keep a planner to the order of the tables: each one looks up what those before found.
+
+        Without statistics PostgreSQL takes every lookup for one row, whatever index finds it, and
+        then any order and any index are as good to it as the best.
+        """
+        own, rest = self._parted()
         tables: list[str] = []
         for n, table in enumerate(self.tables):
             alias = table.split()[-1]
@@ -115,18 +142,33 @@ def _grouped(
     """Write a join as one table; return what renames its columns in the texts that follow."""
     known = {table.split()[-1] for table in tables}
     used = dict.fromkeys(found[0] for text in later for found in _COLUMN.finditer(text))
-    names = {one: one.replace(".", "_") for one in used if one.split(".")[0] in known}
-    listed = ", ".join(f"{one} AS {own}" for one, own in names.items()) or "1 AS present"
+    own = [one for one in used if one.split(".")[0] in known]
+    names = {one: f"{name}.{one.replace('.', '_')}" for one in own}
+    listed = ", ".join(f"{one} AS {one.replace('.', '_')}" for one in own) or "1 AS present"
     sql = f"SELECT {listed} FROM {' CROSS JOIN '.join(tables)}"
     if where:
         sql += f" WHERE {balanced('AND', where)}"
+    return sql, _renaming(names)
 
-    def rename(text: str) -> str:
-        return _COLUMN.sub(
-            lambda found: f"{name}.{names[found[0]]}" if found[0] in names else found[0], text
-        )
 
-    return sql, rename
+def _as_list(
+    table: str, where: Sequence[str], later: Iterable[str]
+) -> tuple[str, Callable[[str], str]]:
+    """Write rows of a table as a list; return what renames its columns in the texts that follow."""
+    alias = table.split(" AS ")[1]
+    used = dict.fromkeys(found[0] for text in later for found in _COLUMN.finditer(text))
+    own = [one for one in used if one.startswith(f"{alias}.")]
+    names = {one: f"json_extract({alias}.value, '$[{n}]')" for n, one in enumerate(own)}
+    listed = ", ".join(f"{one} AS c{n}" for n, one in enumerate(own)) or "1 AS present"
+    entry = f"json_array({', '.join(f'c{n}' for n in range(len(own)))})"
+    # With a limit it stays apart from what lists it, but what it reads may become parts of it.
+    rows = f"SELECT {listed} FROM {table} WHERE {balanced('AND', where)} LIMIT -1"
+    sql = f"json_each((SELECT json_group_array({entry}) FROM ({rows})))"
+    return f"{sql} AS {alias}", _renaming(names)
+
+
+def _renaming(names: Mapping[str, str]) -> Callable[[str], str]:
+    return lambda text: _COLUMN.sub(lambda found: names.get(found[0], found[0]), text)
 
 
 def balanced(operator: str, parts: Sequence[str]) -> str:
@@ -166,8 +208,8 @@ class ConditionWriter(ABC):
         size: Size | None = None,
     ) -> None:
         self.words = words
-        # So many arguments find what held in the past; no index has what was said of a time.
-        self.indexed = 0 if words.is_one_state else len(ARGUMENT_COLUMNS)
+        # The tables of the facts that held, and of those with some object.
+        self.tables = (_HELD, _FOUND) if words.is_one_state else (_VERSIONS, _VERSIONS)
         self.size = size
         self.asked = 1.0
         self.definitions = definitions
@@ -203,8 +245,9 @@ class ConditionWriter(ABC):
 
         By an argument that has no index, all atoms of any time that mention it are looked up.
         """
-        if position < self.indexed:
-            return FOUND
+        if position < len(ARGUMENT_COLUMNS):
+            # At a valid time the sayings of the predicate are looked at, too.
+            return 2 * FOUND if self.words.is_one_state else FOUND
         if self.size is None:
             return 1
         is_known = isinstance(term, r.Known)
@@ -418,7 +461,7 @@ class ConditionWriter(ABC):
             return self.exists(f"proposition_version AS {version}", where)
         given = {
             n: self.place(term, places)
-            for n, term in enumerate(terms[: self.indexed])
+            for n, term in enumerate(terms[: len(ARGUMENT_COLUMNS)])
             if self.is_given(term, places)
         }
         if len(given) < len(terms) and self.is_read(fact.predicate, self.asked, given):

@@ -125,7 +125,8 @@ def fork_of_period(valid_from: datetime, valid_until: datetime) -> int:
 
 def forks_at_time(moment: datetime) -> list[int]:
     """Return where sayings of a time may be kept."""
-    return forks_at(_second(moment))
+    last = _second(datetime.max.replace(tzinfo=UTC))
+    return [fork for fork in forks_at(_second(moment)) if fork <= last]
 
 
 def then(session: Session, at: int) -> dict[str, Any]:

@@ -226,12 +226,12 @@ class _Join:
         arguments = {n: writer.alias("a") for n in further}
         tables = {n: f"proposition_argument AS {alias}" for n, alias in arguments.items()}
         selection.tables += [tables[n] for n in first]
-        if writer.is_past:
+        if writer.is_past and not writer.words.is_one_state:
             forks = writer.alias("f")
             selection.tables.append(f"{writer.forks()} AS {forks}")
             selection.where.append(f"{version}.fork = {forks}.value")
             selection.sorted[version] = "since"
-        selection.tables.append(f"proposition_version AS {version}")
+        selection.tables.append(f"{writer.tables[1]} AS {version}")
         selection.tables += [tables[n] for n in further if n not in first]
         selection.where += writer.versions(version, fact.predicate)
         for position, alias in arguments.items():
@@ -253,7 +253,7 @@ class _Join:
             selection.tables.append(f"{writer.past(fact.predicate, arity, given)} AS {alias}")
             # For a comparison that the relation makes already, planners expect a row or two.
             return [given.get(n, f"{alias}.c{n}") for n in range(arity)]
-        if bound[1] < writer.indexed:
+        if bound[1] < len(ARGUMENT_COLUMNS):
             return self._found_facts(fact)
         # What is bound finds few atoms, each of which is looked up at that time.
         _, first = bound
@@ -289,7 +289,7 @@ class _Join:
         writer, term = self._writer, fact.terms[n]
         is_known = isinstance(term, r.Known) or term in self._outer
         lookups = self._rows * mentioned / (writer.asked if is_known else 1)
-        if n < writer.indexed and writer.is_given(term, self._outer):
+        if n < len(ARGUMENT_COLUMNS) and writer.is_given(term, self._outer):
             # Those of one object are few: they are read once, and joined by hashes.
             return lookups > mentioned or writer.asked > 1
         return writer.is_read(fact.predicate, lookups)

@@ -176,13 +176,13 @@ class ConditionCompiler(JoinWriter):
         # The forks as a table: for `fork IN` a planner without statistics expects few rows, and
         # then compares all of them with each row that they are joined to.
         selection = JoinedTables(self.words, {})
-        found = any(n < self.indexed for n in given)
+        found = any(n < len(ARGUMENT_COLUMNS) for n in given)
         if not self.words.is_one_state:
             selection.tables = [f"{self.forks()} AS f0"]
             selection.where = ["v0.fork = f0.value"]
             if found:
                 selection.sorted["v0"] = "since"
-        selection.tables.append("proposition_version AS v0")
+        selection.tables.append(f"{self.tables[found]} AS v0")
         selection.where += self.versions("v0", predicate, "" if found else self.words.unsought)
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
         for n in range(len(columns), arity):

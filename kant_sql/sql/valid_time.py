@@ -16,7 +16,8 @@ from typing import Any
 from sqlalchemy import Dialect, text
 
 from ..knowledge.canonical import time_text
-from .definition_rows import last_definitions, read_ends
+from ..knowledge.definitions import Definitions
+from .definition_rows import Ends, read_ends, with_lost
 from .dialects.base import Session
 from .dialects.words import COVERS, Words
 from .intervals import forks_at, forks_at_time
@@ -42,11 +43,11 @@ def _columns(table: str, row: str, **own: str) -> str:
     return ", ".join(f"{own.get(name, f'{row}.{name}')} AS {name}" for name in names)
 
 
-def _held(words: Words, row: str, at: str, forks: str) -> str:
-    """Write that a version held at a revision, as in `intervals.py`."""
-    among = words.in_list.format(f"{row}.fork", f":{forks}") + words.bounded.format(f"{row}.since")
-    until = f"({row}.until IS NULL OR {row}.until > :{at})"
-    return f"{row}.kb_id = :kb AND {among} AND {row}.since <= :{at} AND {until}"
+def _held(table: str, rows: str, at: str, forks: str) -> str:
+    """Write the versions that held at a revision, as `v`, found as in `intervals.py`."""
+    versions = rows.format(table=f"{table}_version", forks=f":{forks}")
+    until = f"(v.until IS NULL OR v.until > :{at})"
+    return f"FROM {versions} AND v.kb_id = :kb AND v.since + 0 <= :{at} AND {until}"
 
 
 def _decides(words: Words, table: str, row: str, newer: str = "") -> str:
@@ -80,19 +81,20 @@ def _said(words: Words, table: str, is_found: bool) -> str:
     return f"SELECT {_columns(table, 's', **own)} FROM {rows} {where}"
 
 
-def _overlaid(words: Words, table: str, is_found: bool = False) -> str:
+def _overlaid(
+    words: Words, table: str, *, rows: str, has_goals: bool = False, is_found: bool = False
+) -> str:
     """Write what held of facts or values; goals are those of what is known."""
-    held = _held(words, "v", "valid_state", "valid_forks")
-    version = f"FROM {table}_version AS"
-    parts = [f"{held} AND {_decides(words, table, 'v')}"]
+    own = {"since": "CAST(v.since + 0 AS BIGINT)"}
+    held = f"{_held(table, rows, 'valid_state', 'valid_forks')} AND {_decides(words, table, 'v')}"
     if table == "proposition":
-        parts[0] = f"{words.is_fact.format('v')} AND {parts[0]}"
-    parts[0] = f"SELECT {_columns(table, 'v')} {version} v WHERE {parts[0]}"
-    if table == "proposition":
-        goals = _held(words, "g", "valid_known", "valid_goals")
-        own = {"predicate_id": "CAST(g.predicate_id + 0 AS BIGINT)"}
-        goals = f"{words.is_true.format('g.is_goal')} AND {goals}"
-        parts.append(f"SELECT {_columns(table, 'g', **own)} {version} g WHERE {goals}")
+        held = f"{held} AND {words.is_fact.format('v')}"
+    parts = [f"SELECT {_columns(table, 'v', **({} if is_found else own))} {held}"]
+    if has_goals:
+        own = {"predicate_id": "CAST(v.predicate_id + 0 AS BIGINT)"}
+        goals = _held(table, rows, "valid_known", "valid_goals")
+        is_goal = words.is_true.format("v.is_goal")
+        parts.append(f"SELECT {_columns(table, 'v', **own)} {goals} AND {is_goal}")
     return " UNION ALL ".join([*parts, _said(words, table, is_found)])
 
 
@@ -113,8 +115,15 @@ def _definitions(kind: str) -> str:
 def _subqueries(words: Words) -> dict[str, Query]:
     """Return what takes the place of each table."""
     found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
-    found |= {f"{table}_version": _overlaid(words, table) for table in _OWNERS}
-    found["function_value_found"] = _overlaid(words, "function_value", is_found=True)
+    all_, by_object = words.held
+    for name, table, rows, more in (
+        ("proposition_version", "proposition", all_, {"has_goals": True}),
+        ("proposition_held", "proposition", all_, {}),
+        ("proposition_found", "proposition", by_object, {}),
+        ("function_value_version", "function_value", all_, {}),
+        ("function_value_found", "function_value", all_, {"is_found": True}),
+    ):
+        found[name] = _overlaid(words, table, rows=rows, **more)
     return {name: Query(text(sql)) for name, sql in found.items()}
 
 
@@ -132,8 +141,8 @@ def _true(words: Words) -> Query:
 
 # Where rows are read from one of the tables.
 _NAMED = re.compile(
-    rf"(?<![\w.'/])((?:{'|'.join([*_DEFINED, *_OWNERS])})_version|function_value_found)"
-    r"(?![\w.'])(?: AS (\w+))?"
+    rf"(?<![\w.'/])((?:{'|'.join([*_DEFINED, *_OWNERS])})_version|"
+    rf"(?:{'|'.join(_OWNERS)})_(?:held|found))(?![\w.'])(?: AS (\w+))?"
 )
 # The statements that were written, by dialect; conditions are of any form.
 _WRITTEN: dict[tuple[str, str], str] = {}
@@ -156,6 +165,7 @@ class ValidTime:
         self.moment, self.known, self.state = moment, known, state
         self.kb_id: int | None = None
         self.misfits: dict[str, list[int]] | None = None
+        self._parameters: dict[str, Any] = {}
 
     def __str__(self) -> str:
         return f"{time_text(self.moment)}, as known at revision {self.known}"
@@ -176,7 +186,9 @@ class ValidTime:
 
     def parameters(self, session: Session) -> dict[str, Any]:
         """Return the parameters that this adds to those of a statement."""
-        return {
+        if self._parameters:
+            return self._parameters
+        made = {
             "kb": self.kb_id,
             "valid_known": self.known,
             "valid_state": self.state,
@@ -189,29 +201,38 @@ class ValidTime:
                 for table in _OWNERS
             },
         }
+        if self.misfits is not None:
+            self._parameters = made
+        return made
 
-    def find_misfits(self, session: Session) -> None:
-        """Find what does not fit, in the tables and in what was true; once."""
-        if self.kb_id is None or self.misfits is not None:
-            return
+    def find_misfits(self, session: Session, definitions: Definitions) -> bool:
+        """Find what does not fit, in the tables and in what was true.
+
+        Returns:
+            Whether something ended since that time that is not in the definitions of the revision.
+        """
+        assert self.kb_id is not None
         found: dict[str, list[int]] = {table: [] for table in _OWNERS}
-        bounds = session, self.kb_id, self.state, self.known
-        redefined = read_ends(*bounds).redefined if self.state < self.known else []
+        bounds = session, self.kb_id
+        changed = self.known if definitions.revision is None else definitions.revision
+        span = self.state, self.known
+        lost, redefined = read_ends(*bounds, *span) if self.state < changed else Ends([], [])
         if redefined:
-            definitions = last_definitions(*bounds)
+            last = with_lost(*bounds, definitions, *span) if lost else definitions
             owners = [id_ for _, id_ in redefined]
             if not {kind for kind, _ in redefined} <= {*_OWNERS.values()}:
                 # The arguments of any may be of other types than they were.
-                every = (definitions.predicates, definitions.functions)
+                every = (last.predicates, last.functions)
                 owners = [one.id for of_kind in every for one in of_kind]
             with session.overlaid(self):
                 given = {"owners": session.list_value(owners), "is_goal": False}
                 rows = session.rows(_true(session.words), **given, kb=self.kb_id)
             for *row, id_ in rows:
                 touch = touch_of(row)
-                if not fits(definitions, touch):
+                if not fits(last, touch):
                     found["proposition" if touch.is_fact else "function_value"].append(id_)
         self.misfits = found
+        return bool(lost)
 
 
 @cache

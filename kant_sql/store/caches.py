@@ -265,6 +265,10 @@ class DefinitionCache:
             self._erased = erased
             self.forget()
 
+    def adopt(self, other: DefinitionCache, revision: int, definitions: Definitions) -> None:
+        """Keep definitions that another cache has, for a past revision."""
+        self._erased, self._past = other._erased, {revision: definitions}
+
     def load(self, session: Session, kb_id: int) -> Definitions:
         """Read the definitions of the head, in one statement."""
         definition_revision, definitions = load(session, kb_id)

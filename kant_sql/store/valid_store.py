@@ -11,6 +11,7 @@ from ..errors import ReadOnlyError
 from ..sql.dialects.base import Session, WriterLock
 from ..sql.valid_time import ValidTime
 from .caches import DefinitionCache
+from .snapshot import open_view
 from .store import Store
 
 T = TypeVar("T")
@@ -50,12 +51,21 @@ class ValidStore(Store):
         self, work: Callable[[Session], T], take: Callable[[], Session] | None = None
     ) -> T:
         def overlaid(session: Session) -> T:
-            self.valid.kb_id = self._find(session)
-            self.valid.find_misfits(session)
+            if self.valid.misfits is None:
+                self._prepare(session)
             with session.overlaid(self.valid):
                 return work(session)
 
         return super()._outside(overlaid, take)
+
+    def _prepare(self, session: Session) -> None:
+        """Find what does not fit, and take the definitions of the revision if they are all."""
+        valid, known = self.valid, self.origin._definitions
+        valid.kb_id = self._find(session)
+        if valid.kb_id is not None:
+            view = open_view(session, valid.kb_id, known, valid.known)
+            if not valid.find_misfits(session, view.definitions):
+                self._definitions.adopt(known, valid.known, view.definitions)
 
     @override
     def query_once(self, work: Callable[[Session, int | None], T]) -> T:

@@ -17,18 +17,20 @@ import pytest
 import kant_sql
 from tests.benchmarks.drivers import bare
 from tests.benchmarks.past import CONDITIONS, NAME, PERIODS, fill
+from tests.benchmarks.two_clocks import LATE, LONGEST, say_late
+from tests.benchmarks.years import START, STEP
 from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
 from tests.support.statements import Statement, is_bracket, seen, work
 
-BOXES, FACTS, REVISIONS = 1_200, 3_000, 600
+BOXES, FACTS, REVISIONS, SAYINGS = 1_200, 3_000, 600, 300
 ALL = CONDITIONS["all boxes"]
 LAST = REVISIONS + 3
 FILTERED = "beside a sealed box"
 
 
 def filled(url: str) -> str:
-    fill(url, BOXES, FACTS, REVISIONS)
+    say_late(url, SAYINGS * LATE, fill(url, BOXES, FACTS, REVISIONS))
     return url
 
 
@@ -97,6 +99,17 @@ def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
     # What the present finds by an index, the past finds among the facts of that revision.
     whole = visited(url, partial(answers, ALL, at))
     assert then <= max(3 * now, 2 * whole) + (filtered(url) if name == FILTERED else 0)
+
+
+@pytest.mark.more
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_an_answer_of_a_valid_time_visits_about_as_much_as_one_of_a_revision(
+    url: str, name: str
+) -> None:
+    text, at = CONDITIONS[name], LAST // 2
+    moment = START + (at - LONGEST // 2) * STEP
+    true = visited(url, lambda kb: list(kb.at(known=LAST, valid=moment).query(text)))
+    assert true <= 6 * visited(url, partial(answers, text, at))
 
 
 @pytest.mark.parametrize("name", ["of one box", "of two boxes", "of one fact"])

@@ -17,6 +17,7 @@ from kant_sql import (
     ReadOnlyError,
     UnknownRevisionError,
 )
+from tests.support.statements import recorded
 
 ROBOT, ROOM = PddlTypeDto("robot"), PddlTypeDto("room")
 AT = PddlPredicateDto("at", [ROBOT, ROOM])
@@ -48,6 +49,23 @@ def test_what_nothing_was_said_of_is_what_was_known_at_that_time(fresh_kb: Knowl
     assert len(fresh_kb.at(valid=between).objects.get_all()) == 3
     assert fresh_kb.at(valid=between).revision == 3
     assert fresh_kb.diff(fresh_kb.at(valid="now"), fresh_kb) == []
+
+
+def test_definitions_are_those_of_the_revision_unless_some_were_lost(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    def are_read() -> bool:
+        with recorded() as statements:
+            assert rooms(fresh_kb.at(valid=between)) == ["hall"]
+        return any("FROM predicate_parameter" in each for each in statements)
+
+    fresh_kb.propositions.save(fact("hall"))
+    between = datetime.now(UTC)
+    fresh_kb.propositions.save(fact("lab"))
+    assert not are_read()
+    fresh_kb.propositions.delete(fact("hall"))
+    fresh_kb.objects.delete("hall")
+    assert are_read()
 
 
 def test_a_plan_is_validated_on_what_was_true(fresh_kb: KnowledgeBase) -> None:

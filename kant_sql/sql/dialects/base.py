@@ -69,10 +69,14 @@ class OverlayCursor:
 
     def execute(self, sql: str, parameters: Any = (), /) -> Any:
         """Run a statement."""
+        return self._cursor.execute(*self.overlaid(sql, parameters))
+
+    def overlaid(self, sql: str, parameters: Any) -> tuple[str, Any]:
+        """Return the statement and the parameters that the driver gets."""
         text = self._overlay.text(sql, self._dialect, self._words)
         if text != sql or RAW in text:
             parameters = {**dict(parameters), **self._parameters}
-        return self._cursor.execute(text, parameters)
+        return text, parameters
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._cursor, name)

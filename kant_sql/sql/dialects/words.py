@@ -132,6 +132,8 @@ class Words(NamedTuple):
         in_list: the condition that an expression is among the values of a list parameter.
         bounded: what follows it if an upper bound of the revisions in a column does, which comes
             next in an index.
+        held: the rows of a table of versions, as `v`, whose fork is in a list; and those of one
+            object, of which another condition says which.
         each: the relation of the values of a list parameter of numbers, with the column `value`. A
             planner takes it for so many that it makes an index of what is found for them.
         rows: the relation of a parameter that holds rows of ids, as JSON, with columns `place`,
@@ -151,6 +153,7 @@ class Words(NamedTuple):
     is_fact: str
     in_list: str
     bounded: str
+    held: tuple[str, str]
     each: str
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
@@ -200,6 +203,12 @@ def _postgresql_list(values: Sequence[int] | Sequence[str]) -> str:
     return f"CAST(ARRAY[{', '.join(quoted(str(value)) for value in values)}] AS text[])"
 
 
+# No version has a fork after the head.
+_HEAD = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
+_KEPT = (
+    "{table} AS v WHERE v.fork IN (SELECT value FROM json_each({forks}) "
+    f"WHERE value <= {_HEAD})"
+)
 SQLITE_WORDS = Words(
     "{0}.is_goal = 0",
     "{0} IN (SELECT value FROM json_each({1}))",
@@ -208,6 +217,7 @@ SQLITE_WORDS = Words(
     # one. From a lower bound that excludes its own value it always seeks; that all revisions are
     # above this one leaves the planner's estimates as they are.
     " AND likelihood({0} > 0, 1.0)",
+    (_KEPT, _KEPT),
     # Each `json_each` counts as 25 rows, also that of one value.
     "(SELECT f.value FROM json_each('[0]') CROSS JOIN json_each({0}) AS f)",
     _sqlite_rows,
@@ -228,6 +238,13 @@ POSTGRESQL_WORDS = Words(
     "NOT {0}.is_goal",
     "{0} = ANY({1})",
     "",
+    (
+        "{table} AS v WHERE v.fork = ANY({forks})",
+        # Only the right index has this order: without statistics others are as good.
+        f"(SELECT unnest(CAST({{forks}} AS bigint[])) AS value) AS f CROSS JOIN LATERAL "
+        "(SELECT r.* FROM {table} AS r WHERE r.kb_id = :kb AND r.fork = f.value ORDER BY r.since) "
+        f"AS v WHERE f.value <= {_HEAD}",
+    ),
     "(SELECT unnest(CAST({0} AS bigint[])) AS value)",
     _postgresql_rows,
     _postgresql_list,
