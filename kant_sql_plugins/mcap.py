@@ -35,9 +35,9 @@ from kant_sql.errors import (
     reading_rows,
 )
 from kant_sql.export.files import Exported, encoded, folder_name, new_export
-from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window, check_window
-from kant_sql.history.moments import clamped, is_valid_clock
-from kant_sql.history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
+from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
+from kant_sql.history.moments import is_valid_clock
+from kant_sql.history.revisions import FIRST_MOMENT, read_numbered
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.moment_text import When
@@ -140,7 +140,7 @@ def export_transitions(
             path = f"{folder_name(state.name)}/{CONTENT}.{FORMAT}"
             with export.folder.new_file(path, state, CONTENT) as made:
                 recording = _Recording(made.file, state, chosen)
-                span = _valid_range(snapshot, state, since, until) if is_valid else None
+                span = snapshot.valid_range(state, since, until) if is_valid else None
                 for revision in recording.run(snapshot, window, span):
                     export.tell(done + revision)
                 made.rows = recording.messages
@@ -489,24 +489,6 @@ def _time_of_revision(session: Session, kb_id: int, revision: int) -> datetime |
 
 
 # What it reads of valid times.
-
-
-def _valid_range(
-    snapshot: StoreSnapshot, state: KnowledgeBaseState, since: When | None, until: When | None
-) -> ValidRange:
-    """Return a range of valid times; what was before may be in the archive."""
-    session, kb_id = snapshot.session, snapshot.ids[state.name]
-    bounds = check_window(since, until, state.name)
-    numbers = {number for number in (*bounds, state.archived) if isinstance(number, int)}
-    told = read_numbered(session, kb_id, numbers)
-    times = {0: FIRST_MOMENT, **{number: one.committed_at for number, one in told.items()}}
-    begin, end = (times[one] if isinstance(one, int) else one for one in bounds)
-    begin = clamped(begin or FIRST_MOMENT)
-    if state.archived:
-        begin = max(begin, times[state.archived] + _MICROSECOND)
-    end = clamped(end or LAST_MOMENT)
-    low, high = snapshot.window(state, begin, end) or (1, 0)
-    return ValidRange(begin, end, low - 1, high, state.revision)
 
 
 def _told(

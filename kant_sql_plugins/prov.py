@@ -60,7 +60,8 @@ def export_provenance(
         until: only revisions up to this one, or to this time.
         replace: whether to replace an earlier export in the folder.
         progress: called with the number of revisions done, and the number in total.
-        clock: must be `committed`: it is of what was known and done.
+        clock: must be `committed`: an act used what was known when it was done, whatever was said
+            of that time later.
 
     Returns:
         What was written; the rows of a file are its revisions.
@@ -77,7 +78,8 @@ def export_provenance(
     """
     if names is not None or elements is not None:
         raise InvalidArgumentError("provenance is whole; leave names and elements out")
-    refuse_valid_clock(clock, "provenance is")
+    # PROV has an activity generate while it lasts: who reports late did not make it true.
+    refuse_valid_clock(clock, "acts used what was known when they were done, so provenance is")
     with needing("this needs prov, which is not installed; run: pip install 'kant-sql[prov]'"):
         from prov.model import ProvDocument
     with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:

@@ -6,11 +6,14 @@ and of the package `pddl-plus-parser`: `((:init FACT ...) (operator: (ACT)) (:st
 
 from __future__ import annotations
 
+import heapq
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain, groupby, islice
+from operator import itemgetter
 from os import PathLike
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import text
 
@@ -18,14 +21,22 @@ import kant_sql
 from kant_sql.dao.interfaces import Progress
 from kant_sql.dto.lexical import NUMBER
 from kant_sql.errors import InvalidArgumentError
-from kant_sql.export.files import Exported, Folder, folder_name, new_export, refuse_valid_clock
-from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
+from kant_sql.export.files import Exported, Folder, folder_name, new_export
+from kant_sql.export.snapshot import KnowledgeBaseState, Window
+from kant_sql.history.moments import is_valid_clock
+from kant_sql.history.revisions import LARGEST, read_numbered
 from kant_sql.knowledge.sayings import COMMITTED
+from kant_sql.knowledge_base import KnowledgeBase, state_of
 from kant_sql.moment_text import When
+from kant_sql.reasoning.valid_sweep import ValidPast, read_past
+from kant_sql.reasoning.world import World
 from kant_sql.sql.audit_views import BOUNDS
-from kant_sql.sql.dialects.base import Row
-from kant_sql.sql.executions import RUNNING, SUCCEEDED, id_text, read_outcome
+from kant_sql.sql.dialects.base import Row, Session
+from kant_sql.sql.executions import EXECUTION, RUNNING, SUCCEEDED, id_text, read_outcome
+from kant_sql.sql.periods import Subjects, Touch
 from kant_sql.sql.query import Query
+from kant_sql.sql.rows import FACT
+from kant_sql.sql.valid_periods import Instant
 
 FORMAT = "trajectory"
 _VALUE = re.compile(r"\(= \(.*\) (\S+)\)")
@@ -46,6 +57,21 @@ _HELD = [
     for view, condition in (("audit_fact", " AND kind = 'fact'"), ("audit_value", ""))
 ]
 _ACTS = Query(text("SELECT plan_id, position, text FROM execution WHERE kb_id = :kb"))
+# What the other clock reads: when acts were done, and which revisions are of one act.
+_DONE = Query(
+    text(
+        "SELECT plan_id, position, text, started_at, ended_at FROM audit_execution"
+        f" WHERE kb_id = :kb AND outcome = '{SUCCEEDED}' ORDER BY plan_id, position"
+    )
+)
+_OF_ONE = Query(
+    text(
+        "SELECT number, min(plan_id), min(position) FROM ("
+        "SELECT number, plan_id, position FROM revision_execution WHERE kb_id = :kb"
+        " UNION SELECT since, plan_id, position FROM execution_version WHERE kb_id = :kb"
+        ") AS own GROUP BY number HAVING count(*) = 1"
+    )
+)
 
 
 class Transition(NamedTuple):
@@ -77,6 +103,11 @@ def export_trajectories(
     values, and several in one revision. So are acts that are no actions of the domain, and values
     that are no numbers.
 
+    By the clock of valid times, acts are at the times when they began and ended, as was reported,
+    and states are what was true then, as it is known now: what is left out are executions during
+    which something became true or untrue because others said so. So is what was done before the
+    first revision and all periods.
+
     Args:
         url: the database URL.
         to: the folder; it is created if it is missing.
@@ -87,14 +118,15 @@ def export_trajectories(
         until: only what ended up to this revision or time.
         replace: whether to replace an earlier export in the folder.
         progress: called with the number of revisions done, and the number in total.
-        clock: must be `committed`: it is of what was known and done.
+        clock: `committed`, or `valid` for what was true: `since` and `until` are valid times then,
+            and a revision stands for the time of its commit.
 
     Returns:
         What was written; the rows of a trajectory are its executions.
 
     Raises:
         InvalidArgumentError: the folder has other files, or names or elements are given,
-            or the clock is `valid`.
+            or there is no such clock.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
@@ -103,28 +135,37 @@ def export_trajectories(
     """
     if names is not None or elements is not None:
         raise InvalidArgumentError("a trajectory has whole states; leave names and elements out")
-    refuse_valid_clock(clock, "a trajectory is")
-    with new_export(url, FORMAT, to, knowledge_base, since, until, replace, progress) as export:
+    is_valid = is_valid_clock(clock)
+    given = to, knowledge_base, since, until, replace, progress, clock
+    with new_export(url, FORMAT, *given) as export:
+        snapshot = export.snapshot
         for state, window in export.each():
-            _write_documents(url, export.folder, state)
-            transitions = _read_transitions(export.snapshot, state, window)
-            for number, chain in enumerate(_chains(transitions), 1):
+            session, kb_id = snapshot.session, snapshot.ids[state.name]
+            with kant_sql.connect(url, knowledge_base=state.name, read_only=True) as kb:
+                _write_documents(kb, export.folder, state)
+                if is_valid:
+                    span = snapshot.valid_range(state, since, until)
+                    found = _read_true(session, kb_id, read_past(state_of(kb).store, span))
+                else:
+                    found = _read_known(session, kb_id, state, window)
+            acts = {id_text((row[0], row[1])): row[2] for row in session.rows(_ACTS, kb=kb_id)}
+            transitions = _transitions(acts, *found)
+            for number, lines in enumerate(_chains(transitions), 1):
                 path = f"{folder_name(state.name)}/{number}.{FORMAT}"
                 with export.folder.new_file(path, state, "executions") as made:
-                    for made.rows, line in enumerate(chain):
+                    for made.rows, line in enumerate(lines):
                         made.file.write(line.encode())
                     made.file.write(b")\n")
     return export.exported
 
 
-def _write_documents(url: str, folder: Folder, state: KnowledgeBaseState) -> None:
+def _write_documents(kb: KnowledgeBase, folder: Folder, state: KnowledgeBaseState) -> None:
     """Write the domain and the objects as they are at the end."""
-    with kant_sql.connect(url, knowledge_base=state.name, read_only=True) as kb:
-        past = kb.at(state.revision)
-        for name, written in (("domain", past.domain_pddl()), ("problem", past.problem_pddl())):
-            path = f"{folder_name(state.name)}/{name}.pddl"
-            with folder.new_file(path, state, name) as made:
-                made.file.write(written.encode())
+    past = kb.at(state.revision)
+    for name, written in (("domain", past.domain_pddl()), ("problem", past.problem_pddl())):
+        path = f"{folder_name(state.name)}/{name}.pddl"
+        with folder.new_file(path, state, name) as made:
+            made.file.write(written.encode())
 
 
 def _chains(transitions: Iterable[Transition]) -> Iterator[Iterator[str]]:
@@ -156,20 +197,65 @@ def _state_text(state: frozenset[str]) -> str:
     return " ".join(sorted(state))
 
 
-def _read_transitions(
-    snapshot: StoreSnapshot, state: KnowledgeBaseState, window: Window
-) -> Iterator[Transition]:
-    """Read the executions that succeeded, if nothing else can have changed the state meanwhile."""
-    session, kb = snapshot.session, snapshot.ids[state.name]
-    acts = {id_text((row[0], row[1])): row[2] for row in session.rows(_ACTS, kb=kb)}
+def _read_known(
+    session: Session, kb: int, state: KnowledgeBaseState, window: Window
+) -> tuple[Iterable[str], Iterable[Row]]:
+    """Read what held before a range of revisions, and what changed in it."""
     # Of what was before, a part may be in the archive.
     low = max(window[0], state.archived + 1)
     held = [row[0] for query in _HELD for row in session.rows(query, kb=kb, low=low)]
+    return held, session.stream(_CHANGES, kb=kb, low=low, high=window[1])
+
+
+def _read_true(
+    session: Session, kb: int, past: ValidPast
+) -> tuple[Iterable[str], Iterable[tuple[Any, ...]]]:
+    """Read what was true right before a range of times, and what changed in it, as `_CHANGES`."""
+    defined = past.definitions
+    owners = [tuple([one.id for one in of]) for of in (defined.predicates, defined.functions)]
+    held, changes = past.read(session, kb, Subjects(predicates=owners[0], functions=owners[1]))
+    ahead = [*islice(changes, 1)]
+    # Before, nothing is known.
+    first = min([read_numbered(session, kb, [1])[1].committed_at, *(at.time for at, _ in ahead)])
+    begin, end = max(past.span.since, first), past.span.until
+    acts: list[tuple[Any, ...]] = []
+    for plan_id, position, act, *times in session.rows(_DONE, kb=kb):
+        began, ended = map(session.to_time, times)
+        # At one time, acts begin before all that changes, and end after it.
+        for at, number, sign, outcome in (
+            (began, 0, "+", RUNNING),
+            (ended, LARGEST, "-", RUNNING),
+            (ended, LARGEST, "+", SUCCEEDED),
+        ):
+            if begin <= at <= end:
+                said = f"(:execution {id_text((plan_id, position))} {act} {outcome})"
+                acts.append((Instant(at, number), sign, EXECUTION, said, None, None))
+    own = {row[0]: row[1:] for row in session.rows(_OF_ONE, kb=kb)}
+    write, by = partial(_text, World(defined)), itemgetter(0)
+    facts = (
+        (at, "-" if one.is_end else "+", FACT, write(one), *own.get(at.revision, (None, None)))
+        for at, one in chain(ahead, changes)
+    )
+    return map(write, held), heapq.merge(sorted(acts, key=by), facts, key=by)
+
+
+def _text(world: World, touch: Touch) -> str:
+    said, value = world.text((touch.is_fact, touch.owner), touch.objects), touch.value
+    (shown,) = world.names([value]) if isinstance(value, int) else (value,)
+    return said if touch.is_fact else f"(= {said} {shown})"
+
+
+def _transitions(
+    acts: Mapping[str, str], held: Iterable[str], changes: Iterable[Row]
+) -> Iterator[Transition]:
+    """Return the executions that succeeded, if nothing else can have changed the state meanwhile.
+
+    The changes are of revisions, or of one time as a revision says, one after the other.
+    """
     now = frozenset(filter(_is_shown, held))
     # The states before those that run; None where others changed something since.
     running: dict[str, frozenset[str] | None] = {}
-    changes = session.stream(_CHANGES, kb=kb, low=low, high=window[1])
-    for _, group in groupby(changes, key=lambda row: row[0]):
+    for _, group in groupby(changes, key=itemgetter(0)):
         revision, before = _Changes([*group]), now
         now = (now - revision.facts["-"]) | revision.facts["+"]
         running |= dict.fromkeys(filter(revision.disturbs, running))

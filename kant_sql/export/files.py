@@ -115,7 +115,7 @@ def refuse_valid_clock(clock: str, what: str) -> None:
     if is_valid_clock(clock):
         raise InvalidArgumentError(
             f"{what} by revisions, not by valid times: leave out clock='valid' (--clock); "
-            "the format mcap takes it, and the views fact_valid and value_valid have both clocks"
+            "mcap and trajectory take it, and the views fact_valid and value_valid have both clocks"
         )
 
 

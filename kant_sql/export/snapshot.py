@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..arguments import optional_text, shown, whole_number
 from ..errors import InvalidArgumentError, KantSqlError, UnknownRevisionError
-from ..history.moments import check_zone, clamped
+from ..history.moments import MICROSECOND, check_zone, clamped
+from ..history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
 from ..sql.audit_views import (
@@ -24,6 +25,7 @@ from ..sql.catalog import read_heads
 from ..sql.dialects import create_backend
 from ..sql.dialects.base import Session
 from ..sql.schema import check
+from ..sql.valid_periods import ValidRange
 
 if TYPE_CHECKING:
     import pyarrow
@@ -89,6 +91,22 @@ class StoreSnapshot:
         elif until is not None:
             high = _checked(until, state)
         return low, high
+
+    def valid_range(
+        self, state: KnowledgeBaseState, since: When | None, until: When | None
+    ) -> ValidRange:
+        """Return a range of valid times; what was before may be in the archive."""
+        bounds = check_window(since, until, state.name)
+        numbers = {number for number in (*bounds, state.archived) if isinstance(number, int)}
+        told = read_numbered(self.session, self.ids[state.name], numbers)
+        times = {0: FIRST_MOMENT, **{number: one.committed_at for number, one in told.items()}}
+        begin, end = (times[one] if isinstance(one, int) else one for one in bounds)
+        begin = clamped(begin or FIRST_MOMENT)
+        if state.archived:
+            begin = max(begin, times[state.archived] + MICROSECOND)
+        end = clamped(end or LAST_MOMENT)
+        low, high = self.window(state, begin, end) or (1, 0)
+        return ValidRange(begin, end, low - 1, high, state.revision)
 
     def batches(
         self, view: AuditView, state: KnowledgeBaseState, window: Window | None = None

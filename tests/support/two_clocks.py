@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from kant_sql import KnowledgeBase
 
@@ -115,7 +115,7 @@ class Writer:
         ]
         begin, end = min(picked), max(picked)
         elements = self.random.sample(self.elements, self.random.randint(1, 4))
-        contents = {one: self._content(one) for one in elements}
+        contents = {one: self.content(one) for one in elements}
         if kind == "plain":
             self.write(contents)
         elif kind == "open":
@@ -128,9 +128,10 @@ class Writer:
         contents: dict[str, Content],
         valid_from: datetime | None = None,
         valid_until: datetime | None = None,
+        **given: Any,
     ) -> None:
         """Write what some elements are, in one revision."""
-        with self.kb.transaction(valid_from=valid_from, valid_until=valid_until):
+        with self.kb.transaction(valid_from=valid_from, valid_until=valid_until, **given):
             for element, content in contents.items():
                 set_content(self.kb, element, content)
         if not self.note():
@@ -143,7 +144,8 @@ class Writer:
             if valid_until is None:
                 self.model.plain.append(Plain(element, content, number))
 
-    def _content(self, element: str) -> Content:
+    def content(self, element: str) -> Content:
+        """Choose what an element is."""
         if element in FACTS:
             return self.random.random() < 0.5
         if self.random.random() < 0.3:
