@@ -44,7 +44,7 @@ from ..pddl.formulas import flatten
 from ..pddl.given import read_action
 from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
-from .formula import TreeWriter, refuse_others
+from .formula import refuse_others, tree_writer
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .signatures import PREDICATES
 from .text import TextReader
@@ -79,7 +79,7 @@ def action_trees(
 ) -> Trees:
     """Make the trees of an action whose formulas were checked."""
     duration, condition, effect = map(_conjuncts, parts)
-    writer = TreeWriter(transaction, parameters)
+    writer = tree_writer(transaction, parameters)
     of_duration: Tree = ()
     if duration:
         only = len(duration) == 1
