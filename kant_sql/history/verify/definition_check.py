@@ -24,7 +24,7 @@ from ...knowledge import definitions as d
 from ...knowledge import trees as kinds
 from ...knowledge.canonical import canonical_text
 from ...knowledge.formulas import TreeReader, TreeWriter
-from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, types_of
+from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, mentioned
 from ...sql.dialects.base import Row
 from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, RowsByTable, looked_up
@@ -132,7 +132,7 @@ _FUNCTIONS = Query(
 
 
 class _Named(NamedTuple):
-    """A definition reduced to its name; that of a function may have types of values, too."""
+    """A definition reduced to its name, and to whether the values of a function are objects."""
 
     id: int
     name: str
@@ -375,26 +375,16 @@ class DefinitionCheck:
             return None
         objects = self._object_functions.at(since)
         # Another element may have the name of an operator: only those that it mentions are found.
-        known = {(kind, fold(one.name)): one for kind, one in self._mentioned(tree, objects)}
+        known: dict[tuple[str, str], Any] = {}
+        for kind, ids in zip(d.KINDS, mentioned([tree]), strict=False):
+            for id_ in ids:
+                one = self._names.elements(kind).live(id_)
+                if kind == "function" and id_ in objects:
+                    one = one._replace(type_ids=(0,))
+                known[kind, fold(one.name)] = one
         reader = TreeReader(self._names, tree, parameters)
         writer = TreeWriter(lambda kind, name: known.get((kind, fold(name))), parameters)
         return _unlike(tree, writer.tree(reader.formula())) or _ambiguous(tree, objects)
-
-    def _mentioned(self, tree: Tree, objects: Collection[int]) -> Iterator[tuple[str, Any]]:
-        names = self._names
-        for id_ in types_of([tree]):
-            yield "type", names.types.live(id_)
-        for node in tree:
-            if node.predicate_id is not None:
-                yield "predicate", names.predicates.live(node.predicate_id)
-            if node.function_id is not None:
-                function = names.functions.live(node.function_id)
-                # Of what types its values are is not asked.
-                types = (0,) if node.function_id in objects else ()
-                yield "function", _Named(function.id, function.name, types)
-            for term in node.terms:
-                if term.object_id is not None:
-                    yield "object", names.objects.live(term.object_id)
 
     def _layout(self, kind: str, definition: Any, since: int, rows: _Rows) -> str | None:
         """Compare the rows with those that saving the definition writes."""
