@@ -78,13 +78,10 @@ def action_trees(
     transaction: Transaction, parameters: Sequence[ParameterDefinition], parts: Parts
 ) -> Trees:
     """Make the trees of an action whose formulas were checked."""
-    duration, condition, effect = map(_conjuncts, parts)
-    writer = tree_writer(transaction, parameters)
-    of_duration: Tree = ()
-    if duration:
-        only = len(duration) == 1
-        of_duration = writer.tree(duration[0]) if only else writer.conjunction(duration)
-    return of_duration, writer.conjunction(condition), writer.conjunction(effect)
+    write = tree_writer(transaction, parameters).tree
+    duration, condition, effect = [And(tuple(_conjuncts(part))) for part in parts]
+    limit = duration.formulas[0] if len(duration.formulas) == 1 else duration
+    return write(limit) if duration.formulas else (), write(condition), write(effect)
 
 
 A = TypeVar("A", bound=PddlActionDto)

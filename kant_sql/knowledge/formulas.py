@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from typing import Any
 
@@ -134,14 +134,6 @@ class TreeWriter:
         self._scope: dict[str, list[TreeTerm]] = {
             fold(one.name): [TreeTerm(parameter=number)] for number, one in enumerate(parameters)
         }
-
-    def conjunction(self, formulas: Iterable[f.Node]) -> Tree:
-        """Make the tree of a conjunction."""
-        self._nodes = []
-        root = self._open(None, kinds.AND)
-        for formula in formulas:
-            self._add(formula, root)
-        return tuple(self._nodes)
 
     def tree(self, formula: f.Node) -> Tree:
         """Make the tree of a formula."""
