@@ -44,7 +44,7 @@ from ..pddl.formulas import flatten
 from ..pddl.given import read_action
 from ..store.transaction import Transaction
 from .base import SqlNamedDao, identify
-from .formula import TreeWriter, refuse_others
+from .formula import refuse_others, tree_writer
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .signatures import PREDICATES
 from .text import TextReader
@@ -78,13 +78,10 @@ def action_trees(
     transaction: Transaction, parameters: Sequence[ParameterDefinition], parts: Parts
 ) -> Trees:
     """Make the trees of an action whose formulas were checked."""
-    duration, condition, effect = map(_conjuncts, parts)
-    writer = TreeWriter(transaction, parameters)
-    of_duration: Tree = ()
-    if duration:
-        only = len(duration) == 1
-        of_duration = writer.tree(duration[0]) if only else writer.conjunction(duration)
-    return of_duration, writer.conjunction(condition), writer.conjunction(effect)
+    write = tree_writer(transaction, parameters).tree
+    duration, condition, effect = [And(tuple(_conjuncts(part))) for part in parts]
+    limit = duration.formulas[0] if len(duration.formulas) == 1 else duration
+    return write(limit) if duration.formulas else (), write(condition), write(effect)
 
 
 A = TypeVar("A", bound=PddlActionDto)

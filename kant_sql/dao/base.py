@@ -47,7 +47,7 @@ from ..knowledge.definitions import (
     Definitions,
     LiteralTemplate,
 )
-from ..knowledge.formulas import TreeReader
+from ..knowledge.formulas import action_of
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, EVENT, PROCESS
@@ -454,19 +454,16 @@ class DtoBuilder:
         return trusted_literal(predicate, terms, template.time, template.is_negative)
 
     def _template(self, definition: ActionDefinition) -> ActionTemplate:
-        duration, conditions, effects = (
-            TreeReader(self._definitions, tree, definition.parameters).conjuncts()
-            for tree in definition.trees
-        )
+        read = action_of(self._definitions, definition)
         # Of parameters with one name, the last is meant.
         places = {
             fold(parameter.name): ~place for place, parameter in enumerate(definition.parameters)
         }
         return ActionTemplate(
             definition,
-            _duration(duration) if _is_durative(definition.kind) else DEFAULT_DURATION,
-            tuple(self._literal_template(formula, places) or formula for formula in conditions),
-            tuple(self._literal_template(formula, places) or formula for formula in effects),
+            _duration(read.duration) if _is_durative(definition.kind) else DEFAULT_DURATION,
+            tuple(self._literal_template(formula, places) or formula for formula in read.condition),
+            tuple(self._literal_template(formula, places) or formula for formula in read.effect),
         )
 
     def _literal_template(self, formula: Node, places: dict[str, int]) -> LiteralTemplate | None:

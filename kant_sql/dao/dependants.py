@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError
-from ..knowledge.definitions import ActionDefinition, Definitions, FormulaDefinition, RuleDefinition
+from ..knowledge.definitions import Definitions
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value
@@ -149,23 +149,22 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
     )
 
 
-def actions_on(definitions: Definitions, scope: Scope) -> Iterator[ActionDefinition]:
-    """Find the actions, processes and events that mention something."""
+def _definitions_on(definitions: Definitions, scope: Scope) -> Iterator[tuple[str, int, str]]:
+    """Find the kinds, the ids and the texts of what is defined by trees and mentions something.
+
+    Of actions, processes, events and rules, the name is enough.
+    """
     for action in definitions.actions:
         if mentions(action.trees, scope) or any(
             id_ in scope.types for part in action.parameters for id_ in part.type_ids
         ):
-            yield action
-
-
-def formulas_on(definitions: Definitions, scope: Scope) -> Iterator[FormulaDefinition]:
-    """Find the formulas that mention something."""
-    return (each for each in definitions.formulas if mentions([each.tree], scope))
-
-
-def rules_on(definitions: Definitions, scope: Scope) -> Iterator[RuleDefinition]:
-    """Find the kept rules that mention something."""
-    return (each for each in definitions.rules if mentions([each.constraint], scope))
+            yield "action", action.id, action.name
+    for formula in definitions.formulas:
+        if mentions([formula.tree], scope):
+            yield "formula", formula.id, formula.text
+    for rule in definitions.rules:
+        if mentions([rule.constraint], scope):
+            yield "rule", rule.id, rule.name
 
 
 def propositions_on(transaction: Transaction, scope: Scope | None) -> list[GroundAtom]:
@@ -190,12 +189,8 @@ def _undefine_users(transaction: Transaction, scope: Scope) -> None:
     with transaction.of_now():
         retract(transaction, propositions_on(transaction, scope))
         transaction.values.unset(function_values_on(transaction, scope))
-    for action in list(actions_on(transaction.definitions, scope)):
-        transaction.undefine("action", action.id)
-    for formula in list(formulas_on(transaction.definitions, scope)):
-        transaction.undefine("formula", formula.id)
-    for rule in list(rules_on(transaction.definitions, scope)):
-        transaction.undefine("rule", rule.id)
+    for kind, id_, _ in list(_definitions_on(transaction.definitions, scope)):
+        transaction.undefine(kind, id_)
 
 
 def delete_scope(transaction: Transaction, scope: Scope) -> None:
@@ -213,12 +208,9 @@ def delete_scope(transaction: Transaction, scope: Scope) -> None:
 
 def _users(transaction: Transaction, scope: Scope) -> list[str]:
     """Name all that mentions something."""
-    definitions = transaction.definitions
     atoms = propositions_on(transaction, scope)
     return [
-        *(f"action {action.name}" for action in actions_on(definitions, scope)),
-        *(f"formula {formula.text}" for formula in formulas_on(definitions, scope)),
-        *(f"rule {rule.name}" for rule in rules_on(definitions, scope)),
+        *(f"{kind} {said}" for kind, _, said in _definitions_on(transaction.definitions, scope)),
         *(f"{'goal' if atom.key.is_goal else 'fact'} {atom.text}" for atom in atoms),
         *(f"value {value.text}" for value in function_values_on(transaction, scope)),
     ]

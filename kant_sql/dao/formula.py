@@ -14,9 +14,8 @@ from typing_extensions import override
 from ..arguments import is_many, shown
 from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto import formulas as f
-from ..dto.lexical import ROOT_TYPE, decimal_text, fold
+from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidKnowledgeError, reading_rows
-from ..knowledge import trees as kinds
 from ..knowledge.canonical import canonical_text
 from ..knowledge.definitions import (
     CONSTRAINT,
@@ -31,9 +30,9 @@ from ..knowledge.definitions import (
     FormulaDefinition,
     formula_name,
 )
-from ..knowledge.formulas import TreeReader
+from ..knowledge.formulas import TreeReader, TreeWriter
 from ..knowledge.rules import check_stratified
-from ..knowledge.trees import ParameterDefinition, Tree, TreeNode, TreeTerm
+from ..knowledge.trees import ParameterDefinition
 from ..pddl.formulas import flatten
 from ..pddl.given import (
     read_constraints,
@@ -63,157 +62,19 @@ from .text import TextReader, expect_text
 from .type import TYPES
 
 
-def _bound_variables(
-    transaction: Transaction, variables: Iterable[f.TypedName]
-) -> tuple[ParameterDefinition, ...]:
-    """Find the types of variables; `object` needs no declaration."""
-    types = transaction.definitions.types
+def tree_writer(
+    transaction: Transaction, parameters: Sequence[ParameterDefinition] = ()
+) -> TreeWriter:
+    """Prepare to make the trees of one element; the type `object` needs no declaration."""
+    definitions = transaction.definitions
 
-    def type_id(name: str) -> int:
-        known = types.named(name)
-        return (known or TYPES.ensure(transaction, PddlTypeDto(ROOT_TYPE), "a variable")).id
+    def find(kind: str, name: str) -> Definition | None:
+        known: Definition | None = definitions.elements(kind).named(name)
+        if known is None and kind == "type":
+            return TYPES.ensure(transaction, PddlTypeDto(ROOT_TYPE), "a variable")
+        return known
 
-    return tuple(
-        [ParameterDefinition(one.name, tuple(map(type_id, one.types))) for one in variables]
-    )
-
-
-class TreeWriter:
-    """Makes the trees of one element, of formulas that were checked when they were read.
-
-    Args:
-        transaction: where names are looked up.
-        parameters: the parameters of the action that they belong to.
-    """
-
-    def __init__(
-        self, transaction: Transaction, parameters: Sequence[ParameterDefinition] = ()
-    ) -> None:
-        self._transaction = transaction
-        self._definitions = transaction.definitions
-        self._nodes: list[TreeNode] = []
-        # What variables denote, innermost last.
-        self._scope: dict[str, list[TreeTerm]] = {
-            fold(one.name): [TreeTerm(parameter=number)] for number, one in enumerate(parameters)
-        }
-
-    def conjunction(self, formulas: Iterable[f.Node]) -> Tree:
-        """Make the tree of a conjunction."""
-        self._nodes = []
-        root = self._open(None, kinds.AND)
-        for formula in formulas:
-            self._add(formula, root)
-        return tuple(self._nodes)
-
-    def tree(self, formula: f.Node) -> Tree:
-        """Make the tree of a formula."""
-        self._nodes = []
-        self._add(formula, None)
-        return tuple(self._nodes)
-
-    def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
-        position = len(self._nodes)
-        self._nodes.append(TreeNode(position, parent, operator, **fields))
-        return position
-
-    def _add(self, node: Any, parent: int | None) -> None:
-        """Add a formula or a number, with its parts."""
-        match node:
-            case f.Atom(name, terms):
-                id_ = self._id(self._definitions.predicates.named(name))
-                self._apply(parent, terms, kinds.PREDICATE, predicate_id=id_)
-            case f.Fluent(name, terms) if function := self._definitions.functions.named(name):
-                self._apply(parent, terms, kinds.FUNCTION, function_id=function.id)
-            case f.Equal(left, right):
-                self._apply(parent, (left, right), kinds.EQUAL)
-            case f.Assign(operator, fluent, value):
-                position = self._open(parent, operator)
-                self._add(fluent, position)
-                declared = self._definitions.functions.named(fluent.function)
-                if declared is not None and declared.type_ids:
-                    self._set_terms(position, (value,))
-                else:
-                    self._add(value, position)
-            case f.Forall() | f.Exists() | f.Count() | f.Derived():
-                self._quantify(node, parent)
-            case _:
-                operator, fields, parts = _plain(node)
-                position = self._open(parent, operator, **fields)
-                for part in parts:
-                    self._add(part, position)
-
-    def _quantify(
-        self, node: f.Forall | f.Exists | f.Count | f.Derived, parent: int | None
-    ) -> None:
-        operator = node.operator if isinstance(node, f.Count) else _QUANTIFIERS[type(node)]
-        bound = _bound_variables(self._transaction, node.variables)
-        position = self._open(parent, operator, variables=bound)
-        for index, one in enumerate(bound):
-            term = TreeTerm(quantifier=position, variable=index)
-            self._scope.setdefault(fold(one.name), []).append(term)
-        if isinstance(node, f.Derived):
-            self._add(_derived_atom(node), position)
-        self._add(node.formula, position)
-        for one in bound:
-            self._scope[fold(one.name)].pop()
-
-    def _apply(
-        self, parent: int | None, terms: Sequence[object], operator: str, **fields: int
-    ) -> int:
-        """Add a node with terms."""
-        position = self._open(parent, operator, **fields)
-        self._set_terms(position, terms)
-        return position
-
-    def _set_terms(self, position: int, terms: Sequence[object]) -> None:
-        made = tuple([self._term(term, position) for term in terms])
-        self._nodes[position] = self._nodes[position]._replace(terms=made)
-
-    def _term(self, term: Any, position: int) -> TreeTerm:
-        """Return a term; the nodes of its fluents are added."""
-        if isinstance(term, f.Variable):
-            return self._scope[fold(term.name)][-1]
-        if isinstance(term, f.Constant):
-            return TreeTerm(object_id=self._id(self._definitions.objects.named(term.name)))
-        id_ = self._id(self._definitions.functions.named(term.function))
-        child = self._apply(position, term.terms, kinds.FUNCTION, function_id=id_)
-        return TreeTerm(child=child)
-
-    @staticmethod
-    def _id(definition: Definition | None) -> int:
-        assert definition is not None
-        return definition.id
-
-
-_QUANTIFIERS: dict[type, str] = {
-    f.Forall: kinds.FORALL,
-    f.Exists: kinds.EXISTS,
-    f.Derived: kinds.DERIVED,
-}
-
-
-def _derived_atom(rule: f.Derived) -> f.Atom:
-    return f.Atom(rule.predicate, tuple(f.Variable(part.name) for part in rule.variables))
-
-
-def _plain(node: Any) -> tuple[str, dict[str, str | None], Sequence[f.Node]]:
-    """Return the operator, the value and the parts of a node that has neither terms nor scope."""
-    match node:
-        case f.Number(value):
-            return kinds.NUMBER, {"value": decimal_text(value)}, ()
-        case f.Variable(name):
-            return kinds.VARIABLE, {"value": f"?{name}"}, ()
-        case f.ContinuousTime():
-            return kinds.TIME, {}, ()
-        case f.IsViolated(name):
-            return kinds.IS_VIOLATED, {"value": name}, ()
-        case f.Preference(name, formula):
-            return kinds.PREFERENCE, {"value": name}, (formula,)
-        case f.TimedLiteral(time, effect):
-            return kinds.AT, {"value": decimal_text(time.value)}, (effect,)
-        case f.Fluent():
-            return f.TOTAL_TIME, {}, ()
-    return f.head(node), {}, f.children(node)
+    return TreeWriter(find, parameters)
 
 
 N = TypeVar("N", bound=f.Node)
@@ -288,7 +149,7 @@ def _content(node: f.Node) -> list[object]:
 def make_formula(transaction: Transaction, section: str, node: f.Node) -> FormulaDefinition:
     """Find or create the identity of a formula that was checked."""
     definitions = transaction.definitions
-    tree = TreeWriter(transaction).tree(node)
+    tree = tree_writer(transaction).tree(node)
     text = canonical_text(definitions, FormulaDefinition(0, "", section, tree))
     id_, name = identify(transaction, "formula", formula_name(section, text))
     return FormulaDefinition(id_, name, section, tree, text)
@@ -505,7 +366,7 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
     def _put(self, transaction: Transaction, formula: f.Formula) -> bool:
         if not (isinstance(formula, f.Atom) and is_ground(formula)):
             return super()._put(transaction, formula)
-        tree = TreeWriter(transaction).tree(formula)
+        tree = tree_writer(transaction).tree(formula)
         text = node_text(TreeReader(transaction.definitions, tree).formula())
         key = key_of_atom(transaction, formula, True)
         assert key is not None

@@ -35,7 +35,7 @@ from .definitions import (
     RuleDefinition,
     TypeDefinition,
 )
-from .formulas import TreeReader, typed_name
+from .formulas import TreeReader, action_of
 from .trees import ParameterDefinition
 
 D = TypeVar("D", bound=Definition)
@@ -106,17 +106,14 @@ def _function(definitions: Definitions, function: FunctionDefinition) -> str:
 
 
 def _action(definitions: Definitions, action: ActionDefinition) -> str:
-    duration, condition, effect = (
-        TreeReader(definitions, tree, action.parameters).conjuncts() for tree in action.trees
-    )
-    parameters = (typed_name(definitions, parameter) for parameter in action.parameters)
+    read = action_of(definitions, action)
     return action_text(
-        action.kind,
-        action.name,
-        [(each.name, each.type_text) for each in parameters],
-        duration_text(duration),
-        map(node_text, condition),
-        map(node_text, effect),
+        read.kind,
+        read.name,
+        [(each.name, each.type_text) for each in read.parameters],
+        duration_text(read.duration),
+        map(node_text, read.condition),
+        map(node_text, read.effect),
     )
 
 

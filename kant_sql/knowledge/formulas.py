@@ -1,4 +1,4 @@
-"""Expression trees, which refer to elements by id, read as formulas, which name them."""
+"""Expression trees, which refer to elements by id, and formulas, which name them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 
 from ..dto import formulas as f
 from ..dto.formulas import Term as FormulaTerm
+from ..dto.lexical import decimal_text, fold
 from ..pddl.document import Action
 from . import trees as kinds
-from .definitions import ActionDefinition, Definitions
+from .definitions import ActionDefinition, Definition, Definitions
 from .trees import ParameterDefinition, Tree, TreeNode, TreeTerm, children
 
 _Build = Callable[[TreeNode, tuple[Any, ...]], Any]
@@ -112,6 +113,142 @@ class TreeReader:
             return f.Variable(self._tree[term.quantifier].variables[term.variable or 0].name)
         fluent: f.Fluent = self._read[term.child or 0]
         return fluent
+
+
+class TreeWriter:
+    """Makes the trees of one element, of formulas that were checked when they were read.
+
+    Args:
+        find: finds the definition of a kind that has a name.
+        parameters: the parameters of the action that they belong to.
+    """
+
+    def __init__(
+        self,
+        find: Callable[[str, str], Definition | None],
+        parameters: Sequence[ParameterDefinition] = (),
+    ) -> None:
+        self._find = find
+        self._nodes: list[TreeNode] = []
+        # What variables denote, innermost last.
+        self._scope: dict[str, list[TreeTerm]] = {
+            fold(one.name): [TreeTerm(parameter=number)] for number, one in enumerate(parameters)
+        }
+
+    def tree(self, formula: f.Node) -> Tree:
+        """Make the tree of a formula."""
+        self._nodes = []
+        self._add(formula, None)
+        return tuple(self._nodes)
+
+    def _open(self, parent: int | None, operator: str, **fields: Any) -> int:
+        position = len(self._nodes)
+        self._nodes.append(TreeNode(position, parent, operator, **fields))
+        return position
+
+    def _add(self, node: Any, parent: int | None) -> None:
+        """Add a formula or a number, with its parts."""
+        match node:
+            case f.Atom(name, terms):
+                id_ = self._id("predicate", name)
+                self._apply(parent, terms, kinds.PREDICATE, predicate_id=id_)
+            case f.Fluent(name, terms) if function := self._find("function", name):
+                self._apply(parent, terms, kinds.FUNCTION, function_id=function.id)
+            case f.Equal(left, right):
+                self._apply(parent, (left, right), kinds.EQUAL)
+            case f.Assign(operator, fluent, value):
+                position = self._open(parent, operator)
+                self._add(fluent, position)
+                declared: Any = self._find("function", fluent.function)
+                if declared is not None and declared.type_ids:
+                    self._set_terms(position, (value,))
+                else:
+                    self._add(value, position)
+            case f.Forall() | f.Exists() | f.Count() | f.Derived():
+                self._quantify(node, parent)
+            case _:
+                operator, fields, parts = _plain(node)
+                position = self._open(parent, operator, **fields)
+                for part in parts:
+                    self._add(part, position)
+
+    def _quantify(
+        self, node: f.Forall | f.Exists | f.Count | f.Derived, parent: int | None
+    ) -> None:
+        operator = node.operator if isinstance(node, f.Count) else _QUANTIFIERS[type(node)]
+        bound = tuple(
+            [
+                ParameterDefinition(one.name, tuple([self._id("type", each) for each in one.types]))
+                for one in node.variables
+            ]
+        )
+        position = self._open(parent, operator, variables=bound)
+        for index, one in enumerate(bound):
+            term = TreeTerm(quantifier=position, variable=index)
+            self._scope.setdefault(fold(one.name), []).append(term)
+        if isinstance(node, f.Derived):
+            self._add(_derived_atom(node), position)
+        self._add(node.formula, position)
+        for one in bound:
+            self._scope[fold(one.name)].pop()
+
+    def _apply(
+        self, parent: int | None, terms: Sequence[object], operator: str, **fields: int
+    ) -> int:
+        """Add a node with terms."""
+        position = self._open(parent, operator, **fields)
+        self._set_terms(position, terms)
+        return position
+
+    def _set_terms(self, position: int, terms: Sequence[object]) -> None:
+        made = tuple([self._term(term, position) for term in terms])
+        self._nodes[position] = self._nodes[position]._replace(terms=made)
+
+    def _term(self, term: Any, position: int) -> TreeTerm:
+        """Return a term; the nodes of its fluents are added."""
+        if isinstance(term, f.Variable):
+            return self._scope[fold(term.name)][-1]
+        if isinstance(term, f.Constant):
+            return TreeTerm(object_id=self._id("object", term.name))
+        id_ = self._id("function", term.function)
+        child = self._apply(position, term.terms, kinds.FUNCTION, function_id=id_)
+        return TreeTerm(child=child)
+
+    def _id(self, kind: str, name: str) -> int:
+        definition = self._find(kind, name)
+        assert definition is not None
+        return definition.id
+
+
+_QUANTIFIERS: dict[type, str] = {
+    f.Forall: kinds.FORALL,
+    f.Exists: kinds.EXISTS,
+    f.Derived: kinds.DERIVED,
+}
+
+
+def _derived_atom(rule: f.Derived) -> f.Atom:
+    return f.Atom(rule.predicate, tuple(f.Variable(part.name) for part in rule.variables))
+
+
+def _plain(node: Any) -> tuple[str, dict[str, str | None], Sequence[f.Node]]:
+    """Return the operator, the value and the parts of a node that has neither terms nor scope."""
+    match node:
+        case f.Number(value):
+            return kinds.NUMBER, {"value": decimal_text(value)}, ()
+        case f.Variable(name):
+            return kinds.VARIABLE, {"value": f"?{name}"}, ()
+        case f.ContinuousTime():
+            return kinds.TIME, {}, ()
+        case f.IsViolated(name):
+            return kinds.IS_VIOLATED, {"value": name}, ()
+        case f.Preference(name, formula):
+            return kinds.PREFERENCE, {"value": name}, (formula,)
+        case f.TimedLiteral(time, effect):
+            return kinds.AT, {"value": decimal_text(time.value)}, (effect,)
+        case f.Fluent():
+            return f.TOTAL_TIME, {}, ()
+    return f.head(node), {}, f.children(node)
 
 
 def action_of(definitions: Definitions, action: ActionDefinition) -> Action:

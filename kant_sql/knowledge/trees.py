@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
 PREDICATE, FUNCTION, VARIABLE, NUMBER = "predicate", "function", "variable", "number"
@@ -77,21 +77,19 @@ class Mentioned(NamedTuple):
     functions: Collection[int] = ()
 
 
-def types_of(trees: Iterable[Tree]) -> Iterator[int]:
-    """Yield the types of the variables that trees bind."""
-    for tree in trees:
-        for node in tree:
-            for variable in node.variables:
-                yield from variable.type_ids
+def mentioned(trees: Iterable[Tree]) -> Mentioned:
+    """Find the ids of what trees mention."""
+    nodes = [node for tree in trees for node in tree]
+    return Mentioned(
+        {id_ for node in nodes for variable in node.variables for id_ in variable.type_ids},
+        {term.object_id for node in nodes for term in node.terms if term.object_id is not None},
+        {node.predicate_id for node in nodes if node.predicate_id is not None},
+        {node.function_id for node in nodes if node.function_id is not None},
+    )
 
 
 def mentions(trees: Iterable[Tree], scope: Mentioned) -> bool:
     """Return whether trees mention something."""
-    trees = list(trees)
     return any(
-        node.predicate_id in scope.predicates
-        or node.function_id in scope.functions
-        or any(term.object_id in scope.objects for term in node.terms)
-        for tree in trees
-        for node in tree
-    ) or any(type_id in scope.types for type_id in types_of(trees))
+        not set(own).isdisjoint(ids) for own, ids in zip(mentioned(trees), scope, strict=True)
+    )

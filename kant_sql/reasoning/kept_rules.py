@@ -8,7 +8,7 @@ from typing import Literal
 from .. import html
 from ..arguments import one_of
 from ..dao.base import identify
-from ..dao.formula import TreeWriter
+from ..dao.formula import tree_writer
 from ..dao.text import TextReader, expect_text
 from ..dto import formulas as f
 from ..dto.lexical import check_name
@@ -160,7 +160,7 @@ def save(
                 f"rule {name!r} has {len(found)} formulas; give one, or (and ...) of several"
             )
         id_, spelling = identify(transaction, "rule", name)
-        tree = TreeWriter(transaction).tree(found[0])
+        tree = tree_writer(transaction).tree(found[0])
         made = RuleDefinition(id_, spelling, on_violation, tree)
         # Both refuse what they cannot judge, whatever objects there are.
         [*rules_of(found[0], lambda _: ("?",))]

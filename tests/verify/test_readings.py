@@ -154,4 +154,6 @@ def test_a_value_is_assigned_at_a_time_and_not_compared(bare: Bare) -> None:
     bare.run(
         "UPDATE formula_node SET operator = '=' WHERE section = 'timed' AND operator = 'assign'"
     )
-    assert "= happens at no time" in messages(bare)
+    assert "the effect of a TimedLiteral is a Atom or Not or Assign, not Comparison" in messages(
+        bare
+    )

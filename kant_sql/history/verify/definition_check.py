@@ -9,20 +9,22 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from decimal import Decimal, InvalidOperation
-from math import inf
+from itertools import zip_longest
+from operator import eq
 from typing import Any, NamedTuple
 
 from sqlalchemy import Select, Table, func, literal_column, select
 
-from ...dto.formulas import ARITHMETIC, ASSIGNMENTS, COMPARISONS, COUNTS, MODALS, TIMES
+from ...dto.formulas import COMPARISONS
 from ...dto.lexical import decimal_text, fold
 from ...errors import UNREADABLE, InvalidKnowledgeError, KantSqlError
 from ...knowledge import definitions as d
 from ...knowledge import trees as kinds
 from ...knowledge.canonical import canonical_text
-from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, TreeTerm
+from ...knowledge.formulas import TreeReader, TreeWriter
+from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, mentioned
 from ...sql.dialects.base import Row
 from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, RowsByTable, looked_up
@@ -130,10 +132,11 @@ _FUNCTIONS = Query(
 
 
 class _Named(NamedTuple):
-    """A definition reduced to its name."""
+    """A definition reduced to its name, and to whether the values of a function are objects."""
 
     id: int
     name: str
+    type_ids: tuple[int, ...] = ()
 
 
 def names_alone(names: Iterable[Mapping[int, str]]) -> d.Definitions:
@@ -204,172 +207,48 @@ class ObjectFunctions:
                 yield id_
 
 
-# At a time, an assignment has the text of an equality.
-_AT_A_TIME = (kinds.PREDICATE, kinds.NOT, ASSIGNMENTS[0])
+def _unlike(tree: Tree, read: Tree) -> str | None:
+    """Find where a tree is not the one that its text is read as."""
+    if tree == read:
+        return None
+    for node, right in zip_longest(tree, read):
+        if node is None:
+            return f"there is no node {right.position}"
+        if right is None:
+            return f"node {node.position} does not stand below node {node.parent}"
+        for column, its, that in zip(TreeNode._fields, node, right, strict=True):
+            if column == "terms" and len(its) == len(that) and its != that:
+                number = [*map(eq, its, that)].index(False)
+                return f"node {node.position}: term {number} is not bound as its name is"
+            if its != that:
+                return (
+                    f"node {node.position}: {node.operator} and {column} {its} do not go together"
+                )
+    return None
 
 
-class _Allowed(NamedTuple):
-    """What a node of one operator may have."""
-
-    least: float = 0  # parts
-    most: float = 0  # parts
-    terms: float = 0
-    refers: str | None = None  # the column that it refers to a definition by
-    value: Callable[[str | None], bool] = lambda value: value is None
-    binds: bool = False
+def _can_have_value(node: TreeNode) -> bool:
+    if node.operator == kinds.VARIABLE:
+        return fold(node.value or "") == "?duration"
+    return node.value is None or is_word(node.value)
 
 
-_ALLOWED: dict[str, _Allowed] = {
-    kinds.PREDICATE: _Allowed(terms=inf, refers="predicate_id"),
-    kinds.FUNCTION: _Allowed(terms=inf, refers="function_id"),
-    kinds.NUMBER: _Allowed(value=is_decimal),
-    kinds.VARIABLE: _Allowed(value=lambda value: fold(value or "") == "?duration"),
-    kinds.IS_VIOLATED: _Allowed(value=lambda value: is_word(value or "")),
-    **dict.fromkeys((kinds.TIME, "total-time"), _Allowed()),
-    **dict.fromkeys(COMPARISONS, _Allowed(2, 2)),
-    kinds.EQUAL: _Allowed(2, 2, terms=2),
-    **dict.fromkeys(ARITHMETIC, _Allowed(2, inf)),
-    "-": _Allowed(1, 2),
-    "/": _Allowed(2, 2),
-    **dict.fromkeys(ASSIGNMENTS, _Allowed(2, 2, terms=1)),
-    **{operator: _Allowed(sum(counts), sum(counts)) for operator, counts in MODALS.items()},
-    **dict.fromkeys((kinds.AND, kinds.OR), _Allowed(0, inf)),
-    **dict.fromkeys((*TIMES, kinds.NOT, *kinds.OPTIMIZATIONS), _Allowed(1, 1)),
-    **dict.fromkeys((kinds.IMPLY, kinds.WHEN), _Allowed(2, 2)),
-    **dict.fromkeys((kinds.FORALL, kinds.EXISTS, *COUNTS), _Allowed(1, 1, binds=True)),
-    kinds.DERIVED: _Allowed(2, 2, binds=True),
-    kinds.PREFERENCE: _Allowed(1, 1, value=lambda value: value is None or is_word(value)),
-    kinds.AT: _Allowed(1, 1, value=is_decimal),
-}
-
-
-class _Shape:
-    """One tree, with the binders above and the parts below each node."""
-
-    def __init__(
-        self,
-        tree: Tree,
-        parameters: Sequence[ParameterDefinition],
-        object_functions: Collection[int],
-    ) -> None:
-        self._tree = tree
-        self._parameters = parameters
-        self._object_functions = object_functions
-        self._below = kinds.children(tree)
-        # The nodes that bind each name around the present node, innermost last.
-        self._binders: dict[str, list[int]] = {}
-
-    def faults(self) -> Iterator[str]:
-        """Yield faults; after the first, others may be its consequences."""
-        fault = self._order()
+def _ambiguous(tree: Tree, object_functions: Collection[int]) -> str | None:
+    """Find what a text does not show, of a tree that it is read as."""
+    values = {term.child for node in tree for term in node.terms}
+    for node in tree:
+        above = None if node.parent is None else tree[node.parent].operator
+        is_object = node.function_id in object_functions
+        fault = parameter_fault(node.variables)
+        if not _can_have_value(node):
+            fault = f"{node.operator} cannot have the value {node.value!r}"
+        elif node.position in values and not is_object:
+            fault = "it is a number, and stands for an object"
+        elif node.position not in values and is_object and above in COMPARISONS:
+            fault = "it is an object, and is compared as a number"
         if fault is not None:
-            yield fault
-            return
-        path: list[TreeNode] = []
-        for node in self._tree:
-            while path and path[-1].position != node.parent:
-                for variable in path.pop().variables:
-                    self._binders[fold(variable.name)].pop()
-            faults = (self._columns(node), self._terms(node), self._parts(node))
-            yield from (f"node {node.position}: {each}" for each in faults if each is not None)
-            for variable in node.variables:
-                self._binders.setdefault(fold(variable.name), []).append(node.position)
-            path.append(node)
-
-    def _order(self) -> str | None:
-        """Preorder: from 0 without a gap, each below one that is not complete yet."""
-        path: list[int] = []
-        for position, node in enumerate(self._tree):
-            if node.position != position:
-                return f"there is no node {position}"
-            while path and path[-1] != node.parent:
-                path.pop()
-            if (position == 0) != (node.parent is None) or (position > 0 and not path):
-                return f"node {position} does not stand below node {node.parent}"
-            path.append(position)
-        return None
-
-    def _columns(self, node: TreeNode) -> str | None:
-        allowed = _ALLOWED.get(node.operator)
-        if allowed is None:
-            return f"there is no operator {node.operator!r}"
-        for column in ("predicate_id", "function_id"):
-            id_ = getattr(node, column)
-            if (id_ is not None) != (column == allowed.refers):
-                return f"{node.operator} and {column} {id_} do not go together"
-        if node.variables and not allowed.binds:
-            return f"{node.operator} binds no variables"
-        if not allowed.value(node.value):
-            return f"{node.operator} cannot have the value {node.value!r}"
-        return parameter_fault(node.variables)
-
-    def _parts(self, node: TreeNode) -> str | None:
-        values = {term.child for term in node.terms}
-        parts = [each for each in self._below.get(node.position, ()) if each.position not in values]
-        least, most, *_ = _ALLOWED[node.operator]
-        given = len(parts)
-        if node.terms and node.operator in ("=", *ASSIGNMENTS):
-            given += len(node.terms)
-        if not least <= given <= most:
-            return f"{node.operator} has {given} parts"
-        if node.operator == kinds.AT and parts[0].operator not in _AT_A_TIME:
-            return f"{parts[0].operator} happens at no time"
-        if node.operator == kinds.DERIVED:
-            count = len(node.variables)
-            head = tuple(TreeTerm(quantifier=0, variable=each) for each in range(count))
-            return None if parts[0].terms == head else "its head differs from its parameters"
-        if node.operator in COMPARISONS and not node.terms:
-            wrong = any(self._is_object(part) for part in parts)
-            return "it compares objects as numbers" if wrong else None
-        if node.operator in ASSIGNMENTS and self._is_object(parts[0]) != bool(node.terms):
-            return "it assigns an object as a number, or a number as an object"
-        return None
-
-    def _is_object(self, node: TreeNode) -> bool:
-        return node.function_id in self._object_functions
-
-    def _terms(self, node: TreeNode) -> str | None:
-        count = len(node.terms)
-        if count > _ALLOWED[node.operator].terms or (node.operator == kinds.EQUAL and count == 1):
-            return f"{node.operator} has {count} terms"
-        below = {each.position: each for each in self._below.get(node.position, ())}
-        last = -1
-        for number, term in enumerate(node.terms):
-            if term.child is not None:
-                child = below.get(term.child)
-                if child is None or child.operator != kinds.FUNCTION or term.child <= last:
-                    return f"term {number} is the value of node {term.child}, which is not its own"
-                if not self._is_object(child):
-                    return f"term {number} is a number"
-                last = term.child
-            if not self._is_bound(term):
-                return f"term {number} is not bound as its name is"
-        return None
-
-    def _is_bound(self, term: TreeTerm) -> bool:
-        """Return whether a term is one of the four, and the innermost variable of its name."""
-        given = (term.parameter, term.object_id, term.variable, term.child)
-        if sum(each is not None for each in given) != 1:
-            return False
-        if (term.quantifier is None) != (term.variable is None):
-            return False
-        if term.parameter is not None:
-            if not 0 <= term.parameter < len(self._parameters):
-                return False
-            return self._binder(self._parameters[term.parameter].name) is None
-        if term.quantifier is None or term.variable is None:
-            return True
-        if not 0 <= term.quantifier < len(self._tree):
-            return False
-        bound = self._tree[term.quantifier].variables
-        if not 0 <= term.variable < len(bound):
-            return False
-        return self._binder(bound[term.variable].name) == term.quantifier
-
-    def _binder(self, name: str) -> int | None:
-        """Find the innermost node around the present one that binds a name."""
-        binders = self._binders.get(fold(name))
-        return binders[-1] if binders else None
+            return f"node {node.position}: {fault}"
+    return None
 
 
 def _version_query(kind: str, is_narrow: bool) -> Query:
@@ -490,8 +369,22 @@ class DefinitionCheck:
         faults = (self._tree_fault(tree, action.parameters, since) for tree in action.trees)
         return next((fault for fault in faults if fault is not None), None)
 
-    def _tree_fault(self, tree: Any, parameters: Any, since: int) -> str | None:
-        return next(_Shape(tree, parameters, self._object_functions.at(since)).faults(), None)
+    def _tree_fault(self, tree: Tree, parameters: Any, since: int) -> str | None:
+        """Compare a tree with the one that its text is read as."""
+        if not tree:
+            return None
+        objects = self._object_functions.at(since)
+        # Another element may have the name of an operator: only those that it mentions are found.
+        known: dict[tuple[str, str], Any] = {}
+        for kind, ids in zip(d.KINDS, mentioned([tree]), strict=False):
+            for id_ in ids:
+                one = self._names.elements(kind).live(id_)
+                if kind == "function" and id_ in objects:
+                    one = one._replace(type_ids=(0,))
+                known[kind, fold(one.name)] = one
+        reader = TreeReader(self._names, tree, parameters)
+        writer = TreeWriter(lambda kind, name: known.get((kind, fold(name))), parameters)
+        return _unlike(tree, writer.tree(reader.formula())) or _ambiguous(tree, objects)
 
     def _layout(self, kind: str, definition: Any, since: int, rows: _Rows) -> str | None:
         """Compare the rows with those that saving the definition writes."""
