@@ -1,7 +1,4 @@
-"""Many calls, in transactions and nested ones, beside the model: on every backend and front door.
-
-What one call means is in the other tests of the DAOs; what many leave behind, the model says.
-"""
+"""Calls, alone and in transactions, beside the model: on every backend and front door."""
 
 from __future__ import annotations
 
@@ -27,6 +24,8 @@ from tests.support.worlds.robots import (
     WAYPOINT,
     WP1,
     WP2,
+    changed,
+    literals,
     navigation,
     robot_at,
     waypoint,
@@ -116,8 +115,92 @@ def levels(read: int) -> Block:
     return Block([save(LATER), *reads[0], undone(one, *reads[1], inner, two), five])
 
 
-# Many facts, of which few are kept in memory.
+# Definitions: what is missing is saved along, what is there must agree.
+ROOT = PddlTypeDto("object")
+TAXI, TIAGO = PddlTypeDto("taxi", parent=CAR), PddlTypeDto("tiago", parent=ROBOT)
+BARE_CAR, FREE_CAR = PddlTypeDto("car"), PddlPredicateDto("free", [CAR])
+ROOTED = PddlTypeDto("robot", parent=ROOT)
+DEEP = VEHICLE
+for _number in range(12):
+    DEEP = PddlTypeDto(f"level{_number}", parent=DEEP)
+SEEN = PddlPredicateDto("seen", [ROOT])
+WIDE = PddlPredicateDto("wide", [PddlTypeDto(f"t{number % 7}") for number in range(100)])
 NEAR, NARROW = (PddlPredicateDto("near", [WAYPOINT] * arity) for arity in (2, 1))
+RAINING = PddlPropositionDto(PddlPredicateDto("raining"))
+LOUD_AT = PddlPredicateDto("ROBOT_AT", [PddlTypeDto("Robot"), PddlTypeDto("WP")])
+LOUD = PddlPropositionDto(
+    LOUD_AT,
+    [PddlObjectDto(PddlTypeDto("ROBOT"), "RB1"), PddlObjectDto(PddlTypeDto("Wp"), "Wp1")],
+)
+TURNED = PddlPropositionDto(SWAPPED, [RB1, WP1])
+NO_ONE = PddlPropositionDto(PddlPredicateDto("unknown"))
+OF_TWO = {each: PddlPropositionDto(NEAR, [*each]) for each in ((WP1, WP1), (WP1, WP2), (WP2, WP1))}
+
+
+def thing(type_: PddlTypeDto, name: str) -> PddlObjectDto:
+    return PddlObjectDto(type_, name)
+
+
+# Actions of every shape, and what may change in one.
+Literal = PddlConditionEffectDto
+R, S, ANY = thing(ROBOT, "r"), thing(WAYPOINT, "s"), thing(ROOT, "x")
+IDLE = PddlPredicateDto("idle", [ROBOT])
+
+
+def at_start(*terms: PddlObjectDto) -> PddlConditionEffectDto:
+    return Literal(ROBOT_AT, terms, Literal.AT_START)
+
+
+WAIT = PddlActionDto("wait", [R], [Literal(IDLE, [R])], [Literal(IDLE, [R], None, True)], False)
+SHAPES = [
+    PddlActionDto("empty"),
+    PddlActionDto("constants", [], [at_start(RB1, WP1)]),
+    PddlActionDto("mixed", [S], [at_start(RB1, S)], [at_start(RB1, WP1)]),
+    navigation(),
+    WAIT,
+    PddlActionDto("nullary", [], [Literal(RAINING.predicate, time=Literal.OVER_ALL)]),
+    PddlActionDto("twice", [R, S], [at_start(R, S), at_start(R, S)]),
+    PddlActionDto("tiago", [thing(TIAGO, "r"), S], [at_start(thing(TIAGO, "r"), S)]),
+    PddlActionDto("any", [ANY, S], [at_start(ANY, S)]),
+]
+OTHERS = [
+    changed(lambda action: action.parameters.append(thing(ROBOT, "x"))),
+    changed(lambda action: action.conditions.clear()),
+    changed(lambda action: action.effects.reverse()),
+    changed(lambda action: literals(action.effects)[0].set_is_negative(False)),
+    changed(lambda action: literals(action.effects)[0].set_time(Literal.AT_END)),
+    changed(lambda action: action.set_duration(10.0)),
+    changed(lambda action: action.set_durative(False)),
+    PddlActionDto("navigation", [R], WAIT.conditions, WAIT.effects, durative=False),
+]
+TIMES = [
+    # A time, not a period, has effects (PDDL 2.1, section 5).
+    PddlActionDto("a", [R, S], [literal], [literal] if time != Literal.OVER_ALL else [])
+    for time in (Literal.AT_START, Literal.AT_END, Literal.OVER_ALL)
+    for literal in (Literal(ROBOT_AT, [R, S], time, is_negative) for is_negative in (False, True))
+]
+
+
+def renamed(name: str) -> PddlActionDto:
+    return PddlActionDto("go", [thing(ROBOT, name), S], [at_start(thing(ROBOT, name), S)])
+
+
+# What goes with a definition.
+DRIVES = PddlPredicateDto("drives", [VEHICLE])
+DRIVEN = Literal(DRIVES, [thing(CAR, "c")], Literal.AT_END)
+START = PddlActionDto("start", [thing(CAR, "c")], [], [DRIVEN])
+GO_HOME = PddlActionDto("go_home", [R], [], [Literal(ROBOT_AT, [R, WP1], Literal.AT_END)])
+DRIVING = [PddlPropositionDto(DRIVES, [thing(TAXI, "t1")], is_goal) for is_goal in (False, True)]
+ACTS = on("actions", "save_all", [START, GO_HOME])
+DEPENDING = [save(*DRIVING, HERE, GOAL, THERE, RAINING), ACTS]
+DEPENDED: dict[str, tuple[Any, Any]] = {
+    "types": (PddlTypeDto("car", parent=PddlTypeDto("toy")), PddlTypeDto("CAR")),
+    "objects": (thing(ROBOT, "wp1"), thing(PddlTypeDto("any"), "WP1")),
+    "predicates": (SWAPPED, PddlPredicateDto("Robot_At")),
+}
+
+
+# Many facts, of which few are kept in memory.
 MANY = [PddlPropositionDto(NEAR, [waypoint(number), waypoint(0)]) for number in range(12)]
 ONE, TWO, THREE, FOUR = MANY[1:5]
 SHOUTED = PddlPropositionDto(PddlPredicateDto("NEAR", NEAR.types), ONE.objects)
@@ -188,6 +271,91 @@ def refused(call: Call) -> list[Step]:
 
 
 PROGRAMS: dict[str, list[Step]] = {
+    # What single calls do.
+    "missing types": [
+        *(on("types", "save", TAXI), on("types", "get", "taxi"), on("types", "save", BARE_CAR)),
+        *(on("objects", "save", thing(TIAGO, "rb1")), on("predicates", "save", DRIVES)),
+    ],
+    "types that definitions depend on": [
+        *(on("types", "save", CAR), on("objects", "save", thing(CAR, "c1"))),
+        *(on("predicates", "save", FREE_CAR), on("types", "save", BARE_CAR)),
+    ],
+    "the type of a parameter": [save(HERE), NAVIGATION, on("types", "delete", WAYPOINT)],
+    "the order of what is first known": [
+        *(on("types", "save_all", [OTHER, VEHICLE, PLACE]), on("types", "delete", OTHER)),
+        *(on("types", "save", OTHER), save(THREE, TWO, ONE), *facts("delete", THREE), save(THREE)),
+    ],
+    "references without parents": [
+        *(on("types", "save", TAXI), on("objects", "save", thing(PddlTypeDto("taxi"), "t1"))),
+        *(on("types", "save", ROBOT), on("objects", "save", thing(ROOTED, "rb1"))),
+    ],
+    "the root": [save(*(PddlPropositionDto(SEEN, [each]) for each in (thing(TAXI, "t1"), RB1)))],
+    "far below the root": [
+        on("objects", "save_all", [thing(PddlTypeDto(name, parent=DEEP), name) for name in "ab"]),
+    ],
+    "another type of an object": [
+        *(on("objects", "save", RB1), on("objects", "save", thing(WAYPOINT, "rb1"))),
+    ],
+    "a deleted object": [
+        *(save(HERE), on("objects", "delete", WP1), on("objects", "save", WP1), save(HERE)),
+    ],
+    "parameters": [on("predicates", "save_all", [RAINING.predicate, WIDE, NEAR, SEEN])],
+    "the same definition": [
+        *(save(HERE), on("predicates", "save", LOUD_AT), on("predicates", "save_all", [LOUD_AT])),
+        Call("predicates", "update", (LOUD_AT,), cascade=True),
+    ],
+    "the last definition": [
+        *(on("types", "save", VEHICLE), on("types", "save_all", Items([CAR, CAR, VEHICLE, TAXI]))),
+        on("objects", "save_all", [RB1, WP1, RB1, thing(ROBOT, "wp1")]),
+        on("predicates", "save_all", [ROBOT_AT, RAINING.predicate, ROBOT_AT, SWAPPED]),
+    ],
+    "facts that are there and that are not": [
+        *(*facts("update", HERE), *READS, *facts("insert", HERE), *facts("update", THERE), *READS),
+        *(*facts("insert", HERE), *facts("update", HERE, LOUD), *facts("insert", LOUD)),
+        *facts("delete", GOAL, NO_ONE, MANY[9], PddlPropositionDto(ROBOT_AT, [RB1]), LOUD),
+    ],
+    "goals and other definitions": [
+        *facts("insert", GOAL, GOAL, PddlPropositionDto(SWAPPED, [RB1, WP1], is_goal=True), HERE),
+        *facts("update", TURNED),
+    ],
+    "few arguments, and the same twice": [
+        *(save(RAINING, RAINING), *facts("insert", RAINING), *facts("delete", RAINING)),
+        *(save(*OF_TWO.values()), *facts("delete", *OF_TWO.values()), save(*OF_TWO.values())),
+        on("objects", "delete", WP2),
+    ],
+    "subtypes and supertypes": [
+        save(PddlPropositionDto(ROBOT_AT, [thing(TIAGO, "tiago1"), WP1])),
+        save(PddlPropositionDto(ROBOT_AT, [thing(PddlTypeDto("machine"), "m1"), WP1])),
+    ],
+    "all facts, and all goals": [*(save(HERE, GOAL, RAINING), *[NONE] * 2)],
+    "actions that are there and that are not": [
+        *(on("actions", "update", navigation()), *READS, on("actions", "insert", navigation())),
+        *(on("actions", "insert", PddlActionDto("NAVIGATION")), NAVIGATION),
+        *(on("actions", "save_all", [navigation()] * 2), on("actions", "update", OTHERS[5])),
+    ],
+    "actions of every shape": [save(HERE), *(on("actions", "save", each) for each in SHAPES)],
+    "actions of every shape together": [
+        *(save(HERE), on("actions", "save_all", SHAPES[:-1]), on("actions", "delete_all")),
+    ],
+    "times of literals": [on("actions", "save", action) for action in TIMES],
+    "names of parameters": [on("actions", "save", renamed(name)) for name in ("r", "bot")],
+    "what changes in an action": [
+        *(on("actions", "save_all", [each]) for other in OTHERS for each in (navigation(), other)),
+    ],
+    "a parameter called like an object": [
+        *(on("objects", "save", thing(WAYPOINT, "r")), NAVIGATION),
+        on("objects", "delete", thing(WAYPOINT, "r")),
+    ],
+    **{
+        f"{kind} that something depends on": [
+            *(*DEPENDING, Call(kind, "save", (other,)), Call(kind, "update", (other,))),
+            *(Call(kind, "save", (other,), cascade=True), *DEPENDING, on(kind, "delete", called)),
+            *(*DEPENDING, on(kind, "delete_all"), on(kind, "delete_all"), *DEPENDING),
+            Call(kind, "update", (other,), cascade=True),
+        ]
+        for kind, (other, called) in DEPENDED.items()
+    },
+    # What many leave behind.
     "undone": [
         *(WORLD, undone(on("types", "delete_all"), save(LATER))),
         undone(on("types", "delete_all"), *READS, save(LATER), *READS),
