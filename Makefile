@@ -67,7 +67,7 @@ docs: $(VENV)/test-ready
 screenshots: $(VENV)/test-ready
 	$(PY) -m tests.browser.screenshots docs/images
 
-# Sizes, imports, calls and times, as one table; ARGS="--root FOLDER" for another checkout.
+# Sizes, calls and times, as one table; ARGS="--root FOLDER" for another checkout.
 measure: $(VENV)/test-ready
 	$(PY) tests/measure.py $(ARGS)
 

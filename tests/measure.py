@@ -3,7 +3,7 @@
 python tests/measure.py [--root FOLDER] [--suite]
 
 `--root` measures another checkout by this script and with this interpreter, so that before and
-after can be compared. It reads sizes and imports from the source, and runs programs for the rest.
+after can be compared. It reads sizes from the source, and runs programs for the rest.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,49 +28,24 @@ LONG_FUNCTION = 40
 # A process is measured so many times, and the least counts: all else is the machine's.
 RUNS = 7
 
-Graph = dict[str, set[str]]
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-@dataclass
-class Source:
-    """One file of the source tree.
+class Source(NamedTuple):
+    """One file of the source tree."""
 
-    Attributes:
-        name: the dotted name of its module.
-        path: where it lies, below the root.
-        text: all of it.
-        is_package: whether it is an `__init__.py`.
-    """
-
-    name: str
-    path: Path
+    path: Path  # where it lies, below the root
     text: str
-    is_package: bool
 
-    @cached_property
-    def tree(self) -> ast.Module:
-        return ast.parse(self.text)
-
-    @cached_property
-    def nodes(self) -> list[ast.AST]:
-        return list(ast.walk(self.tree))
-
-    @cached_property
+    @property
     def lines(self) -> int:
         return len(self.text.splitlines())
 
 
 def read_sources(root: Path, folder: str) -> list[Source]:
     """Read all modules below a folder of the root."""
-    sources = []
-    for path in sorted((root / folder).rglob("*.py")):
-        below = path.relative_to(root)
-        is_package = path.name == "__init__.py"
-        parts = below.parts[:-1] if is_package else below.with_suffix("").parts
-        text = path.read_text(encoding="utf-8")
-        sources.append(Source(".".join(parts), below, text, is_package))
-    return sources
+    paths = sorted((root / folder).rglob("*.py"))
+    return [Source(path.relative_to(root), path.read_text(encoding="utf-8")) for path in paths]
 
 
 # Lines
@@ -85,94 +58,12 @@ def span(node: ast.stmt | ast.expr) -> int:
 
 def long_functions(source: Source) -> Iterator[str]:
     """Yield length and place of each long function; its docstring does not count."""
-    for node in source.nodes:
+    for node in ast.walk(ast.parse(source.text)):
         if isinstance(node, Function):
             text = node.body[0] if ast.get_docstring(node, clean=False) is not None else None
             length = span(node) - (0 if text is None else span(text))
             if length > LONG_FUNCTION:
                 yield f"{length} lines: {source.path}:{node.lineno} {node.name}"
-
-
-# Imports
-
-
-def imported_names(source: Source) -> Iterator[str]:
-    """Yield the absolute dotted names that a module imports, wherever the statement stands."""
-    package = source.name if source.is_package else source.name.rpartition(".")[0]
-    for node in source.nodes:
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            parts = package.split(".")[: 1 - node.level or None] if node.level else []
-            base = ".".join([*parts, *([node.module] if node.module else [])])
-            yield from (f"{base}.{alias.name}" for alias in node.names)
-
-
-def module_graph(sources: Iterable[Source]) -> Graph:
-    """Return which module imports which, type-checking and function-level imports included."""
-    sources = list(sources)
-    known = {source.name for source in sources}
-    graph: Graph = {}
-    for source in sources:
-        targets = set()
-        for name in imported_names(source):
-            # `from a.b import c` imports the module a.b.c where there is one, else a.b.
-            module = name
-            while module and module not in known:
-                module = module.rpartition(".")[0]
-            targets.add(module)
-        graph[source.name] = targets - {"", source.name}
-    return graph
-
-
-def child(package: str, module: str) -> str | None:
-    """Return the entry of a package that a module lies in; None outside the package and for it."""
-    prefix = f"{package}."
-    if not module.startswith(prefix):
-        return None
-    return prefix + module.removeprefix(prefix).partition(".")[0]
-
-
-def sibling_graph(modules: Graph, package: str) -> Graph:
-    """Return which entry of a package imports which; a sub-package is one entry."""
-    # An import of the package's `__init__` is an import of all that it imports.
-    through = {child(package, target) for target in modules.get(package, set())}
-    graph: dict[str, set[str | None]] = {}
-    for name, targets in modules.items():
-        entry = child(package, name)
-        if entry is not None:
-            found = {child(package, target) for target in targets}
-            found |= through if package in targets else set()
-            graph[entry] = graph.get(entry, set()) | found
-    return {entry: {one for one in found if one} - {entry} for entry, found in graph.items()}
-
-
-def reached(graph: Graph, start: str) -> set[str]:
-    """Return an entry, and all that it imports directly or not."""
-    found, pending = {start}, [start]
-    while pending:
-        new = graph.get(pending.pop(), set()) - found
-        found |= new
-        pending += new
-    return found
-
-
-def floors(graph: Graph) -> int:
-    """Return how many floors the imports make; a circle stands on one."""
-    reach = {node: reached(graph, node) for node in graph}
-    floor: dict[str, int] = {}
-    # What an entry imports reaches less, unless it is in the same circle.
-    for node in sorted(graph, key=lambda node: len(reach[node])):
-        below = [floor[other] for other in reach[node] if node not in reach[other]]
-        floor[node] = 1 + max(below, default=0)
-    return max(floor.values(), default=0)
-
-
-def circles(graph: Graph) -> list[str]:
-    """Return the entries of each circle."""
-    reach = {node: reached(graph, node) for node in graph}
-    found = {tuple(sorted(o for o in reach[node] if node in reach[o])) for node in graph}
-    return [f"circle: {', '.join(each)}" for each in sorted(found) if len(each) > 1]
 
 
 # Calls
@@ -295,12 +186,10 @@ def suite_rows(root: Path) -> Iterator[tuple[str, object]]:
 
 
 class Size(NamedTuple):
-    """How much source there is, and how it hangs together."""
+    """How much source there is."""
 
     lines: int
     files: int
-    floors: int
-    circles: list[str]
     long_functions: list[str]
     test_lines: int
 
@@ -310,13 +199,9 @@ def measure(root: Path) -> Size:
     sources = read_sources(root, PACKAGE)
     if not sources:
         raise SystemExit(f"measure.py: no Python files in {root / PACKAGE}")
-    modules = module_graph(sources)
-    rooms = sibling_graph(modules, PACKAGE)
     return Size(
         lines=sum(source.lines for source in sources),
         files=len(sources),
-        floors=floors(rooms),
-        circles=circles(modules) or circles(rooms),
         long_functions=[found for source in sources for found in long_functions(source)],
         test_lines=sum(source.lines for source in read_sources(root, "tests")),
     )
@@ -326,7 +211,6 @@ def source_rows(size: Size) -> Iterator[tuple[str, object]]:
     """Yield what the source shows."""
     yield f"lines in {PACKAGE}/", f"{size.lines:,}"
     yield "files", size.files
-    yield "import floors, circles", f"{size.floors}, {len(size.circles)}"
     yield f"functions over {LONG_FUNCTION} lines", len(size.long_functions)
     yield "lines of tests", f"{size.test_lines:,}"
 
@@ -354,7 +238,7 @@ def main(argv: list[str]) -> int:
     print("| measure | value |\n| --- | --- |")
     for name, value in (row for part in parts for row in part):
         print(f"| {name} | {value} |", flush=True)
-    for line in (*size.circles, *size.long_functions):
+    for line in size.long_functions:
         print(line)
     return 0
 

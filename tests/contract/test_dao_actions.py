@@ -16,40 +16,27 @@ from kant_sql import (
     PddlConditionEffectDto,
     PddlObjectDto,
     PddlPredicateDto,
-    PddlTypeDto,
 )
 from kant_sql.errors import ArityError, InvalidNameError, TypeMismatchError
-from tests.support.reading import last_changes, nothing_changes, present, refuses, state, versions
+from tests.support.reading import present, refuses
 from tests.support.worlds.robots import (
-    RB1,
     ROBOT,
     ROBOT_AT,
     WAYPOINT,
     WP1,
     assigned,
-    changed,
     literals,
     navigation,
-    robot_at,
 )
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto
-TIAGO = PddlTypeDto("tiago", parent=ROBOT)
 R = PddlObjectDto(ROBOT, "r")
 S = PddlObjectDto(WAYPOINT, "s")
 
 
 def at_start(*objects: PddlObjectDto, predicate: PddlPredicateDto = ROBOT_AT) -> Literal:
     return Literal(predicate, objects, Literal.AT_START)
-
-
-def wait() -> PddlActionDto:
-    """An action that is not durative."""
-    idle = PddlPredicateDto("idle", [ROBOT])
-    return Action(
-        "wait", [R], [Literal(idle, [R])], [Literal(idle, [R], is_negative=True)], durative=False
-    )
 
 
 def test_an_action_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
@@ -66,74 +53,6 @@ def test_an_action_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
     assert actions.delete(navigation()) is True
     assert actions.get("navigation") is None
     assert actions.delete(navigation()) is False
-
-
-def test_an_action_that_is_not_durative_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.actions.save(wait())
-    found = present(fresh_kb.actions.get("wait"))
-    assert str(found) == str(wait())
-    assert found.durative is False
-    assert [literal.time for literal in literals([*found.conditions, *found.effects])] == [
-        None,
-        None,
-    ]
-
-
-def test_predicates_and_types_that_are_missing_are_saved_along(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.actions.save(navigation())
-    assert state(fresh_kb)["predicates"] == ["(robot_at ?r0 - robot ?w1 - wp)"]
-    assert state(fresh_kb)["types"] == ["robot", "wp"]
-    assert state(fresh_kb)["objects"] == []
-    assert fresh_kb.revision == 1
-
-
-def test_insert_refuses_what_is_there_and_update_what_is_not(fresh_kb: KnowledgeBase) -> None:
-    actions = fresh_kb.actions
-    assert actions.update(navigation()) is False
-    assert state(fresh_kb)["predicates"] == []
-    assert actions.insert(navigation()) is True
-    with nothing_changes(fresh_kb):
-        assert actions.insert(Action("NAVIGATION")) is False
-        assert actions.update(navigation()) is True
-        assert actions.save(navigation()) is True
-        assert actions.save_all([navigation(), navigation()]) == 0
-    longer = navigation()
-    longer.duration = 12
-    assert actions.update(longer) is True
-    assert versions(fresh_kb, "action") == [(str(navigation()), 1, 2), (str(longer), 2, None)]
-    assert last_changes(fresh_kb) == [f"+ action {longer}", f"- action {navigation()}"]
-
-
-def test_actions_of_every_shape_can_be_saved_together(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at())
-    raining = PddlPredicateDto("raining")
-    shapes = [
-        Action("empty"),
-        Action("constants", [], [at_start(RB1, WP1)]),
-        Action("mixed", [S], [at_start(RB1, S)], [at_start(RB1, WP1)]),
-        navigation(),
-        wait(),
-        Action("nullary", [], [Literal(raining, time=Literal.OVER_ALL)]),
-        Action("twice", [R, S], [at_start(R, S), at_start(R, S)]),
-    ]
-    assert fresh_kb.actions.save_all(shapes) == len(shapes)
-    # The second look is at the rows: nothing is known of them in memory then.
-    assert [str(action) for action in fresh_kb.actions.get_all()] == list(map(str, shapes))
-    past = fresh_kb.at(fresh_kb.revision)
-    assert [str(action) for action in past.actions.get_all()] == list(map(str, shapes))
-
-
-@pytest.mark.parametrize("time", [Literal.AT_START, Literal.AT_END, Literal.OVER_ALL])
-@pytest.mark.parametrize("is_negative", [False, True])
-def test_each_time_and_negation_is_read_as_it_was_saved(
-    fresh_kb: KnowledgeBase, time: str, is_negative: bool
-) -> None:
-    literal = Literal(ROBOT_AT, [R, S], time, is_negative)
-    # A time, not a period, has effects (PDDL 2.1, section 5).
-    effects = [literal] if time != Literal.OVER_ALL else []
-    fresh_kb.actions.save(Action("a", [R, S], [literal], effects))
-    past = present(fresh_kb.at(1).actions.get("a"))
-    assert (past.conditions, past.effects) == ([literal], effects)
 
 
 def test_a_duration_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:
@@ -163,52 +82,6 @@ def test_the_duration_of_an_action_that_is_not_durative_does_not_matter(
     fresh_kb.actions.save(Action("a", durative=False, duration=-1))
     found = present(fresh_kb.actions.get("a"))
     assert (found.durative, found.duration) == (False, 10)
-
-
-def test_renaming_a_parameter_is_a_change(fresh_kb: KnowledgeBase) -> None:
-    def action(name: str) -> PddlActionDto:
-        robot = PddlObjectDto(ROBOT, name)
-        return Action("go", [robot, S], [at_start(robot, S)])
-
-    fresh_kb.actions.save(action("r"))
-    fresh_kb.actions.save(action("bot"))
-    assert fresh_kb.revision == 2
-    assert "?bot - robot" in str(fresh_kb.actions.get("go"))
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        changed(lambda action: action.parameters.append(PddlObjectDto(ROBOT, "x"))),
-        changed(lambda action: action.conditions.clear()),
-        changed(lambda action: action.effects.reverse()),
-        changed(lambda action: literals(action.effects)[0].set_is_negative(False)),
-        changed(lambda action: literals(action.effects)[0].set_time(Literal.AT_END)),
-        changed(lambda action: action.set_duration(10.0)),
-        wait(),
-    ],
-)
-def test_whatever_changes_in_an_action_makes_a_version(
-    fresh_kb: KnowledgeBase, other: PddlActionDto
-) -> None:
-    other.name = "navigation"
-    fresh_kb.actions.save(navigation())
-    assert fresh_kb.actions.save_all([other]) == 1
-    assert str(fresh_kb.actions.get("navigation")) == str(other)
-    assert str(fresh_kb.at(1).actions.get("navigation")) == str(navigation())
-    fresh_kb.actions.save(navigation())
-    assert str(fresh_kb.actions.get("navigation")) == str(navigation())
-    assert fresh_kb.revision == 3
-
-
-def test_delete_all_deletes_actions_alone(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.actions.save_all([navigation(), wait()])
-    before = state(fresh_kb)
-    assert fresh_kb.actions.delete_all() == 2
-    assert state(fresh_kb) == {**before, "actions": []}
-    assert fresh_kb.revision == 2
-    with nothing_changes(fresh_kb):
-        assert fresh_kb.actions.delete_all() == 0
 
 
 # What makes one well formed: times, terms and their types.
@@ -265,17 +138,6 @@ def test_a_term_that_does_not_fit_is_refused_saying_position_got_and_expected(
     assert "is of type 'robot', expected 'wp' or a subtype" in str(caught.value)
 
 
-def test_a_parameter_of_a_subtype_fits_and_of_a_supertype_does_not(fresh_kb: KnowledgeBase) -> None:
-    t = PddlObjectDto(TIAGO, "t")
-    assert fresh_kb.actions.save(Action("go", [t, S], [at_start(t, S)])) is True
-    thing = PddlObjectDto(PddlTypeDto("object"), "x")
-    refuses(
-        fresh_kb,
-        TypeMismatchError,
-        lambda: fresh_kb.actions.save(Action("stop", [thing, S], [at_start(thing, S)])),
-    )
-
-
 def test_a_term_must_be_a_parameter_or_an_object_that_is_known(fresh_kb: KnowledgeBase) -> None:
     action = Action("go", [R], [at_start(R, WP1)])
     caught = refuses(fresh_kb, InvalidKnowledgeError, lambda: fresh_kb.actions.save(action))
@@ -283,14 +145,6 @@ def test_a_term_must_be_a_parameter_or_an_object_that_is_known(fresh_kb: Knowled
     fresh_kb.objects.save(WP1)
     assert fresh_kb.actions.save(action) is True
     assert "(at start (robot_at ?r wp1))" in str(fresh_kb.actions.get("go"))
-
-
-def test_a_parameter_hides_an_object_of_its_name(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.objects.save(PddlObjectDto(WAYPOINT, "r"))
-    fresh_kb.actions.save(navigation())
-    assert "(at start (robot_at ?r ?s))" in str(fresh_kb.actions.get("navigation"))
-    assert fresh_kb.objects.delete(PddlObjectDto(WAYPOINT, "r")) is True
-    assert fresh_kb.actions.get("navigation") is not None
 
 
 def test_a_term_whose_type_disagrees_with_its_parameter_is_refused(fresh_kb: KnowledgeBase) -> None:

@@ -25,6 +25,7 @@ from kant_sql import (
     UnknownNameError,
 )
 from kant_sql.errors import ArityError, InvalidNameError, TypeMismatchError
+from tests.contract.test_function_values_shared import FLUENTS, READ, check
 from tests.support.reading import (
     beside,
     last_changes,
@@ -590,115 +591,39 @@ def test_an_object_of_a_subtype_is_a_value(kb: KnowledgeBase) -> None:
     assert kb.function_values.get("loc", objects=["rb1"]) == dock
 
 
-# Within a transaction.
+# Within a transaction: between the calls nothing, a read of what is pending, or what is undone.
+
+ONE, TWO = FLUENTS[:2]
+FAILING = (True, [("unset", ONE, 0), ("set", TWO, 1), (True, [("set", ONE, 7), READ]), READ])
+BETWEEN: dict[str, list[Any]] = {
+    "nothing": [],
+    "get": [("get", ONE, 0)],
+    "get_all": [READ],
+    "failing": [FAILING],
+}
+BLOCKS = {
+    "set back": [("set", ONE, 2), ("set", ONE, 0), ("set", ONE, 1)],
+    "set back beside another change": [
+        *(("set", ONE, 2), ("unset", TWO, 0), ("set", ONE, 1), ("set", TWO, 1), ("set", TWO, 0)),
+    ],
+    "unset and set otherwise": [("unset", ONE, 0), ("set", ONE, 2), ("unset", TWO, 0)],
+    "increased often": [("increase", ONE, 1), ("increase", ONE, 2), ("increase", TWO, 1)],
+}
 
 
-def read_all(kb: KnowledgeBase) -> None:
-    """Have what is pending written."""
-    kb.function_values.get_all()
-
-
-def read_one(kb: KnowledgeBase) -> None:
-    assert kb.function_values.get("battery", objects=["rb1"]) is not None
-
-
-def fail(kb: KnowledgeBase) -> None:
-    """Do much, and have it undone."""
-    with undone(kb):
-        kb.function_values.delete_all()
-        kb.function_values.set(BATTERY, objects=[RB2], value=1)
-        with undone(kb):
-            kb.function_values.set(BATTERY, objects=[RB1], value=77)
-            assert texts(kb) == ["(= (battery rb1) 77)", "(= (battery rb2) 1)"]
-        assert kb.function_values.get("battery", objects=["rb1"]) is None
-        kb.functions.delete_all()
-
-
-BETWEEN = [lambda kb: None, read_one, read_all, fail]
-
-
-@pytest.mark.parametrize("between", BETWEEN, ids=["nothing", "get", "get_all", "failing"])
-def test_what_is_set_back_leaves_no_version_and_no_revision(
-    kb: KnowledgeBase, between: Callable[[KnowledgeBase], None]
+@pytest.mark.parametrize("between", BETWEEN.values(), ids=BETWEEN)
+@pytest.mark.parametrize("calls", BLOCKS.values(), ids=BLOCKS)
+def test_what_a_transaction_leaves_of_values_is_what_a_dict_has(
+    fresh_kb: KnowledgeBase, calls: list[Any], between: list[Any]
 ) -> None:
-    values, before = kb.function_values, versions(kb, "function_value")
-    with kb.transaction():
-        for number in (11, 12.5, Decimal("10.00")):
-            assert values.set(BATTERY, objects=[RB1], value=number) is True
-            between(kb)
-            assert values.get(BATTERY, objects=[RB1]) == number
-        values.set(COST, objects=[], value=1)
-        between(kb)
-        values.set("loc", objects=["rb1"], value=WP2)
-        between(kb)
-        assert values.get("loc", objects=["rb1"]) == WP2
-        values.set("loc", objects=["rb1"], value=WP1)
-        kb.functions.delete(COST)
-        kb.objects.delete(WP2)
-    assert (kb.revision, versions(kb, "function_value")) == (2, before)
-    assert texts(kb) == ["(= (battery rb1) 10)", "(= (loc rb1) wp1)"]
-
-
-@pytest.mark.parametrize("between", BETWEEN, ids=["nothing", "get", "get_all", "failing"])
-def test_what_is_set_back_is_no_part_of_a_revision_that_changes_something_else(
-    kb: KnowledgeBase, between: Callable[[KnowledgeBase], None]
-) -> None:
-    kb.function_values.set(BATTERY, objects=[RB2], value=1)
-    before = versions(kb, "function_value")
-    with kb.transaction():
-        for number in (11, 12, 10.0):
-            kb.function_values.set(BATTERY, objects=[RB1], value=number)
-            between(kb)
-        kb.function_values.unset("loc", objects=["rb1"])
-        between(kb)
-        kb.function_values.set("loc", objects=["rb1"], value=WP1)
-        kb.function_values.unset(BATTERY, objects=[RB2])
-    assert last_changes(kb) == ["- value (= (battery rb2) 1)"]
-    *others, last = before
-    assert versions(kb, "function_value") == [*others, (last[0], 3, 4)]
-
-
-@pytest.mark.parametrize("between", BETWEEN, ids=["nothing", "get", "get_all", "failing"])
-def test_many_changes_in_one_transaction_are_one_version(
-    kb: KnowledgeBase, between: Callable[[KnowledgeBase], None]
-) -> None:
-    with kb.transaction():
-        for step in range(1, 5):
-            assert kb.function_values.increase("battery", objects=["rb1"], by=step) == 10 + sum(
-                range(step + 1)
-            )
-            between(kb)
-        kb.function_values.unset("loc", objects=["rb1"])
-        between(kb)
-        kb.function_values.set("loc", objects=["rb1"], value=WP2)
-        between(kb)
-    assert last_changes(kb) == [
-        "+ object wp2 - wp",
-        "+ value (= (battery rb1) 20)",
-        "+ value (= (loc rb1) wp2)",
-        "- value (= (battery rb1) 10)",
-        "- value (= (loc rb1) wp1)",
-    ]
-    assert versions(kb, "function_value") == [
-        ("(= (battery rb1) 10)", 1, 3),
-        ("(= (loc rb1) wp1)", 2, 3),
-        ("(= (battery rb1) 20)", 3, None),
-        ("(= (loc rb1) wp2)", 3, None),
-    ]
+    block = (False, [each for call in calls for each in (call, *between)])
+    check(fresh_kb, [("set", ONE, 1), ("set", TWO, 1), block, FAILING, ("increase", ONE, 1)])
 
 
 def test_what_a_failing_call_did_is_undone_alone(kb: KnowledgeBase) -> None:
-    for read in (False, True):
-        with kb.transaction():
-            kb.function_values.increase("battery", objects=["rb1"], by=1)
-            before = kb.function_values.get("battery", objects=["rb1"])
-            with pytest.raises(InvalidKnowledgeError):
-                kb.function_values.save_all([*map(distance, range(3)), Value(BATTERY, [WP1], 1)])
-            with undone(kb):
-                kb.function_values.increase("battery", objects=["rb1"], by=1)
-                if read:
-                    read_all(kb)
-                kb.function_values.unset("battery", objects=["rb1"])
-            assert kb.function_values.get("battery", objects=["rb1"]) == before
-        assert len(last_changes(kb)) == 2
-    assert texts(kb) == ["(= (battery rb1) 12)", "(= (loc rb1) wp1)"]
+    with kb.transaction():
+        kb.function_values.increase("battery", objects=["rb1"], by=1)
+        with pytest.raises(InvalidKnowledgeError):
+            kb.function_values.save_all([*map(distance, range(3)), Value(BATTERY, [WP1], 1)])
+        assert kb.function_values.get("battery", objects=["rb1"]) == 11
+    assert (len(last_changes(kb)), texts(kb)[0]) == (2, "(= (battery rb1) 11)")

@@ -110,7 +110,12 @@ def test_values_are_part_of_a_revision_that_was_too_much_to_keep(
 
 # Any sequence of calls.
 
-FLUENTS = [("battery", ("rb1",)), ("battery", ("rb2",)), ("distance", ("wp1", "wp2"))]
+FLUENTS: list[tuple[str, tuple[str, ...]]] = [
+    ("battery", ("rb1",)),
+    ("battery", ("rb2",)),
+    ("distance", ("wp1", "wp2")),
+]
+READ = ("get_all", FLUENTS[0], 0)
 _calls = st.tuples(
     st.sampled_from(["set", "unset", "increase", "get", "get_all"]),
     st.sampled_from(FLUENTS),
@@ -160,6 +165,39 @@ def read(kb: KnowledgeBase) -> State:
     }
 
 
+def text(fluent: tuple[str, tuple[str, ...]], value: int) -> str:
+    return f"(= ({' '.join((fluent[0], *fluent[1]))}) {value})"
+
+
+def check(kb: KnowledgeBase, program: list[Any]) -> None:
+    """Run a program on a new knowledge base and on a dict, step by step."""
+    kb.functions.save_all([robots.BATTERY, robots.DISTANCE])
+    kb.propositions.save_all([robots.robot_at(), robots.robot_at(place=robots.WP2)])
+    kb.objects.save(type(robots.RB1)(robots.RB1.type, "rb2"))
+    state: State = {}
+    states = [dict(state)]
+    for step in program:
+        revision = kb.revision
+        run(kb, state, step)
+        assert kb.revision - revision == (state != states[-1])
+        if kb.revision > revision:
+            states.append(dict(state))
+    newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
+    assert read(newcomer) == state
+    came = 0
+    for number, (before, then) in enumerate(pairwise(states), start=4):
+        assert read(newcomer.at(number)) == then
+        [entry] = newcomer.log(since=number, until=number)
+        changes = {
+            *(("+", text(*one)) for one in then.items() - before.items()),
+            *(("-", text(*one)) for one in before.items() - then.items()),
+        }
+        assert {(one.sign, one.text) for one in entry.changes} == changes
+        came += len(then.items() - before.items())
+    versions = "SELECT count(*) FROM function_value_version WHERE kb_id = :kb"
+    assert rows(kb, versions) == [(came,)]
+
+
 @pytest.mark.parametrize("backend", ["sqlite-memory", "postgresql"])
 def test_any_program_has_the_results_of_a_dict(
     backend: str, request: pytest.FixtureRequest, connect: Connect
@@ -170,24 +208,6 @@ def test_any_program_has_the_results_of_a_dict(
     @hunting(PROFILE.programs)
     @given(_programs)
     def holds_for(program: list[Any]) -> None:
-        kb = beside(root, f"values {next(numbers)}")
-        kb.functions.save_all([robots.BATTERY, robots.DISTANCE])
-        kb.propositions.save_all([robots.robot_at(), robots.robot_at(place=robots.WP2)])
-        kb.objects.save(type(robots.RB1)(robots.RB1.type, "rb2"))
-        state: State = {}
-        states = [dict(state)]
-        for step in program:
-            revision = kb.revision
-            run(kb, state, step)
-            assert kb.revision - revision == (state != states[-1])
-            if kb.revision > revision:
-                states.append(dict(state))
-        newcomer = beside(root, kb.store.factory._store.name)  # type: ignore[attr-defined]
-        assert read(newcomer) == state
-        for number, then in enumerate(states[1:], start=4):
-            assert read(newcomer.at(number)) == then
-        versions = "SELECT count(*) FROM function_value_version WHERE kb_id = :kb"
-        opened = sum(len(then.items() - before.items()) for before, then in pairwise(states))
-        assert rows(kb, versions) == [(opened,)]
+        check(beside(root, f"values {next(numbers)}"), program)
 
     holds_for()

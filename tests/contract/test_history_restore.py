@@ -31,7 +31,7 @@ from tests.support.reading import last_changes, undone
 from tests.support.statements import count
 from tests.support.stores import Connect, Everywhere
 from tests.support.worlds.depot import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
-from tests.support.worlds.robots import BATTERY, RB1, ROBOT, STORY, WP2, robot_at, waypoint
+from tests.support.worlds.robots import BATTERY, RB1, STORY, WP2, robot_at, waypoint
 
 REACHABLE = Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
 _numbers = itertools.count(1)
@@ -354,25 +354,6 @@ def test_it_is_the_difference_of_any_two_states(told: KnowledgeBase) -> None:
             assert [tuple(change) for change in told.diff(a, b)] == sorted(expected)
 
 
-def test_what_came_and_went_in_between_is_no_difference(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.propositions.save(robot_at())
-    for _ in range(3):
-        fresh_kb.propositions.save(robot_at(RB1, WP2))
-        fresh_kb.propositions.delete(robot_at(RB1, WP2))
-        fresh_kb.propositions.delete(robot_at())
-        fresh_kb.propositions.save(robot_at())
-    assert lines(fresh_kb, 1, fresh_kb.revision) == ["+ object wp2 - wp"]
-    assert lines(fresh_kb, fresh_kb.revision, 1) == ["- object wp2 - wp"]
-
-
-def test_a_value_is_a_difference_by_what_is_written(told: KnowledgeBase) -> None:
-    assert lines(told, 4, 6) == [
-        "+ value (= (battery rb1) 5)",
-        "- fact (robot_at rb1 wp1)",
-        "- value (= (battery rb1) 10.0)",
-    ]
-
-
 def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> None:
     start = load(fresh_kb)
     fresh_kb.goals.save(Comparison(">", fuel(), number("2")))
@@ -388,10 +369,3 @@ def test_times_name_states(told: KnowledgeBase) -> None:
     before = moments[0] - timedelta(microseconds=1)
     assert told.diff(before, moments[-1]) == told.diff(0, len(STORY))
     assert told.diff(moments[-1], before) == told.diff(len(STORY), 0)
-
-
-def test_of_nothing_there_is_no_difference(fresh_kb: KnowledgeBase) -> None:
-    assert fresh_kb.diff(0, 0) == []
-    fresh_kb.types.save(ROBOT)
-    assert fresh_kb.diff(1, 1) == []
-    assert lines(fresh_kb, 0, 1) == ["+ type robot"]

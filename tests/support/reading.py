@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import text
 
 import kant_sql
-from kant_sql import DaoFactory, KnowledgeBase, PddlActionDto, PddlPredicateDto, PddlTypeDto
+from kant_sql import DaoFactory, KnowledgeBase
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.history.verify.sides import Finding
 from kant_sql.sql.catalog import every_name
@@ -138,19 +138,6 @@ def undone(kb: KnowledgeBase) -> Iterator[None]:
     with suppress(Undone), kb.transaction():
         yield
         raise Undone
-
-
-def fail_within(kb: KnowledgeBase) -> None:
-    """A nested transaction that deletes all, reads, saves other things, and fails."""
-    with undone(kb):
-        kb.types.delete_all()
-        assert state(kb)["predicates"] == []
-        kb.predicates.save(PddlPredicateDto("robot_at", [PddlTypeDto("other")]))
-        with undone(kb):
-            kb.types.delete(PddlTypeDto("other"))
-            assert state(kb)["types"] == []
-        assert state(kb)["predicates"] == ["(robot_at ?o0 - other)"]
-        kb.actions.save(PddlActionDto("navigation"))
 
 
 def findings(url: str) -> list[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from kant_sql import (
     KantSqlError,
+    KnowledgeBase,
     PddlActionDto,
     PddlConditionEffectDto,
     PddlObjectDto,
@@ -19,6 +21,8 @@ from kant_sql import (
 from tests.support.atoms import Atoms
 from tests.support.model import Model
 from tests.support.parts import dao_of
+from tests.support.reading import versions
+from tests.support.worlds.depot import again
 
 DAOS = ("types", "objects", "predicates", "actions", "propositions")
 
@@ -117,6 +121,32 @@ def _run_block(kb: Any, block: Block) -> list[object]:
 def state_of(kb: Any) -> dict[str, str]:
     """All that the DAOs read."""
     return {dao: repr(_dao(kb, dao).get_all()) for dao in DAOS}
+
+
+# Facts and goals have one table.
+TABLES = {"fact": "proposition", "goal": "proposition"}
+
+
+def check(processes: list[KnowledgeBase], program: Program) -> None:
+    """Run a program on processes that share a knowledge base, and on the model, step by step."""
+    model = Model()
+    for number, step in program.steps:
+        assert run(processes[number], step) == run(model, step), f"{processes[number]!r}: {step}"
+    newcomer = again(processes[0])
+    for kb in (*processes, newcomer):
+        assert state_of(kb) == state_of(model)
+    for revision in range(model.revision + 1):
+        assert state_of(newcomer.at(revision)) == state_of(model.at(revision))
+    assert [[*map(tuple, entry.changes)] for entry in newcomer.log()][::-1] == model.changes()
+    # No version that the log does not tell of is left in the tables.
+    came = Counter(
+        TABLES.get(kind, kind)
+        for lines in model.changes()
+        for sign, kind, _ in lines
+        if sign == "+"
+    )
+    for kind in ("type", "object", "predicate", "action", "proposition"):
+        assert len(versions(newcomer, kind)) == came[kind], kind
 
 
 # What programs are made of: it fits together, but for as many odd things as a maker is allowed.
