@@ -246,8 +246,7 @@ class ConditionWriter(ABC):
         By an argument that has no index, all atoms of any time that mention it are looked up.
         """
         if position < len(ARGUMENT_COLUMNS):
-            # At a valid time the sayings of the predicate are looked at, too.
-            return 2 * FOUND if self.words.is_one_state else FOUND
+            return FOUND
         if self.size is None:
             return 1
         is_known = isinstance(term, r.Known)
@@ -546,12 +545,10 @@ class ConditionWriter(ABC):
             f"AND {fluent}.function_id = {self.parameter(function)} "
             f"AND {fluent}.arguments = {self._key(terms, places)}"
         )
-        where = [
-            f"{version}.kb_id = :kb",
-            f"{version}.function_value_id = ({id_})",
-            self.held(version),
-        ]
+        where = [f"{version}.kb_id = :kb", self.held(version)]
+        own = f"{version}.function_value_id = ({id_})"
         if not self.is_past:
+            where.append(own)
             return f"function_value_version AS {version}", where
         # The last that began by then; a fluent may have had a million values.
         last, is_one = self.alias("w"), self.words.is_one_state
@@ -565,10 +562,13 @@ class ConditionWriter(ABC):
             held = f"({version}.until IS NULL OR {version}.until > :at)"
             return f"(SELECT {last}.* {newest}) AS {version}", [held]
         since = f"(SELECT {last}.since {newest})"
-        if is_one:
-            since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
-        where.append(f"{version}.since = {since}")
-        return f"function_value_{'found' if is_one else 'version'} AS {version}", where
+        if not is_one:
+            is_last = f"{version}.since = {since}"
+            return f"function_value_version AS {version}", [*where, own, is_last]
+        since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
+        key, given = f"{version}.function_value_id, {version}.since", f"({id_}), {since}"
+        where.append(self.words.is_row.format(key, given))
+        return f"function_value_found AS {version}", where
 
     # Joins.
 

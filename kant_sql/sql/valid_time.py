@@ -121,7 +121,8 @@ def _subqueries(words: Words) -> dict[str, Query]:
         ("proposition_held", "proposition", all_, {}),
         ("proposition_found", "proposition", by_object, {}),
         ("function_value_version", "function_value", all_, {}),
-        ("function_value_found", "function_value", all_, {"is_found": True}),
+        # Its key is given.
+        ("function_value_found", "function_value", "{table} AS v WHERE TRUE", {"is_found": True}),
     ):
         found[name] = _overlaid(words, table, rows=rows, **more)
     return {name: Query(text(sql)) for name, sql in found.items()}

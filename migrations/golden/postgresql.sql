@@ -899,6 +899,8 @@ CREATE TABLE proposition_saying (
     CONSTRAINT fk_proposition_saying_kb_id_since FOREIGN KEY (kb_id, since) REFERENCES revision(kb_id, number) DEFERRABLE INITIALLY DEFERRED,
     CONSTRAINT pk_proposition_saying PRIMARY KEY (kb_id, proposition_id, since)
 );
+CREATE INDEX ix_proposition_saying_first ON public.proposition_saying USING btree (kb_id, predicate_id, first_object_id, fork, valid_from) WHERE (first_object_id IS NOT NULL);
+CREATE INDEX ix_proposition_saying_second ON public.proposition_saying USING btree (kb_id, predicate_id, second_object_id, fork, valid_from) WHERE (second_object_id IS NOT NULL);
 CREATE INDEX ix_proposition_saying_since ON public.proposition_saying USING btree (kb_id, since);
 CREATE INDEX ix_proposition_saying_valid ON public.proposition_saying USING btree (kb_id, predicate_id, fork, valid_from);
 COMMENT ON COLUMN proposition_saying.since IS 'said in this revision';

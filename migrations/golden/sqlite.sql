@@ -2688,6 +2688,8 @@ CREATE TABLE proposition_saying (
     CONSTRAINT pk_proposition_saying PRIMARY KEY (kb_id, proposition_id, since)
 )
  WITHOUT ROWID;
+CREATE INDEX ix_proposition_saying_first ON proposition_saying (kb_id, predicate_id, first_object_id, fork, valid_from) WHERE first_object_id IS NOT NULL;
+CREATE INDEX ix_proposition_saying_second ON proposition_saying (kb_id, predicate_id, second_object_id, fork, valid_from) WHERE second_object_id IS NOT NULL;
 CREATE INDEX ix_proposition_saying_since ON proposition_saying (kb_id, since);
 CREATE INDEX ix_proposition_saying_valid ON proposition_saying (kb_id, predicate_id, fork, valid_from);
 CREATE TABLE proposition_version (

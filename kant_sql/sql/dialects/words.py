@@ -140,6 +140,8 @@ class Words(NamedTuple):
             from 0, and `c0`, `c1` ...
         list_text: writes a list as a literal.
         unsought: what begins a column by which no index is to be chosen; see `Unsought`.
+        is_row: the condition that columns of an index have some values, by which no other index is
+            to be chosen.
         arithmetic: how decimals are calculated with.
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
@@ -158,6 +160,7 @@ class Words(NamedTuple):
     rows: Callable[[str, int], str]
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
     unsought: str
+    is_row: str
     arithmetic: DecimalWords
     fence: str
     many: str = ""
@@ -223,6 +226,7 @@ SQLITE_WORDS = Words(
     _sqlite_rows,
     _sqlite_list,
     UNSOUGHT["sqlite"],
+    "({0}) = ({1})",
     SQLITE_ARITHMETIC,
     "",
     # The parser has a stack of 100 entries up to SQLite 3.45; tests of types take some, too.
@@ -249,6 +253,8 @@ POSTGRESQL_WORDS = Words(
     _postgresql_rows,
     _postgresql_list,
     UNSOUGHT["postgresql"],
+    # Without statistics an index of one column is as good as one of all; rows need that of all.
+    "({0}) >= ({1}) AND ({0}) <= ({1})",
     POSTGRESQL_ARITHMETIC,
     " OFFSET 0",
     "generate_series(1, (SELECT 1))",

@@ -200,7 +200,17 @@ class PropositionSayingRow(SayingColumns, Base):
 
     __tablename__ = "proposition_saying"
     __has_rowid__ = False
-    __table_args__ = _saying_args("proposition", "predicate")
+    __table_args__ = (
+        *_saying_args("proposition", "predicate"),
+        *(
+            partial_index(
+                f"ix_proposition_saying_{name}",
+                *("kb_id", "predicate_id", column, "fork", "valid_from"),
+                where=f"{column} IS NOT NULL",
+            )
+            for name, column in (("first", _FIRST), ("second", _SECOND))
+        ),
+    )
 
     proposition_id = owner_column()
     predicate_id = column(int)
