@@ -567,7 +567,8 @@ class ConditionWriter(ABC):
             return f"function_value_version AS {version}", [*where, own, is_last]
         since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
         key, given = f"{version}.function_value_id, {version}.since", f"({id_}), {since}"
-        where.append(self.words.is_row.format(key, given))
+        # With a bound of revisions, without statistics, their index is as good as that of the key.
+        where = [f"{version}.kb_id = :kb", self.words.is_row.format(key, given)]
         return f"function_value_found AS {version}", where
 
     # Joins.

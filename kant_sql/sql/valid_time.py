@@ -46,7 +46,8 @@ def _columns(table: str, row: str, **own: str) -> str:
 def _held(table: str, rows: str, at: str, forks: str) -> str:
     """Write the versions that held at a revision, as `v`, found as in `intervals.py`."""
     versions = rows.format(table=f"{table}_version", forks=f":{forks}")
-    until = f"(v.until IS NULL OR v.until > :{at})"
+    # As sums, neither end chooses an index: without statistics it would be as good as another.
+    until = f"(v.until IS NULL OR v.until + 0 > :{at})"
     return f"FROM {versions} AND v.kb_id = :kb AND v.since + 0 <= :{at} AND {until}"
 
 
