@@ -13,7 +13,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 import kant_sql
-from kant_sql.knowledge.canonical import time_text
+from kant_sql.knowledge.canonical import FORM, time_text
 from kant_sql.sql.intervals import fork
 from tests.benchmarks.drivers import Driver, Row, bare
 
@@ -134,8 +134,8 @@ class Writer:
     def revisions(self, first: int, last: int) -> Iterator[Row]:
         for number in range(first, last + 1):
             actor = ("perception", "executive", "operator")[number % 3]
-            digest = f"{number:064x}"
-            yield self.kb, number, self.moment(number), actor, None, None, 1, digest, None, None
+            said = None, None, FORM, f"{number:064x}", None, number.to_bytes(16)
+            yield self.kb, number, self.moment(number), actor, *said
 
     def atom(self, key: Key) -> int:
         if key not in self.atoms:
