@@ -59,7 +59,7 @@ class ValidStore(Store):
         return super()._outside(overlaid, take)
 
     def _prepare(self, session: Session) -> None:
-        """Find what does not fit; share definitions of the revision if none ended since the time."""
+        """Find what does not fit; share definitions of the revision unless some ended since."""
         valid, known = self.valid, self.origin._definitions
         valid.kb_id = self._find(session)
         if valid.kb_id is not None:
