@@ -287,8 +287,14 @@ _HEAD_ID, NO_ID, _ARCHIVE_ID = 0, -1, -2
 class Reading:
     """A query of what holds, with a statement for the present and one for the past."""
 
-    def __init__(self, now: _Rows, then: _Rows, *blank: ColumnElement[Any]) -> None:
-        """Build the statements; `blank` fills the columns of the head's rows."""
+    def __init__(
+        self, now: _Rows, then: _Rows, *blank: ColumnElement[Any], is_of_any_state: bool = False
+    ) -> None:
+        """Build the statements; `blank` fills the columns of the head's rows.
+
+        What was true at a time is one state, of open versions. As `is_of_any_state`, the statement
+        of the present reads it: that of the past sorts, for which SQLite reads all versions.
+        """
         head, archive = (
             select(literal_column(str(id_)), column, *blank).where(HeadRow.kb_id == KB)
             for id_, column in (
@@ -298,13 +304,14 @@ class Reading:
         )
         self._now = Query(union_all(now, head))
         self._then = Query(union_all(then, head, archive))
+        self._is_of_any_state = is_of_any_state
 
     def rows(self, view: View, **parameters: Any) -> list[Row]:
         """Run it on a state; return the rows by id."""
         if view.kb_id is None:
             return []
         query, past = self._now, {}
-        if view.at is not None:
+        if view.at is not None and not (self._is_of_any_state and view.session.overlay):
             query, past = self._then, then(view.session, view.at)
         rows = view.session.rows(query, kb=view.kb_id, **past, **parameters)
         rows.sort()

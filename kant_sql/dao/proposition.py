@@ -168,11 +168,13 @@ class PropositionReading(Reading):
                 held.is_not(None),
             )
             for held in (
-                looked_up(version.since, version.proposition_id, PropositionRow.id, is_open),
+                looked_up(
+                    version.proposition_id, version.proposition_id, PropositionRow.id, is_open
+                ),
                 last.scalar_subquery(),
             )
         )
-        return cls(now, then, literal_column("''"), false())
+        return cls(now, then, literal_column("''"), false(), is_of_any_state=True)
 
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
         """Run it on a state."""

@@ -112,6 +112,12 @@ def test_an_answer_of_a_valid_time_visits_about_as_much_as_one_of_a_revision(
     assert true <= 6 * visited(url, partial(answers, text, at))
 
 
+def test_facts_of_an_object_at_a_valid_time_visit_less_than_all_that_ever_held(url: str) -> None:
+    moment = START + (LAST // 2 - LONGEST // 2) * STEP
+    true = visited(url, lambda kb: kb.at(known=LAST, valid=moment).propositions.get_by_object("b7"))
+    assert true <= 2 * visited(url, partial(answers, ALL, LAST // 2))
+
+
 @pytest.mark.parametrize("name", ["of one box", "of two boxes", "of one fact"])
 @pytest.mark.more
 def test_periods_are_found_by_the_objects_of_their_facts(url: str, name: str) -> None:
