@@ -27,6 +27,7 @@ from ..sql.tables import (
     PropositionVersionRow,
     RevisionRow,
 )
+from ..sql.valid_time import OWN
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
@@ -154,7 +155,7 @@ class PropositionReading(Reading):
             PropositionArgumentRow.kb_id == KB,
             PropositionArgumentRow.object_id == integer("object"),
         )
-        version = table_of(PropositionVersionRow).c
+        version = table_of(PropositionVersionRow).alias(OWN).c
         holds = case((or_(version.until.is_(None), version.until > THEN), literal_column("1")))
         last = select(holds).where(
             version.kb_id == KB, version.proposition_id == PropositionRow.id, version.since <= THEN

@@ -29,6 +29,8 @@ from .tables import TABLES
 _DEFINED = "type", "object", "predicate", "function"
 # Of what something may be said, and what owns it: the first columns of an index.
 _OWNERS = {"proposition": "predicate", "function_value": "function"}
+# What a statement calls the versions of one proposition, of which it gives the id.
+OWN = "own_version"
 _TEXT = (
     "CAST('(= ' || (SELECT f.text FROM function_value AS f WHERE f.kb_id = :kb AND "
     "f.id = s.function_value_id) || ' ' || COALESCE(s.value, (SELECT o.name FROM object AS o "
@@ -117,13 +119,14 @@ def _subqueries(words: Words) -> dict[str, Query]:
     """Return what takes the place of each table."""
     found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
     all_, by_object = words.held
+    by_key = "{table} AS v WHERE TRUE"
     for name, table, rows, more in (
         ("proposition_version", "proposition", all_, {"has_goals": True}),
         ("proposition_held", "proposition", all_, {}),
         ("proposition_found", "proposition", by_object, {}),
         ("function_value_version", "function_value", all_, {}),
-        # Its key is given.
-        ("function_value_found", "function_value", "{table} AS v WHERE TRUE", {"is_found": True}),
+        (OWN, "proposition", by_key, {"has_goals": True, "is_found": True}),
+        ("function_value_found", "function_value", by_key, {"is_found": True}),
     ):
         found[name] = _overlaid(words, table, rows=rows, **more)
     return {name: Query(text(sql)) for name, sql in found.items()}
@@ -181,6 +184,7 @@ class ValidTime:
 
             def written(found: re.Match[str]) -> str:
                 name, alias = found.groups()
+                name = OWN if alias == OWN else name
                 return f"({_subqueries(words)[name].text(dialect)}) AS {alias or name}"
 
             made = _WRITTEN[dialect.name, sql] = _NAMED.sub(written, sql)
