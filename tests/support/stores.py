@@ -61,7 +61,9 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
     if backend == "postgresql":
         server: Server = request.getfixturevalue("server")
         new = server.new_store()
-        request.addfinalizer(lambda: server.drop_database(new))
+        # One of the session may end after the server, which throws it away.
+        if request.scope != "session":
+            request.addfinalizer(lambda: server.drop_database(new))
         return new
     if backend == "citus":
         cluster: Cluster = request.getfixturevalue("cluster")
