@@ -15,7 +15,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from itertools import chain, groupby
 from operator import attrgetter, itemgetter
 from os import PathLike
@@ -36,7 +36,7 @@ from kant_sql.errors import (
 )
 from kant_sql.export.files import Exported, encoded, folder_name, new_export
 from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
-from kant_sql.history.moments import is_valid_clock
+from kant_sql.history.moments import MICROSECOND, is_valid_clock
 from kant_sql.history.revisions import FIRST_MOMENT, read_numbered
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.knowledge.sayings import COMMITTED
@@ -60,7 +60,6 @@ MOST_CHANNELS = 10_000
 PAGE = 1_000
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_MICROSECOND = timedelta(microseconds=1)
 _VALUE = re.compile(r"\(= (\(.*\)) (\S+)\)")
 # Foxglove reads a property of one type only; what is not known is left out.
 _COMMON = {
@@ -301,7 +300,7 @@ class _Recording:
         ]
         which = Subjects(predicates=wanted[0], functions=wanted[1])
         state, changes = read_valid(session, kb_id, which, span)
-        begin = Instant(max(span.since, FIRST_MOMENT + _MICROSECOND) - _MICROSECOND, span.before)
+        begin = Instant(max(span.since, FIRST_MOMENT + MICROSECOND) - MICROSECOND, span.before)
         touches = chain(((begin, touch) for touch in state), changes)
         said = chain.from_iterable(
             _told(session, kb_id, names, page) for page in batches(touches, PAGE)
@@ -395,7 +394,7 @@ def _read(change: _AuditedChange) -> tuple[str, list[str]]:
 
 
 def _nanoseconds(moment: datetime) -> int:
-    return max(0, (moment - _EPOCH) // _MICROSECOND) * 1_000
+    return max(0, (moment - _EPOCH) // MICROSECOND) * 1_000
 
 
 def _schema(type_: str) -> dict[str, object]:

@@ -19,6 +19,7 @@ from sqlalchemy import text
 
 import kant_sql
 from kant_sql.dao.interfaces import Progress
+from kant_sql.dto.elements import value_text
 from kant_sql.dto.lexical import NUMBER
 from kant_sql.errors import InvalidArgumentError
 from kant_sql.export.files import Exported, Folder, folder_name, new_export
@@ -242,7 +243,7 @@ def _read_true(
 def _text(world: World, touch: Touch) -> str:
     said, value = world.text((touch.is_fact, touch.owner), touch.objects), touch.value
     (shown,) = world.names([value]) if isinstance(value, int) else (value,)
-    return said if touch.is_fact else f"(= {said} {shown})"
+    return said if touch.is_fact else value_text(said, str(shown))
 
 
 def _transitions(

@@ -91,5 +91,5 @@ def mentioned(trees: Iterable[Tree]) -> Mentioned:
 def mentions(trees: Iterable[Tree], scope: Mentioned) -> bool:
     """Return whether trees mention something."""
     return any(
-        not set(own).isdisjoint(ids) for own, ids in zip(mentioned(trees), scope, strict=True)
+        id_ in wanted for own, wanted in zip(mentioned(trees), scope, strict=True) for id_ in own
     )

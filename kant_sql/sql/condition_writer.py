@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import contextmanager
 from itertools import chain
 from typing import Any
@@ -41,7 +42,8 @@ _LISTED = re.compile(r"\([^()]*\) IN \(SELECT c0")
 # A table of the schema with its alias.
 _STORED = re.compile(r"[a-z_]+ AS [a-z]\d+")
 _COLUMN = re.compile(r"\b[a-z]\d+\.\w+")
-_VERSIONS, _HELD, _FOUND = "proposition_version", "proposition_held", "proposition_found"
+# The facts of a valid time with some object.
+_FOUND = "proposition_found"
 # What begins the name of the relation of what held of a predicate, and a table that is that or of
 # the schema: not what a recursive statement has found.
 PAST = "past_"
@@ -140,9 +142,7 @@ def _grouped(
     name: str, tables: Sequence[str], where: Sequence[str], later: Iterable[str]
 ) -> tuple[str, Callable[[str], str]]:
     """Write a join as one table; return what renames its columns in the texts that follow."""
-    known = {table.split()[-1] for table in tables}
-    used = dict.fromkeys(found[0] for text in later for found in _COLUMN.finditer(text))
-    own = [one for one in used if one.split(".")[0] in known]
+    own = _used({table.split()[-1] for table in tables}, later)
     names = {one: f"{name}.{one.replace('.', '_')}" for one in own}
     listed = ", ".join(f"{one} AS {one.replace('.', '_')}" for one in own) or "1 AS present"
     sql = f"SELECT {listed} FROM {' CROSS JOIN '.join(tables)}"
@@ -156,8 +156,7 @@ def _as_list(
 ) -> tuple[str, Callable[[str], str]]:
     """Write rows of a table as a list; return what renames its columns in the texts that follow."""
     alias = table.split(" AS ")[1]
-    used = dict.fromkeys(found[0] for text in later for found in _COLUMN.finditer(text))
-    own = [one for one in used if one.startswith(f"{alias}.")]
+    own = _used({alias}, later)
     names = {one: f"json_extract({alias}.value, '$[{n}]')" for n, one in enumerate(own)}
     listed = ", ".join(f"{one} AS c{n}" for n, one in enumerate(own)) or "1 AS present"
     entry = f"json_array({', '.join(f'c{n}' for n in range(len(own)))})"
@@ -165,6 +164,12 @@ def _as_list(
     rows = f"SELECT {listed} FROM {table} WHERE {balanced('AND', where)} LIMIT -1"
     sql = f"json_each((SELECT json_group_array({entry}) FROM ({rows})))"
     return f"{sql} AS {alias}", _renaming(names)
+
+
+def _used(aliases: AbstractSet[str], later: Iterable[str]) -> list[str]:
+    """Return the columns of some tables that texts name."""
+    used = dict.fromkeys(found[0] for text in later for found in _COLUMN.finditer(text))
+    return [one for one in used if one.split(".")[0] in aliases]
 
 
 def _renaming(names: Mapping[str, str]) -> Callable[[str], str]:
@@ -208,8 +213,6 @@ class ConditionWriter(ABC):
         size: Size | None = None,
     ) -> None:
         self.words = words
-        # The tables of the facts that held, and of those with some object.
-        self.tables = (_HELD, _FOUND) if words.is_one_state else (_VERSIONS, _VERSIONS)
         self.size = size
         self.asked = 1.0
         self.definitions = definitions
@@ -298,6 +301,12 @@ class ConditionWriter(ABC):
         if not self.is_past:
             return f"{alias}.until IS NULL"
         return f"{unsought}{alias}.since <= :at AND ({alias}.until IS NULL OR {alias}.until > :at)"
+
+    def facts(self, by_object: bool) -> str:
+        """Name the table of the facts that held, or of those with some object."""
+        if not self.words.is_one_state:
+            return "proposition_version"
+        return _FOUND if by_object else "proposition_held"
 
     def exists(self, tables: str, where: Sequence[str]) -> str:
         """Write that there is a row, which is looked up for each one that asks."""
@@ -545,10 +554,12 @@ class ConditionWriter(ABC):
             f"AND {fluent}.function_id = {self.parameter(function)} "
             f"AND {fluent}.arguments = {self._key(terms, places)}"
         )
-        where = [f"{version}.kb_id = :kb", self.held(version)]
-        own = f"{version}.function_value_id = ({id_})"
+        where = [
+            f"{version}.kb_id = :kb",
+            f"{version}.function_value_id = ({id_})",
+            self.held(version),
+        ]
         if not self.is_past:
-            where.append(own)
             return f"function_value_version AS {version}", where
         # The last that began by then; a fluent may have had a million values.
         last, is_one = self.alias("w"), self.words.is_one_state
@@ -563,8 +574,8 @@ class ConditionWriter(ABC):
             return f"(SELECT {last}.* {newest}) AS {version}", [held]
         since = f"(SELECT {last}.since {newest})"
         if not is_one:
-            is_last = f"{version}.since = {since}"
-            return f"function_value_version AS {version}", [*where, own, is_last]
+            where.append(f"{version}.since = {since}")
+            return f"function_value_version AS {version}", where
         since = f"COALESCE({self._said('function_value', f'({id_})', 's.since')}, {since})"
         key, given = f"{version}.function_value_id, {version}.since", f"({id_}), {since}"
         # With a bound of revisions, without statistics, their index is as good as that of the key.

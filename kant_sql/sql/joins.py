@@ -231,7 +231,7 @@ class _Join:
             selection.tables.append(f"{writer.forks()} AS {forks}")
             selection.where.append(f"{version}.fork = {forks}.value")
             selection.sorted[version] = "since"
-        selection.tables.append(f"{writer.tables[1]} AS {version}")
+        selection.tables.append(f"{writer.facts(True)} AS {version}")
         selection.tables += [tables[n] for n in further if n not in first]
         selection.where += writer.versions(version, fact.predicate)
         for position, alias in arguments.items():

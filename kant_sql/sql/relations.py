@@ -27,7 +27,7 @@ from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule, DerivationRules
 from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
-from .dialects.words import Words, quoted
+from .dialects.words import HEAD, Words, quoted
 from .estimates import Size
 from .intervals import MOST_FORKS
 from .joins import JoinWriter
@@ -157,11 +157,9 @@ class ConditionCompiler(JoinWriter):
 
     @override
     def forks(self) -> str:
-        # No version has one after the head. Written out each time, with their number: what is read
-        # twice SQLite takes for a million rows, and with statistics reads a whole table to filter
-        # what they are joined to.
-        head = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
-        listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {head}"
+        # Written out each time, with their number: what is read twice SQLite takes for a million
+        # rows, and with statistics reads a whole table to filter what they are joined to.
+        listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {HEAD}"
         return f"(SELECT f.value FROM {listed} LIMIT {MOST_FORKS})"
 
     @override
@@ -182,7 +180,7 @@ class ConditionCompiler(JoinWriter):
             selection.where = ["v0.fork = f0.value"]
             if found:
                 selection.sorted["v0"] = "since"
-        selection.tables.append(f"{self.tables[found]} AS v0")
+        selection.tables.append(f"{self.facts(found)} AS v0")
         selection.where += self.versions("v0", predicate, "" if found else self.words.unsought)
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
         for n in range(len(columns), arity):

@@ -84,10 +84,13 @@ def _said(words: Words, table: str, is_found: bool) -> str:
     return f"SELECT {_columns(table, 's', **own)} FROM {rows} {where}"
 
 
-def _overlaid(
-    words: Words, table: str, *, rows: str, has_goals: bool = False, is_found: bool = False
-) -> str:
+# The versions of one element, whose key another condition gives.
+_BY_KEY = "{table} AS v WHERE TRUE"
+
+
+def _overlaid(words: Words, table: str, rows: str, has_goals: bool = False) -> str:
     """Write what held of facts or values; goals are those of what is known."""
+    is_found = rows == _BY_KEY
     own = {"since": "CAST(v.since + 0 AS BIGINT)"}
     held = f"{_held(table, rows, 'valid_state', 'valid_forks')} AND {_decides(words, table, 'v')}"
     if table == "proposition":
@@ -119,16 +122,14 @@ def _subqueries(words: Words) -> dict[str, Query]:
     """Return what takes the place of each table."""
     found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
     all_, by_object = words.held
-    by_key = "{table} AS v WHERE TRUE"
-    for name, table, rows, more in (
-        ("proposition_version", "proposition", all_, {"has_goals": True}),
-        ("proposition_held", "proposition", all_, {}),
-        ("proposition_found", "proposition", by_object, {}),
-        ("function_value_version", "function_value", all_, {}),
-        (OWN, "proposition", by_key, {"has_goals": True, "is_found": True}),
-        ("function_value_found", "function_value", by_key, {"is_found": True}),
-    ):
-        found[name] = _overlaid(words, table, rows=rows, **more)
+    found |= {
+        "proposition_version": _overlaid(words, "proposition", all_, has_goals=True),
+        "proposition_held": _overlaid(words, "proposition", all_),
+        "proposition_found": _overlaid(words, "proposition", by_object),
+        OWN: _overlaid(words, "proposition", _BY_KEY, has_goals=True),
+        "function_value_version": _overlaid(words, "function_value", all_),
+        "function_value_found": _overlaid(words, "function_value", _BY_KEY),
+    }
     return {name: Query(text(sql)) for name, sql in found.items()}
 
 

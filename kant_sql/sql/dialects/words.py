@@ -207,10 +207,9 @@ def _postgresql_list(values: Sequence[int] | Sequence[str]) -> str:
 
 
 # No version has a fork after the head.
-_HEAD = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
+HEAD = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
 _KEPT = (
-    "{table} AS v WHERE v.fork IN (SELECT value FROM json_each({forks}) "
-    f"WHERE value <= {_HEAD})"
+    f"{{table}} AS v WHERE v.fork IN (SELECT value FROM json_each({{forks}}) WHERE value <= {HEAD})"
 )
 SQLITE_WORDS = Words(
     "{0}.is_goal = 0",
@@ -247,7 +246,7 @@ POSTGRESQL_WORDS = Words(
         # Only the right index has this order: without statistics others are as good.
         f"(SELECT unnest(CAST({{forks}} AS bigint[])) AS value) AS f CROSS JOIN LATERAL "
         "(SELECT r.* FROM {table} AS r WHERE r.kb_id = :kb AND r.fork = f.value ORDER BY r.since) "
-        f"AS v WHERE f.value <= {_HEAD}",
+        f"AS v WHERE f.value <= {HEAD}",
     ),
     "(SELECT unnest(CAST({0} AS bigint[])) AS value)",
     _postgresql_rows,
