@@ -6,18 +6,19 @@ from collections.abc import Collection
 from functools import cache
 from typing import Any
 
-from sqlalchemy import Select, func, literal_column, or_, select, union
+from sqlalchemy import Select, bindparam, func, literal_column, or_, select, union
 
 from .. import html
 from ..arguments import period
 from ..moment_text import When
 from ..sql import tables as t
+from ..sql.changes import last_until
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
 from ..store.state import State
-from .moments import find_bounds, last_until
+from .moments import find_bounds
 from .revisions import LARGEST, Version, at_most, read_numbered
 from .versions import actor_of, had_effect, last_confirmation, make_versions
 
@@ -167,4 +168,4 @@ def _find(
     return html.Listing(state.store.query_known(work, []), "fact")
 
 
-_UPTO = Query(select(last_until("moment")))
+_UPTO = Query(select(last_until(bindparam("moment"))))

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, literal_column, select
+from sqlalchemy import bindparam, select
 
 from ..arguments import one_of, shown, whole_number
 from ..errors import InvalidArgumentError, UnknownRevisionError, reading_rows
 from ..knowledge.sayings import COMMITTED
 from ..moment_text import Moment, When, is_now, read_when
+from ..sql.changes import last_until
 from ..sql.dialects.base import Session
-from ..sql.query import Query, StoreClock, first_rows
+from ..sql.query import Query, StoreClock
 from ..sql.rows import KB
-from ..sql.tables import HeadRow, RevisionRow
+from ..sql.tables import HeadRow
 from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime
 from ..store.head import check_numbers
@@ -40,20 +41,11 @@ _COLUMNS: tuple[Any, ...] = (
 _HEAD = select(*_COLUMNS).where(HeadRow.kb_id == KB)
 
 
-def last_until(moment: str) -> Any:
-    """Select the last revision up to the time of a parameter."""
-    # By the index of times: the largest number would be looked for from the head on.
-    numbers = (
-        select(RevisionRow.number)
-        .where(RevisionRow.kb_id == KB, RevisionRow.committed_at <= bindparam(moment))
-        .order_by(RevisionRow.committed_at.desc(), RevisionRow.number.desc())
-    )
-    return first_rows(numbers, literal_column("1")).scalar_subquery()
-
-
 _MOMENTS = ("one", "other")
 _HEAD_QUERY = Query(_HEAD)
-_HEAD_AND_TIMES_QUERY = Query(_HEAD.add_columns(StoreClock(), *map(last_until, _MOMENTS)))
+_HEAD_AND_TIMES_QUERY = Query(
+    _HEAD.add_columns(StoreClock(), *map(last_until, map(bindparam, _MOMENTS)))
+)
 
 
 class HeadTimes(NamedTuple):

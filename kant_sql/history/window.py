@@ -9,7 +9,7 @@ from datetime import datetime
 from itertools import islice
 from typing import Any, Literal, NamedTuple, get_args
 
-from sqlalchemy import func, literal_column, select
+from sqlalchemy import bindparam, func, literal_column, select
 
 from ..arguments import (
     flag,
@@ -24,13 +24,14 @@ from ..arguments import (
 from ..dto.lexical import fold
 from ..errors import InvalidArgumentError, reading_rows
 from ..moment_text import Moment, When, read_when
+from ..sql.changes import last_until
 from ..sql.dialects.base import Session
 from ..sql.lanes import LaneFilter, LanePlace
 from ..sql.query import Query, StoreClock, integer
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
-from .moments import check_number, check_zone, clamped, last_until
+from .moments import check_number, check_zone, clamped
 from .revisions import LARGEST
 
 LaneKind = Literal["fact", "goal", "value"]
@@ -271,8 +272,8 @@ _WINDOW = Query(
         _time_of(HeadRow.archived_revision),
         _time_of(integer("since")),
         _time_of(integer("until")),
-        last_until("one"),
-        last_until("other"),
+        last_until(bindparam("one")),
+        last_until(bindparam("other")),
     ).where(HeadRow.kb_id == KB)
 )
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
+    ScalarSelect,
     Select,
     Text,
     and_,
@@ -75,6 +76,23 @@ CONFIRMATION, SAYING = "confirmation", "saying"
 FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
 HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
+
+
+def last_until(moment: ColumnElement[Any]) -> ScalarSelect[Any]:
+    """Select the last revision up to a time."""
+    # Times never go back, and only their index finds this one in a long history. PostgreSQL
+    # before 18 would sort all revisions before it to find the largest number of one time.
+    earlier = table_of(RevisionRow).alias().c
+    times = (
+        select(earlier.committed_at)
+        .where(earlier.kb_id == KB, earlier.committed_at <= moment)
+        .order_by(earlier.committed_at.desc())
+    )
+    time = first_rows(times, literal_column("1")).scalar_subquery()
+    # Unlike `number`, a sum cannot be looked for by the index of numbers.
+    largest = func.max(RevisionRow.number + literal_column("0"))
+    rows = RevisionRow.kb_id == KB, RevisionRow.committed_at == time
+    return select(largest).where(*rows).scalar_subquery()
 
 
 class Change(NamedTuple):

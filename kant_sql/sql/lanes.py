@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import literal_column, select, text, union_all
 
 from ..knowledge.canonical import time_text
+from .changes import last_until
 from .dialects.base import Row, Session
 from .dialects.containing import pattern_of
 from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
@@ -499,14 +500,9 @@ def count_cells(
 
 @cache
 def _numbers_at(dialect: str) -> Query:
-    return Query(
-        text(
-            "SELECT wanted.place, (SELECT r.number FROM revision AS r WHERE r.kb_id = :kb"
-            " AND r.committed_at <= wanted.moment"
-            " ORDER BY r.committed_at DESC, r.number DESC LIMIT 1)"
-            f" FROM {NESTED_LOOPS[dialect].times('moments')} AS wanted"
-        )
-    )
+    found = last_until(literal_column("wanted.moment"))
+    wanted = text(f"{NESTED_LOOPS[dialect].times('moments')} AS wanted")
+    return Query(select(literal_column("wanted.place"), found).select_from(wanted))
 
 
 def revisions_at(session: Session, kb_id: int, moments: Sequence[datetime]) -> list[int]:
