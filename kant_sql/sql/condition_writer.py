@@ -474,7 +474,8 @@ class ConditionWriter(ABC):
         }
         if len(given) < len(terms) and self.is_read(fact.predicate, self.asked, given):
             others = {n: term for n, term in enumerate(terms) if n not in given}
-            return self._listed_in(self.past(fact.predicate, len(terms), given), others, places)
+            relation = self.past(fact.predicate, len(terms), given)
+            return self.words.looked_up.format(self._listed_in(relation, others, places))
         atom = self.alias("p")
         where = self.atom(atom, fact.predicate)
         where += [f"{atom}.arguments = {self._key(terms, places)}", self.atom_holds(atom)]

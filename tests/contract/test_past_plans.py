@@ -89,16 +89,24 @@ def filtered(url: str) -> float:
     return 2 * work(url, Statement(f"SELECT {made} FROM proposition_version", {}))
 
 
+def check_visits(url: str, name: str, at: int) -> None:
+    now, then = (visited(url, partial(answers, CONDITIONS[name], each)) for each in (None, at))
+    # What the present finds by an index, the past finds among the facts of that revision.
+    whole = visited(url, partial(answers, ALL, at))
+    assert then <= max(3 * now, 2 * whole) + (filtered(url) if name == FILTERED else 0)
+
+
+def test_facts_of_two_objects_are_looked_up_and_not_compared(url: str) -> None:
+    check_visits(url, "places of two articles", LAST // 2)
+
+
 @pytest.mark.more
 @pytest.mark.parametrize("at", [4, LAST // 2, LAST - 1])
 @pytest.mark.parametrize("name", CONDITIONS)
 def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
     url: str, name: str, at: int
 ) -> None:
-    now, then = (visited(url, partial(answers, CONDITIONS[name], each)) for each in (None, at))
-    # What the present finds by an index, the past finds among the facts of that revision.
-    whole = visited(url, partial(answers, ALL, at))
-    assert then <= max(3 * now, 2 * whole) + (filtered(url) if name == FILTERED else 0)
+    check_visits(url, name, at)
 
 
 @pytest.mark.more

@@ -148,6 +148,7 @@ class Words(NamedTuple):
         levels: how deep the parentheses of a statement may be nested; None for any depth.
         is_one_state: whether the versions that are read are those of one state only, of valid time.
         is_true: the condition that a boolean column is true.
+        looked_up: the condition that values are among rows that were read before.
         of_owners: the rows of a table, as `s`, whose owner is any of a table and whose fork is in a
             list, and the column of their owner; where one owner is given, that alone is looked up.
     """
@@ -167,6 +168,7 @@ class Words(NamedTuple):
     levels: int | None = None
     is_one_state: bool = False
     is_true: str = "{0}"
+    looked_up: str = "{0}"
     of_owners: tuple[str, str] = (
         "{table} AS s WHERE s.{owner}_id = ANY(ARRAY(SELECT p.id FROM {owner} AS p WHERE "
         "p.kb_id = :kb)) AND s.fork = ANY({forks})",
@@ -257,6 +259,8 @@ POSTGRESQL_WORDS = Words(
     POSTGRESQL_ARITHMETIC,
     " OFFSET 0",
     "generate_series(1, (SELECT 1))",
+    # Hashed. Where PostgreSQL expects few rows, it would join them, and compare all with each.
+    looked_up="({0}) IS TRUE",
 )
 
 
