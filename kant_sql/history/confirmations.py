@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from functools import cache
 from typing import Any
 
-from sqlalchemy import Select, func, literal_column, or_, select, union
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    Select,
+    and_,
+    func,
+    literal_column,
+    or_,
+    select,
+    union,
+)
 
 from .. import html
 from ..arguments import period
@@ -15,7 +25,7 @@ from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.lanes import revisions_at
-from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.query import Query, first_rows, in_list, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
@@ -26,7 +36,7 @@ _FACT = VERSION_COLUMNS[PROPOSITION]
 _HELD = _FACT.version
 _OUTCOME, _LINK = table_of(t.ExecutionVersionRow).c, table_of(t.RevisionExecutionRow).c
 # With more acts, what holds is compared with them, and else they with what holds.
-FEW = 1_000
+FEW = 10_000
 
 
 def _acts() -> tuple[Select[Any], Select[Any]]:
@@ -50,34 +60,43 @@ _COUNT = Query(
 @cache
 def _query(which: str, is_past: bool, by_acts: bool = False) -> Query:
     """Select facts that hold, or that ended in a range of revisions, oldest or newest first."""
-    rows = select(_FACT.kind, _FACT.text, _HELD.since, _HELD.until, _HELD.proposition_id)
-    rows = rows.where(_HELD.kb_id == KB, ~_HELD.is_goal)
     seen: Any = last_confirmation(by_others=which != "stale")
+    where = [_HELD.kb_id == KB, ~_HELD.is_goal]
     if which == "contradicted":
         retracted, asserted = actor_of(_HELD.until), actor_of(_HELD.since)
-        rows = rows.where(_HELD.until.between(integer("low"), integer("high")))
-        rows = rows.where(retracted.is_distinct_from(asserted), ~_is_of_act(_HELD.until))
+        where.append(_HELD.until.between(integer("low"), integer("high")))
+        where += [retracted.is_distinct_from(asserted), ~_is_of_act(_HELD.until)]
         order = _HELD.until.desc(), _HELD.proposition_id
     else:
-        rows = rows.where(held_by(PROPOSITION, _HELD, THEN if is_past else None))
+        where.append(held_by(PROPOSITION, _HELD, THEN if is_past else None))
         if not by_acts and which != "stale":
             # By the index of what holds: it is little beside all that ever held.
-            rows = rows.where(ANY_PREDICATE)
+            where.append(ANY_PREDICATE)
         # An expression has no index: that of `since` would read all of the history.
         since = _HELD.since + literal_column("0")
-        rows = rows.where(since <= integer("upto"))
+        where.append(since <= integer("upto"))
         order = since, _HELD.proposition_id
     if which == "stale":
-        rows = rows.where(in_list(_HELD.proposition_id, "ids", bounded=_HELD.since))
-        rows = rows.where(or_(seen.is_(None), seen <= integer("upto")))
+        where.append(in_list(_HELD.proposition_id, "ids", bounded=_HELD.since))
+        where.append(or_(seen.is_(None), seen <= integer("upto")))
     else:
-        rows = rows.where(seen.is_(None))
-        rows = rows.where(
-            in_rows(_HELD.since, select(union(*_acts()).subquery().c.since))
-            if by_acts
-            else _is_of_act(_HELD.since)
-        )
+        where.append(seen.is_(None))
+    rows = select(_FACT.kind, _FACT.text, _HELD.since, _HELD.until, _HELD.proposition_id)
+    if by_acts:
+        rows = _of_acts(rows, where)
+    else:
+        rows = rows.where(*where, *([] if which == "stale" else [_is_of_act(_HELD.since)]))
     return Query(first_rows(rows.order_by(*order), integer("size")))
+
+
+def _of_acts(rows: Select[Any], where: Iterable[ColumnElement[bool]]) -> Select[Any]:
+    """Look up what acts asserted, act by act."""
+    # SQLite takes a knowledge base for ten rows, and so would begin with all versions. It keeps the
+    # order of an outer join, unless a condition shows that there is a row on the right.
+    acts, zero = union(*_acts()).subquery("act"), literal_column("0", BigInteger)
+    versions = table_of(t.PropositionVersionRow)
+    found = acts.outerjoin(versions, and_(_HELD.since == acts.c.since, *where))
+    return rows.select_from(found).where(func.coalesce(_HELD.since, zero) > zero)
 
 
 def unconfirmed(

@@ -20,7 +20,7 @@ from ..sql.dialects.base import Session
 from ..sql.dialects.words import NESTED_LOOPS, NestedLoops, Walk
 from ..sql.lanes import LANE_SOURCES, LaneSource
 from ..sql.places import Place, place_text, read_place
-from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.query import Query, first_rows, integer
 from ..sql.rows import FACT, KB, VALUE, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
@@ -131,15 +131,18 @@ def _sayings() -> Any:
 def _newest() -> Query:
     """Select the newest sayings of a range of revisions, behind a place.
 
-    Each comes with the last revisions up to the ends of its period.
+    Each comes with its element's text, and the last revisions up to the ends of its period.
     """
     said = _sayings()
     behind = or_(said.since < integer("high"), said.owner > integer("behind"))
     rows = select(*said).where(said.since >= integer("low"), said.since <= integer("high"), behind)
     rows = first_rows(rows.order_by(said.since.desc(), said.owner), integer("size"))
-    few = rows.subquery("few").c
-    ends = map(last_until, (few.valid_from, few.valid_until))
-    return Query(select(*few, *ends).order_by(few.since.desc(), few.owner))
+    said = rows.subquery("few")
+    few = said.c
+    texts = (looked_up(row.text, row.id, few.owner) for row in (_ATOM, _FLUENT))
+    ends = (last_until(end, said) for end in (few.valid_from, few.valid_until))
+    columns = func.coalesce(*texts), *ends
+    return Query(select(*few, *columns).order_by(few.since.desc(), few.owner))
 
 
 _SHOWN = (
@@ -182,13 +185,6 @@ def _before(dialect: str) -> Query:
     # No id is that of a fact and of a value.
     parts = (_earlier(NESTED_LOOPS[dialect], LANE_SOURCES[kind]) for kind in (FACT, VALUE))
     return Query(text(" UNION ALL ".join(parts)))
-
-
-@cache
-def _texts() -> Query:
-    parts = (select(row.id, row.text).where(row.kb_id == KB) for row in (_ATOM, _FLUENT))
-    found = union_all(*parts).subquery("found").c
-    return Query(select(*found).where(in_list(found.id, "ids")))
 
 
 def corrections(
@@ -274,33 +270,30 @@ def _batch(
     if not rows:
         return [], None
     said = [_layer(session, row[0], *row[2:6]) for row in rows]
-    owners = [row[1] for row in rows]
     spans = [
-        (owner, first or 0, min(last or 0, one.since - 1), one.since)
-        for one, owner, (*_, first, last) in zip(said, owners, rows, strict=True)
+        (row[1], row[7] or 0, min(row[8] or 0, one.since - 1), one.since)
+        for one, row in zip(said, rows, strict=True)
     ]
     known: list[list[_Layer]] = [[] for _ in rows]
     before = _before(session.backend.dialect.name)
     for place, *layer in session.rows(before, kb=kb_id, said=json.dumps(spans)):
         known[place].append(_layer(session, *layer))
     compared = [
-        (one, owner, *part)
-        for one, owner, layers in zip(said, owners, known, strict=True)
+        (one, row[6], *part)
+        for one, row, layers in zip(said, rows, known, strict=True)
         for part in _differing(one, layers)
     ]
     numbers = {one.since for one, *_ in compared} | {part[-1] for part in compared if part[-1]}
     revisions = read_numbered(session, kb_id, numbers)
-    ids = session.list_value(sorted({owner for _, owner, *_ in compared}))
-    texts: dict[int, str] = dict(session.rows(_texts(), kb=kb_id, ids=ids)) if compared else {}
     made = [
         Correction(
-            *(one.kind, texts[owner], begin, end),
+            *(one.kind, shown, begin, end),
             Belief(content, revisions.get(number) if number else None),
             Belief(one.content, revisions.get(one.since)),
         )
-        for one, owner, begin, end, content, number in compared
+        for one, shown, begin, end, content, number in compared
     ]
-    return made, None if len(rows) < BATCH else (said[-1].since, owners[-1])
+    return made, None if len(rows) < BATCH else (rows[-1][2], rows[-1][1])
 
 
 def _layer(session: Session, kind: str, since: int, begin: Any, end: Any, *said: Any) -> _Layer:

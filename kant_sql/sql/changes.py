@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
+    FromClause,
     ScalarSelect,
     Select,
     Text,
@@ -78,8 +79,8 @@ LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
 HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 
-def last_until(moment: ColumnElement[Any]) -> ScalarSelect[Any]:
-    """Select the last revision up to a time."""
+def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]:
+    """Select the last revision up to a time: a parameter, or a column of a table."""
     # Times never go back, and only their index finds this one in a long history. PostgreSQL
     # before 18 would sort all revisions before it to find the largest number of one time.
     earlier = table_of(RevisionRow).alias().c
@@ -88,11 +89,11 @@ def last_until(moment: ColumnElement[Any]) -> ScalarSelect[Any]:
         .where(earlier.kb_id == KB, earlier.committed_at <= moment)
         .order_by(earlier.committed_at.desc())
     )
-    time = first_rows(times, literal_column("1")).scalar_subquery()
+    time = first_rows(times, literal_column("1")).correlate(*of).scalar_subquery()
     # Unlike `number`, a sum cannot be looked for by the index of numbers.
     largest = func.max(RevisionRow.number + literal_column("0"))
     rows = RevisionRow.kb_id == KB, RevisionRow.committed_at == time
-    return select(largest).where(*rows).scalar_subquery()
+    return select(largest).where(*rows).correlate(*of).scalar_subquery()
 
 
 class Change(NamedTuple):

@@ -75,7 +75,8 @@ def fork(since: int, until: int | None) -> int:
 
 def held_then(version: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
     """Return whether a version held at a revision, found by its fork among the `forks`."""
-    ends = or_(version.until.is_(None), version.until > at)
+    # Not two searches, of what is open and of what ended later: both may be large.
+    ends = or_(version.until.is_(None), Unsought(version.until) > at)
     return and_(in_list(version.fork, "forks"), Unsought(version.since) <= at, ends)
 
 

@@ -242,9 +242,15 @@ def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter, is_valid: 
     loops, counts = NESTED_LOOPS[dialect], []
     for kind in kinds:
         source = LANE_SOURCES[kind]
+        tables, order = f"{source.relation} AS p", f"p.{source.group}, p.arguments"
         wanted = _places_text(loops, source, has)
-        place = f"p.{source.group}, p.arguments"
-        few = f"SELECT p.id FROM {source.relation} AS p WHERE {wanted} ORDER BY {place} LIMIT :most"
+        if has.object is not None and kind != FORMULA:
+            named = (
+                f"SELECT DISTINCT one.{source.owner} AS id FROM {source.identity}_argument AS one"
+            )
+            tables = f"({named} WHERE one.kb_id = :kb AND {_WITH_OBJECT} LIMIT :most) AS named"
+            tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = named.id")
+        few = f"SELECT p.id FROM {tables} WHERE {wanted} ORDER BY {order} LIMIT :most"
         same = f"{_until(loops, source, 'few.id', True)} = 0"
         if is_valid and _has_sayings(kind):
             same += f" AND NOT {_is_said(source, 'few')}"

@@ -130,6 +130,21 @@ def test_facts_of_an_object_at_a_valid_time_visit_about_as_much_as_at_a_revision
     assert true <= 4 * visited_in(lambda kb: kb.at(at))
 
 
+# What reads a part of the history, whatever its length.
+PARTS: dict[str, Callable[[kant_sql.KnowledgeBase], Any]] = {
+    "corrections": lambda kb: kb.corrections(limit=10),
+    "contradicted": lambda kb: kb.contradicted(limit=10),
+    "unconfirmed": lambda kb: kb.unconfirmed(limit=10),
+    "a value of the past": lambda kb: kb.at(LAST // 2).function_values.get("(level b7)"),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_of_the_history_is_found_without_the_whole(url: str, name: str) -> None:
+    every = visited(url, lambda kb: kb.diff(0, LAST))
+    assert visited(url, PARTS[name]) < every / 4
+
+
 @pytest.mark.parametrize("name", ["of one box", "of two boxes", "of one fact"])
 @pytest.mark.more
 def test_periods_are_found_by_the_objects_of_their_facts(url: str, name: str) -> None:

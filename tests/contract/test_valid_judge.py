@@ -41,8 +41,7 @@ def test_every_read_says_what_was_said_last(fresh_kb: KnowledgeBase) -> None:
 
 
 def test_corrections_are_all_that_was_believed_otherwise(fresh_kb: KnowledgeBase) -> None:
-    writer = Writer(fresh_kb, seed=11)
-    model = writer.run(40)
+    model = Writer(fresh_kb).run(60)
     found = fresh_kb.corrections()
     assert [one.said.revision.number for one in found if one.said.revision] == sorted(
         (one.said.revision.number for one in found if one.said.revision), reverse=True
