@@ -78,10 +78,8 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
 
 
 def words_argument(usage: str, help_: str) -> typer.models.ArgumentInfo:
-    """Describe an argument that begins with the URL, as `split_url` finds it.
-
-    What is optional behind the URL stands in square brackets.
-    """
+    """Describe an argument that begins with the URL, as `split_url` finds it."""
+    # What is optional behind the URL stands in square brackets.
     made: typer.models.ArgumentInfo = typer.Argument(
         metavar=usage,
         show_default=False,
@@ -151,11 +149,9 @@ _RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
 
 
 def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
-    """Split words into the URL, from them or from the environment, and the rest.
-
-    The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
-    variable has it.
-    """
+    """Split words into the URL, from them or from the environment, and the rest."""
+    # The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
+    # variable has it.
     wanted = usage.split()
     default = os.environ.get(URL_VARIABLE)
     is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
@@ -327,14 +323,9 @@ def ask_state(
     valid: str | None,
     question: Callable[[KnowledgeBase], T],
 ) -> tuple[str, int, T]:
-    """Ask one state of an existing knowledge base.
-
-    The present is asked as such: its facts have indexes that those of the past lack. If somebody
-    writes meanwhile, the state before is asked again.
-
-    Returns:
-        The name of the knowledge base, the revision of the state, and the answer.
-    """
+    """Ask one state of a knowledge base; return its name, the revision and the answer."""
+    # The present is asked as such: its facts have indexes that those of the past lack. If somebody
+    # writes meanwhile, the state before is asked again.
     when, moment = parse_state(at), parse_optional(valid, "--valid")
     with open_to_read(url, name) as (chosen, knowledge_base):
         if when is None and moment is None:
@@ -430,15 +421,11 @@ class LaterCommands(MutableMapping[str, Any]):
 
 
 class CommandGroup(TyperGroup):
-    """Commands of the library, and of plugins: functions with annotations for Typer.
+    """Commands of the library, and of plugins: functions with annotations for Typer."""
 
-    Attributes:
-        functions: what finds the functions of commands, by their names, or an app of several.
-        plugins: the group of entry points with the names of others.
-    """
-
+    # What finds the functions of commands, by their names, or an app of several.
     functions: ClassVar[Functions] = MappingProxyType({})
-    plugins: ClassVar[Plug]
+    plugins: ClassVar[Plug]  # the group of entry points with the names of others
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -473,16 +460,10 @@ def _name_arguments(command: Any) -> None:
 
 
 class ServiceError(Exception):
-    """An error with the exit code that a service manager decides by.
-
-    Attributes:
-        error: what happened.
-        code: the exit code.
-        is_said: whether standard error has it already.
-    """
+    """An error with the exit code that a service manager decides by."""
 
     def __init__(self, error: KantSqlError, code: int, is_said: bool = False) -> None:
         super().__init__(str(error))
         self.error = error
         self.code = code
-        self.is_said = is_said
+        self.is_said = is_said  # whether standard error has it already

@@ -150,10 +150,8 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
 
 
 def _definitions_on(definitions: Definitions, scope: Scope) -> Iterator[tuple[str, int, str]]:
-    """Find the kinds, the ids and the texts of what is defined by trees and mentions something.
-
-    Of actions, processes, events and rules, the name is enough.
-    """
+    """Find the kinds, the ids and the texts of what is defined by trees and mentions something."""
+    # Of actions, processes, events and rules, the name is enough.
     for action in definitions.actions:
         if mentions(action.trees, scope) or any(
             id_ in scope.types for part in action.parameters for id_ in part.type_ids

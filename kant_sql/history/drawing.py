@@ -162,12 +162,8 @@ class _Row(NamedTuple):
 
 
 def draw(shown: Timeline, link: Link = no_link) -> Drawing:
-    """Draw a timeline.
-
-    Args:
-        shown: the timeline.
-        link: makes the address of a page of its path and its parameters; none if it is empty.
-    """
+    """Draw a timeline."""
+    # `link` makes the address of a page of its path and its parameters; none if it is empty.
     return _Pen(shown, link).draw()
 
 
@@ -623,10 +619,8 @@ def _actors(lanes: Iterable[Lane]) -> set[str]:
 
 
 def _marks(actors: Iterable[str]) -> dict[str | None, str]:
-    """Give each actor a colour, its own as long as there are any.
-
-    An actor has the same colour in the next window, unless another one there takes it first.
-    """
+    """Give each actor a colour, its own as long as there are any."""
+    # An actor has the same colour in the next window, unless another one there takes it first.
     found: dict[str | None, str] = {None: _NOBODY}
     free = list(_COLOURS)
     for name in sorted(actors):

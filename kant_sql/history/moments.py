@@ -139,10 +139,8 @@ def last_before(store: Store, after: When, upto: int | None = None) -> int:
 def states_at(
     store: Store, whens: Sequence[When], upto: int | None = None
 ) -> tuple[list[int], HeadTimes]:
-    """Return the revisions of one or two states with one statement; refuse archived states.
-
-    A view of the past knows the revisions up to its own, `upto`.
-    """
+    """Return the revisions of one or two states with one statement; refuse archived states."""
+    # A view of the past knows the revisions up to its own, `upto`.
     revisions, head = _find(store, whens, upto)
     for revision in revisions:
         if revision < head.archived:
@@ -195,10 +193,8 @@ def refuse_valid(state: State | None, question: str) -> None:
 
 
 def past_state(state: State, when: When | None, known: When | None, valid: When | None) -> State:
-    """Return a past state: what was known at a revision or time, or was true at a time.
-
-    What is not given is that of the state, which may be one of the past itself.
-    """
+    """Return a past state: what was known at a revision or time, or was true at a time."""
+    # What is not given is that of the state, which may be one of the past itself.
     if when is not None and known is not None:
         raise InvalidArgumentError("give the revision as the first argument or as known=, not both")
     known = when if known is None else known

@@ -62,39 +62,23 @@ def read_overview(state: State) -> Overview:
 
 
 class ActorTally(NamedTuple):
-    """How much one actor wrote.
+    """How much one actor wrote."""
 
-    Attributes:
-        actor: its name; None for revisions without one.
-        revisions: how many.
-        first: the first of them.
-        last: the last one.
-    """
-
-    actor: str | None
+    actor: str | None  # its name; None for revisions without one
     revisions: int
     first: int
     last: int
 
 
 class Tally(NamedTuple):
-    """Who made a range of revisions, and how much they changed.
+    """Who made a range of revisions, and how much they changed."""
 
-    Attributes:
-        first: the first revision of the range.
-        last: the last one; below `first` in an empty range.
-        actors: how many actors there are.
-        busiest: the actors with the most revisions.
-        changes: how many changes of each kind and sign.
-        archived: what ended up to this revision is in an archive, and is not counted.
-    """
-
-    first: int
-    last: int
-    actors: int
-    busiest: tuple[ActorTally, ...]
-    changes: tuple[tuple[str, str, int], ...]
-    archived: int
+    first: int  # the first revision of the range
+    last: int  # the last one; below `first` in an empty range
+    actors: int  # how many actors there are
+    busiest: tuple[ActorTally, ...]  # the actors with the most revisions
+    changes: tuple[tuple[str, str, int], ...]  # how many changes of each kind and sign
+    archived: int  # what ended up to this revision is in an archive, and is not counted
 
 
 _REVISIONS = func.count().label("revisions")

@@ -418,10 +418,8 @@ class _Periods(NamedTuple):
 def _gathered(
     periods: list[_Period], room: int, moments: Sequence[datetime], last: Instant | None
 ) -> _Periods:
-    """Make bars of periods; of more than there is room for, of those that last for a slice.
-
-    Nothing was read after the `last` instant.
-    """
+    """Make bars of periods; of more than there is room for, of those that last for a slice."""
+    # Nothing was read after the `last` instant.
     if len(periods) <= room and last is None:
         return _Periods(periods)
     bars = []

@@ -141,14 +141,10 @@ def _object(report: ReportReader, name: str) -> ReportStays:
 
 
 class Sections:
-    """Reads sections; one that cannot be read says why, and the others are read all the same.
-
-    Attributes:
-        errors: why, by the names of the sections.
-    """
+    """Reads sections; one that cannot be read says why, and the others are read all the same."""
 
     def __init__(self, refused: tuple[type[KantSqlError], ...]) -> None:
-        self.errors: dict[str, str] = {}
+        self.errors: dict[str, str] = {}  # why, by the names of the sections
         self._refused = refused
 
     def __call__(self, name: str, read: Callable[[], T]) -> T | None:
@@ -265,10 +261,8 @@ def write_report(
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Yield a new file beside another one, which it replaces at the end of the block.
-
-    It is made at once: a folder that cannot be written to is not a reason to work first.
-    """
+    """Yield a new file beside another one, which it replaces at the end of the block."""
+    # It is made at once: a folder that cannot be written to is not a reason to work first.
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
     draft = target.with_name(f".{target.name[:200]}.{secrets.token_hex(4)}")

@@ -39,17 +39,13 @@ SHOWN = 900
 
 
 class ReportRange(NamedTuple):
-    """The range of a report.
+    """The range of a report."""
 
-    Attributes:
-        since: its first revision, or the earliest time of commit; None for the first revision.
-        until: its last revision, or the latest time of commit; None for the last revision.
-        clock: that of its timelines, as for `kb.timeline`.
-    """
-
+    # Its first revision, or the earliest time of commit; None for the first revision.
     since: When | None = None
+    # Its last revision, or the latest time of commit; None for the last revision.
     until: When | None = None
-    clock: str = COMMITTED
+    clock: str = COMMITTED  # that of its timelines, as for `kb.timeline`
 
 
 @dataclass(frozen=True)
@@ -198,31 +194,19 @@ class ReportCauses(ReportSection):
 
 
 class ReportTimeline(NamedTuple):
-    """A timeline of the lanes that changed most.
-
-    Attributes:
-        timeline: the timeline.
-        left: how many lanes are left out.
-        has_more: whether there are more that were not even looked at.
-    """
+    """A timeline of the lanes that changed most."""
 
     timeline: Timeline
-    left: int
-    has_more: bool
+    left: int  # how many lanes are left out
+    has_more: bool  # whether there are more that were not even looked at
 
 
 class ReportReader(NamedTuple):
-    """Reads the sections of a report.
-
-    Attributes:
-        kb: the knowledge base.
-        range: the range.
-        tally: what its revisions changed.
-    """
+    """Reads the sections of a report."""
 
     kb: KnowledgeBase
     range: ReportRange
-    tally: Tally
+    tally: Tally  # what its revisions changed
 
     @classmethod
     def of(cls, kb: KnowledgeBase, range_: ReportRange) -> ReportReader:

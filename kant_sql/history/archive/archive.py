@@ -62,11 +62,9 @@ def replicate(
     upto: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[str, ...]:
-    """Replicate revisions up to one, resuming where an earlier call ended.
-
-    Each of several transactions leaves the target complete at some revision. Returns where bytes
-    may remain of what was erased there.
-    """
+    """Replicate revisions up to one, resuming where an earlier call ended."""
+    # Each of several transactions leaves the target complete at some revision. Returns where bytes
+    # may remain of what was erased there.
     size, at, erasures = BatchSize(), -1, 0
     while at < upto:
         at, copied = retrying(

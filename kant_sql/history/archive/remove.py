@@ -229,12 +229,10 @@ def refuse_without_right(store: Store) -> None:
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
-    """Remove archived versions and what only they need, and record it in the head.
-
-    Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
-    they may come back, and a state lists elements by id. Atoms of an object without a version go,
-    unless they were confirmed, or something was said of them.
-    """
+    """Remove archived versions and what only they need, and record it in the head."""
+    # Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
+    # they may come back, and a state lists elements by id. Atoms of an object without a version go,
+    # unless they were confirmed, or something was said of them.
     session.replan()
     parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}
     for part in ARCHIVED_TABLES:

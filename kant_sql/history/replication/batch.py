@@ -81,10 +81,8 @@ _MOVE = Query(
 def copy_batch(
     stores: Stores, name: str, head: Head, bounds: CopyRange, origin: OriginHead
 ) -> Copied:
-    """Copy some revisions into a locked target, check their hashes there, and commit.
-
-    A batch with a wrong hash raises, and nothing of it is written.
-    """
+    """Copy some revisions into a locked target, check their hashes there, and commit."""
+    # A batch with a wrong hash raises, and nothing of it is written.
     place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
     followed = Followed(stores, name, bounds)
     with _naming_both(stores, name, bounds), reading_rows("revision", place):

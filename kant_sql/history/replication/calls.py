@@ -42,19 +42,13 @@ _GUARD = unforked()
 
 
 class _OpenTarget:
-    """A store that is kept open; it is closed when it is forgotten, after its last push.
-
-    Attributes:
-        backend: the database.
-        pushes: how many run.
-        is_forgotten: whether no further push begins here.
-        ids: of each knowledge base, its id in the source and in here, once they are known.
-    """
+    """A store that is kept open; it is closed when it is forgotten, after its last push."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
-        self.pushes = 0
-        self.is_forgotten = False
+        self.pushes = 0  # how many run
+        self.is_forgotten = False  # whether no further push begins here
+        # Of each knowledge base, its id in the source and in here, once they are known.
         self.ids: dict[str, tuple[int | None, int | None]] = {}
 
 

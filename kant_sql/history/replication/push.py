@@ -70,11 +70,9 @@ def send(
     progress: Progress | None = None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> Pushed:
-    """Send what a target lacks, as the question `push` describes.
-
-    Each of several transactions leaves the target complete at some revision. `is_stopped` is asked
-    between them.
-    """
+    """Send what a target lacks, as the question `push` describes."""
+    # Each of several transactions leaves the target complete at some revision. `is_stopped` is
+    # asked between them.
     with ExitStack() as stack:
         return _Push(source, target, terms, stack).run(progress, is_stopped)
 

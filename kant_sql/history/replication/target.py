@@ -130,18 +130,12 @@ _PLACE = Query(select(StorePlace()))
 
 
 class ReplicationSide:
-    """A knowledge base in one of the two stores.
-
-    Attributes:
-        backend: the database.
-        name: the knowledge base's name.
-        kb_id: its id, once it was found.
-    """
+    """A knowledge base in one of the two stores."""
 
     def __init__(self, backend: Backend, name: str) -> None:
         self.backend = backend
         self.name = name
-        self.kb_id: int | None = None
+        self.kb_id: int | None = None  # its id, once it was found
 
     def find(self, session: Session) -> int | None:
         """Return its id; None before its first revision."""
@@ -155,10 +149,8 @@ class Target(ReplicationSide):
 
     @contextmanager
     def locked(self, durable: bool = False) -> Iterator[tuple[Session, int, Head]]:
-        """Lock it against other writers for the length of a `with` block; create it if missing.
-
-        With `durable`, what is committed survives a power cut.
-        """
+        """Lock it against other writers for the length of a `with` block; create it if missing."""
+        # With `durable`, what is committed survives a power cut.
         session = self.backend.session()
         try:
             if durable:
