@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, NoReturn, TypeVar
 
 import typer
 from typer.core import TyperArgument, TyperGroup
@@ -77,15 +77,49 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
     return option(f"JSON Lines: one document per {noun}.", JSON_OPTION)
 
 
-def words_argument(usage: str, help_: str) -> typer.models.ArgumentInfo:
-    """Describe an argument that begins with the URL, as `split_url` finds it."""
-    # What is optional behind the URL stands in square brackets.
-    made: typer.models.ArgumentInfo = typer.Argument(
-        metavar=usage,
-        show_default=False,
-        help=f"{_URL_HELP}, unless the variable {URL_VARIABLE} has it, and {help_}",
-    )
-    return made
+class Words(NamedTuple):
+    """The words of a command: the URL, from them or from the environment, and the rest."""
+
+    usage: str  # what is optional behind the URL stands in square brackets
+    example: str
+
+    def argument(self, help_: str) -> typer.models.ArgumentInfo:
+        """Describe the argument that has them."""
+        made: typer.models.ArgumentInfo = typer.Argument(
+            metavar=self.usage,
+            show_default=False,
+            help=f"{_URL_HELP}, unless the variable {URL_VARIABLE} has it, and {help_}",
+        )
+        return made
+
+    def split(self, words: Sequence[str] | None) -> tuple[str, list[str]]:
+        """Split them into the URL and the rest."""
+        # The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
+        # variable has it.
+        words, wanted = words or (), self.usage.split()
+        default = os.environ.get(URL_VARIABLE)
+        is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
+        if default and not is_given:
+            words = [default, *words]
+        needed = 1 + sum(not word.startswith("[") for word in wanted[1:])
+        has_room = len(words) <= len(wanted) or wanted[-1].endswith("...")
+        if not (needed <= len(words) and has_room and all(words) and (is_given or default)):
+            raise typer.BadParameter(
+                f"give a URL or the path of an SQLite file (or set {URL_VARIABLE}) and "
+                f"{' '.join(wanted[1:])}, such as: {self.example}",
+                param_hint=self.usage,
+            )
+        return words[0], list(words[1:])
+
+
+def _names_store(word: str, may_be_empty: bool) -> bool:
+    """Return whether a word is a URL or the path of an SQLite file: PDDL files are words, too."""
+    # Whoever opens a pipe waits.
+    if "://" in word or not os.path.isfile(word):
+        return "://" in word
+    with Path(word).open("rb") as file:
+        head = file.read(len(_SQLITE_FILE))
+    return head == _SQLITE_FILE or (may_be_empty and not head)
 
 
 Url = Annotated[
@@ -146,36 +180,6 @@ Fixed = Annotated[
 ]
 # Names of arguments that are not variables.
 _RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
-
-
-def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
-    """Split words into the URL, from them or from the environment, and the rest."""
-    # The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
-    # variable has it.
-    wanted = usage.split()
-    default = os.environ.get(URL_VARIABLE)
-    is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
-    if default and not is_given:
-        words = [default, *words]
-    needed = 1 + sum(not word.startswith("[") for word in wanted[1:])
-    is_right = needed <= len(words) and (len(words) <= len(wanted) or wanted[-1].endswith("..."))
-    if not (is_right and all(words) and (is_given or default)):
-        raise typer.BadParameter(
-            f"give a URL or the path of an SQLite file (or set {URL_VARIABLE}) and "
-            f"{' '.join(wanted[1:])}, such as: {example}",
-            param_hint=usage,
-        )
-    return words[0], list(words[1:])
-
-
-def _names_store(word: str, may_be_empty: bool) -> bool:
-    """Return whether a word is a URL or the path of an SQLite file: PDDL files are words, too."""
-    # Whoever opens a pipe waits.
-    if "://" in word or not os.path.isfile(word):
-        return "://" in word
-    with Path(word).open("rb") as file:
-        head = file.read(len(_SQLITE_FILE))
-    return head == _SQLITE_FILE or (may_be_empty and not head)
 
 
 def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:

@@ -118,11 +118,8 @@ def log(
             )
 
 
-_USAGE = "[URL] NAME|PDDL"
-_EXAMPLE = "sqlite:///robot.db '(robot_at rb1 wp1)'"
-_Words = Annotated[
-    list[str], c.words_argument(_USAGE, "a name, or PDDL such as '(robot_at rb1 wp1)'.")
-]
+_ELEMENT = c.Words("[URL] NAME|PDDL", "sqlite:///robot.db '(robot_at rb1 wp1)'")
+_Words = Annotated[list[str], _ELEMENT.argument("a name, or PDDL such as '(robot_at rb1 wp1)'.")]
 
 
 def history(
@@ -135,7 +132,7 @@ def history(
 
     The oldest version comes first.
     """
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
@@ -145,7 +142,7 @@ def history(
 
 def blame(words: _Words, kb: c.Name = None, at: c.At = None, as_json: c.AsJson = False) -> None:
     """Show who asserted a fact or another element, when and why."""
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (name, state):
         version = state.blame(element)
         if version is None:
@@ -213,7 +210,7 @@ def consequences(
     as_json: _LinkLines = False,
 ) -> None:
     """Show which acts, plans and derived facts used a fact."""
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (_, state):
         _write_links(state.consequences(element, depth=depth, limit=limit), as_json)
 
@@ -227,7 +224,7 @@ def origins(
     as_json: _LinkLines = False,
 ) -> None:
     """Show the acts, observations and files behind a fact."""
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (_, state):
         _write_links(state.origins(element, depth=depth, limit=limit), as_json)
 
@@ -252,14 +249,13 @@ def _write_link(printer: Printer, link: CauseLink) -> None:
             printer.line(f"{indent}  {name}: {' '.join(map(printable, texts))}")
 
 
-_DIFF_USAGE = "[URL] A[..B] [B]"
+_DIFF = c.Words("[URL] A[..B] [B]", "sqlite:///robot.db 12 '2 hours ago'")
 
 
 def diff(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _DIFF_USAGE,
+        _DIFF.argument(
             "two moments, as A B or A..B, each a revision's number, a time in ISO 8601, or such as "
             "'yesterday'; a moment that is left out is now.",
         ),
@@ -269,10 +265,10 @@ def diff(
     as_json: c.AsJson = False,
 ) -> None:
     """Show elements that hold only at B (+) or only at A (-)."""
-    url, (a, *rest) = c.split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
+    url, (a, *rest) = _DIFF.split(words)
     a, dots, b = a.partition("..")
     if rest and dots:
-        raise typer.BadParameter("give A B or A..B, not both", param_hint=_DIFF_USAGE)
+        raise typer.BadParameter("give A B or A..B, not both", param_hint=_DIFF.usage)
     b = rest[0] if rest else b
     moments = c.parse_state(a or None, "A"), c.parse_state(b or None, "B")
     with c.open_to_read(url, kb) as (name, knowledge_base):
@@ -286,15 +282,13 @@ def diff(
             write_changes(Printer(), changes)
 
 
-_RESTORE_USAGE = "[URL] REV|TIME"
+_RESTORE = c.Words("[URL] REV|TIME", "sqlite:///robot.db 12")
 
 
 def restore(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _RESTORE_USAGE, "a revision's number, a time in ISO 8601, or such as '2 hours ago'."
-        ),
+        _RESTORE.argument("a revision's number, a time in ISO 8601, or such as '2 hours ago'."),
     ],
     kb: c.Name = None,
     actor: c.Actor = None,
@@ -305,7 +299,7 @@ def restore(
 
     A restore can be undone by another.
     """
-    url, (when,) = c.split_url(words, _RESTORE_USAGE, "sqlite:///robot.db 12")
+    url, (when,) = _RESTORE.split(words)
     moment = c.parse_state(when, "REV|TIME")
     with c.open_to_read(url, kb) as (name, knowledge_base):
         restored = knowledge_base.revision
@@ -324,15 +318,13 @@ def restore(
         write_changes(printer, changes)
 
 
-_BRANCH_USAGE = "[URL] [NAME]"
+_BRANCH = c.Words("[URL] [NAME]", "sqlite:///robot.db monday")
 
 
 def branch(
     words: Annotated[
         list[str] | None,
-        c.words_argument(
-            _BRANCH_USAGE, "the name of the branch; default with --url: the knowledge base's own."
-        ),
+        _BRANCH.argument("the name of the branch; default with --url: the knowledge base's own."),
     ] = None,
     kb: c.Name = None,
     at: c.At = None,
@@ -348,7 +340,7 @@ def branch(
     as_json: c.AsJson = False,
 ) -> None:
     """Begin a knowledge base with a state of another, as a trial."""
-    url, names = c.split_url(words or (), _BRANCH_USAGE, "sqlite:///robot.db monday")
+    url, names = _BRANCH.split(words)
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
     moment = c.parse_state(at)
