@@ -175,7 +175,7 @@ class _Pen:
         self._link = link
         # What holds goes on to the edge, a little behind the end.
         self._length = max(shown.until - shown.since, timedelta(milliseconds=1)) * 1.02
-        self._marks = _marks(_actors(shown.lanes))
+        self._marks = _marks(shown.lanes)
         self._parts: list[str] = []
         self._ends: list[str] = []
         self._y = 0
@@ -613,17 +613,13 @@ def _order_of(step: StepBar) -> tuple[datetime, int]:
     return moment, step.position
 
 
-def _actors(lanes: Iterable[Lane]) -> set[str]:
-    found = {who for lane in lanes for bar in lane.bars for who in (bar.actor, bar.ended_by)}
-    return {who for who in found if who is not None}
-
-
-def _marks(actors: Iterable[str]) -> dict[str | None, str]:
+def _marks(lanes: Iterable[Lane]) -> dict[str | None, str]:
     """Give each actor a colour, its own as long as there are any."""
     # An actor has the same colour in the next window, unless another one there takes it first.
     found: dict[str | None, str] = {None: _NOBODY}
     free = list(_COLOURS)
-    for name in sorted(actors):
+    actors = {who for lane in lanes for bar in lane.bars for who in (bar.actor, bar.ended_by)}
+    for name in sorted(who for who in actors if who is not None):
         free = free or list(_COLOURS)
         found[name] = free.pop(crc32(name.encode("utf-8", "replace")) % len(free))
     return found

@@ -160,7 +160,7 @@ def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[i
         if is_head:
             revisions.append(_last_known(store, head, upto))
         elif not isinstance(when, datetime):
-            revisions.append(check_number(store, when, _last_known(store, head, upto)))
+            revisions.append(check_number(store.name, when, _last_known(store, head, upto)))
         else:
             revisions.append(next(found) if upto is None else min(next(found), upto))
     return revisions, head
@@ -174,11 +174,11 @@ def _last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
     return head.revision if transaction is None else transaction.head.revision
 
 
-def check_number(store: Store, when: int, last: int) -> int:
+def check_number(name: str, when: int, last: int) -> int:
     """Check the number of a revision."""
     expected = "a revision's number, or an aware time"
     whole_number(when, "the revision", least=None, expected=expected, error=UnknownRevisionError)
-    refuse_unknown(store.name, when, last)
+    refuse_unknown(name, when, last)
     return when
 
 
@@ -245,11 +245,11 @@ def find_bounds(store: Store, since: When | None, until: When | None, upto: int 
     if after is not None:
         low = min(head.found[0], last) + 1
     elif since is not None and not isinstance(since, datetime):
-        low = max(1, check_number(store, since, last))
+        low = max(1, check_number(store.name, since, last))
     if isinstance(until, datetime):
         high = min(head.found[-1], last)
     elif until is not None:
-        high = check_number(store, until, last)
+        high = check_number(store.name, until, last)
     bounds = Bounds(low, high, head.redefined, last)
     _refuse_reversed(since, until, bounds)
     return bounds
@@ -288,7 +288,7 @@ def valid_times(store: Store, whens: Sequence[When], upto: int | None) -> list[d
     numbers = {when for when in given if not isinstance(when, datetime)}
     if numbers:
         last = _last_known(store, read_head(store), upto)
-        numbers = {last if n == LARGEST else check_number(store, n, last) for n in numbers}
+        numbers = {last if n == LARGEST else check_number(store.name, n, last) for n in numbers}
         revisions = read_revisions(store, numbers - {0}).values()
         known = {0: FIRST_MOMENT, **{each.number: each.committed_at for each in revisions}}
         given = [known[min(when, last)] if isinstance(when, int) else when for when in given]

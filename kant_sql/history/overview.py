@@ -62,9 +62,16 @@ def read_overview(state: State) -> Overview:
 
 
 class ActorTally(NamedTuple):
-    """How much one actor wrote."""
+    """How much one actor wrote.
 
-    actor: str | None  # its name; None for revisions without one
+    Attributes:
+        actor: its name; None for revisions without one.
+        revisions: how many.
+        first: the first of them.
+        last: the last one.
+    """
+
+    actor: str | None
     revisions: int
     first: int
     last: int

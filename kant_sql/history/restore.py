@@ -57,14 +57,13 @@ def _identities(atoms: AtomTables) -> Select[Any]:
     )
 
 
-def _by_ids(atoms: AtomTables) -> Query:
-    return Query(select(*found_rows(_identities(atoms), atoms.identity.c.id, "ids").c))
-
-
 _FACT, _VALUE = ATOM_TABLES[PROPOSITION], ATOM_TABLES[VALUE]
 _MOVED_PROPOSITIONS = _moved(_FACT, "since")
 _MOVED_VALUES = _moved(_VALUE, "text", "object_id")
-_ATOMS, _FLUENTS = map(_by_ids, (_FACT, _VALUE))
+_ATOMS, _FLUENTS = (
+    Query(select(*found_rows(_identities(one), one.identity.c.id, "ids").c))
+    for one in (_FACT, _VALUE)
+)
 
 
 def restore(

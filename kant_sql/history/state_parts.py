@@ -425,18 +425,15 @@ class _Question(NamedTuple):
     at: int | None  # the revision; None for the present
     parameters: dict[str, Any]  # the parameters of its statements
 
-    def shapes(self, kinds: Iterable[str], has_text: bool = False) -> tuple[_Shape, ...]:
+    def shapes(self, kinds: Iterable[str]) -> tuple[_Shape, ...]:
         """Return the conditions of the parts that may have any of it."""
         _, predicate, object_ = self.asked
         has_names = predicate is not None or object_ is not None
         return tuple(
-            _Shape(kind, self.at is not None, has_text, predicate is not None, object_ is not None)
+            _Shape(kind, self.at is not None, False, predicate is not None, object_ is not None)
             for kind in kinds
             if kind not in _NAMED or not has_names or (kind == "object" and predicate is None)
         )
-
-
-_NAMES = ("predicate", "function", "object")
 
 
 def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) -> _Question:

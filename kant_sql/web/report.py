@@ -37,7 +37,14 @@ from ..moment_text import When
 from ..reasoning.rules import Rules
 from .cause_graph import draw_causes
 from .rendering import STATIC, render_text
-from .report_sections import ReportLog, ReportPlans, ReportRange, ReportReader, ReportStays
+from .report_sections import (
+    ReportEntry,
+    ReportPlan,
+    ReportRange,
+    ReportReader,
+    ReportRows,
+    ReportStays,
+)
 
 __all__ = ["report_html", "write_report"]
 
@@ -159,11 +166,11 @@ class Sections:
 
 def _render(page: Mapping[str, Any], name: str) -> str:
     """Write the page, with all that it needs in it."""
-    log: ReportLog | None = page.get("log")
-    plans: ReportPlans | None = page.get("plans")
+    log: ReportRows[ReportEntry] | None = page.get("log")
+    plans: ReportRows[ReportPlan] | None = page.get("plans")
     listed = {
-        "/revision": {str(each.entry.revision.number) for each in log.entries} if log else set(),
-        "/plan": {str(each.plan.id) for each in plans.plans} if plans else set(),
+        "/revision": {str(each.entry.revision.number) for each in log.rows} if log else set(),
+        "/plan": {str(each.plan.id) for each in plans.rows} if plans else set(),
     }
 
     def link(path: str, /, **query: object) -> str:

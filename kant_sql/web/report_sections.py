@@ -6,7 +6,7 @@ import shlex
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from ..acts import Execution
 from ..dao.interfaces import Progress
@@ -25,6 +25,8 @@ from ..plans import RecordedPlan
 from ..reasoning import CauseLinks
 from ..reasoning.failures import FailedCondition
 from ..reasoning.rules import Rules, Verdict
+
+T = TypeVar("T")
 
 # Lanes that are looked at, slices of their window, and what each section shows at most.
 SEEN, SLICES = 200, 200
@@ -54,6 +56,20 @@ class ReportSection:
 
     left_out: str | None
     command: str
+
+
+@dataclass(frozen=True)
+class ReportRows(ReportSection, Generic[T]):
+    """A section that lists rows of one class."""
+
+    rows: list[T]
+
+
+@dataclass(frozen=True)
+class ReportActs(ReportSection):
+    """What was done, as it was at the end of the range."""
+
+    acts: list[Execution]
 
 
 class ReportCount(NamedTuple):
@@ -113,20 +129,6 @@ class ReportPlan:
 
 
 @dataclass(frozen=True)
-class ReportPlans(ReportSection):
-    """The recorded plans."""
-
-    plans: list[ReportPlan]
-
-
-@dataclass(frozen=True)
-class ReportActs(ReportSection):
-    """What was done, as it was at the end of the range."""
-
-    acts: list[Execution]
-
-
-@dataclass(frozen=True)
 class ReportRules(ReportSection):
     """The verdicts of rules, violations first."""
 
@@ -154,13 +156,6 @@ class ReportEffects(ReportSection):
 
 
 @dataclass(frozen=True)
-class ReportCorrections(ReportSection):
-    """What was said later, up to now, of the time of the range."""
-
-    corrections: list[Correction]
-
-
-@dataclass(frozen=True)
 class ReportEntry:
     """A revision, and how many of its changes are left out."""
 
@@ -169,13 +164,6 @@ class ReportEntry:
     entry: LogEntry
     changes_left: int
     command: str
-
-
-@dataclass(frozen=True)
-class ReportLog(ReportSection):
-    """The revisions with their changes."""
-
-    entries: list[ReportEntry]
 
 
 @dataclass(frozen=True)
@@ -240,7 +228,7 @@ class ReportReader(NamedTuple):
             if tally.archived >= tally.first and not self.is_empty
             else None
         )
-        more = f"{left:,} more actors with fewer revisions" if left else None
+        more = _left(left, "more actors with fewer revisions")
         left_out = "; ".join(filter(None, (more, archived))) or None
         return ReportSummary(
             left_out,
@@ -302,15 +290,15 @@ class ReportReader(NamedTuple):
         stays = [_stay(lane, bar) for _, lane, bar in found[-BARS:]]
         return ReportStays(left_out, self.ranged("log", *words), name, stays)
 
-    def plans(self, shown: ReportTimeline) -> ReportPlans:
+    def plans(self, shown: ReportTimeline) -> ReportRows[ReportPlan]:
         """Read the plans that were made or carried out in the range, oldest first."""
         timeline = shown.timeline
         ids = [bar.id for bar in timeline.plans if bar.id is not None]
         left = max(0, len(ids) - PLANS)
         plans = [plan for id_ in ids[left:] if (plan := self.kb.plans.get(id_)) is not None]
         some = "earlier plans" if timeline.has_more_plans else None
-        left_out = some or (f"{left} earlier plans" if left else None)
-        return ReportPlans(left_out, self.command("plans"), [self._plan(plan) for plan in plans])
+        left_out = some or _left(left, "earlier plans")
+        return ReportRows(left_out, self.command("plans"), [self._plan(plan) for plan in plans])
 
     def _plan(self, plan: RecordedPlan) -> ReportPlan:
         statuses = Counter(step.outcome or "not started" for step in plan.steps)
@@ -333,10 +321,9 @@ class ReportReader(NamedTuple):
         """Hold rules against the range."""
         verdicts = self.kb.pddl.check_rules(rules, since=self.tally.first, until=self.tally.last)
         ordered = verdicts.worst_first
-        left = len(ordered) - RULES
         command = self.ranged("rules", *(() if rules is None else ("RULES",)))
         return ReportRules(
-            f"{left:,} more rules" if left > 0 else None,
+            _left(len(ordered) - RULES, "more rules"),
             command,
             ordered[:RULES],
             len(verdicts.violated),
@@ -348,8 +335,7 @@ class ReportReader(NamedTuple):
         """Find the goals that were not reached at the end of the range."""
         last = self.tally.last
         found = self.kb.at(last).unsatisfied()
-        left = len(found) - GOALS
-        left_out = f"{left:,} more goals" if left > 0 else None
+        left_out = _left(len(found) - GOALS, "more goals")
         command = self.command("goals", "--at", str(last))
         return ReportGoals(left_out, command, last, found[:GOALS], len(found))
 
@@ -365,8 +351,8 @@ class ReportReader(NamedTuple):
         command = self.command("unconfirmed", "--at", str(last))
         return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
 
-    def corrections(self) -> ReportCorrections:
-        """Find what was believed in the range, and said differently since."""
+    def corrections(self) -> ReportRows[Correction]:
+        """Find what was believed in the range, and said differently since, up to now."""
         first, last = (self._revision(end) for end in (self.tally.first, self.tally.last))
         found = self.kb.corrections(since=self.tally.first, limit=SEEN)
         own = [
@@ -377,7 +363,7 @@ class ReportReader(NamedTuple):
         ]
         left_out = "more corrections" if len(own) > EFFECTS or len(found) == SEEN else None
         command = self.command("corrections", "--since", str(self.tally.first))
-        return ReportCorrections(left_out, command, own[:EFFECTS])
+        return ReportRows(left_out, command, own[:EFFECTS])
 
     def causes(self, fact: str) -> ReportCauses:
         """Find what a fact led to, and what it goes back to."""
@@ -387,15 +373,14 @@ class ReportReader(NamedTuple):
         command = self.command("consequences", fact, "--at", str(self.tally.last))
         return ReportCauses(left_out, command, *found)
 
-    def log(self) -> ReportLog:
+    def log(self) -> ReportRows[ReportEntry]:
         """Read the last revisions of the range with their changes, oldest first."""
         first, last = self.tally.first, self.tally.last
         found = list(self.kb.log(first, until=last, limit=ENTRIES))[::-1]
-        left = last - first + 1 - len(found)
-        left_out = f"the first {left:,} revisions" if left > 0 else None
+        left_out = _left(last - first + 1 - len(found), "revisions", "the first ")
         share = max(1, min(CHANGES, SHOWN // max(1, len(found))))
         entries = [self._entry(one, share) for one in found]
-        return ReportLog(left_out, self.ranged("log"), entries)
+        return ReportRows(left_out, self.ranged("log"), entries)
 
     def _entry(self, entry: LogEntry, share: int) -> ReportEntry:
         number = str(entry.revision.number)
@@ -410,8 +395,7 @@ class ReportReader(NamedTuple):
     def verify(self, anchor: Anchor | None, progress: Progress | None) -> ReportVerification:
         """Verify the whole knowledge base, and write its head for whoever verifies it later."""
         found = self.kb.store.verify(anchor, progress=progress)
-        left = len(found.findings) - FINDINGS
-        left_out = f"{left:,} more findings" if left > 0 else None
+        left_out = _left(len(found.findings) - FINDINGS, "more findings")
         some = replace(found, findings=found.findings[:FINDINGS])
         return ReportVerification(left_out, self.command("verify"), some)
 
@@ -426,6 +410,11 @@ def _activity(lane: Lane, first: int) -> tuple[int, int]:
     """Return how often a lane changed in a range that begins with a revision, and when last."""
     ends = [end for bar in lane.bars for end in (bar.since, bar.until or 0) if end >= first]
     return len(ends) + sum(density.count for density in lane.densities), max(ends, default=0)
+
+
+def _left(number: int, noun: str, which: str = "") -> str | None:
+    """Say how many are left out; None if there are none."""
+    return f"{which}{number:,} {noun}" if number > 0 else None
 
 
 def _stay(lane: Lane, bar: Bar) -> ReportStay:

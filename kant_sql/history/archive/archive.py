@@ -6,7 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import NamedTuple
 
 from ...arguments import flag, optional_call
@@ -24,7 +24,7 @@ from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
-from ..moments import revision_at
+from ..moments import MICROSECOND, revision_at
 from ..replication.batch import BatchSize, OriginHead, copy_batch, wipe
 from ..replication.copy import Copied, CopyRange, Stores
 from ..replication.target import (
@@ -105,7 +105,6 @@ def _advance(
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.
 AT_ONCE = 200_000
 
-_TICK = timedelta(microseconds=1)
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -198,7 +197,7 @@ def _last_before(store: Store, before: When) -> int:
         return max(revision_at(store, before) - 1, 0)
     # A time in the future is refused as it stands.
     revision_at(store, before)
-    return revision_at(store, before - _TICK)
+    return revision_at(store, before - MICROSECOND)
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
