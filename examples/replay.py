@@ -22,7 +22,7 @@ def execute(kb: KnowledgeBase, step: Execution) -> bool:
         kb.apply(step)
         return True
     kb.plans.set_status(step, status="running")
-    with kb.transaction(reason="the door is shut", plan_step=step):
+    with kb.transaction(reason="the door is shut", execution=step):
         kb.propositions.delete("(open lab)")
         kb.plans.set_status(step, status="failed")
     return False

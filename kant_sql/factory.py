@@ -81,7 +81,7 @@ class DaoFactory(ABC):
         observed_at: datetime | str | None = None,
         valid_from: datetime | str | None = None,
         valid_until: datetime | str | None = None,
-        plan_step: Execution | None = None,
+        execution: Execution | None = None,
         confirm: bool = False,
     ) -> AbstractContextManager[None]:
         """Make many calls one revision.
@@ -107,7 +107,7 @@ class DaoFactory(ABC):
                 from now on.
             valid_until: where that period is over, for one that ends in the past: the present stays
                 as it is. Definitions, goals and plans are not said of a period.
-            plan_step: the running execution, a step of a recorded plan or not; the revision links
+            execution: the running execution, a step of a recorded plan or not; the revision links
                 to it.
             confirm: saving a fact that holds already confirms it; without, it does nothing.
 
@@ -335,24 +335,24 @@ class SqlDaoFactory(DaoFactory):
         observed_at: datetime | str | None = None,
         valid_from: datetime | str | None = None,
         valid_until: datetime | str | None = None,
-        plan_step: Execution | None = None,
+        execution: Execution | None = None,
         confirm: bool = False,
     ) -> Iterator[None]:
         refuse_past(self._open_store, self._at)
         flag(confirm, "confirm", InvalidArgumentError)
         step = None
-        if plan_step is not None:
+        if execution is not None:
             from .acts.recording import check_execution, key_of
 
-            step = key_of(plan_step)
+            step = key_of(execution)
         # The number of a revision is refused there.
         seen, *given = (read_when(one) for one in (observed_at, valid_from, valid_until))
         own: Any = (actor, reason, source, expected_revision, seen, step, False, tuple(given))
         with self._open_store.transaction(*own) as transaction:
             if confirm:
                 transaction.refuse_period("confirm=True", "confirm facts in another transaction")
-            if plan_step is not None:
-                check_execution(transaction, plan_step)
+            if execution is not None:
+                check_execution(transaction, execution)
             before = transaction.confirms
             transaction.confirms = before or confirm
             try:

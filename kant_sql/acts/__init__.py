@@ -48,7 +48,7 @@ class Execution(html.OneRow):
         source: where the order came from, as JSON values.
         outcomes: each outcome that it had, with the revisions that set and ended it.
         revisions: the numbers of the revisions that set an outcome of it, or that were made while
-            it ran and name it (`plan_step=`).
+            it ran and name it (`execution=`).
         knowledge_base: the name of the knowledge base that recorded it.
         references: whether the action, and then each argument, is a name of the knowledge base.
 

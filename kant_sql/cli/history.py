@@ -77,8 +77,8 @@ def metadata(revision: Revision) -> Iterable[str]:
         yield f"source: {json_text(revision.source)}"
     if revision.observed_at is not None:
         yield f"observed at: {time_text(revision.observed_at)}"
-    if revision.plan_step is not None:
-        yield str(revision.plan_step).replace(",", "")
+    if revision.execution is not None:
+        yield str(revision.execution).replace(",", "")
 
 
 _OfActor = Annotated[

@@ -13,17 +13,11 @@ from ..history.moments import MICROSECOND, check_number, check_zone, clamped
 from ..history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
-from ..sql.audit_views import (
-    AuditView,
-    arrow_schema,
-    find_audit_view,
-    import_arrow,
-    last_revision_before,
-    stream_view,
-)
+from ..sql.audit_views import AuditView, arrow_schema, find_audit_view, import_arrow, stream_view
 from ..sql.catalog import read_heads
 from ..sql.dialects import create_backend
 from ..sql.dialects.base import Session
+from ..sql.lanes import revisions_at
 from ..sql.schema import check
 from ..sql.valid_periods import ValidRange
 
@@ -83,14 +77,18 @@ class StoreSnapshot:
             return None
         low, high, kb_id = 1, state.revision, self.ids[state.name]
         if isinstance(since, datetime):
-            low = last_revision_before(self.session, kb_id, clamped(since)) + 1
+            before = max(clamped(since), FIRST_MOMENT + MICROSECOND) - MICROSECOND
+            low = self._revision_at(kb_id, before) + 1
         elif since is not None:
             low = max(1, check_number(state.name, since, state.revision))
         if isinstance(until, datetime):
-            high = last_revision_before(self.session, kb_id, clamped(until), inclusive=True)
+            high = self._revision_at(kb_id, clamped(until))
         elif until is not None:
             high = max(1, check_number(state.name, until, state.revision))
         return low, high
+
+    def _revision_at(self, kb_id: int, moment: datetime) -> int:
+        return revisions_at(self.session, kb_id, [moment])[0]
 
     def valid_range(
         self, state: KnowledgeBaseState, since: When | None, until: When | None

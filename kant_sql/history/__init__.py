@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from . import verify as verify
     from . import versions as versions
     from .elements import Element
-    from .revisions import RunningStep
+    from .revisions import ExecutionId
 else:
     __getattr__ = asked_for(
         __name__,
@@ -33,8 +33,8 @@ else:
             "..dao.interfaces": ("Progress",),
             "..moment_text": ("When",),
             ".elements": ("Element",),
-            ".revisions": ("RunningStep",),
+            ".revisions": ("ExecutionId",),
         },
     )
 
-__all__ = ["Element", "Progress", "RunningStep", "When"]
+__all__ = ["Element", "ExecutionId", "Progress", "When"]

@@ -6,15 +6,15 @@ from collections.abc import Collection
 from functools import cache
 from typing import Any
 
-from sqlalchemy import Select, bindparam, func, literal_column, or_, select, union
+from sqlalchemy import Select, func, literal_column, or_, select, union
 
 from .. import html
 from ..arguments import period
 from ..moment_text import When
 from ..sql import tables as t
-from ..sql.changes import last_until
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import ANY_PREDICATE, held_by, then
+from ..sql.lanes import revisions_at
 from ..sql.query import Query, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
 from ..store.state import State
@@ -154,8 +154,7 @@ def _find(
                 past = read_numbered(session, kb_id, [state.at] if state.at else [])
                 last = next(iter(past.values()), None)
                 now = state.store.clock(session) if last is None else last.committed_at
-                row = session.first(_UPTO, kb=kb_id, moment=session.from_time(now - age))
-                own["upto"] = (row and row[0]) or 0
+                [own["upto"]] = revisions_at(session, kb_id, [now - age])
             own |= {} if state.at is None else then(session, at)
         own["at"] = at
         count = session.first(_COUNT, kb=kb_id) if which != "stale" else None
@@ -166,6 +165,3 @@ def _find(
         return sorted(made, key=lambda one: order[one.text, one.since.number])
 
     return html.Listing(state.store.query_known(work, []), "fact")
-
-
-_UPTO = Query(select(last_until(bindparam("moment"))))

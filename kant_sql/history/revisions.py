@@ -44,7 +44,7 @@ SHORTEST_LIST, LONGEST_LIST = 11, 200
 _HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
-class RunningStep(NamedTuple):
+class ExecutionId(NamedTuple):
     """The execution that was running: a step of a recorded plan, or an act without a plan.
 
     Attributes:
@@ -72,7 +72,7 @@ class Revision:
         actor: the component that wrote.
         reason: why.
         source: where the knowledge came from, as JSON values.
-        plan_step: the execution that was running, as the writer said.
+        execution: the execution that was running, as the writer said.
         hash: the SHA-256 that chains it to the revision before.
     """
 
@@ -82,7 +82,7 @@ class Revision:
     actor: str | None
     reason: str | None
     source: object
-    plan_step: RunningStep | None
+    execution: ExecutionId | None
     hash: str
 
     @property
@@ -100,7 +100,7 @@ class Revision:
         return [one for one in said if one is not None]
 
     def _html_row_(self) -> html.Row:
-        step = None if self.plan_step is None else str(self.plan_step)
+        step = None if self.execution is None else str(self.execution)
         return {
             "revision": self.number,
             "committed at": self.committed_at,
@@ -108,7 +108,7 @@ class Revision:
             "actor": self.actor,
             "reason": self.reason,
             "source": self.source_text,
-            "plan step": step,
+            "execution": step,
         }
 
     def _repr_html_(self) -> str:
@@ -297,7 +297,7 @@ def _make_revision(session: Session, row: Row) -> Revision:
         actor=actor,
         reason=reason,
         source=read_source(source),
-        plan_step=None if plan_id is None else RunningStep(plan_id or None, position),
+        execution=None if plan_id is None else ExecutionId(plan_id or None, position),
         hash=digest,
     )
     return revision

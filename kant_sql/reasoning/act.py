@@ -273,13 +273,13 @@ def in_revision(
     store: Store,
     step: object,
     reason: str | None,
-    plan_step: Execution | None,
+    execution: Execution | None,
     done: str,
     work: Callable[[Transaction, GroundStep], None],
 ) -> int | None:
     """Do something with a step in one revision; return its number, None without one of its own."""
     optional_text(reason, "the reason")
-    recorded = step if plan_step is None and isinstance(step, Execution) else plan_step
+    recorded = step if execution is None and isinstance(step, Execution) else execution
     place = None if recorded is None else key_of(recorded)
     said = reason if reason is not None else f"{done} {_shown(step)}"
     is_outer = store.current() is None

@@ -83,7 +83,7 @@ def apply(
     step: Step,
     *,
     reason: str | None = None,
-    plan_step: Execution | None = None,
+    execution: Execution | None = None,
     record_refusal: bool = False,
 ) -> int | None:
     """Execute a step: check its conditions and write its effects, in one revision.
@@ -99,7 +99,7 @@ def apply(
         step: text such as `"(move rb1 hall kitchen)"`, with `[5]` for a duration, a
             `PlanStep`, a step of a recorded plan, or an `ActionInstance` of unified-planning.
         reason: the revision's reason; by default the step.
-        plan_step: the running execution that the revision links to.
+        execution: the running execution that the revision links to.
         record_refusal: whether a step that cannot be executed is recorded, with the outcome
             `refused` and what did not hold; its revision has nothing else. Within an open
             transaction, that is kept if the transaction is.
@@ -144,7 +144,7 @@ def apply(
             refused.append(error)
 
     work = attempt if record_refusal else _apply
-    made = in_revision(store, step, reason, plan_step, APPLIED, work)
+    made = in_revision(store, step, reason, execution, APPLIED, work)
     if refused:
         raise refused[0]
     return made
@@ -233,14 +233,14 @@ def _finish(
 
 
 def start(
-    state: State, step: Step, *, reason: str | None = None, plan_step: Execution | None = None
+    state: State, step: Step, *, reason: str | None = None, execution: Execution | None = None
 ) -> Execution:
     """Start a durative step: its conditions and effects `at start`, in one revision.
 
     Args:
         step: as for `apply`. Without a duration, it has the one that a constraint fixes.
         reason: as for `apply`.
-        plan_step: as for `apply`.
+        execution: as for `apply`.
 
     Returns:
         The execution, with the outcome `running`.
@@ -267,14 +267,14 @@ def start(
         >>> kb.holds("(open)")
         True
     """
-    return begin_running(state.store, step, reason, plan_step, check=_check_durative)
+    return begin_running(state.store, step, reason, execution, check=_check_durative)
 
 
 def begin_running(
     store: Store,
     step: Step,
     reason: str | None,
-    plan_step: Execution | None = None,
+    execution: Execution | None = None,
     *,
     check: Callable[[GroundStep], None] | None = None,
 ) -> Execution:
@@ -297,12 +297,12 @@ def begin_running(
             set_outcome(transaction, found.recorded, RUNNING)
             started.append(key_of(found.recorded))
 
-    in_revision(store, step, reason, plan_step, "started", work)
+    in_revision(store, step, reason, execution, "started", work)
     return read_execution(store, started[0])
 
 
 def end(
-    state: State, step: Step, *, reason: str | None = None, plan_step: Execution | None = None
+    state: State, step: Step, *, reason: str | None = None, execution: Execution | None = None
 ) -> Execution:
     """End a running step: its conditions and effects `at end`, in one revision.
 
@@ -314,7 +314,7 @@ def end(
     Args:
         step: what `start` returned, or as for `apply`; its duration is that of the start.
         reason: as for `apply`.
-        plan_step: as for `apply`.
+        execution: as for `apply`.
 
     Returns:
         The execution, with the outcome `succeeded`.
@@ -332,7 +332,7 @@ def end(
         _finish(transaction, found, given, earlier)
         _set(transaction, running, SUCCEEDED)
 
-    in_revision(store, running, reason, plan_step, "ended", work)
+    in_revision(store, running, reason, execution, "ended", work)
     return read_execution(store, key_of(running))
 
 

@@ -7,7 +7,6 @@ pyarrow, of the extra `data`, is imported on first use.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime
 from enum import Enum
 from functools import cache
 from operator import itemgetter
@@ -61,7 +60,7 @@ _NAMED = {
         "revision form plan_step position argument since until known_since known_until started "
         "ended confirmed verified_revision executions running succeeded failed aborted refused "
         "steps steps_running steps_succeeded steps_failed steps_aborted revisions versions "
-        "unconfirmed"
+        "unconfirmed parts"
     ),
     ColumnType.DOUBLE: (
         "delay duration number planned_start planned_duration success_rate success_low "
@@ -248,6 +247,13 @@ AUDIT_VIEWS = {
             None,
             f"promotion_id revision revision_at revision_epoch origin {_BEGINNING} text",
         ),
+        _view(
+            "erasure",
+            "erasure_id",
+            None,
+            "erasure_id revision revision_at revision_epoch kind element_id pseudonym parts digest "
+            f"{_BEGINNING} text",
+        ),
     )
 }
 
@@ -303,27 +309,6 @@ def _rows_of(view: AuditView, source: Any, windowed: bool) -> Query:
         one.nulls_first() if view.columns[one.name] is ColumnType.TEXT else one for one in order
     ]
     return Query(rows.order_by(*sorted_by))
-
-
-def _last_revision(comparison: str) -> Query:
-    """Find the last revision up to a time, by the index of times."""
-    sql = (
-        "SELECT max(revision) FROM audit_revision"
-        f" WHERE kb_id = :kb AND committed_at {comparison} :moment"
-    )
-    return Query(text(sql))
-
-
-_BEFORE, _UP_TO = _last_revision("<"), _last_revision("<=")
-
-
-def last_revision_before(
-    session: Session, kb_id: int, moment: datetime, *, inclusive: bool = False
-) -> int:
-    """Return the last revision of a knowledge base before a time, or up to it; 0 without one."""
-    query = _UP_TO if inclusive else _BEFORE
-    row = session.first(query, kb=kb_id, moment=session.from_time(moment.astimezone(UTC)))
-    return 0 if row is None or row[0] is None else int(row[0])
 
 
 # A batch ends with the first of these: so many rows, or characters.

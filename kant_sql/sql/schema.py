@@ -39,7 +39,7 @@ BASE = "base"
 # Config attribute in which `migrations/env.py` counts the generated views that it dropped.
 DROPPED_VIEWS = "dropped_views"
 # Oldest first; the last is what this version of the library works on.
-VERSIONS = (*(f"{number:04}" for number in range(1, 15)),)
+VERSIONS = (*(f"{number:04}" for number in range(1, 16)),)
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
 # Alembic's context is a module global: one migration at a time in a process. What a migration has

@@ -2619,6 +2619,48 @@ CREATE VIEW audit_effect (
      LEFT JOIN proposition p ON p.kb_id = v.kb_id AND p.id = v.proposition_id
      LEFT JOIN revision u ON u.kb_id = v.kb_id AND u.number = v.until
      LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.confirmed;
+CREATE VIEW audit_erasure (
+    knowledge_base character varying(255) COLLATE "C",
+    erasure_id bigint,
+    revision bigint,
+    revision_at timestamp with time zone,
+    revision_epoch double precision,
+    kind character varying(16),
+    element_id bigint,
+    pseudonym text COLLATE "C",
+    parts bigint,
+    digest text COLLATE "C",
+    since bigint,
+    since_at timestamp with time zone,
+    since_epoch double precision,
+    since_observed_at timestamp with time zone,
+    asserted_by text COLLATE "C",
+    asserted_reason text COLLATE "C",
+    text text COLLATE "C",
+    kb_id bigint
+) AS
+ SELECT k.name AS knowledge_base,
+    v.id AS erasure_id,
+    v.revision,
+    r.committed_at AS revision_at,
+    EXTRACT(epoch FROM r.committed_at)::double precision AS revision_epoch,
+    v.kind,
+    v.element_id,
+    v.pseudonym,
+    v.parts,
+    v.digest,
+    v.since,
+    s.committed_at AS since_at,
+    EXTRACT(epoch FROM s.committed_at)::double precision AS since_epoch,
+    s.observed_at AS since_observed_at,
+    s.actor AS asserted_by,
+    s.reason AS asserted_reason,
+    v.text,
+    v.kb_id
+   FROM erasure v
+     LEFT JOIN revision r ON r.kb_id = v.kb_id AND r.number = v.revision
+     LEFT JOIN knowledge_base k ON k.id = v.kb_id
+     LEFT JOIN revision s ON s.kb_id = v.kb_id AND s.number = v.since;
 CREATE VIEW audit_execution (
     knowledge_base character varying(255) COLLATE "C",
     execution text COLLATE "C",

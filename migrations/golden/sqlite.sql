@@ -1373,6 +1373,30 @@ LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
 LEFT JOIN proposition AS p ON p.kb_id = v.kb_id AND likelihood(p.id = v.proposition_id, 0.01)
 LEFT JOIN revision AS u ON u.kb_id = v.kb_id AND u.number = v.until
 LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.confirmed;
+CREATE VIEW audit_erasure AS
+SELECT
+    k.name AS knowledge_base,
+    v.id AS erasure_id,
+    v.revision,
+    r.committed_at AS revision_at,
+    (strftime('%s', substr(r.committed_at, 1, 19)) * 1000000 + substr(r.committed_at, 21, 6)) / 1000000.0 AS revision_epoch,
+    v.kind,
+    v.element_id,
+    v.pseudonym,
+    v.parts,
+    v.digest,
+    v.since,
+    s.committed_at AS since_at,
+    (strftime('%s', substr(s.committed_at, 1, 19)) * 1000000 + substr(s.committed_at, 21, 6)) / 1000000.0 AS since_epoch,
+    s.observed_at AS since_observed_at,
+    s.actor AS asserted_by,
+    s.reason AS asserted_reason,
+    v.text,
+    v.kb_id
+FROM erasure AS v
+LEFT JOIN revision AS r ON r.kb_id = v.kb_id AND r.number = v.revision
+LEFT JOIN knowledge_base AS k ON likelihood(k.id = v.kb_id, 0.05)
+LEFT JOIN revision AS s ON s.kb_id = v.kb_id AND s.number = v.since;
 CREATE VIEW audit_execution AS
 SELECT
     k.name AS knowledge_base,

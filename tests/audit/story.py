@@ -101,7 +101,7 @@ class Teller:
             reason=reason,
             source=source,
             observed_at=None if observed is None else at(observed),
-            plan_step=None if step is None else steps[step],
+            execution=None if step is None else steps[step],
         ):
             yield
 

@@ -69,7 +69,7 @@ def record(kb: KnowledgeBase) -> None:
             kb.propositions.confirm(["(delivered insulin room1)"])
         back = night.start("22:10", "(move r1 room1 room2)", "rounds")
         night.at("22:12:30").fail(back, code="E7", text="the door is locked")
-        with night.at("22:12:31").transaction(actor="perception", plan_step=back):
+        with night.at("22:12:31").transaction(actor="perception", execution=back):
             kb.propositions.save("(locked room2)")
             kb.propositions.save("(at r1 room1)")
         with suppress(NotApplicableError):

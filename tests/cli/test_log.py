@@ -42,7 +42,7 @@ def test_json_lines_say_all_of_each_revision(store: str) -> None:
             "actor": revision.actor,
             "reason": revision.reason,
             "source": revision.source,
-            "plan_step": None,
+            "execution": None,
             "hash": revision.hash,
             "changes": [
                 {"sign": change.sign, "kind": change.kind, "text": change.text}

@@ -170,7 +170,7 @@ def test_what_an_act_asserts_is_expected_until_another_confirms_it(kb: Knowledge
 def test_effects_of_steps_that_were_named_and_of_none(kb: KnowledgeBase) -> None:
     confirm(kb, AT_ROOM)
     running = kb.executions.report("mop", outcome="running")
-    with kb.transaction(plan_step=running, actor="executive"):
+    with kb.transaction(execution=running, actor="executive"):
         kb.propositions.save("(clean hall)")
     kb.propositions.save("(clean room)")
     with kb.transaction():

@@ -106,7 +106,7 @@ def test_a_refused_step_of_a_plan_stays_to_be_done(kb: KnowledgeBase) -> None:
     with pytest.raises(NotApplicableError):
         kb.apply(plan.steps[0], record_refusal=True)
     assert latest(kb).outcome == "refused"
-    link = present(kb.store.revisions()[-1].plan_step)
+    link = present(kb.store.revisions()[-1].execution)
     assert (link.plan, link.position) == (plan.id, 0)
     kb.propositions.delete("(open front)")
     kb.apply(plan.steps[0])
@@ -122,9 +122,9 @@ def test_a_durative_act_runs_and_ends(kb: KnowledgeBase) -> None:
     assert (running.outcome, running.ended_at, running.plan_id) == ("running", None, None)
     assert kb.plans.get_all() == []
     begun = kb.revision
-    with kb.transaction(plan_step=running):
+    with kb.transaction(execution=running):
         kb.propositions.save("(open back)")
-    link = present(kb.store.revisions()[-1].plan_step)
+    link = present(kb.store.revisions()[-1].execution)
     assert (link.plan, link.position, str(link)) == (
         None,
         int(running.id),
@@ -133,7 +133,7 @@ def test_a_durative_act_runs_and_ends(kb: KnowledgeBase) -> None:
     with pytest.raises(NotApplicableError, match=f"it is running: execution {running.id}"):
         kb.start("(paint front)")
     with pytest.raises(PlanError, match="expected an execution"):
-        kb.apply("(knock front)", plan_step=running.id)  # type: ignore[arg-type]
+        kb.apply("(knock front)", execution=running.id)  # type: ignore[arg-type]
     done = kb.end(running, reason="bright")
     assert (done.id, done.outcome, done.reason) == (running.id, "succeeded", "dull")
     assert done.revisions == (begun, begun + 1, begun + 2)

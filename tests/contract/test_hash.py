@@ -67,7 +67,7 @@ def write_history(kb: KnowledgeBase) -> None:
         kb.propositions.delete(robot_at())
         kb.propositions.save(robot_at(place=WP2))
     running = kb.executions.report("dock", arguments=["rb1", 'bay "4"'], outcome="running")
-    with kb.transaction(plan_step=running):
+    with kb.transaction(execution=running):
         kb.fail(running, code="E4", text="no\ncharger")
     kb.types.save(PddlTypeDto("wp", parent=PddlTypeDto("Ort")), cascade=True)
     for name in ("\U0001f916", "\uff21", "Straße", "e\u0301", "a--", "%s", "\\n"):

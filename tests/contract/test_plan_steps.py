@@ -64,7 +64,7 @@ def refuses(call: Callable[..., Any], *arguments: Any, **said: Any) -> str:
 
 
 def open_within(kb: KnowledgeBase, step: Execution) -> None:
-    with kb.transaction(plan_step=step):
+    with kb.transaction(execution=step):
         arrive(kb, "wp2")
 
 
@@ -145,24 +145,24 @@ def test_a_step_of_another_knowledge_base_is_refused(fresh_kb: KnowledgeBase) ->
 
 def test_revisions_that_a_step_causes_link_to_it(fresh_kb: KnowledgeBase) -> None:
     first, second = recorded(fresh_kb).steps[:2]
-    with fresh_kb.transaction(plan_step=first):
+    with fresh_kb.transaction(execution=first):
         fresh_kb.plans.set_status(first, status="running")
     open_within(fresh_kb, first)
     arrive(fresh_kb, "home")
-    with fresh_kb.transaction(reason="nothing happens", plan_step=first):
+    with fresh_kb.transaction(reason="nothing happens", execution=first):
         pass
-    with fresh_kb.transaction(plan_step=first), fresh_kb.transaction(plan_step=second):
+    with fresh_kb.transaction(execution=first), fresh_kb.transaction(execution=second):
         fresh_kb.plans.set_status(first, status="succeeded")
     assert now(fresh_kb, first).revisions == (3, 4, 6)
     assert now(fresh_kb, second).revisions == ()
-    links = [revision.plan_step for revision in fresh_kb.store.revisions()]
+    links = [revision.execution for revision in fresh_kb.store.revisions()]
     place = (first.plan_id, 0)
     assert links == [None, None, place, place, None, place]
 
 
 def test_what_is_undone_links_to_nothing(fresh_kb: KnowledgeBase) -> None:
     step = recorded(fresh_kb).steps[0]
-    with suppress(Undone), fresh_kb.transaction(plan_step=step):
+    with suppress(Undone), fresh_kb.transaction(execution=step):
         fresh_kb.plans.set_status(step, status="running")
         raise Undone
     assert now(fresh_kb, step) == step
@@ -174,7 +174,7 @@ def test_a_plan_can_be_recorded_and_started_in_one_transaction(fresh_kb: Knowled
     with fresh_kb.transaction():
         step = fresh_kb.plans.record(TOUR).steps[1]
         assert fresh_kb.plans.set_status(step, status="running")
-        with fresh_kb.transaction(plan_step=step):
+        with fresh_kb.transaction(execution=step):
             arrive(fresh_kb, "wp2")
         assert now(fresh_kb, step).outcome == "running"
         # The revision that says so is not made yet, and the block within another only joins it.
@@ -249,7 +249,7 @@ def test_a_part_that_fails_leaves_statuses_as_they_were(
 def test_the_past_knows_the_statuses_of_then(fresh_kb: KnowledgeBase) -> None:
     step = recorded(fresh_kb).steps[0]
     for status in ("running", "failed"):
-        with fresh_kb.transaction(plan_step=step):
+        with fresh_kb.transaction(execution=step):
             fresh_kb.plans.set_status(step, status=status)
     past = [fresh_kb.at(number) for number in (2, 3, 4)]
     assert [now(kb, step).outcome for kb in past] == [None, "running", "failed"]
@@ -265,7 +265,7 @@ def test_hashes_cover_statuses_and_links(shared_url: str, connect: Connect) -> N
     kb = connect(shared_url)
     steps = recorded(kb).steps
     for step in steps:
-        with kb.transaction(plan_step=step, reason=str(step)):
+        with kb.transaction(execution=step, reason=str(step)):
             kb.plans.set_status(step, status="running")
             kb.plans.get_all()
         with kb.transaction():

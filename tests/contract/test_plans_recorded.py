@@ -298,7 +298,7 @@ def test_reading_takes_as_many_statements_however_many_plans_there_are(
     kb = fresh_kb
     made = recorded(kb)
     kb.plans.set_status(made.steps[0], status="running")
-    with kb.transaction(plan_step=made.steps[0]):
+    with kb.transaction(execution=made.steps[0]):
         arrive(kb, "wp2")
     few = {count(kb.plans.get_all), count(partial(kb.plans.get, made.id))}
     for _ in range(20):
@@ -329,7 +329,7 @@ def test_writing_takes_as_many_statements_however_long_the_plan_is(fresh_kb: Kno
     assert count(partial(kb.plans.set_status, one, status="running")) <= 5
     assert count(partial(kb.plans.set_status, one, status="running")) == 2
     assert count(partial(kb.plans.set_status, one, status="failed")) <= 6
-    with kb.transaction(plan_step=one):
+    with kb.transaction(execution=one):
         assert count(partial(arrive, kb, "wp2")) <= 2
 
 

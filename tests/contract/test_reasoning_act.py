@@ -344,7 +344,7 @@ def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
     read = present(kb.plans.get(plan.id))
     assert [step.outcome for step in read.steps] == ["succeeded", None]
     assert read.steps[0].revisions == (revision,)
-    kb.apply("(fly p1 c0 c1)", plan_step=plan.steps[1])
+    kb.apply("(fly p1 c0 c1)", execution=plan.steps[1])
     read = present(kb.plans.get(plan.id))
     assert (read.steps[1].outcome, read.steps[1].revisions) == (None, (kb.revision,))
 

@@ -220,7 +220,7 @@ def program(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
     """Write in every way."""
     plan = recorded(kb)
     assert kb.plans.set_status(plan.steps[0], status="running")
-    with kb.transaction(plan_step=plan.steps[0]):
+    with kb.transaction(execution=plan.steps[0]):
         arrive(kb, "wp2")
         assert kb.plans.set_status(plan.steps[0], status="succeeded")
     change(kb, patch)

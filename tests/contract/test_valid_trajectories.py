@@ -47,7 +47,7 @@ def write(writer: Writer, acts: dict[str, Act], count: int) -> None:
             given: Any = {"outcome": "succeeded", "started_at": began, "ended_at": ended}
             step = kb.executions.report("mark", arguments=[tick], **given)
             contents = {one: writer.content(one) for one in random.sample(writer.elements, 2)}
-            writer.write(contents, random.choice([began, ended]), plan_step=step)
+            writer.write(contents, random.choice([began, ended]), execution=step)
         acts[f"(mark {tick})"] = Act(began, ended, {*range(first, max(times) + 1)})
 
 

@@ -104,7 +104,7 @@ def test_the_library_reads_what_the_older_one_wrote(new_url: str, connect: Conne
     (plan,) = kb.plans.get_all()
     assert [str(step) for step in plan.steps] == ["(move rb1 wp1 wp2)", "(rest rb1)"]
     assert plan.problem_pddl() == kb.at(2).problem_pddl()
-    assert [revision.number for revision in kb.store.revisions() if revision.plan_step] == [8]
+    assert [revision.number for revision in kb.store.revisions() if revision.execution] == [8]
     assert connect(new_url, knowledge_base="Küche 🤖").objects.get("rb1") is not None
 
 

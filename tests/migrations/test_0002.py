@@ -29,7 +29,7 @@ VIEWS = {
     *("audit_plan_step_argument", "audit_archive"),
 }
 LATER = {"audit_promotion", "audit_execution", "audit_effect", "audit_confirmation"}
-LATER |= {"audit_statistics", "audit_fact_valid", "audit_value_valid"}
+LATER |= {"audit_statistics", "audit_fact_valid", "audit_value_valid", "audit_erasure"}
 FACTS = "proposition_version"
 FORKED = (FACTS, "function_value_version")
 

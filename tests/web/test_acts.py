@@ -94,7 +94,7 @@ def test_pages_go_on_and_cost_the_same_with_more_rows(
 def test_an_act_has_its_outcomes_and_what_it_changed(busy: Filled) -> None:
     kb, client = busy
     (dock,) = kb.executions.get_all(outcome="running")
-    with kb.transaction(plan_step=dock, reason="half way"):
+    with kb.transaction(execution=dock, reason="half way"):
         kb.propositions.save("(at rb1 hall)")
     kb.end(dock)
     data = get(client, "/act", id=dock.id)
@@ -121,7 +121,7 @@ def test_what_an_act_shows_is_bounded(busy: Filled, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(acts, "REVISIONS", 2)
     before = statements_of(client, f"/act?kb=courier&id={dock.id}")
     for _ in range(6):
-        with kb.transaction(plan_step=dock):
+        with kb.transaction(execution=dock):
             kb.executions.report("wait", outcome="succeeded")
     assert statements_of(client, f"/act?kb=courier&id={dock.id}") <= before
     data = get(client, "/act", id=dock.id)

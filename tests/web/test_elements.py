@@ -104,7 +104,7 @@ def test_a_fact_leads_to_its_objects_and_to_steps_of_plans(client: TestClient) -
         (1, "(serve rb1 cup1 t1)", "succeeded"),
         (0, "(move rb1 dock t1)", "succeeded"),
     ]
-    assert data["versions"][0]["since"]["plan_step"]["position"] == 2
+    assert data["versions"][0]["since"]["execution"]["position"] == 2
 
 
 def test_an_object_has_everything_that_involves_it(client: TestClient) -> None:
@@ -197,7 +197,7 @@ def test_a_plan_shows_who_wrote_while_a_step_ran(
     kb.plans.set_status(first, status="running")
     with kb.transaction(actor="janitor", reason="closed the door"):
         kb.propositions.delete("(robot_at rb1 wp1)")
-    with kb.transaction(plan_step=first):
+    with kb.transaction(execution=first):
         kb.plans.set_status(first, status="failed")
     kb.plans.set_status(second, status="aborted")
     kb.plans.set_status(plan.steps[2], status="running")

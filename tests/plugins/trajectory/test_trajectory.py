@@ -122,7 +122,7 @@ def test_what_an_executive_writes_itself_is_of_its_execution(
     kb: KnowledgeBase, url: str, tmp_path: Path
 ) -> None:
     act = kb.executions.report("unlock", arguments=["front"], outcome="running")
-    with kb.transaction(plan_step=act):
+    with kb.transaction(execution=act):
         kb.propositions.save("(open front)")
     kb.executions.report(act, outcome="succeeded")
     [text] = trajectories(kb, url, tmp_path / "out")

@@ -101,7 +101,7 @@ def _record(kb: KnowledgeBase) -> None:
     )
     statuses: tuple[Outcome, ...] = ("running", "succeeded")
     for number, status in enumerate(statuses):
-        with kb.transaction(reason=TEXTS[number], plan_step=plan.steps[0]):
+        with kb.transaction(reason=TEXTS[number], execution=plan.steps[0]):
             kb.plans.set_status(plan.steps[0], status=status)
 
 

@@ -98,7 +98,7 @@ def _plan(kb: KnowledgeBase) -> None:
 def _carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
     first, second = plan.steps
     kb.plans.set_status(first, status="running")
-    with kb.transaction(plan_step=first, actor="executive"):
+    with kb.transaction(execution=first, actor="executive"):
         kb.propositions.delete_all()
     kb.plans.set_status(first, status="succeeded")
     kb.plans.set_status(second, status="aborted")
