@@ -243,14 +243,21 @@ def signals_raise() -> Iterator[None]:
 
     is_main = threading.current_thread() is threading.main_thread()
     numbers = [getattr(signal, name) for name in _TERMINATING if is_main and hasattr(signal, name)]
-    changed = [one for one in numbers if signal.getsignal(one) is signal.SIG_DFL]
-    for one in changed:
-        signal.signal(one, stop)
+    before = {one: signal.SIG_DFL for one in numbers if signal.getsignal(one) is signal.SIG_DFL}
+    with _handled(before, stop):
+        yield
+
+
+@contextmanager
+def _handled(before: Mapping[signal.Signals, Any], stop: Callable[..., None]) -> Iterator[None]:
+    """Handle signals in the block, and as before after it."""
+    for number in before:
+        signal.signal(number, stop)
     try:
         yield
     finally:
-        for one in changed:
-            signal.signal(one, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Stop:
@@ -281,13 +288,8 @@ class Stop:
         before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
         # What is ignored stays so, as below nohup.
         before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
-        for number in before:
-            signal.signal(number, stop)
-        try:
+        with _handled(before, stop):
             yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
 
 def _handler(number: signal.Signals) -> Any:

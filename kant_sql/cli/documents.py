@@ -68,7 +68,9 @@ def check(
 
     Exits with 1 if there are errors.
     """
-    report = check_files([_source(file) for file in files])
+    report = check_files(
+        [read_bytes(file) if file == STANDARD_INPUT else Path(file) for file in files]
+    )
     errors = sum(finding.is_error or strict for finding in report.findings)
     if as_json:
         findings = [_finding_document(finding, strict) for finding in report.findings]
@@ -77,10 +79,6 @@ def check(
         _write_report(report, strict)
     if errors:
         raise KantSqlError(f"{plural(errors, 'error')} in {plural(len(files), 'file')}")
-
-
-def _source(file: str) -> Path | tuple[str, bytes]:
-    return read_bytes(file) if file == STANDARD_INPUT else Path(file)
 
 
 def _write_report(report: CheckReport, strict: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, select
@@ -67,7 +68,10 @@ def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
         if kb_id is not None and not moments:
             row = session.first(_HEAD_QUERY, kb=kb_id)
         elif kb_id is not None:
-            row = session.first(_HEAD_AND_TIMES_QUERY, kb=kb_id, **_times(session, moments))
+            given = dict(
+                zip_longest(_MOMENTS, [session.from_time(clamped(moment)) for moment in moments])
+            )
+            row = session.first(_HEAD_AND_TIMES_QUERY, kb=kb_id, **given)
         if row is None:
             for moment in moments:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
@@ -86,13 +90,6 @@ def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
         return HeadTimes(revision, archived, redefined, found)
 
     return store.query(work)
-
-
-def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
-    times = dict.fromkeys(_MOMENTS)
-    for name, moment in zip(_MOMENTS, moments, strict=False):
-        times[name] = session.from_time(clamped(moment))
-    return times
 
 
 def check_zone(moment: datetime) -> None:

@@ -25,7 +25,7 @@ from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
 from ..moments import MICROSECOND, revision_at
-from ..replication.batch import BatchSize, OriginHead, copy_batch, wipe
+from ..replication.batch import BatchSize, copy_batch, wipe
 from ..replication.copy import Copied, CopyRange, Stores
 from ..replication.target import (
     ReplicationSide,
@@ -98,8 +98,7 @@ def _advance(
         redefined = state.definition_revision > head.revision
         may_return = state.archived_revision > 0
         bounds = CopyRange(head.revision + 1, high, may_return, redefined, state.erased)
-        origin = OriginHead(source.backend.label, state.revision, state.committed_at, state.next_id)
-        return high, copy_batch(stores, source.name, head, bounds, origin)
+        return high, copy_batch(stores, source, state, head, bounds)
 
 
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.
