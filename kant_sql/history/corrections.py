@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from functools import cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import case, func, literal_column, null, or_, select, union_all
+from sqlalchemy import case, func, literal_column, or_, select, text, union_all
 
 from .. import html
 from ..moment_text import When
 from ..sql import tables as t
-from ..sql.dialects.base import Row, Session
+from ..sql.changes import last_until
+from ..sql.dialects.base import Session
+from ..sql.dialects.words import NESTED_LOOPS, NestedLoops, Walk
+from ..sql.lanes import LANE_SOURCES, LaneSource
 from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, first_rows, in_list, integer
-from ..sql.rows import KB, looked_up, table_of
+from ..sql.rows import FACT, KB, VALUE, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
 from .revisions import Revision, at_most, read_numbered
 
+SAYING, VERSION = "saying", "version"
 HELD, NOT_HELD, NO_VALUE = "held", "not held", "no value"
 # So many sayings are compared at once with what was believed before.
 BATCH = 200
@@ -82,7 +87,6 @@ class _Layer(NamedTuple):
     """What was said of a period: by a saying, or by a version from its revision to another."""
 
     kind: str
-    owner: int
     since: int
     begin: datetime
     end: datetime | None
@@ -125,35 +129,59 @@ def _sayings() -> Any:
 
 @cache
 def _newest() -> Query:
-    """Select the newest sayings of a range of revisions, behind a place."""
+    """Select the newest sayings of a range of revisions, behind a place.
+
+    Each comes with the last revisions up to the ends of its period.
+    """
     said = _sayings()
     behind = or_(said.since < integer("high"), said.owner > integer("behind"))
     rows = select(*said).where(said.since >= integer("low"), said.since <= integer("high"), behind)
-    return Query(first_rows(rows.order_by(said.since.desc(), said.owner), integer("size")))
+    rows = first_rows(rows.order_by(said.since.desc(), said.owner), integer("size"))
+    few = rows.subquery("few").c
+    ends = map(last_until, (few.valid_from, few.valid_until))
+    return Query(select(*few, *ends).order_by(few.since.desc(), few.owner))
+
+
+_SHOWN = (
+    "coalesce({0}.value, (SELECT n.name FROM object AS n WHERE n.kb_id = :kb"
+    f" AND n.id = {{0}}.object_id), '{NO_VALUE}')"
+)
+
+
+def _earlier(loops: NestedLoops, source: LaneSource) -> str:
+    """Select what was said before some sayings of their periods, by sayings and by versions.
+
+    A saying is given by its element, the revisions of its period, and its own revision.
+    """
+    wanted = f"SELECT w.place, {{}} FROM {loops.rows('said', 4)} AS w{{}}"
+    own, earlier = (
+        Walk(alias, f"{source.identity}_saying", source.owner, "w.id0") for alias in ("o", "s")
+    )
+    before = loops.last(source.walk("l", "w.id0"), "w.id1", "l.since")
+    versions = loops.range(source.walk("v", "w.id0"), f"coalesce({before}, 0)", "w.id2")
+    sayings = loops.range(own, "w.id3", "w.id3") + loops.range(earlier, "0", "w.id3 - 1")
+    begin, end = (
+        f"(SELECT r.committed_at FROM revision AS r WHERE r.kb_id = :kb AND r.number = v.{number}"
+        " ORDER BY r.number LIMIT 1)"
+        for number in ("since", "until")
+    )
+    said, held = f"CASE WHEN s.holds THEN '{HELD}' ELSE '{NOT_HELD}' END", f"'{HELD}'"
+    if source.has_values:
+        said, held = map(_SHOWN.format, "sv")
+    of_saying = f"'{SAYING}', s.since, s.valid_from, s.valid_until, {said}, CAST(NULL AS bigint)"
+    of_version = f"'{VERSION}', v.since, {begin}, {end}, {held}, v.until"
+    overlap = " WHERE s.valid_from < o.valid_until AND s.valid_until > o.valid_from"
+    return (
+        f"{wanted.format(of_saying, sayings)}{overlap}"
+        f" UNION ALL {wanted.format(of_version, versions)}"
+    )
 
 
 @cache
-def _before() -> Query:
-    """Select what else was said of some elements, by sayings and by versions."""
-    said = _sayings()
-    rows = [select(*said, null().label("until")).where(in_list(said.owner, "ids"))]
-    revision = table_of(t.RevisionRow).c
-    fact, value = table_of(t.PropositionVersionRow).c, table_of(t.FunctionValueVersionRow).c
-    for kind, version, owner, content in (
-        ("fact", fact, fact.proposition_id, literal_column(f"'{HELD}'")),
-        ("value", value, value.function_value_id, _content(value)),
-    ):
-        begin, end = (
-            looked_up(revision.committed_at, revision.number, number)
-            for number in (version.since, version.until)
-        )
-        rows.append(
-            select(
-                *(literal_column(f"'{kind} version'"), owner, version.since),
-                *(begin, end, content, version.until),
-            ).where(version.kb_id == KB, in_list(owner, "ids"))
-        )
-    return Query(union_all(*rows))
+def _before(dialect: str) -> Query:
+    # No id is that of a fact and of a value.
+    parts = (_earlier(NESTED_LOOPS[dialect], LANE_SOURCES[kind]) for kind in (FACT, VALUE))
+    return Query(text(" UNION ALL ".join(parts)))
 
 
 @cache
@@ -241,32 +269,41 @@ def _batch(
 ) -> tuple[list[Correction], tuple[int, int] | None]:
     """Compare some sayings with what was believed; return where the next ones begin."""
     rows = session.rows(_newest(), kb=kb_id, low=low, high=high, behind=behind, size=BATCH)
-    said = [*_layers(session, rows)]
-    if not said:
+    if not rows:
         return [], None
-    ids = session.list_value(sorted({one.owner for one in said}))
-    known: dict[int, list[_Layer]] = {}
-    for layer in _layers(session, session.rows(_before(), kb=kb_id, ids=ids)):
-        known.setdefault(layer.owner, []).append(layer)
-    compared = [(one, *part) for one in said for part in _differing(one, known[one.owner])]
+    said = [_layer(session, row[0], *row[2:6]) for row in rows]
+    owners = [row[1] for row in rows]
+    spans = [
+        (owner, first or 0, min(last or 0, one.since - 1), one.since)
+        for one, owner, (*_, first, last) in zip(said, owners, rows, strict=True)
+    ]
+    known: list[list[_Layer]] = [[] for _ in rows]
+    before = _before(session.backend.dialect.name)
+    for place, *layer in session.rows(before, kb=kb_id, said=json.dumps(spans)):
+        known[place].append(_layer(session, *layer))
+    compared = [
+        (one, owner, *part)
+        for one, owner, layers in zip(said, owners, known, strict=True)
+        for part in _differing(one, layers)
+    ]
     numbers = {one.since for one, *_ in compared} | {part[-1] for part in compared if part[-1]}
     revisions = read_numbered(session, kb_id, numbers)
+    ids = session.list_value(sorted({owner for _, owner, *_ in compared}))
     texts: dict[int, str] = dict(session.rows(_texts(), kb=kb_id, ids=ids)) if compared else {}
     made = [
         Correction(
-            *(one.kind, texts[one.owner], begin, end),
+            *(one.kind, texts[owner], begin, end),
             Belief(content, revisions.get(number) if number else None),
             Belief(one.content, revisions.get(one.since)),
         )
-        for one, begin, end, content, number in compared
+        for one, owner, begin, end, content, number in compared
     ]
-    return made, None if len(rows) < BATCH else (said[-1].since, said[-1].owner)
+    return made, None if len(rows) < BATCH else (said[-1].since, owners[-1])
 
 
-def _layers(session: Session, rows: Iterable[Row]) -> Iterator[_Layer]:
-    for kind, owner, since, begin, end, content, *until in rows:
-        ended = None if end is None else session.to_time(end)
-        yield _Layer(kind, owner, since, session.to_time(begin), ended, str(content), *until)
+def _layer(session: Session, kind: str, since: int, begin: Any, end: Any, *said: Any) -> _Layer:
+    ended = None if end is None else session.to_time(end)
+    return _Layer(kind, since, session.to_time(begin), ended, *said)
 
 
 def _differing(
@@ -274,12 +311,11 @@ def _differing(
 ) -> Iterator[tuple[datetime, datetime, str, int | None]]:
     """Give the parts of a saying's period of which something else was believed before."""
     assert said.end is not None
-    before = [one for one in layers if one.since < said.since]
-    ends = {end for one in before for end in (one.begin, one.end) if end is not None}
+    ends = {end for one in layers for end in (one.begin, one.end) if end is not None}
     cuts = sorted({said.begin, *(end for end in ends if said.begin < end < said.end)})
     parts: list[tuple[datetime, datetime, str, int | None]] = []
     for cut, end in zip(cuts, [*cuts[1:], said.end], strict=True):
-        content, number = _believed(said, before, cut)
+        content, number = _believed(said, layers, cut)
         is_next = bool(parts) and parts[-1][2:] == (content, number)
         parts.append((parts.pop()[0] if is_next else cut, end, content, number))
     return (part for part in parts if not _is_same(said, part[2]))
@@ -287,8 +323,8 @@ def _differing(
 
 def _believed(said: _Layer, layers: list[_Layer], moment: datetime) -> tuple[str, int | None]:
     """Return what was believed of a moment before a saying, and which revision said so."""
-    sayings = [one for one in layers if one.kind == said.kind and one.covers(moment)]
-    versions = [one for one in layers if one.kind != said.kind and one.begin <= moment]
+    sayings = [one for one in layers if one.kind == SAYING and one.covers(moment)]
+    versions = [one for one in layers if one.kind == VERSION and one.begin <= moment]
     last = max(sayings, key=lambda one: one.since, default=None)
     if last is None:
         last = max(versions, key=lambda one: one.since, default=None)
