@@ -16,7 +16,7 @@ from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode, load
 from . import common as c
 from .documents import STANDARD_INPUT, read_bytes
-from .history import metadata
+from .history import write_revision
 from .output import FAILED, NOT_JUDGED, Printer, write_each, write_json
 
 if TYPE_CHECKING:
@@ -211,13 +211,10 @@ def _write_end(
     printer: Printer, what: str, revision: Revision, indent: str, time: datetime | None = None
 ) -> None:
     """Write a revision that began or ended something, or that said so of another time."""
-    moment = time_text(revision.committed_at)
     if time is not None and time != revision.committed_at:
         printer.line(f"{indent}{'at' if what == 'in' else what} {time_text(time)}")
         what = "  said in"
-    printer.line(f"{indent}{what} revision {revision.number}  {moment}")
-    for line in metadata(revision):
-        printer.line(f"{indent}  {line}")
+    write_revision(printer, f"{what} ", revision, indent)
 
 
 def when(

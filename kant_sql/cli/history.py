@@ -29,11 +29,18 @@ _STYLES = {"+": "green", "-": "red"}
 
 def write_entry(printer: Printer, entry: LogEntry) -> None:
     """Write a revision with its changes."""
-    revision = entry.revision
-    printer.line(f"revision {revision.number}  {time_text(revision.committed_at)}", "bold")
-    for line in metadata(revision):
-        printer.line(f"  {line}")
+    write_revision(printer, "", entry.revision, style="bold")
     write_changes(printer, entry.changes, "  ")
+
+
+def write_revision(
+    printer: Printer, said: str, revision: Revision, indent: str = "", style: str = ""
+) -> None:
+    """Write a revision behind what is said of it, and below it who, why and the source."""
+    moment = time_text(revision.committed_at)
+    printer.line(f"{indent}{said}revision {revision.number}  {moment}", style)
+    for line in _metadata(revision):
+        printer.line(f"{indent}  {line}")
 
 
 def write_changes(printer: Printer, changes: Iterable[Change], indent: str = "") -> None:
@@ -50,25 +57,19 @@ def _write_version(printer: Printer, version: Version) -> None:
         if revision is None:
             printer.line("  holds now")
             continue
-        moment = time_text(revision.committed_at)
-        printer.line(f"  {what} in revision {revision.number}  {moment}", _STYLES[sign])
-        for line in metadata(revision):
-            printer.line(f"    {line}")
+        write_revision(printer, f"{what} in ", revision, "  ", _STYLES[sign])
     seen = version.confirmed
     if version.acts:
         printer.line(f"  effect of {', '.join(version.acts)}")
     if seen is not None:
-        moment = time_text(seen.committed_at)
-        printer.line(f"  confirmed in revision {seen.number}  {moment}", _STYLES["+"])
-        for line in metadata(seen):
-            printer.line(f"    {line}")
+        write_revision(printer, "confirmed in ", seen, "  ", _STYLES["+"])
 
 
 def _indented(text: str, indent: str) -> str:
     return text.replace("\n", f"\n{indent}  ")
 
 
-def metadata(revision: Revision) -> Iterable[str]:
+def _metadata(revision: Revision) -> Iterable[str]:
     """Yield the metadata of a revision, one line each."""
     for name, value in (("actor", revision.actor), ("reason", revision.reason)):
         if value is not None:

@@ -83,7 +83,7 @@ def show(
             objects = _find_objects(state, name, object_, type_)
             if predicate is not None:
                 _find("predicate", predicate, state.predicates.get_all(), name)
-            elements = _read_part(state, Selection(facts, predicate, objects))
+            elements = _read_part(state, facts, predicate, objects)
         committed_at = _committed_at(state)
         if not is_part:
             elements = {section.name: section.elements(state) for section in _SECTIONS}
@@ -113,24 +113,18 @@ def _committed_at(state: KnowledgeBase) -> str | None:
     return time_text(revision.committed_at)
 
 
-class Selection(NamedTuple):
-    """Conditions on the elements to show, which must fulfil all of them."""
-
-    facts: bool = False  # only facts
-    predicate: str | None = None  # facts and goals of this predicate
-    objects: frozenset[str] | None = None  # elements that name one of these objects, folded
-
-
-def _read_part(state: KnowledgeBase, selection: Selection) -> Elements:
-    """Read the selected elements, by the sections that can have any."""
-    dao, predicate, objects = state.propositions, selection.predicate, selection.objects
+def _read_part(
+    state: KnowledgeBase, only_facts: bool, predicate: str | None, objects: frozenset[str] | None
+) -> Elements:
+    """Read the elements that name the predicate and one of the objects, by their sections."""
+    dao = state.propositions
     facts = dao.get_all() if predicate is None else dao.get_by_predicate(predicate)
     part: dict[str, Sequence[Any]] = {"objects": [], "facts": [], "function_values": []}
     part["facts"] = [one for one in facts if _names_one(one.objects, objects)]
     part["goals"] = []
-    if selection.facts:
+    if only_facts:
         return part
-    part["goals"] = [node for node in state.goals.get_all() if _mentions(node, selection)]
+    part["goals"] = [node for node in state.goals.get_all() if _mentions(node, predicate, objects)]
     if predicate is None:
         part["objects"] = [one for one in state.objects.get_all() if _names_one([one], objects)]
         values = state.function_values.get_all()
@@ -145,11 +139,11 @@ def _names_one(parts: Iterable[object], objects: frozenset[str] | None) -> bool:
     return objects is None or any(fold(dto.name) in objects for dto in dtos)
 
 
-def _mentions(node: Node, selection: Selection) -> bool:
+def _mentions(node: Node, predicate: str | None, objects: frozenset[str] | None) -> bool:
     """Return whether a goal of any form has the predicate and one of the objects in it."""
     words = set(tokenize(fold(str(node))))
-    has_predicate = selection.predicate is None or fold(selection.predicate) in words
-    return has_predicate and (selection.objects is None or bool(words & selection.objects))
+    has_predicate = predicate is None or fold(predicate) in words
+    return has_predicate and (objects is None or bool(words & objects))
 
 
 def _find_objects(

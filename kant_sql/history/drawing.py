@@ -19,6 +19,7 @@ from typing import NamedTuple
 from zlib import crc32
 
 from .. import html
+from .moments import MICROSECOND
 from .window import Bar, Density, Lane, PlanBar, StepBar
 
 # Heights in pixels: of a lane's text, its bar, a numeric fluent, a line of text, and the axis.
@@ -41,7 +42,6 @@ _OUTCOMES = {
 }
 _SECTIONS = {"fact": "Facts", "goal": "Goals", "value": "Values"}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_MICROSECOND = timedelta(microseconds=1)
 _SECOND, _DAY = 10**6, 86_400 * 10**6
 # The steps of the axis, in microseconds.
 _STEPS = (
@@ -627,10 +627,10 @@ def _marks(lanes: Iterable[Lane]) -> dict[str | None, str]:
 
 def _ticks(since: datetime, until: datetime) -> Iterator[tuple[datetime, str]]:
     """Yield the times of the axis with their texts."""
-    begin, end = (since - _EPOCH) // _MICROSECOND, (until - _EPOCH) // _MICROSECOND
+    begin, end = (since - _EPOCH) // MICROSECOND, (until - _EPOCH) // MICROSECOND
     step = next((one for one in _STEPS if (end - begin) / one <= _MOST_TICKS), _STEPS[-1])
     for n in range(begin // step + 1, end // step + 1):
-        moment = _EPOCH + n * step * _MICROSECOND
+        moment = _EPOCH + n * step * MICROSECOND
         # At the edge there is no room for its text.
         if moment - since < (until - since) * 0.97:
             yield moment, _tick(moment, step)

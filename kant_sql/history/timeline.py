@@ -134,19 +134,15 @@ def timeline(
         if is_valid:
             said = first_said(session, kb_id, window.head) if since is None else None
             window = window._replace(since=min(window.since, said or window.since))
-            valid = _valid_range(window)
+            # What changes at the beginning of the window is true then.
+            begin = min(window.since + MICROSECOND, window.until)
+            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
     if not (found.lanes or found.plans or question.after):
         refuse_unknown_names(store, predicate, object)
     return found
-
-
-def _valid_range(window: Window) -> ValidRange:
-    """Return the times after the beginning of a window: what changes there is true then."""
-    begin = min(window.since + MICROSECOND, window.until)
-    return ValidRange(begin, window.until, window.low, window.high, window.head)
 
 
 class _Row(NamedTuple):

@@ -37,14 +37,7 @@ from ..moment_text import When
 from ..reasoning.rules import Rules
 from .cause_graph import draw_causes
 from .rendering import STATIC, render_text
-from .report_sections import (
-    ReportEntry,
-    ReportPlan,
-    ReportRange,
-    ReportReader,
-    ReportRows,
-    ReportStays,
-)
+from .report_sections import ReportEntry, ReportPlan, ReportReader, ReportRows, ReportStays
 
 __all__ = ["report_html", "write_report"]
 
@@ -101,7 +94,7 @@ def report_html(
     flag(verify, "verify", InvalidArgumentError)
     optional_call(progress, "progress")
     names = items(objects, str, "the objects")
-    report = ReportReader.of(kb, ReportRange(since, until, clock))
+    report = ReportReader.of(kb, since, until, clock)
     read = Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
     page: dict[str, Any] = {
         "summary": report.summary(),

@@ -40,16 +40,6 @@ DEPTH, LINKS = 5, 50
 SHOWN = 900
 
 
-class ReportRange(NamedTuple):
-    """The range of a report."""
-
-    # Its first revision, or the earliest time of commit; None for the first revision.
-    since: When | None = None
-    # Its last revision, or the latest time of commit; None for the last revision.
-    until: When | None = None
-    clock: str = COMMITTED  # that of its timelines, as for `kb.timeline`
-
-
 @dataclass(frozen=True)
 class ReportSection:
     """What all sections have: what is left out, and the command that shows all of it."""
@@ -193,13 +183,16 @@ class ReportReader(NamedTuple):
     """Reads the sections of a report."""
 
     kb: KnowledgeBase
-    range: ReportRange
+    # Its first and last revisions, or times of commit, as for `kb.log`, and the clock of timelines.
+    range: tuple[When | None, When | None, str]
     tally: Tally  # what its revisions changed
 
     @classmethod
-    def of(cls, kb: KnowledgeBase, range_: ReportRange) -> ReportReader:
+    def of(
+        cls, kb: KnowledgeBase, since: When | None, until: When | None, clock: str = COMMITTED
+    ) -> ReportReader:
         """Find the range."""
-        return cls(kb, range_, read_tally(state_of(kb), range_.since, range_.until, ACTORS))
+        return cls(kb, (since, until, clock), read_tally(state_of(kb), since, until, ACTORS))
 
     @property
     def is_empty(self) -> bool:

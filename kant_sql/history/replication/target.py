@@ -50,7 +50,6 @@ class HeadState(NamedTuple):
     erased: int  # the revision of the last erasure; 0: there is none
 
 
-NOTHING = HeadState(0, 0, 0, 0, None, None, None, 0)
 _HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
 _STATE = Query(
     select(
@@ -63,7 +62,7 @@ _STATE = Query(
 def read_state(session: Session, kb_id: int | None) -> HeadState:
     """Read where a knowledge base stands, in one statement."""
     if kb_id is None:
-        return NOTHING
+        return HeadState(0, 0, 0, 0, None, None, None, 0)
     row: Any = session.first(_STATE, kb=kb_id)
     if row is None:
         raise vanished(session)
