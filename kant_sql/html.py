@@ -146,6 +146,16 @@ def guarded(make: Callable[[], str]) -> str:
         return f"<p>{escape(visible(cut(str(error), 10 * LENGTH)))}</p>"
 
 
+class OneRow:
+    """A result that notebooks show as its row: a line for each of its fields."""
+
+    def _html_row_(self) -> Row:
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return fields(self._html_row_())
+
+
 class Listing(list[T]):
     """A list that notebooks show as a table."""
 

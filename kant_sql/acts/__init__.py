@@ -25,7 +25,7 @@ Outcome = Literal["running", "succeeded", "failed", "aborted", "refused"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Execution:
+class Execution(html.OneRow):
     """An act, or a step of a recorded plan, and its outcome.
 
     Attributes:
@@ -123,6 +123,3 @@ class Execution:
                 for each in outcomes
             ),
         }
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())

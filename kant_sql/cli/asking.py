@@ -16,7 +16,7 @@ from ..knowledge.canonical import time_text
 from ..pddl.lexer import Source, decode, load
 from . import common as c
 from .documents import STANDARD_INPUT, read_bytes
-from .history import metadata
+from .history import write_revision
 from .output import FAILED, NOT_JUDGED, Printer, write_each, write_json
 
 if TYPE_CHECKING:
@@ -29,10 +29,9 @@ if TYPE_CHECKING:
     from ..reasoning.rules import Verdict
     from ..reasoning.when import Held
 
-_USAGE = "[URL] CONDITION"
-_EXAMPLE = "sqlite:///robot.db '(robot_at ?r wp1)'"
+_CONDITION = c.Words("[URL] CONDITION", "sqlite:///robot.db '(robot_at ?r wp1)'")
 _Words = Annotated[
-    list[str], c.words_argument(_USAGE, "a condition in PDDL, such as '(robot_at ?r wp1)'.")
+    list[str], _CONDITION.argument("a condition in PDDL, such as '(robot_at ?r wp1)'.")
 ]
 _Parameters = Annotated[
     str | None,
@@ -60,7 +59,7 @@ def query(
 
     Its free variables are the columns.
     """
-    url, (condition,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (condition,) = _CONDITION.split(words)
     fixed = c.parse_fixed(fix)
 
     def find(state: KnowledgeBase) -> Answers | str:
@@ -98,7 +97,7 @@ def holds(
 
     With free variables, it holds if it holds for some objects.
     """
-    url, (condition,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (condition,) = _CONDITION.split(words)
     fixed = c.parse_fixed(fix)
     name, revision, does_hold = c.ask_state(
         url, kb, at, valid, lambda state: state.holds(condition, **fixed)
@@ -212,13 +211,10 @@ def _write_end(
     printer: Printer, what: str, revision: Revision, indent: str, time: datetime | None = None
 ) -> None:
     """Write a revision that began or ended something, or that said so of another time."""
-    moment = time_text(revision.committed_at)
     if time is not None and time != revision.committed_at:
         printer.line(f"{indent}{'at' if what == 'in' else what} {time_text(time)}")
         what = "  said in"
-    printer.line(f"{indent}{what} revision {revision.number}  {moment}")
-    for line in metadata(revision):
-        printer.line(f"{indent}  {line}")
+    write_revision(printer, f"{what} ", revision, indent)
 
 
 def when(
@@ -236,7 +232,7 @@ def when(
 
     There are periods for all objects of its free variables; the earliest comes first.
     """
-    url, (condition,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (condition,) = _CONDITION.split(words)
     fixed = c.parse_fixed(fix)
     first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
     with c.open_state(url, kb, at) as (_, state):
@@ -261,14 +257,13 @@ def _write_held(condition: str, printer: Printer, held: Held) -> None:
         _write_end(printer, "until", held.until, "  ", held.until_time)
 
 
-_RULES_USAGE = "[URL] [FILE|PDDL]"
+_RULES = c.Words("[URL] [FILE|PDDL]", "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'")
 
 
 def rules(
     words: Annotated[
         list[str] | None,
-        c.words_argument(
-            _RULES_USAGE,
+        _RULES.argument(
             "a file of constraints (- is standard input), or one such as "
             "'(always (robot_at rb1 wp1))'; default: those of the domain and the problem.",
         ),
@@ -299,8 +294,7 @@ def rules(
     Exits with 3 if none is, but one was not judged, as no state of the range has all its names.
     Rules are trajectory constraints of PDDL 3.0. Preferences do not count.
     """
-    example = "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
-    url, given = c.split_url(words or (), _RULES_USAGE, example)
+    url, given = _RULES.split(words)
     source = next(map(rules_source, given), None)
     if save is not None or delete is not None:
         with c.open_to_read(url, kb, actor) as (_, knowledge_base):

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, NoReturn, TypeVar
 
 import typer
 from typer.core import TyperArgument, TyperGroup
@@ -77,17 +77,49 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
     return option(f"JSON Lines: one document per {noun}.", JSON_OPTION)
 
 
-def words_argument(usage: str, help_: str) -> typer.models.ArgumentInfo:
-    """Describe an argument that begins with the URL, as `split_url` finds it.
+class Words(NamedTuple):
+    """The words of a command: the URL, from them or from the environment, and the rest."""
 
-    What is optional behind the URL stands in square brackets.
-    """
-    made: typer.models.ArgumentInfo = typer.Argument(
-        metavar=usage,
-        show_default=False,
-        help=f"{_URL_HELP}, unless the variable {URL_VARIABLE} has it, and {help_}",
-    )
-    return made
+    usage: str  # what is optional behind the URL stands in square brackets
+    example: str
+
+    def argument(self, help_: str) -> typer.models.ArgumentInfo:
+        """Describe the argument that has them."""
+        made: typer.models.ArgumentInfo = typer.Argument(
+            metavar=self.usage,
+            show_default=False,
+            help=f"{_URL_HELP}, unless the variable {URL_VARIABLE} has it, and {help_}",
+        )
+        return made
+
+    def split(self, words: Sequence[str] | None) -> tuple[str, list[str]]:
+        """Split them into the URL and the rest."""
+        # The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
+        # variable has it.
+        words, wanted = words or (), self.usage.split()
+        default = os.environ.get(URL_VARIABLE)
+        is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
+        if default and not is_given:
+            words = [default, *words]
+        needed = 1 + sum(not word.startswith("[") for word in wanted[1:])
+        has_room = len(words) <= len(wanted) or wanted[-1].endswith("...")
+        if not (needed <= len(words) and has_room and all(words) and (is_given or default)):
+            raise typer.BadParameter(
+                f"give a URL or the path of an SQLite file (or set {URL_VARIABLE}) and "
+                f"{' '.join(wanted[1:])}, such as: {self.example}",
+                param_hint=self.usage,
+            )
+        return words[0], list(words[1:])
+
+
+def _names_store(word: str, may_be_empty: bool) -> bool:
+    """Return whether a word is a URL or the path of an SQLite file: PDDL files are words, too."""
+    # Whoever opens a pipe waits.
+    if "://" in word or not os.path.isfile(word):
+        return "://" in word
+    with Path(word).open("rb") as file:
+        head = file.read(len(_SQLITE_FILE))
+    return head == _SQLITE_FILE or (may_be_empty and not head)
 
 
 Url = Annotated[
@@ -148,38 +180,6 @@ Fixed = Annotated[
 ]
 # Names of arguments that are not variables.
 _RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
-
-
-def split_url(words: Sequence[str], usage: str, example: str) -> tuple[str, list[str]]:
-    """Split words into the URL, from them or from the environment, and the rest.
-
-    The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
-    variable has it.
-    """
-    wanted = usage.split()
-    default = os.environ.get(URL_VARIABLE)
-    is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
-    if default and not is_given:
-        words = [default, *words]
-    needed = 1 + sum(not word.startswith("[") for word in wanted[1:])
-    is_right = needed <= len(words) and (len(words) <= len(wanted) or wanted[-1].endswith("..."))
-    if not (is_right and all(words) and (is_given or default)):
-        raise typer.BadParameter(
-            f"give a URL or the path of an SQLite file (or set {URL_VARIABLE}) and "
-            f"{' '.join(wanted[1:])}, such as: {example}",
-            param_hint=usage,
-        )
-    return words[0], list(words[1:])
-
-
-def _names_store(word: str, may_be_empty: bool) -> bool:
-    """Return whether a word is a URL or the path of an SQLite file: PDDL files are words, too."""
-    # Whoever opens a pipe waits.
-    if "://" in word or not os.path.isfile(word):
-        return "://" in word
-    with Path(word).open("rb") as file:
-        head = file.read(len(_SQLITE_FILE))
-    return head == _SQLITE_FILE or (may_be_empty and not head)
 
 
 def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:
@@ -243,14 +243,21 @@ def signals_raise() -> Iterator[None]:
 
     is_main = threading.current_thread() is threading.main_thread()
     numbers = [getattr(signal, name) for name in _TERMINATING if is_main and hasattr(signal, name)]
-    changed = [one for one in numbers if signal.getsignal(one) is signal.SIG_DFL]
-    for one in changed:
-        signal.signal(one, stop)
+    before = {one: signal.SIG_DFL for one in numbers if signal.getsignal(one) is signal.SIG_DFL}
+    with _handled(before, stop):
+        yield
+
+
+@contextmanager
+def _handled(before: Mapping[signal.Signals, Any], stop: Callable[..., None]) -> Iterator[None]:
+    """Handle signals in the block, and as before after it."""
+    for number in before:
+        signal.signal(number, stop)
     try:
         yield
     finally:
-        for one in changed:
-            signal.signal(one, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Stop:
@@ -281,13 +288,8 @@ class Stop:
         before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
         # What is ignored stays so, as below nohup.
         before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
-        for number in before:
-            signal.signal(number, stop)
-        try:
+        with _handled(before, stop):
             yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
 
 def _handler(number: signal.Signals) -> Any:
@@ -327,14 +329,9 @@ def ask_state(
     valid: str | None,
     question: Callable[[KnowledgeBase], T],
 ) -> tuple[str, int, T]:
-    """Ask one state of an existing knowledge base.
-
-    The present is asked as such: its facts have indexes that those of the past lack. If somebody
-    writes meanwhile, the state before is asked again.
-
-    Returns:
-        The name of the knowledge base, the revision of the state, and the answer.
-    """
+    """Ask one state of a knowledge base; return its name, the revision and the answer."""
+    # The present is asked as such: its facts have indexes that those of the past lack. If somebody
+    # writes meanwhile, the state before is asked again.
     when, moment = parse_state(at), parse_optional(valid, "--valid")
     with open_to_read(url, name) as (chosen, knowledge_base):
         if when is None and moment is None:
@@ -430,15 +427,11 @@ class LaterCommands(MutableMapping[str, Any]):
 
 
 class CommandGroup(TyperGroup):
-    """Commands of the library, and of plugins: functions with annotations for Typer.
+    """Commands of the library, and of plugins: functions with annotations for Typer."""
 
-    Attributes:
-        functions: what finds the functions of commands, by their names, or an app of several.
-        plugins: the group of entry points with the names of others.
-    """
-
+    # What finds the functions of commands, by their names, or an app of several.
     functions: ClassVar[Functions] = MappingProxyType({})
-    plugins: ClassVar[Plug]
+    plugins: ClassVar[Plug]  # the group of entry points with the names of others
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -473,16 +466,10 @@ def _name_arguments(command: Any) -> None:
 
 
 class ServiceError(Exception):
-    """An error with the exit code that a service manager decides by.
-
-    Attributes:
-        error: what happened.
-        code: the exit code.
-        is_said: whether standard error has it already.
-    """
+    """An error with the exit code that a service manager decides by."""
 
     def __init__(self, error: KantSqlError, code: int, is_said: bool = False) -> None:
         super().__init__(str(error))
         self.error = error
         self.code = code
-        self.is_said = is_said
+        self.is_said = is_said  # whether standard error has it already

@@ -68,7 +68,9 @@ def check(
 
     Exits with 1 if there are errors.
     """
-    report = check_files([_source(file) for file in files])
+    report = check_files(
+        [read_bytes(file) if file == STANDARD_INPUT else Path(file) for file in files]
+    )
     errors = sum(finding.is_error or strict for finding in report.findings)
     if as_json:
         findings = [_finding_document(finding, strict) for finding in report.findings]
@@ -77,10 +79,6 @@ def check(
         _write_report(report, strict)
     if errors:
         raise KantSqlError(f"{plural(errors, 'error')} in {plural(len(files), 'file')}")
-
-
-def _source(file: str) -> Path | tuple[str, bytes]:
-    return read_bytes(file) if file == STANDARD_INPUT else Path(file)
 
 
 def _write_report(report: CheckReport, strict: bool) -> None:
@@ -120,8 +118,7 @@ def _severity(finding: Diagnostic, strict: bool) -> str:
     return "error" if finding.is_error or strict else "warning"
 
 
-_USAGE = "[URL] FILE..."
-_EXAMPLE = "sqlite:///robot.db domain.pddl problem.pddl"
+_WORDS = c.Words("[URL] FILE...", "sqlite:///robot.db domain.pddl problem.pddl")
 # The share of the commit in the time of a long load.
 _COMMIT = 0.2
 # Full names of kinds that the log abbreviates.
@@ -136,8 +133,7 @@ _LABELS = {
 def load(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _USAGE,
+        _WORDS.argument(
             "the PDDL files: a domain, in one file or several, a problem, or both; - is standard "
             "input.",
         ),
@@ -159,7 +155,7 @@ def load(
     """Load a domain, a problem or both, in one revision or none."""
     from ..knowledge_base import connect
 
-    url, paths = c.split_url(words, _USAGE, _EXAMPLE)
+    url, paths = _WORDS.split(words)
     inputs = read_inputs(paths)
     if not inputs.domains:
         # A problem needs a domain: without one, no store is created for it.

@@ -22,13 +22,14 @@ Archive = Annotated[
 ]
 Parts = Annotated[str, c.option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")]
 _PARTS = "reason,source"
-_ERASE_USAGE, _RETENTION_USAGE = "[URL] [OBJECT]", "[URL]"
+_ERASE = c.Words("[URL] [OBJECT]", "sqlite:///robot.db maria")
+_RETENTION = c.Words("[URL]", "sqlite:///robot.db --after 30d")
 
 
 def erase(
     words: Annotated[
         list[str] | None,
-        c.words_argument(_ERASE_USAGE, "the name of an object, unless --revision is given."),
+        _ERASE.argument("the name of an object, unless --revision is given."),
     ] = None,
     revision: Annotated[
         list[int] | None,
@@ -61,9 +62,9 @@ def erase(
     Without --yes it changes nothing: it counts the texts that would be erased, and lists others
     that may name the same person. Exits with 1 if bytes of the name may remain in the database.
     """
-    url, objects = c.split_url(words or [], _ERASE_USAGE, "sqlite:///robot.db maria")
+    url, objects = _ERASE.split(words)
     if bool(objects) == bool(revision):
-        raise typer.BadParameter("give an object, or --revision", param_hint=_ERASE_USAGE)
+        raise typer.BadParameter("give an object, or --revision", param_hint=_ERASE.usage)
     element, said = next(iter(objects), None), parts.split(",") if revision else []
     with c.open_to_read(url, kb) as (name, knowledge_base):
         if not yes:
@@ -139,7 +140,7 @@ def _write_said(
 
 
 def retention(
-    words: Annotated[list[str] | None, c.words_argument(_RETENTION_USAGE, "none.")] = None,
+    words: Annotated[list[str] | None, _RETENTION.argument("none.")] = None,
     after: Annotated[
         str | None,
         c.option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE"),
@@ -169,7 +170,7 @@ def retention(
 
     Each run makes one revision, or none if nothing is old enough.
     """
-    url, _ = c.split_url(words or [], _RETENTION_USAGE, "sqlite:///robot.db --after 30d")
+    url, _ = _RETENTION.split(words)
     if after is None and rules is None:
         raise typer.BadParameter("give an age, or a file with --rules", param_hint="--after")
     from ..history.erasure.retention import read_rules

@@ -29,11 +29,18 @@ _STYLES = {"+": "green", "-": "red"}
 
 def write_entry(printer: Printer, entry: LogEntry) -> None:
     """Write a revision with its changes."""
-    revision = entry.revision
-    printer.line(f"revision {revision.number}  {time_text(revision.committed_at)}", "bold")
-    for line in metadata(revision):
-        printer.line(f"  {line}")
+    write_revision(printer, "", entry.revision, style="bold")
     write_changes(printer, entry.changes, "  ")
+
+
+def write_revision(
+    printer: Printer, said: str, revision: Revision, indent: str = "", style: str = ""
+) -> None:
+    """Write a revision behind what is said of it, and below it who, why and the source."""
+    moment = time_text(revision.committed_at)
+    printer.line(f"{indent}{said}revision {revision.number}  {moment}", style)
+    for line in _metadata(revision):
+        printer.line(f"{indent}  {line}")
 
 
 def write_changes(printer: Printer, changes: Iterable[Change], indent: str = "") -> None:
@@ -50,25 +57,19 @@ def _write_version(printer: Printer, version: Version) -> None:
         if revision is None:
             printer.line("  holds now")
             continue
-        moment = time_text(revision.committed_at)
-        printer.line(f"  {what} in revision {revision.number}  {moment}", _STYLES[sign])
-        for line in metadata(revision):
-            printer.line(f"    {line}")
+        write_revision(printer, f"{what} in ", revision, "  ", _STYLES[sign])
     seen = version.confirmed
     if version.acts:
         printer.line(f"  effect of {', '.join(version.acts)}")
     if seen is not None:
-        moment = time_text(seen.committed_at)
-        printer.line(f"  confirmed in revision {seen.number}  {moment}", _STYLES["+"])
-        for line in metadata(seen):
-            printer.line(f"    {line}")
+        write_revision(printer, "confirmed in ", seen, "  ", _STYLES["+"])
 
 
 def _indented(text: str, indent: str) -> str:
     return text.replace("\n", f"\n{indent}  ")
 
 
-def metadata(revision: Revision) -> Iterable[str]:
+def _metadata(revision: Revision) -> Iterable[str]:
     """Yield the metadata of a revision, one line each."""
     for name, value in (("actor", revision.actor), ("reason", revision.reason)):
         if value is not None:
@@ -118,11 +119,8 @@ def log(
             )
 
 
-_USAGE = "[URL] NAME|PDDL"
-_EXAMPLE = "sqlite:///robot.db '(robot_at rb1 wp1)'"
-_Words = Annotated[
-    list[str], c.words_argument(_USAGE, "a name, or PDDL such as '(robot_at rb1 wp1)'.")
-]
+_ELEMENT = c.Words("[URL] NAME|PDDL", "sqlite:///robot.db '(robot_at rb1 wp1)'")
+_Words = Annotated[list[str], _ELEMENT.argument("a name, or PDDL such as '(robot_at rb1 wp1)'.")]
 
 
 def history(
@@ -135,7 +133,7 @@ def history(
 
     The oldest version comes first.
     """
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
@@ -145,7 +143,7 @@ def history(
 
 def blame(words: _Words, kb: c.Name = None, at: c.At = None, as_json: c.AsJson = False) -> None:
     """Show who asserted a fact or another element, when and why."""
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (name, state):
         version = state.blame(element)
         if version is None:
@@ -213,7 +211,7 @@ def consequences(
     as_json: _LinkLines = False,
 ) -> None:
     """Show which acts, plans and derived facts used a fact."""
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (_, state):
         _write_links(state.consequences(element, depth=depth, limit=limit), as_json)
 
@@ -227,7 +225,7 @@ def origins(
     as_json: _LinkLines = False,
 ) -> None:
     """Show the acts, observations and files behind a fact."""
-    url, (element,) = c.split_url(words, _USAGE, _EXAMPLE)
+    url, (element,) = _ELEMENT.split(words)
     with c.open_state(url, kb, at) as (_, state):
         _write_links(state.origins(element, depth=depth, limit=limit), as_json)
 
@@ -252,14 +250,13 @@ def _write_link(printer: Printer, link: CauseLink) -> None:
             printer.line(f"{indent}  {name}: {' '.join(map(printable, texts))}")
 
 
-_DIFF_USAGE = "[URL] A[..B] [B]"
+_DIFF = c.Words("[URL] A[..B] [B]", "sqlite:///robot.db 12 '2 hours ago'")
 
 
 def diff(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _DIFF_USAGE,
+        _DIFF.argument(
             "two moments, as A B or A..B, each a revision's number, a time in ISO 8601, or such as "
             "'yesterday'; a moment that is left out is now.",
         ),
@@ -269,10 +266,10 @@ def diff(
     as_json: c.AsJson = False,
 ) -> None:
     """Show elements that hold only at B (+) or only at A (-)."""
-    url, (a, *rest) = c.split_url(words, _DIFF_USAGE, "sqlite:///robot.db 12 '2 hours ago'")
+    url, (a, *rest) = _DIFF.split(words)
     a, dots, b = a.partition("..")
     if rest and dots:
-        raise typer.BadParameter("give A B or A..B, not both", param_hint=_DIFF_USAGE)
+        raise typer.BadParameter("give A B or A..B, not both", param_hint=_DIFF.usage)
     b = rest[0] if rest else b
     moments = c.parse_state(a or None, "A"), c.parse_state(b or None, "B")
     with c.open_to_read(url, kb) as (name, knowledge_base):
@@ -286,15 +283,13 @@ def diff(
             write_changes(Printer(), changes)
 
 
-_RESTORE_USAGE = "[URL] REV|TIME"
+_RESTORE = c.Words("[URL] REV|TIME", "sqlite:///robot.db 12")
 
 
 def restore(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _RESTORE_USAGE, "a revision's number, a time in ISO 8601, or such as '2 hours ago'."
-        ),
+        _RESTORE.argument("a revision's number, a time in ISO 8601, or such as '2 hours ago'."),
     ],
     kb: c.Name = None,
     actor: c.Actor = None,
@@ -305,7 +300,7 @@ def restore(
 
     A restore can be undone by another.
     """
-    url, (when,) = c.split_url(words, _RESTORE_USAGE, "sqlite:///robot.db 12")
+    url, (when,) = _RESTORE.split(words)
     moment = c.parse_state(when, "REV|TIME")
     with c.open_to_read(url, kb) as (name, knowledge_base):
         restored = knowledge_base.revision
@@ -324,15 +319,13 @@ def restore(
         write_changes(printer, changes)
 
 
-_BRANCH_USAGE = "[URL] [NAME]"
+_BRANCH = c.Words("[URL] [NAME]", "sqlite:///robot.db monday")
 
 
 def branch(
     words: Annotated[
         list[str] | None,
-        c.words_argument(
-            _BRANCH_USAGE, "the name of the branch; default with --url: the knowledge base's own."
-        ),
+        _BRANCH.argument("the name of the branch; default with --url: the knowledge base's own."),
     ] = None,
     kb: c.Name = None,
     at: c.At = None,
@@ -348,7 +341,7 @@ def branch(
     as_json: c.AsJson = False,
 ) -> None:
     """Begin a knowledge base with a state of another, as a trial."""
-    url, names = c.split_url(words or (), _BRANCH_USAGE, "sqlite:///robot.db monday")
+    url, names = _BRANCH.split(words)
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
     moment = c.parse_state(at)

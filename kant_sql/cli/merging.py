@@ -13,15 +13,13 @@ from .output import Printer, plural, write_json
 if TYPE_CHECKING:
     from ..history.merged import Decision, Merge
 
-_USAGE = "[URL] [BRANCH]"
+_WORDS = c.Words("[URL] [BRANCH]", "sqlite:///robot.db trial")
 
 
 def merge(
     words: Annotated[
         list[str] | None,
-        c.words_argument(
-            _USAGE, "the name of the branch; default with --url: the knowledge base's own."
-        ),
+        _WORDS.argument("the name of the branch; default with --url: the knowledge base's own."),
     ] = None,
     kb: c.Name = None,
     target: Annotated[
@@ -46,7 +44,7 @@ def merge(
     Without --yes it writes nothing: it lists the changes, and the conflicts, with who, when and why
     on both sides. Exits with 1 if a merge would be refused. --at is a state of the branch.
     """
-    url, names = c.split_url(words or (), _USAGE, "sqlite:///robot.db trial")
+    url, names = _WORDS.split(words)
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="BRANCH")
     both = sorted({*(ours or ())} & {*(theirs or ())})

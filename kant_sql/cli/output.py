@@ -87,10 +87,8 @@ def is_terminal() -> bool:
 
 @contextmanager
 def paged() -> Iterator[None]:
-    """Send the block's output through a pager if it goes to a terminal.
-
-    Quitting the pager ends the block and is not a failure.
-    """
+    """Send the block's output through a pager if it goes to a terminal."""
+    # Quitting the pager ends the block and is not a failure.
     command = _pager() if _Paging.is_wanted and sys.stdout.isatty() else None
     if command is None:
         yield

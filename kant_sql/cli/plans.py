@@ -166,13 +166,13 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
     return document
 
 
-_PLANS_USAGE = "[URL] [ID]"
+_PLANS = c.Words("[URL] [ID]", "sqlite:///robot.db 57")
 
 
 def plans(
     words: Annotated[
         list[str] | None,
-        c.words_argument(_PLANS_USAGE, "the number of a plan, which is shown with its steps."),
+        _PLANS.argument("the number of a plan, which is shown with its steps."),
     ] = None,
     kb: c.Name = None,
     at: c.At = None,
@@ -183,7 +183,7 @@ def plans(
     as_json: Annotated[bool, c.json_lines("plan")] = False,
 ) -> None:
     """List the recorded plans and the status of their steps."""
-    url, ids = c.split_url(words or (), _PLANS_USAGE, "sqlite:///robot.db 57")
+    url, ids = _PLANS.split(words)
     id_ = _parse_id(ids[0], id_) if ids else id_
     if links and id_ is None:
         raise typer.BadParameter("needs the number of a plan", param_hint="--links")
@@ -251,9 +251,8 @@ def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
     printer.table("steps", ("step", "action", "status"), rows)
 
 
-_STEP_USAGE = "[URL] STEP"
-_STEP_EXAMPLE = "sqlite:///robot.db '(move rb1 wp1 wp2)'"
-_Step = Annotated[list[str], c.words_argument(_STEP_USAGE, "a step, such as '(move rb1 wp1 wp2)'.")]
+_STEP = c.Words("[URL] STEP", "sqlite:///robot.db '(move rb1 wp1 wp2)'")
+_Step = Annotated[list[str], _STEP.argument("a step, such as '(move rb1 wp1 wp2)'.")]
 
 
 def why_not(
@@ -267,7 +266,7 @@ def why_not(
 
     For a durative action, these are the conditions at its start, and over all right after it.
     """
-    url, (step,) = c.split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
+    url, (step,) = _STEP.split(words)
     name, revision, failed = c.ask_state(url, kb, at, valid, lambda state: state.why_not(step))
     if as_json:
         asked = {"knowledge_base": name, "revision": revision, "step": step}
@@ -280,13 +279,13 @@ def why_not(
         printer.line(f"{step} is applicable")
 
 
-_APPLICABLE_USAGE = "[URL] [ACTION]"
+_ACTION = c.Words("[URL] [ACTION]", "sqlite:///robot.db move")
 
 
 def applicable(
     words: Annotated[
         list[str] | None,
-        c.words_argument(_APPLICABLE_USAGE, "the name of an action; default: all actions."),
+        _ACTION.argument("the name of an action; default: all actions."),
     ] = None,
     kb: c.Name = None,
     at: c.At = None,
@@ -299,7 +298,7 @@ def applicable(
 
     --fix omits actions without such a parameter.
     """
-    url, names = c.split_url(words or (), _APPLICABLE_USAGE, "sqlite:///robot.db move")
+    url, names = _ACTION.split(words)
     fixed = c.parse_fixed(fix)
     _, _, steps = c.ask_state(
         url,
@@ -319,9 +318,7 @@ def applicable(
 def apply(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _STEP_USAGE, "a step, such as '(move rb1 wp1 wp2)', with its duration in brackets."
-        ),
+        _STEP.argument("a step, such as '(move rb1 wp1 wp2)', with its duration in brackets."),
     ],
     kb: c.Name = None,
     actor: c.Actor = None,
@@ -333,7 +330,7 @@ def apply(
     Its conditions are checked, and its effects written. If a condition does not hold, nothing is
     written, and the exit code is 1.
     """
-    url, (step,) = c.split_url(words, _STEP_USAGE, _STEP_EXAMPLE)
+    url, (step,) = _STEP.split(words)
     with c.open_to_read(url, kb, actor) as (name, knowledge_base):
         made = knowledge_base.apply(step, reason=reason)
         # Within no transaction, each act is a revision.
@@ -348,13 +345,13 @@ def apply(
     write_changes(printer, changes)
 
 
-_PLAN_USAGE = "[URL] [FILE]"
+_FILE = c.Words("[URL] [FILE]", "sqlite:///robot.db sas_plan")
 
 
 def validate(
     words: Annotated[
         list[str] | None,
-        c.words_argument(_PLAN_USAGE, "the file of a plan of any planner; - is standard input."),
+        _FILE.argument("the file of a plan of any planner; - is standard input."),
     ] = None,
     kb: c.Name = None,
     at: c.At = None,
@@ -369,7 +366,7 @@ def validate(
 
     Nothing is written.
     """
-    url, files = c.split_url(words or (), _PLAN_USAGE, "sqlite:///robot.db sas_plan")
+    url, files = _FILE.split(words)
     if bool(files) == (id_ is not None):
         raise typer.BadParameter("give a file or --plan", param_hint="FILE")
     with c.open_state(url, kb, at, valid) as (name, state):

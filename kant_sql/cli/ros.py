@@ -8,22 +8,19 @@ from typing import Annotated
 import typer
 
 from ..errors import needing
-from .common import DEFAULT_NAME, Actor, AsJson, Target, leaving_nothing, split_url, words_argument
+from .common import DEFAULT_NAME, Actor, AsJson, Target, Words, leaving_nothing
 from .output import Printer, plural, write_json
 
 ROS_MISSING = (
     "this needs rclpy, which comes with ROS 2 and not from pip; run: source "
     "/opt/ros/jazzy/setup.bash, in an environment with the Python of your ROS 2"
 )
-_USAGE = "[URL] [ROS_ARGUMENT]..."
-_IMPORT_USAGE = "[URL] BAG"
-_EXAMPLE = "sqlite:///robot.db -- --ros-args -r __ns:=/rb1"
+_NODE = Words("[URL] [ROS_ARGUMENT]...", "sqlite:///robot.db -- --ros-args -r __ns:=/rb1")
+_IMPORT = Words("[URL] BAG", "sqlite:///flight.db rosbag2_2026_03_02-14_03_00")
 
 
 def ros(
-    words: Annotated[
-        list[str] | None, words_argument(_USAGE, "behind -- the arguments of ROS 2.")
-    ] = None,
+    words: Annotated[list[str] | None, _NODE.argument("behind -- the arguments of ROS 2.")] = None,
     kb: Target = DEFAULT_NAME,
     actor: Actor = None,
 ) -> None:
@@ -32,16 +29,14 @@ def ros(
     It answers the services of KANT and of PlanSys2's experts. Ends with Ctrl-C. Words after -- are
     the node's, such as: -- --ros-args -r __ns:=/rb1
     """
-    url, arguments = split_url(words or [], _USAGE, _EXAMPLE)
+    url, arguments = _NODE.split(words)
     with needing(ROS_MISSING):
         from ..ros.node import main
     main([sys.argv[0], *arguments], url=url, knowledge_base=kb, actor=actor or "")
 
 
 def import_(
-    words: Annotated[
-        list[str], words_argument(_IMPORT_USAGE, "the folder of a bag of ROS 2, or its file.")
-    ],
+    words: Annotated[list[str], _IMPORT.argument("the folder of a bag of ROS 2, or its file.")],
     namespace: Annotated[
         str | None, typer.Option(metavar="NS", help="The namespace of the node, such as /rb1.")
     ] = None,
@@ -66,7 +61,7 @@ def import_(
     from ..knowledge_base import connect
     from ..ros.bags import import_bag
 
-    url, (bag,) = split_url(words, _IMPORT_USAGE, "sqlite:///flight.db rosbag2_2026_03_02-14_03_00")
+    url, (bag,) = _IMPORT.split(words)
     with (
         leaving_nothing(url),
         connect(url, knowledge_base=kb, actor=actor, clock=clock) as knowledge_base,

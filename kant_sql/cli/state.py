@@ -8,25 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from ..dto import (
-    PddlActionDto,
-    PddlConditionEffectDto,
-    PddlFunctionDto,
-    PddlFunctionValueDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-)
+from ..dto import PddlActionDto, PddlConditionEffectDto, PddlObjectDto, PddlTypeDto
 from ..dto.actions import Duration
 from ..dto.elements import NamedDto
-from ..dto.formulas import Atom, Metric, Node
+from ..dto.formulas import Atom, Node
 from ..dto.lexical import ROOT_TYPE, fold, number_text
 from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
-from .common import AsJson, At, Name, Valid, open_state, option, split_url, words_argument
+from .common import AsJson, At, Name, Valid, Words, open_state, option
 from .history import write_entry
 from .output import Document, Printer, write_each, write_json
 
@@ -53,14 +44,13 @@ _OfType = Annotated[
 ]
 
 
-_SHOW_USAGE = "[URL] [REV|TIME]"
+_WORDS = Words("[URL] [REV|TIME]", "sqlite:///robot.db 19")
 
 
 def show(
     words: Annotated[
         list[str] | None,
-        words_argument(
-            _SHOW_USAGE,
+        _WORDS.argument(
             "a revision, by its number or a time: who wrote it, when and why, and its changes. "
             "Its state: --at.",
         ),
@@ -78,7 +68,7 @@ def show(
 
     Several options select the elements that match all of them.
     """
-    url, revisions = split_url(words or (), _SHOW_USAGE, "sqlite:///robot.db 19")
+    url, revisions = _WORDS.split(words)
     is_part = facts or not predicate is object_ is type_ is None
     if revisions:
         if is_part or at is not None or valid is not None:
@@ -93,7 +83,7 @@ def show(
             objects = _find_objects(state, name, object_, type_)
             if predicate is not None:
                 _find("predicate", predicate, state.predicates.get_all(), name)
-            elements = _read_part(state, Selection(facts, predicate, objects))
+            elements = _read_part(state, facts, predicate, objects)
         committed_at = _committed_at(state)
         if not is_part:
             elements = {section.name: section.elements(state) for section in _SECTIONS}
@@ -123,24 +113,18 @@ def _committed_at(state: KnowledgeBase) -> str | None:
     return time_text(revision.committed_at)
 
 
-class Selection(NamedTuple):
-    """Conditions on the elements to show, which must fulfil all of them."""
-
-    facts: bool = False  # only facts
-    predicate: str | None = None  # facts and goals of this predicate
-    objects: frozenset[str] | None = None  # elements that name one of these objects, folded
-
-
-def _read_part(state: KnowledgeBase, selection: Selection) -> Elements:
-    """Read the selected elements, by the sections that can have any."""
-    dao, predicate, objects = state.propositions, selection.predicate, selection.objects
+def _read_part(
+    state: KnowledgeBase, only_facts: bool, predicate: str | None, objects: frozenset[str] | None
+) -> Elements:
+    """Read the elements that name the predicate and one of the objects, by their sections."""
+    dao = state.propositions
     facts = dao.get_all() if predicate is None else dao.get_by_predicate(predicate)
     part: dict[str, Sequence[Any]] = {"objects": [], "facts": [], "function_values": []}
     part["facts"] = [one for one in facts if _names_one(one.objects, objects)]
     part["goals"] = []
-    if selection.facts:
+    if only_facts:
         return part
-    part["goals"] = [node for node in state.goals.get_all() if _mentions(node, selection)]
+    part["goals"] = [node for node in state.goals.get_all() if _mentions(node, predicate, objects)]
     if predicate is None:
         part["objects"] = [one for one in state.objects.get_all() if _names_one([one], objects)]
         values = state.function_values.get_all()
@@ -155,11 +139,11 @@ def _names_one(parts: Iterable[object], objects: frozenset[str] | None) -> bool:
     return objects is None or any(fold(dto.name) in objects for dto in dtos)
 
 
-def _mentions(node: Node, selection: Selection) -> bool:
+def _mentions(node: Node, predicate: str | None, objects: frozenset[str] | None) -> bool:
     """Return whether a goal of any form has the predicate and one of the objects in it."""
     words = set(tokenize(fold(str(node))))
-    has_predicate = selection.predicate is None or fold(selection.predicate) in words
-    return has_predicate and (selection.objects is None or bool(words & selection.objects))
+    has_predicate = predicate is None or fold(predicate) in words
+    return has_predicate and (objects is None or bool(words & objects))
 
 
 def _find_objects(
@@ -198,40 +182,29 @@ def _find(kind: str, name: str, dtos: Sequence[NamedDto], kb: str) -> str:
     return names[fold(name)]
 
 
-def _type(dto: PddlTypeDto) -> Document:
-    return {"name": dto.name, "parent": dto.parent.name if dto.parent else None}
+def _document(*names: str, has_text: bool = True) -> Callable[[Any], Document]:
+    """Make JSON data of an element: some of its fields, and its text."""
+
+    def write(dto: Any) -> Document:
+        own = {name: _plain(getattr(dto, name)) for name in names}
+        return own | ({"pddl": str(dto)} if has_text else {})
+
+    return write
 
 
-def _object(dto: PddlObjectDto) -> Document:
-    return {"name": dto.name, "type": dto.type.name, "is_constant": dto.is_constant}
+def _plain(value: object) -> object:
+    """Write a field: of an element, the name; a number as text, which is exact in every reader."""
+    if isinstance(value, list):
+        return [*map(_plain, value)]
+    if isinstance(value, NamedDto):
+        return value.name
+    if isinstance(value, Decimal):
+        return number_text(value)
+    return str(value) if isinstance(value, Node) else value
 
 
-def _names(dtos: Iterable[NamedDto]) -> list[str]:
-    return [dto.name for dto in dtos]
-
-
-def _predicate(dto: PddlPredicateDto) -> Document:
-    return {"name": dto.name, "types": _names(dto.types), "pddl": str(dto)}
-
-
-def _function(dto: PddlFunctionDto) -> Document:
-    types = {"types": _names(dto.types), "value_types": _names(dto.value_types)}
-    return {"name": dto.name, **types, "pddl": str(dto)}
-
-
-def _proposition(dto: PddlPropositionDto) -> Document:
-    return {"predicate": dto.predicate.name, "objects": _names(dto.objects), "pddl": str(dto)}
-
-
-def _function_value(dto: PddlFunctionValueDto) -> Document:
-    value = dto.value
-    return {
-        "function": dto.function.name,
-        "objects": _names(dto.objects),
-        # As text, a number is exact in every JSON reader.
-        "value": value.name if isinstance(value, PddlObjectDto) else number_text(value),
-        "pddl": str(dto),
-    }
+_node, _metric = _document(), _document("optimization", "expression")
+_literal = _document("predicate", "objects", "time", "is_negative", has_text=False)
 
 
 def _goal(node: Node) -> Document:
@@ -239,18 +212,6 @@ def _goal(node: Node) -> Document:
         return _node(node)
     objects = [str(term) for term in node.terms]
     return {"predicate": node.predicate, "objects": objects, "pddl": str(node)}
-
-
-def _node(node: Node) -> Document:
-    return {"pddl": str(node)}
-
-
-def _metric(metric: Metric) -> Document:
-    return {
-        "optimization": metric.optimization,
-        "expression": str(metric.expression),
-        "pddl": str(metric),
-    }
 
 
 def _action(dto: PddlActionDto) -> Document:
@@ -272,14 +233,7 @@ def _duration(duration: Duration) -> object:
 
 
 def _condition_effect(dto: PddlConditionEffectDto | Node) -> Document:
-    if isinstance(dto, Node):
-        return _node(dto)
-    return {
-        "predicate": dto.predicate.name,
-        "objects": _names(dto.objects),
-        "time": dto.time,
-        "is_negative": dto.is_negative,
-    }
+    return _node(dto) if isinstance(dto, Node) else _literal(dto)
 
 
 class ElementTable(NamedTuple):
@@ -307,14 +261,27 @@ _SECTIONS = (
         "requirements", "requirement", str, read=lambda state: state.pddl.domain().requirements
     ),
     ElementTable(
-        "types", "type", _type, ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE)
+        "types",
+        "type",
+        _document("name", "parent", has_text=False),
+        ("parent", lambda dto: dto.parent.name if dto.parent else ROOT_TYPE),
     ),
-    ElementTable("objects", "object", _object, ("type", lambda dto: dto.type.name)),
-    ElementTable("predicates", "predicate", _predicate),
-    ElementTable("functions", "function", _function),
+    ElementTable(
+        "objects",
+        "object",
+        _document("name", "type", "is_constant", has_text=False),
+        ("type", lambda dto: dto.type.name),
+    ),
+    ElementTable("predicates", "predicate", _document("name", "types")),
+    ElementTable("functions", "function", _document("name", "types", "value_types")),
     ElementTable("derived_predicates", "derived predicate"),
-    ElementTable("facts", "fact", _proposition, read=lambda state: state.propositions.get_all()),
-    ElementTable("function_values", "function value", _function_value),
+    ElementTable(
+        "facts",
+        "fact",
+        _document("predicate", "objects"),
+        read=lambda state: state.propositions.get_all(),
+    ),
+    ElementTable("function_values", "function value", _document("function", "objects", "value")),
     ElementTable("initial_literals", "initial literal"),
     ElementTable("timed_initial_literals", "timed initial literal"),
     ElementTable("goals", "goal", _goal),

@@ -40,15 +40,14 @@ def upgrade(url: c.Url, as_json: c.AsJson = False) -> None:
     _write_version(url, as_json)
 
 
-_DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE = "[URL] REV", "sqlite:///robot.db base"
+_DOWNGRADE = c.Words("[URL] REV", "sqlite:///robot.db base")
 
 
 @db.command(context_settings={"ignore_unknown_options": True})
 def downgrade(
     words: Annotated[
         list[str],
-        c.words_argument(
-            _DOWNGRADE_USAGE,
+        _DOWNGRADE.argument(
             "the version to go back to: its number, -1 for one back, or base, which drops the "
             "tables with all data.",
         ),
@@ -63,7 +62,7 @@ def downgrade(
     from ..sql import schema
     from ..sql.catalog import revision_counts
 
-    url, (revision,) = c.split_url(words, _DOWNGRADE_USAGE, _DOWNGRADE_EXAMPLE)
+    url, (revision,) = _DOWNGRADE.split(words)
     if schema.current(url) is None:
         # Raises the error that names the remedy.
         schema.check(url)
@@ -247,13 +246,13 @@ def anchor(
         typer.echo(knowledge_base.store.anchor().text())
 
 
-_BACKUP_USAGE = "[URL] FILE"
+_BACKUP = c.Words("[URL] FILE", "sqlite:///robot.db monday.db")
 
 
 def backup(
     words: Annotated[
         list[str],
-        c.words_argument(_BACKUP_USAGE, "the new file; an existing one is never overwritten."),
+        _BACKUP.argument("the new file; an existing one is never overwritten."),
     ],
     as_json: c.AsJson = False,
 ) -> None:
@@ -263,7 +262,7 @@ def backup(
     """
     from ..sql.catalog import backup as backup_store
 
-    url, (file,) = c.split_url(words, _BACKUP_USAGE, "sqlite:///robot.db monday.db")
+    url, (file,) = _BACKUP.split(words)
     with c.signals_raise(), bar("backup") as progress:
         made = backup_store(url, file, progress=progress)
     if as_json:

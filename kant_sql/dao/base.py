@@ -290,11 +290,10 @@ class Reading:
     def __init__(
         self, now: _Rows, then: _Rows, *blank: ColumnElement[Any], is_of_any_state: bool = False
     ) -> None:
-        """Build the statements; `blank` fills the columns of the head's rows.
-
-        What was true at a time is one state, of open versions. As `is_of_any_state`, the statement
-        of the present reads it: that of the past sorts, for which SQLite reads all versions.
-        """
+        """Build the statements; `blank` fills the columns of the head's rows."""
+        # What was true at a time is one state, of open versions. As `is_of_any_state`, the
+        # statement of the present reads it: that of the past sorts, for which SQLite reads all
+        # versions.
         head, archive = (
             select(literal_column(str(id_)), column, *blank).where(HeadRow.kb_id == KB)
             for id_, column in (
@@ -546,10 +545,8 @@ _REDEFINING: ContextVar[bool] = ContextVar("kant_sql_redefining", default=False)
 
 @contextmanager
 def redefining_references() -> Iterator[None]:
-    """Let references redefine what nothing uses, as the original library does.
-
-    Two references of one element may contradict each other, so save it once more afterwards.
-    """
+    """Let references redefine what nothing uses, as the original library does."""
+    # Two references of one element may contradict each other, so save it once more afterwards.
     token = _REDEFINING.set(True)
     try:
         yield

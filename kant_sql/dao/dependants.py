@@ -71,6 +71,12 @@ def _rows(
     return rows
 
 
+def fluent_of(row: Sequence[Any]) -> GroundFluent:
+    """Make a fluent of its id, its function, its arguments and its text."""
+    id_, function_id, arguments, text = row
+    return GroundFluent(id_, FluentKey(function_id, arguments), text)
+
+
 def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
     """Find the live values that mention something."""
     if next(iter(transaction.definitions.functions), None) is None:
@@ -78,13 +84,8 @@ def function_values_on(transaction: Transaction, scope: Mentioned | None) -> lis
     transaction.flush()
     parts = ((_OF_FUNCTIONS, "functions"), (_OF_OBJECTS, "objects"))
     found = {
-        id_: HeldValue(
-            GroundFluent(id_, FluentKey(function_id, arguments), text),
-            read_value(text, held, object_id),
-        )
-        for id_, function_id, arguments, text, held, object_id in _rows(
-            transaction, scope, _ALL, parts
-        )
+        row[0]: HeldValue(fluent_of(row), read_value(row[3], held, object_id))
+        for *row, held, object_id in _rows(transaction, scope, _ALL, parts)
         if held is not None
     }
     return [found[id_] for id_ in sorted(found)]
@@ -150,10 +151,8 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
 
 
 def _definitions_on(definitions: Definitions, scope: Scope) -> Iterator[tuple[str, int, str]]:
-    """Find the kinds, the ids and the texts of what is defined by trees and mentions something.
-
-    Of actions, processes, events and rules, the name is enough.
-    """
+    """Find the kinds, the ids and the texts of what is defined by trees and mentions something."""
+    # Of actions, processes, events and rules, the name is enough.
     for action in definitions.actions:
         if mentions(action.trees, scope) or any(
             id_ in scope.types for part in action.parameters for id_ in part.type_ids

@@ -115,12 +115,7 @@ def read_formulas(definitions: Definitions, section: str) -> list[FormulaDefinit
 
 
 def read_given(transaction: Transaction, section: str, given: f.Node | str) -> Any:
-    """Read a formula that is given as text or as a node.
-
-    Raises:
-        PddlError: it has no place in the section, or names what is not known.
-        InvalidKnowledgeError: a node's text says something else than the node.
-    """
+    """Read a formula that is given as text or as a node."""
     read = TextReader(transaction).read(_READS[section], given)
     if isinstance(given, f.Node):
         refuse_others(given, read)

@@ -56,11 +56,7 @@ class TextReader:
         return read(str(given), symbols=self._symbols)
 
     def read_stored(self, read: Callable[..., T], given: str | Node) -> T | None:
-        """Read what may be stored; None if it names something that holds no more.
-
-        Raises:
-            PddlError: the text is wrong, or it names an element that never existed.
-        """
+        """Read what may be stored; None if it names something that holds no more."""
         try:
             return self.read(read, given)
         except PddlError:

@@ -125,11 +125,9 @@ def bound(given: int | datetime | None) -> int | str | None:
 
 
 def folder_name(name: str) -> str:
-    """Name the folder of a knowledge base's files, as Hive names partitions.
-
-    What is not a letter, digit or one of `-_.` of ASCII is percent-encoded, so that no name leaves
-    the folder. A name that is too long for a folder ends with a hash of it instead.
-    """
+    """Name the folder of a knowledge base's files, as Hive names partitions."""
+    # What is not a letter, digit or one of `-_.` of ASCII is percent-encoded, so that no name
+    # leaves the folder. A name that is too long for a folder ends with a hash of it instead.
     part = encoded(name)
     if name.lower() in _NOTHING or set(name) <= {"."}:
         part = f"%{ord(name[0]):02X}{part[1:]}"
@@ -302,10 +300,8 @@ def files_of_export(target: Path) -> list[str]:
 
 @contextmanager
 def new_folder(target: Path, replace: bool) -> Iterator[tuple[Folder, list[str]]]:
-    """Prepare a folder for files; give it, and the files that they take the place of.
-
-    Whatever fails in the block leaves the folder as it was.
-    """
+    """Prepare a folder for files; give it, and the files that they take the place of."""
+    # Whatever fails in the block leaves the folder as it was.
     if not replace and target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InvalidArgumentError(
             f"{printable(str(target))} is not an empty folder; name another one, or replace the "
@@ -378,16 +374,9 @@ def export_store(
 
 
 class Export:
-    """An export that is being written.
+    """An export that is being written."""
 
-    Attributes:
-        snapshot: the store, as it was.
-        folder: where the files go.
-        windows: the knowledge bases, each with the revisions that are wanted, from first to last.
-        exported: what was written, once all is.
-    """
-
-    exported: Exported
+    exported: Exported  # what was written, once all is
 
     def __init__(
         self,
@@ -396,6 +385,8 @@ class Export:
         windows: list[tuple[KnowledgeBaseState, Window | None]],
         progress: Progress | None,
     ) -> None:
+        # The store as it was, where the files go, and the knowledge bases, each with the revisions
+        # that are wanted, from first to last.
         self.snapshot, self.folder, self.windows = snapshot, folder, windows
         self._progress = progress
 

@@ -7,9 +7,9 @@ from contextlib import closing, contextmanager
 from datetime import datetime
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..arguments import optional_text, shown, whole_number
-from ..errors import InvalidArgumentError, KantSqlError, UnknownRevisionError
-from ..history.moments import MICROSECOND, check_zone, clamped
+from ..arguments import optional_text, shown
+from ..errors import InvalidArgumentError, KantSqlError
+from ..history.moments import MICROSECOND, check_number, check_zone, clamped
 from ..history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
@@ -80,11 +80,11 @@ class StoreSnapshot:
             before = max(clamped(since), FIRST_MOMENT + MICROSECOND) - MICROSECOND
             low = self._revision_at(kb_id, before) + 1
         elif since is not None:
-            low = _checked(since, state)
+            low = max(1, check_number(state.name, since, state.revision))
         if isinstance(until, datetime):
             high = self._revision_at(kb_id, clamped(until))
         elif until is not None:
-            high = _checked(until, state)
+            high = max(1, check_number(state.name, until, state.revision))
         return low, high
 
     def _revision_at(self, kb_id: int, moment: datetime) -> int:
@@ -111,22 +111,6 @@ class StoreSnapshot:
     ) -> Iterator[pyarrow.RecordBatch]:
         """Read a view's rows of a knowledge base."""
         return stream_view(self.session, view, self.ids[state.name], window)
-
-
-def _checked(number: int, state: KnowledgeBaseState) -> int:
-    whole_number(
-        number,
-        "the revision",
-        least=None,
-        expected="a revision's number, or an aware time",
-        error=UnknownRevisionError,
-    )
-    if not 0 <= number <= state.revision:
-        raise UnknownRevisionError(
-            f"knowledge base {shown(state.name)} has no revision {shown(number)}; its last is "
-            f"{state.revision}"
-        )
-    return max(number, 1)
 
 
 def check_window(

@@ -235,10 +235,8 @@ class CorrectionsPage(NamedTuple):
 def read_corrections_page(
     state: State, since: When | None, until: When | None, after: str | None, limit: int
 ) -> CorrectionsPage:
-    """Read a page: up to `limit` corrections among so many sayings, perhaps none.
-
-    A place is where a batch begins, and how many corrections of it come before.
-    """
+    """Read a page: up to `limit` corrections among so many sayings, perhaps none."""
+    # A place is where a batch begins, and how many corrections of it come before.
     low, high, *_ = find_bounds(state.store, since, until, state.at)
     begin = read_place(after, (int, int), ())
 

@@ -80,10 +80,9 @@ def _text_then(name: str, owner: Any, at: ColumnElement[int]) -> ColumnElement[A
 
 
 def _differs(name: str, end: ChangeEnd, is_narrow: bool) -> ColumnElement[bool]:
-    """Return whether a version that begins or ends between two states holds in one alone.
-
-    Where there are many revisions between, it is found among what held; an expression has no index.
-    """
+    """Return whether a version that begins or ends between two states holds in one alone."""
+    # Where there are many revisions between, it is found among what held; an expression has no
+    # index.
     version, number = end.source.version, end.revision
     at, other = (_BEFORE, _AFTER) if end.retracted else (_AFTER, _BEFORE)
     if not is_narrow:
@@ -310,13 +309,7 @@ def read_difference(
     limit: int = 200,
     clock: str = COMMITTED,
 ) -> Difference:
-    """Read a page of the difference of two states, or of what was true at two times.
-
-    Raises:
-        UnknownRevisionError: there is no such revision yet.
-        ArchivedError: one of the states was moved to an archive.
-        InvalidArgumentError: `after` is not the `next` of a page.
-    """
+    """Read a page of the difference of two states, or of what was true at two times."""
     if is_valid_clock(clock):
         return _valid_page(state, a, b, after, limit)
     (one, other), stand = states_at(state.store, (a, b), state.at)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from zlib import crc32
 
 from .. import html
+from .moments import MICROSECOND
 from .window import Bar, Density, Lane, PlanBar, StepBar
 
 # Heights in pixels: of a lane's text, its bar, a numeric fluent, a line of text, and the axis.
@@ -41,7 +42,6 @@ _OUTCOMES = {
 }
 _SECTIONS = {"fact": "Facts", "goal": "Goals", "value": "Values"}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_MICROSECOND = timedelta(microseconds=1)
 _SECOND, _DAY = 10**6, 86_400 * 10**6
 # The steps of the axis, in microseconds.
 _STEPS = (
@@ -162,12 +162,8 @@ class _Row(NamedTuple):
 
 
 def draw(shown: Timeline, link: Link = no_link) -> Drawing:
-    """Draw a timeline.
-
-    Args:
-        shown: the timeline.
-        link: makes the address of a page of its path and its parameters; none if it is empty.
-    """
+    """Draw a timeline."""
+    # `link` makes the address of a page of its path and its parameters; none if it is empty.
     return _Pen(shown, link).draw()
 
 
@@ -179,7 +175,7 @@ class _Pen:
         self._link = link
         # What holds goes on to the edge, a little behind the end.
         self._length = max(shown.until - shown.since, timedelta(milliseconds=1)) * 1.02
-        self._marks = _marks(_actors(shown.lanes))
+        self._marks = _marks(shown.lanes)
         self._parts: list[str] = []
         self._ends: list[str] = []
         self._y = 0
@@ -617,19 +613,13 @@ def _order_of(step: StepBar) -> tuple[datetime, int]:
     return moment, step.position
 
 
-def _actors(lanes: Iterable[Lane]) -> set[str]:
-    found = {who for lane in lanes for bar in lane.bars for who in (bar.actor, bar.ended_by)}
-    return {who for who in found if who is not None}
-
-
-def _marks(actors: Iterable[str]) -> dict[str | None, str]:
-    """Give each actor a colour, its own as long as there are any.
-
-    An actor has the same colour in the next window, unless another one there takes it first.
-    """
+def _marks(lanes: Iterable[Lane]) -> dict[str | None, str]:
+    """Give each actor a colour, its own as long as there are any."""
+    # An actor has the same colour in the next window, unless another one there takes it first.
     found: dict[str | None, str] = {None: _NOBODY}
     free = list(_COLOURS)
-    for name in sorted(actors):
+    actors = {who for lane in lanes for bar in lane.bars for who in (bar.actor, bar.ended_by)}
+    for name in sorted(who for who in actors if who is not None):
         free = free or list(_COLOURS)
         found[name] = free.pop(crc32(name.encode("utf-8", "replace")) % len(free))
     return found
@@ -637,10 +627,10 @@ def _marks(actors: Iterable[str]) -> dict[str | None, str]:
 
 def _ticks(since: datetime, until: datetime) -> Iterator[tuple[datetime, str]]:
     """Yield the times of the axis with their texts."""
-    begin, end = (since - _EPOCH) // _MICROSECOND, (until - _EPOCH) // _MICROSECOND
+    begin, end = (since - _EPOCH) // MICROSECOND, (until - _EPOCH) // MICROSECOND
     step = next((one for one in _STEPS if (end - begin) / one <= _MOST_TICKS), _STEPS[-1])
     for n in range(begin // step + 1, end // step + 1):
-        moment = _EPOCH + n * step * _MICROSECOND
+        moment = _EPOCH + n * step * MICROSECOND
         # At the edge there is no room for its text.
         if moment - since < (until - since) * 0.97:
             yield moment, _tick(moment, step)

@@ -65,24 +65,12 @@ class ElementPage(NamedTuple):
 
 def read_element_page(
     state: State,
-    element: str,
+    element: str,  # PDDL or a name, as for `history`; with `kind`, a name
     kind: str | None = None,
     before: int | None = None,
-    limit: int = 50,
+    limit: int = 50,  # how many versions a page has, or a few more that began in one revision
 ) -> ElementPage:
-    """Read a page of the versions of an element.
-
-    Args:
-        state: where.
-        element: PDDL or a name, as for `history`; with `kind`, a name.
-        kind: the kind of what the name is of.
-        before: only versions that began before this revision.
-        limit: how many versions a page has, or a few more that began in one revision.
-
-    Raises:
-        UnknownNameError: there never was such an element.
-        InvalidKnowledgeError: `element` is not valid.
-    """
+    """Read a page of the versions of an element."""
     wanted: list[Sought] = sought(element) if kind is None else [Named((kind,), fold(element))]
     last = LARGEST if state.at is None else state.at
     high = last if before is None else min(before - 1, last)
@@ -185,11 +173,7 @@ _CONSTANTS = _constants()
 def read_object_page(
     state: State, name: str, before: int | None = None, limit: int = 100
 ) -> ObjectPage:
-    """Read what involves an object, now and in the past.
-
-    Raises:
-        UnknownNameError: there never was such an object.
-    """
+    """Read what involves an object, now and in the past."""
     own = read_element_page(state, name, "object")
     held = read_state(state, None, StateFilter(object=name), limit=HELD).parts
     key = fold(name)
@@ -349,12 +333,10 @@ def _spelled(session: Session, kb_id: int, words: list[str]) -> str:
 
 
 def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch]:
-    """Look for a text in names, in facts and fluents, and in actors, in four statements at most.
-
-    First comes what has this name, then what begins so, then facts of the object of this name, then
-    what contains the text. Names and the facts of an object are found among all, other texts among
-    the newest.
-    """
+    """Look for a text in names, in facts and fluents, and in actors, in four statements at most."""
+    # First comes what has this name, then what begins so, then facts of the object of this name,
+    # then what contains the text. Names and the facts of an object are found among all, other texts
+    # among the newest.
     bare = text.strip("() ")
     asked = {"folded": fold(bare), "beyond": f"{fold(bare)}\U0010ffff"}
 

@@ -84,13 +84,10 @@ Sought = Named | Applied | Written
 
 
 def comparable(text: str) -> str:
-    """Normalize the text of a formula for comparison."""
-    return " ".join(map(_comparable_word, tokenize(fold(text))))
-
-
-def _comparable_word(word: str) -> str:
-    """Write a number in one way: 7.50 is 7.5."""
-    return word.rstrip("0").rstrip(".") if _DECIMAL.fullmatch(word) else word
+    """Normalize the text of a formula for comparison: 7.50 is 7.5."""
+    words = tokenize(fold(text))
+    plain = (w.rstrip("0").rstrip(".") if _DECIMAL.fullmatch(w) else w for w in words)
+    return " ".join(plain)
 
 
 def sought(element: object) -> list[Sought]:

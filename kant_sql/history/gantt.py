@@ -32,10 +32,8 @@ def _some(ids: Select[Any], order: Any) -> Select[Any]:
 
 
 def _ids() -> Query:
-    """Select the plans that were recorded in a window, or of which a step changed or ran there.
-
-    Executions without a plan that did have rows of their own.
-    """
+    """Select the plans that were recorded in a window, or of which a step changed or ran there."""
+    # Executions without a plan that did have rows of their own.
     version = VERSIONS.c
     columns = version.plan_id, version.position, version.since, version.outcome
     of_step: Any = select(*columns).where(version.kb_id == KB)
@@ -105,17 +103,13 @@ class _Ran(NamedTuple):
 
 
 class PlanBars:
-    """The plans of a window, in four statements at most.
-
-    Attributes:
-        has_more: whether earlier plans, or steps, are left out.
-    """
+    """The plans of a window, in four statements at most."""
 
     def __init__(
         self, session: Session, kb_id: int, window: Window, question: TimelineQuestion
     ) -> None:
         """Read those with a step that has the object and the text; the caller reads revisions."""
-        self.has_more = False
+        self.has_more = False  # whether earlier plans, or steps, are left out
         self._question = question
         self._plans: list[Row] = []
         self._steps: dict[int, list[tuple[int, str]]] = {}

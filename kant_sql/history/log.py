@@ -89,16 +89,11 @@ _Changes = dict[int, tuple[Change, ...]]
 
 
 class LogFilter(NamedTuple):
-    """Which revisions are asked for; all conditions apply.
+    """Which revisions are asked for; all conditions apply."""
 
-    Attributes:
-        actor: who wrote.
-        element: what was changed, as for `log`.
-        text: what is in the reason, the actor, the source as JSON, or a change, in any case.
-    """
-
-    actor: str | None = None
-    element: str | None = None
+    actor: str | None = None  # who wrote
+    element: str | None = None  # what was changed, as for `log`
+    # What is in the reason, the actor, the source as JSON, or a change, in any case.
     text: str | None = None
 
 
@@ -461,21 +456,7 @@ def read_log_page(
     before: int | None = None,
     limit: int = 50,
 ) -> LogPage:
-    """Read a page of the log, newest first.
-
-    Args:
-        state: where.
-        asked: which revisions.
-        since: the first revision or the earliest time, inclusive.
-        until: the last revision or the latest time, inclusive.
-        before: only revisions before this one.
-        limit: how many revisions a page has.
-
-    Raises:
-        UnknownRevisionError: a bound is in the future.
-        UnknownNameError: instead of nothing, if there never was such an actor, or `element` has a
-            name that never was.
-    """
+    """Read a page of the log, newest first."""
     store = state.store
     optional_text(asked.actor, "actor")
     bounds = find_bounds(store, since, until, state.at)
@@ -577,12 +558,7 @@ class RevisionPage(NamedTuple):
 def read_revision_page(
     state: State, number: int, after: str | None = None, limit: int = 200
 ) -> RevisionPage:
-    """Read a revision with a page of its changes.
-
-    Raises:
-        UnknownRevisionError: there is no such revision yet.
-        InvalidArgumentError: `after` is not the `next` of a page.
-    """
+    """Read a revision with a page of its changes."""
     place = read_place(after, BY_OWNER, BY_TEXT)
 
     def work(session: Session, kb_id: int | None) -> RevisionPage:

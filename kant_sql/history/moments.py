@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, select
@@ -67,7 +68,10 @@ def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
         if kb_id is not None and not moments:
             row = session.first(_HEAD_QUERY, kb=kb_id)
         elif kb_id is not None:
-            row = session.first(_HEAD_AND_TIMES_QUERY, kb=kb_id, **_times(session, moments))
+            given = dict(
+                zip_longest(_MOMENTS, [session.from_time(clamped(moment)) for moment in moments])
+            )
+            row = session.first(_HEAD_AND_TIMES_QUERY, kb=kb_id, **given)
         if row is None:
             for moment in moments:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
@@ -86,13 +90,6 @@ def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
         return HeadTimes(revision, archived, redefined, found)
 
     return store.query(work)
-
-
-def _times(session: Session, moments: Sequence[datetime]) -> dict[str, Any]:
-    times = dict.fromkeys(_MOMENTS)
-    for name, moment in zip(_MOMENTS, moments, strict=False):
-        times[name] = session.from_time(clamped(moment))
-    return times
 
 
 def check_zone(moment: datetime) -> None:
@@ -139,10 +136,8 @@ def last_before(store: Store, after: When, upto: int | None = None) -> int:
 def states_at(
     store: Store, whens: Sequence[When], upto: int | None = None
 ) -> tuple[list[int], HeadTimes]:
-    """Return the revisions of one or two states with one statement; refuse archived states.
-
-    A view of the past knows the revisions up to its own, `upto`.
-    """
+    """Return the revisions of one or two states with one statement; refuse archived states."""
+    # A view of the past knows the revisions up to its own, `upto`.
     revisions, head = _find(store, whens, upto)
     for revision in revisions:
         if revision < head.archived:
@@ -162,7 +157,7 @@ def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[i
         if is_head:
             revisions.append(_last_known(store, head, upto))
         elif not isinstance(when, datetime):
-            revisions.append(check_number(store, when, _last_known(store, head, upto)))
+            revisions.append(check_number(store.name, when, _last_known(store, head, upto)))
         else:
             revisions.append(next(found) if upto is None else min(next(found), upto))
     return revisions, head
@@ -176,11 +171,11 @@ def _last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
     return head.revision if transaction is None else transaction.head.revision
 
 
-def check_number(store: Store, when: int, last: int) -> int:
+def check_number(name: str, when: int, last: int) -> int:
     """Check the number of a revision."""
     expected = "a revision's number, or an aware time"
     whole_number(when, "the revision", least=None, expected=expected, error=UnknownRevisionError)
-    refuse_unknown(store.name, when, last)
+    refuse_unknown(name, when, last)
     return when
 
 
@@ -195,10 +190,8 @@ def refuse_valid(state: State | None, question: str) -> None:
 
 
 def past_state(state: State, when: When | None, known: When | None, valid: When | None) -> State:
-    """Return a past state: what was known at a revision or time, or was true at a time.
-
-    What is not given is that of the state, which may be one of the past itself.
-    """
+    """Return a past state: what was known at a revision or time, or was true at a time."""
+    # What is not given is that of the state, which may be one of the past itself.
     if when is not None and known is not None:
         raise InvalidArgumentError("give the revision as the first argument or as known=, not both")
     known = when if known is None else known
@@ -249,11 +242,11 @@ def find_bounds(store: Store, since: When | None, until: When | None, upto: int 
     if after is not None:
         low = min(head.found[0], last) + 1
     elif since is not None and not isinstance(since, datetime):
-        low = max(1, check_number(store, since, last))
+        low = max(1, check_number(store.name, since, last))
     if isinstance(until, datetime):
         high = min(head.found[-1], last)
     elif until is not None:
-        high = check_number(store, until, last)
+        high = check_number(store.name, until, last)
     bounds = Bounds(low, high, head.redefined, last)
     _refuse_reversed(since, until, bounds)
     return bounds
@@ -292,7 +285,7 @@ def valid_times(store: Store, whens: Sequence[When], upto: int | None) -> list[d
     numbers = {when for when in given if not isinstance(when, datetime)}
     if numbers:
         last = _last_known(store, read_head(store), upto)
-        numbers = {last if n == LARGEST else check_number(store, n, last) for n in numbers}
+        numbers = {last if n == LARGEST else check_number(store.name, n, last) for n in numbers}
         revisions = read_revisions(store, numbers - {0}).values()
         known = {0: FIRST_MOMENT, **{each.number: each.committed_at for each in revisions}}
         given = [known[min(when, last)] if isinstance(when, int) else when for when in given]

@@ -179,18 +179,7 @@ def _tables(
 def read_objects_page(
     state: State, type_: str | None = None, after: str | None = None, limit: int = 100
 ) -> ObjectsPage:
-    """Read a page of the objects of a state, with what is said of them.
-
-    Args:
-        state: where.
-        type_: only objects of this type, or of a subtype.
-        after: the `next` of the page before.
-        limit: how many objects a page has.
-
-    Raises:
-        UnknownNameError: there never was such a type.
-        InvalidArgumentError: `after` is not the `next` of a page.
-    """
+    """Read a page of the objects of a state, with what is said of them."""
     place = read_place(after, (str, str))
     if type_ is not None:
         refuse_unknown(state.store, type_, "type")

@@ -78,23 +78,14 @@ class ActorTally(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Who made a range of revisions, and how much they changed.
+    """Who made a range of revisions, and how much they changed."""
 
-    Attributes:
-        first: the first revision of the range.
-        last: the last one; below `first` in an empty range.
-        actors: how many actors there are.
-        busiest: the actors with the most revisions.
-        changes: how many changes of each kind and sign.
-        archived: what ended up to this revision is in an archive, and is not counted.
-    """
-
-    first: int
-    last: int
-    actors: int
-    busiest: tuple[ActorTally, ...]
-    changes: tuple[tuple[str, str, int], ...]
-    archived: int
+    first: int  # the first revision of the range
+    last: int  # the last one; below `first` in an empty range
+    actors: int  # how many actors there are
+    busiest: tuple[ActorTally, ...]  # the actors with the most revisions
+    changes: tuple[tuple[str, str, int], ...]  # how many changes of each kind and sign
+    archived: int  # what ended up to this revision is in an archive, and is not counted
 
 
 _REVISIONS = func.count().label("revisions")

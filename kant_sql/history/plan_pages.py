@@ -118,10 +118,8 @@ def _ids(session: Session, kb_id: int, kind: str, names: Iterable[str]) -> list[
 
 
 def read_steps(session: Session, kb_id: int, kind: str, names: Iterable[str]) -> list[StepLine]:
-    """Read the newest steps that name all of some objects, or that are of an action.
-
-    It takes three statements at most.
-    """
+    """Read the newest steps that name all of some objects, or that are of an action."""
+    # It takes three statements at most.
     ids = _ids(session, kb_id, kind, names)
     if not ids:
         return []
@@ -221,14 +219,9 @@ def read_plans_page(state: State, before: int | None = None, limit: int = 50) ->
 
 
 class Stretch(NamedTuple):
-    """The revisions from one to another.
+    """The revisions from one to another."""
 
-    Attributes:
-        newest: the last of them, in order.
-        total: how many there are.
-    """
-
-    newest: list[Revision]
+    newest: list[Revision]  # the last of them, in order
     total: int
 
 

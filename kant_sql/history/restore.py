@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Select, literal_column, select, union_all
 
 from ..dao.base import batches
-from ..dao.dependants import atom_of, atoms_among
+from ..dao.dependants import atom_of, atoms_among, fluent_of
 from ..errors import ConflictError, StaleRevisionError, reading_rows
 from ..knowledge.definitions import KINDS, Definitions
 from ..moment_text import When
@@ -24,7 +24,7 @@ from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
 from ..sql.query import Query, found_rows, in_rows
 from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, THEN, VALUE, AtomTables
-from ..store.caches import FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
+from ..store.caches import GroundAtom, HeldValue, read_value
 from ..store.head import hash_of
 from ..store.snapshot import View, read_revision
 from ..store.state import State
@@ -57,14 +57,13 @@ def _identities(atoms: AtomTables) -> Select[Any]:
     )
 
 
-def _by_ids(atoms: AtomTables) -> Query:
-    return Query(select(*found_rows(_identities(atoms), atoms.identity.c.id, "ids").c))
-
-
 _FACT, _VALUE = ATOM_TABLES[PROPOSITION], ATOM_TABLES[VALUE]
 _MOVED_PROPOSITIONS = _moved(_FACT, "since")
 _MOVED_VALUES = _moved(_VALUE, "text", "object_id")
-_ATOMS, _FLUENTS = map(_by_ids, (_FACT, _VALUE))
+_ATOMS, _FLUENTS = (
+    Query(select(*found_rows(_identities(one), one.identity.c.id, "ids").c))
+    for one in (_FACT, _VALUE)
+)
 
 
 def restore(
@@ -161,10 +160,7 @@ def _restore_values(transaction: Transaction, at: int) -> None:
         if held.get(True) != held.get(False):
             then[id_] = held.get(True, (None, None))
     for batch in batches(then):
-        fluents = [
-            GroundFluent(id_, FluentKey(function_id, arguments), text)
-            for id_, function_id, arguments, text in _read(transaction, _FLUENTS, batch)
-        ]
+        fluents = [*map(fluent_of, _read(transaction, _FLUENTS, batch))]
         transaction.values.load(fluents)
         for fluent in fluents:
             text, object_id = then[fluent.id]
@@ -238,10 +234,7 @@ def origin_of(store: Store, view: View) -> Origin:
 
 
 def _read_values(view: View) -> list[HeldValue]:
-    fluents = {
-        id_: GroundFluent(id_, FluentKey(function_id, arguments), text)
-        for id_, function_id, arguments, text in view.rows(_HELD_FLUENTS)
-    }
+    fluents = {row[0]: fluent_of(row) for row in view.rows(_HELD_FLUENTS)}
     held = []
     for id_, text, object_id in sorted(view.rows(_HELD_VALUES), key=itemgetter(0)):
         with reading_rows("function_value_version", f"function value {id_!r}"):

@@ -123,7 +123,7 @@ def why_of(revision: Revision | None) -> tuple[str | None, str | None, object]:
 
 
 @dataclass(frozen=True)
-class Version:
+class Version(html.OneRow):
     """An element from the revision that asserted it until the one that retracted it.
 
     Attributes:
@@ -161,9 +161,6 @@ class Version:
             "reason to retract": None if until is None else until.reason,
             "source to retract": None if until is None else until.source_text,
         }
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())
 
 
 @dataclass(frozen=True)

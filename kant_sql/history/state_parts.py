@@ -78,17 +78,11 @@ assert {*PARTS} == {FACT, VALUE, *_NAMED, *DOMAIN_SECTIONS, *PROBLEM_SECTIONS}
 
 
 class StateFilter(NamedTuple):
-    """Which elements of a state are asked for; all conditions apply.
+    """Which elements of a state are asked for; all conditions apply."""
 
-    Attributes:
-        text: what their text contains, in any case.
-        predicate: the predicate or the function that they are of.
-        object: the object that they name.
-    """
-
-    text: str | None = None
-    predicate: str | None = None
-    object: str | None = None
+    text: str | None = None  # what their text contains, in any case
+    predicate: str | None = None  # the predicate or the function that they are of
+    object: str | None = None  # the object that they name
 
 
 class HeldElement(NamedTuple):
@@ -203,11 +197,8 @@ def _keyed(lines: Select[Any], key: Sequence[Any]) -> Select[Any]:
 
 
 def _after(columns: Sequence[Any], shape: _Shape, *fixed: Any) -> list[ColumnElement[bool]]:
-    """Return the condition that a line comes after the place where a page begins, if there is one.
-
-    Args:
-        fixed: a column that follows the first one in the index, and its value.
-    """
+    """Return the condition that a line comes after the place where a page begins, if any."""
+    # `fixed` is a column that follows the first one in the index, and its value.
     if not shape.after or shape.after == _BY_TEXT:
         return []
     # What has no argument or no end: others that are equal so far have none, either.
@@ -391,11 +382,9 @@ def _sorted(shape: _Shape) -> Query:
 
 @lru_cache(maxsize=256)
 def _indexed(shape: _Shape) -> Query:
-    """Read a part that is long in the order of an index, or look for a text in some of it.
-
-    A row has the columns of the key after kind, text and revision. Those of a search have, too,
-    whether the text is in them, and their place; the last that was searched is among them.
-    """
+    """Read a part that is long in the order of an index, or look for a text in some of it."""
+    # A row has the columns of the key after kind, text and revision. Those of a search have, too,
+    # whether the text is in them, and their place; the last that was searched is among them.
     (lines,) = _selects(shape)
     by_version = shape.kind == FACT and not shape.has_object
     size = _constant(SEARCHED) if shape.has_text else _SIZE
@@ -436,18 +425,15 @@ class _Question(NamedTuple):
     at: int | None  # the revision; None for the present
     parameters: dict[str, Any]  # the parameters of its statements
 
-    def shapes(self, kinds: Iterable[str], has_text: bool = False) -> tuple[_Shape, ...]:
+    def shapes(self, kinds: Iterable[str]) -> tuple[_Shape, ...]:
         """Return the conditions of the parts that may have any of it."""
         _, predicate, object_ = self.asked
         has_names = predicate is not None or object_ is not None
         return tuple(
-            _Shape(kind, self.at is not None, has_text, predicate is not None, object_ is not None)
+            _Shape(kind, self.at is not None, False, predicate is not None, object_ is not None)
             for kind in kinds
             if kind not in _NAMED or not has_names or (kind == "object" and predicate is None)
         )
-
-
-_NAMES = ("predicate", "function", "object")
 
 
 def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) -> _Question:
@@ -467,28 +453,13 @@ def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) 
 
 def read_state(
     reader: State,
-    when: When | None,
+    when: When | None,  # which state; None for the present
     asked: StateFilter,
-    kind: str | None = None,
-    after: str | None = None,
+    kind: str | None = None,  # one of `PARTS`; None for the beginning of each
+    after: str | None = None,  # where the page of a kind begins: `next` of the last one
     limit: int = 200,
 ) -> StatePage:
-    """Read a page of a state.
-
-    Args:
-        reader: where.
-        when: which state; None for the present.
-        asked: which elements.
-        kind: one of `PARTS`; None for the beginning of each.
-        after: where the page of a kind begins: `next` of the last one.
-        limit: how many elements a page of a kind has.
-
-    Raises:
-        UnknownRevisionError: there is no such revision yet.
-        ArchivedError: a part of the state was moved to an archive.
-        UnknownNameError: nothing has ever had the name of the predicate or the object.
-        InvalidArgumentError: `after` is not the `next` of a page of this kind.
-    """
+    """Read a page of a state."""
     head = read_head(reader.store).revision if reader.at is None else reader.at
     revision = head
     if reader.at is None or when is not None:

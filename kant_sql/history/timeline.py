@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from itertools import pairwise
 from typing import NamedTuple, cast
 
@@ -39,7 +39,7 @@ from ..sql.valid_periods import Instant, Key, ValidRange, key_of, read_valid
 from ..store.state import State
 from .drawing import Timeline
 from .gantt import PlanBars
-from .moments import is_valid_clock
+from .moments import MICROSECOND, is_valid_clock
 from .revisions import Revision, missing_revision, read_numbered, why_of
 from .window import (
     TIMELINE_KINDS,
@@ -56,7 +56,6 @@ from .window import (
 # What one answer has at most, whatever the number of lanes: bars of lanes that have few versions,
 # slices of the others, and the versions that are counted in those.
 BARS, CELLS, COUNTED = 4_000, 15_000, 150_000
-_MICROSECOND = timedelta(microseconds=1)
 # What held since this part of the window seems to have held since its beginning. Of what never
 # changed, so many lanes are looked for.
 FIRST, MOST_FOLDED = 600, 5_000
@@ -135,19 +134,15 @@ def timeline(
         if is_valid:
             said = first_said(session, kb_id, window.head) if since is None else None
             window = window._replace(since=min(window.since, said or window.since))
-            valid = _valid_range(window)
+            # What changes at the beginning of the window is true then.
+            begin = min(window.since + MICROSECOND, window.until)
+            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
     if not (found.lanes or found.plans or question.after):
         refuse_unknown_names(store, predicate, object)
     return found
-
-
-def _valid_range(window: Window) -> ValidRange:
-    """Return the times after the beginning of a window: what changes there is true then."""
-    begin = min(window.since + _MICROSECOND, window.until)
-    return ValidRange(begin, window.until, window.low, window.high, window.head)
 
 
 class _Row(NamedTuple):
@@ -178,7 +173,7 @@ class _Reader:
     _valid: ValidRange | None
 
     def __post_init__(self) -> None:
-        length = (self._window.until - self._window.since) // _MICROSECOND
+        length = (self._window.until - self._window.since) // MICROSECOND
         self._slices = max(1, min(self._question.slices, length))
 
     def read(self, name: str) -> Timeline:
@@ -418,10 +413,8 @@ class _Periods(NamedTuple):
 def _gathered(
     periods: list[_Period], room: int, moments: Sequence[datetime], last: Instant | None
 ) -> _Periods:
-    """Make bars of periods; of more than there is room for, of those that last for a slice.
-
-    Nothing was read after the `last` instant.
-    """
+    """Make bars of periods; of more than there is room for, of those that last for a slice."""
+    # Nothing was read after the `last` instant.
     if len(periods) <= room and last is None:
         return _Periods(periods)
     bars = []

@@ -64,13 +64,9 @@ _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
 def involving(
     object_: ColumnElement[int], most: int | None = None, by_revision: bool = False
 ) -> Iterator[tuple[VersionColumns, ColumnElement[bool]]]:
-    """Yield which versions involve an object, table by table; no version is in two of them.
-
-    Args:
-        object_: the id of the object.
-        most: look at the versions of so many elements of each kind; None for all.
-        by_revision: the revisions are few: compare their versions with the object.
-    """
+    """Yield which versions involve an object, table by table; no version is in two of them."""
+    # Those of `most` elements of each kind are looked at, by default of all; `by_revision`, as the
+    # revisions are few, their versions are compared with the object.
     own = VERSION_COLUMNS["object"]
     yield own, own.owner == object_
     for columns, arguments, key in _NAMING:
@@ -143,11 +139,9 @@ def read_involvement(
     *,
     whole: bool = False,
 ) -> Involvement:
-    """Read a page of what involves an object in a range of revisions, in two statements.
-
-    A page ends with a revision. One that alone has more changes is cut, or read with one more
-    statement if it is wanted whole.
-    """
+    """Read a page of what involves an object in a range of revisions, in two statements."""
+    # A page ends with a revision. One that alone has more changes is cut, or read with one more
+    # statement if it is wanted whole.
     own = {"kb": kb_id, "object": object_id}
     row = session.first(_versions_of_object(), **own)
     is_recent = row is not None and row[0] >= INVOLVED
@@ -212,11 +206,9 @@ def read_newest(
     with_involved: bool = False,
     with_revision: bool = False,
 ) -> list[Row]:
-    """Read versions that began up to a revision: kind, text, since, until and owner, in any order.
-
-    Of each identity the newest are read, in one statement for names and one more for formulas; of
-    an object, if asked for, all that involves it.
-    """
+    """Read versions that began up to a revision: kind, text, since, until, owner; in any order."""
+    # Of each identity the newest are read, in one statement for names and one more for formulas; of
+    # an object, if asked for, all that involves it.
     found, rows = look_up(session, kb_id, wanted), list[Row]()
     for start in range(0, len(found.lookups), MOST_LOOKUPS):
         some = found.lookups[start : start + MOST_LOOKUPS]
@@ -361,10 +353,8 @@ def last_confirmation(by_others: bool) -> Any:
 
 
 def _evidence() -> Select[Any]:
-    """Select who confirmed facts last, and the executions whose effects revisions have.
-
-    These are those that the revision records, and the one that it names.
-    """
+    """Select who confirmed facts last, and the executions whose effects revisions have."""
+    # These are those that the revision records, and the one that it names.
     none: Any = literal_column("0")
     no_act = none.label("plan_id"), none.label("position")
     seen = last_confirmation(by_others=False).label("confirmed")

@@ -301,7 +301,7 @@ def read_window(
     last = head if upto is None else upto
     for when in ends:
         if when is not None and not isinstance(when, datetime):
-            check_number(store, when, last)
+            check_number(store.name, when, last)
     if row is None or not last:
         now = store.clock(session)
         since, until = (_moment(when, now, now) for when in ends)

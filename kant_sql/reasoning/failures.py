@@ -38,7 +38,7 @@ _ALLOWS: dict[str, Callable[[Decimal], bool]] = {
 
 
 @dataclass(frozen=True)
-class FailedCondition:
+class FailedCondition(html.OneRow):
     """A part of a condition that does not hold, or another reason why a step fails.
 
     Attributes:
@@ -70,9 +70,6 @@ class FailedCondition:
             "retracted at": None if by is None else by.committed_at,
             "who, why, source": None if by is None else tuple(by.said()),
         }
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())
 
 
 def duration_failure(

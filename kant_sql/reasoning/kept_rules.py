@@ -30,7 +30,7 @@ EXAMPLE = "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))"
 
 
 @dataclass(frozen=True)
-class KeptRule:
+class KeptRule(html.OneRow):
     """A rule that is kept in the store.
 
     Attributes:
@@ -50,9 +50,6 @@ class KeptRule:
 
     def _html_row_(self) -> html.Row:
         return {"name": self.name, "rule": self.rule, "on violation": self.on_violation}
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())
 
 
 def kept(definitions: Definitions, rule: RuleDefinition) -> KeptRule:

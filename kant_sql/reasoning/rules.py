@@ -44,7 +44,7 @@ from .valid_sweep import ValidPast, ValidSweep, check_range, instant_at, read_pa
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(html.OneRow):
     """Whether the recorded history keeps a rule.
 
     Attributes:
@@ -100,9 +100,6 @@ class Verdict:
             "reason": None if revision is None else revision.reason,
             "source": None if revision is None else revision.source_text,
         }
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())
 
     def __str__(self) -> str:
         if not self.is_judged:

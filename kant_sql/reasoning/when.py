@@ -80,7 +80,7 @@ def span_order(span: Span) -> tuple[int, tuple[int, ...]]:
 
 
 @dataclass(frozen=True)
-class Held:
+class Held(html.OneRow):
     """A period during which a condition held.
 
     Attributes:
@@ -112,9 +112,6 @@ class Held:
             "reason of the end": None if until is None else until.reason,
             "source of the end": None if until is None else until.source_text,
         }
-
-    def _repr_html_(self) -> str:
-        return html.fields(self._html_row_())
 
     def __str__(self) -> str:
         names = " ".join(self.binding.values())

@@ -27,46 +27,28 @@ H = TypeVar("H")
 
 
 class AtomKey(NamedTuple):
-    """The key of a proposition.
+    """The key of a proposition."""
 
-    Attributes:
-        is_goal: whether it is a goal rather than a fact.
-        predicate_id: its predicate.
-        arguments: the ids of its objects in order, separated by spaces.
-    """
-
-    is_goal: bool
+    is_goal: bool  # whether it is a goal rather than a fact
     predicate_id: int
-    arguments: str
+    arguments: str  # the ids of its objects in order, separated by spaces
 
 
 class GroundAtom(NamedTuple):
-    """An interned proposition.
-
-    Attributes:
-        id: its id.
-        key: its predicate or function, and its arguments.
-        text: its canonical PDDL text.
-    """
+    """An interned proposition."""
 
     id: int
-    key: AtomKey
-    text: str
+    key: AtomKey  # its predicate or function, and its arguments
+    text: str  # its canonical PDDL text
 
 
 class InternCache(Generic[K, A, H]):
-    """What is known between transactions: identities for good, and what held.
-
-    Attributes:
-        identities: the identities, by their keys.
-        held: what held at `revision`, by id: also that something did not.
-        revision: the head when `held` was taken; it says nothing about any other.
-    """
+    """What is known between transactions: identities for good, and what held."""
 
     def __init__(self, is_one_of_many: bool = False) -> None:
         self.identities: dict[K, A] = {}
-        self.held: dict[int, H] = {}
-        self.revision = 0
+        self.held: dict[int, H] = {}  # what held at `revision`, by id: also that something did not
+        self.revision = 0  # the head when `held` was taken; it says nothing about any other
         self._most = CACHED_OF_MANY if is_one_of_many else CACHED_ATOMS
         self._lock = threading.Lock()
 
@@ -108,41 +90,25 @@ class InternCache(Generic[K, A, H]):
 
 
 class FluentKey(NamedTuple):
-    """The key of a fluent.
-
-    Attributes:
-        function_id: its function.
-        arguments: the ids of its objects in order, separated by spaces.
-    """
+    """The key of a fluent."""
 
     function_id: int
-    arguments: str
+    arguments: str  # the ids of its objects in order, separated by spaces
 
 
 class GroundFluent(NamedTuple):
-    """An interned fluent.
-
-    Attributes:
-        id: its id.
-        key: its predicate or function, and its arguments.
-        text: its canonical PDDL text, without a value.
-    """
+    """An interned fluent."""
 
     id: int
-    key: FluentKey
-    text: str
+    key: FluentKey  # its predicate or function, and its arguments
+    text: str  # its canonical PDDL text, without a value
 
 
 class FluentValue(NamedTuple):
-    """What a fluent is.
+    """What a fluent is."""
 
-    Attributes:
-        text: the number, as exact decimal text, or the object's name.
-        object_id: the object; None for a number.
-    """
-
-    text: str
-    object_id: int | None = None
+    text: str  # the number, as exact decimal text, or the object's name
+    object_id: int | None = None  # the object; None for a number
 
     def is_same(self, other: FluentValue | None) -> bool:
         """Return whether a value is another one: 10 and 10.0 are the same number."""
@@ -154,12 +120,7 @@ class FluentValue(NamedTuple):
 
 
 class HeldValue(NamedTuple):
-    """A fluent and what it is.
-
-    Attributes:
-        fluent: the fluent.
-        value: its value.
-    """
+    """A fluent and what it is."""
 
     fluent: GroundFluent
     value: FluentValue
@@ -224,35 +185,26 @@ FluentCache = InternCache[FluentKey, GroundFluent, HeldValue | None]
 
 
 class Snapshot(NamedTuple):
-    """Definitions, and the revision that last changed one.
-
-    Attributes:
-        definition_revision: the revision.
-        definitions: the definitions.
-    """
+    """Definitions, and the revision that last changed one."""
 
     definition_revision: int
     definitions: Definitions
 
 
 class DefinitionCache:
-    """The definitions of the head as a process last saw it, and of some past revisions.
+    """The definitions of the head as a process last saw it, and of some past revisions."""
 
-    What is kept never changes, so threads share it: a newer snapshot takes the place of an older.
-    An erasure alone changes it.
-
-    Attributes:
-        snapshot: the newest definitions that were read; None before the first.
-        forgotten: how often all of it was forgotten.
-    """
+    # What is kept never changes, so threads share it: a newer snapshot takes the place of an older.
+    # An erasure alone changes it.
 
     def __init__(self) -> None:
+        # The newest definitions that were read; None before the first.
         self.snapshot: Snapshot | None = None
         self._past: dict[int, Definitions] = {}
         # By the revision that last changed them.
         self._epochs: dict[int, Definitions] = {}
         self._erased: int | None = None
-        self.forgotten = 0
+        self.forgotten = 0  # how often all of it was forgotten
 
     def forget(self) -> None:
         """Forget all, as texts of earlier revisions were erased."""

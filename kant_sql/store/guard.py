@@ -42,31 +42,22 @@ _MEANING = ("type", "predicate", "function", "formula", "rule")
 
 @dataclass(frozen=True, eq=False)
 class Forbidden:
-    """Objects for which a condition holds, which a rule forbids.
-
-    Attributes:
-        formula: the part of the rule within its quantifiers.
-        variables: those of the quantifiers.
-        bound: the variables of the condition, those of the quantifiers first.
-    """
+    """Objects for which a condition holds, which a rule forbids."""
 
     rule: RuleDefinition
-    formula: f.Formula
-    variables: tuple[f.TypedName, ...]
-    bound: tuple[r.Bound, ...]
+    formula: f.Formula  # the part of the rule within its quantifiers
+    variables: tuple[f.TypedName, ...]  # those of the quantifiers
+    bound: tuple[r.Bound, ...]  # the variables of the condition, those of the quantifiers first
     part: r.Part
 
 
 @dataclass(eq=False)
 class _Trigger:
-    """A part of what is forbidden that changes make true, with the objects of its terms.
-
-    Attributes:
-        places: where the variables stand among the terms; without any, all is looked for.
-    """
+    """A part of what is forbidden that changes make true, with the objects of its terms."""
 
     forbidden: Forbidden
     terms: tuple[r.Place, ...]
+    # Where the variables stand among the terms; without any, all is looked for.
     places: Mapping[r.Slot, int]
     statement: ConditionStatement | None = None
 
@@ -135,19 +126,15 @@ def _leaves(part: Any, begins: bool = True) -> Iterator[tuple[Any, bool]]:
 
 
 class RuleGuard:
-    """What the refusing rules of a state forbid, and which changes may bring it about.
-
-    Attributes:
-        triggers: by the kind of a change, its predicate or function, and whether it begins.
-        objects: what a new object may bring about.
-        ranges: the variables within conditions, and whether more objects make these true.
-    """
+    """What the refusing rules of a state forbid, and which changes may bring it about."""
 
     def __init__(self, definitions: Definitions) -> None:
         self.definitions = definitions
         self.all: list[Forbidden] = []
+        # By the kind of a change, its predicate or function, and whether it begins.
         self.triggers: defaultdict[tuple[str, int, bool], list[_Trigger]] = defaultdict(list)
-        self.objects: list[_Trigger] = []
+        self.objects: list[_Trigger] = []  # what a new object may bring about
+        # The variables within conditions, and whether more objects make these true.
         self.ranges: list[tuple[Forbidden, Iterable[r.TypeSet], bool]] = []
         self._rules = rules_of(definitions)
         for rule in definitions.rules:

@@ -37,27 +37,16 @@ _NEW_HEAD = Insert(table_of(HeadRow), "kb_id", *EMPTY_HEAD)
 
 
 class Head(NamedTuple):
-    """Where a knowledge base stands, read under its lock.
+    """Where a knowledge base stands, read under its lock."""
 
-    Attributes:
-        revision: the last revision; 0 before the first.
-        definition_revision: the last revision that changed a definition.
-        next_id: the id that the next element gets.
-        hash: the last revision's hash.
-        committed_at: the last revision's time.
-        archived_revision: what ended up to this revision was moved to an archive.
-        origin: the store that it is replicated from; None when it is written here.
-        clock: the store's time when the lock was taken.
-    """
-
-    revision: int
-    definition_revision: int
-    next_id: int
-    hash: str | None
-    committed_at: datetime | None
-    archived_revision: int
-    origin: str | None
-    clock: datetime
+    revision: int  # the last revision; 0 before the first
+    definition_revision: int  # the last revision that changed a definition
+    next_id: int  # the id that the next element gets
+    hash: str | None  # the last revision's hash
+    committed_at: datetime | None  # the last revision's time
+    archived_revision: int  # what ended up to this revision was moved to an archive
+    origin: str | None  # the store that it is replicated from; None when it is written here
+    clock: datetime  # the store's time when the lock was taken
 
 
 _HEAD = table_of(HeadRow).c
@@ -69,17 +58,11 @@ _LOCK = Query(
 
 
 class Committed(NamedTuple):
-    """A revision that was written, and is committed when the database says so.
-
-    Attributes:
-        number: its number.
-        hash: its hash.
-        moment: when, in the driver's form.
-    """
+    """A revision that was written, and is committed when the database says so."""
 
     number: int
     hash: str
-    moment: Any
+    moment: Any  # when, in the driver's form
 
 
 def read_name(session: Session, kb_id: int) -> str:

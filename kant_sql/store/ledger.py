@@ -447,10 +447,8 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             new.clear()
 
     def publish(self, revision: int) -> None:
-        """Share what the transaction has found and made with later ones, after it has ended well.
-
-        The revision is the one that it has made, or the one that it began at.
-        """
+        """Share what the transaction has found and made with later ones, after it ended well."""
+        # The revision is the one that it has made, or the one that it began at.
         head, known, before = self.context.head, self._known, self._before
         if revision != head.revision:
             news = {**before, **self.changes}
@@ -565,10 +563,8 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
     new_version = whole_rows(VERSIONS.table)
 
     def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
-        """Assert propositions, with statements only for each predicate; count those that are new.
-
-        `old` are those that may be known already; by default, all of them.
-        """
+        """Assert propositions, with statements only for each predicate; count the new ones."""
+        # `old` are those that may be known already; by default, all of them.
         found = self.find(texts if old is None else old)
         self.load(found.values())
         if self.sayings is not None:
@@ -713,10 +709,8 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
         values: Collection[tuple[FluentKey, str, FluentValue]],
         old: Collection[FluentKey] | None = None,
     ) -> int:
-        """Set values, with statements only for each function; count the changes.
-
-        `old` are the fluents that may be known already; by default, all of them.
-        """
+        """Set values, with statements only for each function; count the changes."""
+        # `old` are the fluents that may be known already; by default, all of them.
         found = self.find({key for key, _, _ in values} if old is None else old)
         self.load(found.values())
         if self.sayings is not None:

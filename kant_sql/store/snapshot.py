@@ -31,19 +31,14 @@ _ARCHIVE = Query(
 
 
 class View(NamedTuple):
-    """A consistent state to read from: now, or as it was at a revision.
-
-    Attributes:
-        kb_id: the knowledge base; None when it has not been written to yet.
-        at: the revision; None for now.
-        definition_revision: the revision that last changed a definition, where it still has to be
-            compared with the head in the statement that reads; else None.
-    """
+    """A consistent state to read from: now, or as it was at a revision."""
 
     session: Session
-    kb_id: int | None
+    kb_id: int | None  # the knowledge base; None when it has not been written to yet
     definitions: Definitions
-    at: int | None = None
+    at: int | None = None  # the revision; None for now
+    # The revision that last changed a definition, where it still has to be compared with the head
+    # in the statement that reads; else None.
     definition_revision: int | None = None
 
     def rows(self, queries: Mapping[bool, Query]) -> list[Row]:

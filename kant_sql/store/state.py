@@ -8,12 +8,7 @@ from .store import Store
 
 
 class State(NamedTuple):
-    """A knowledge base as it is now, or as it was at one revision.
+    """A knowledge base as it is now, or as it was at one revision."""
 
-    Attributes:
-        store: the knowledge base, on its connections.
-        at: the revision that is read; None for the present.
-    """
-
-    store: Store
-    at: int | None
+    store: Store  # the knowledge base, on its connections
+    at: int | None  # the revision that is read; None for the present

@@ -86,19 +86,7 @@ def _roll_back(blocks: Iterable[Block]) -> None:
 
 
 class Store:
-    """Reads and writes a knowledge base, for all threads of a process.
-
-    Attributes:
-        backend: the database.
-        name: the knowledge base's name.
-        actor: who writes, when a transaction does not say.
-        queue: what its writers wait in: equal values are one queue.
-        is_one_of_many: whether others share the backend, which this one then does not close, and
-            which was checked before.
-        write_clock: whether a transaction speaks of the time from its commit on, or of that from
-            `observed_at` on.
-        remembered: what a question keeps for its next call, by the class of that.
-    """
+    """Reads and writes a knowledge base, for all threads of a process."""
 
     def __init__(
         self,
@@ -116,9 +104,14 @@ class Store:
             )
         self.backend = backend
         self.name = name
-        self.actor = actor
+        self.actor = actor  # who writes, when a transaction does not say
+        # Whether others share the backend, which this one then does not close, and which was
+        # checked before.
         self.is_one_of_many = is_one_of_many
+        # Whether a transaction speaks of the time from its commit on, or of that from `observed_at`
+        # on.
         self.write_clock = one_of(clock, (COMMITTED, OBSERVED), "the clock")
+        # What a question keeps for its next call, by the class of that.
         self.remembered: dict[type, Any] = {}
         self._is_closed = False
         self._kb_id: int | None = None
@@ -129,7 +122,7 @@ class Store:
         self._known_of = 0, 0
         self._last: Committed | None = None
         self._clock_warned_at: float | None = None
-        self.queue = backend.queue(name)
+        self.queue = backend.queue(name)  # what its writers wait in: equal values are one queue
         backend.sharers.add(self)
         if not is_one_of_many:
             ensure_schema(backend)
@@ -319,10 +312,8 @@ class Store:
         return retrying(self.backend, once)
 
     def write_beside(self, work: Callable[[Session], object]) -> None:
-        """Write what is not part of the history, in a transaction of its own without a revision.
-
-        As for all writes, no limit of questions concerns it.
-        """
+        """Write what is not part of the history, in a transaction of its own without a revision."""
+        # As for all writes, no limit of questions concerns it.
 
         def begun(session: Session) -> None:
             session.begin(write=True)
@@ -347,10 +338,8 @@ class Store:
         promotes: bool = False,
         given: Given = FROM_NOW_ON,
     ) -> AbstractContextManager[Transaction]:
-        """Open a transaction; within another of this thread, task and context, join that one.
-
-        Only one that promotes may write to a replica. `given` is the period that it speaks of.
-        """
+        """Open a transaction; within another of this thread, task and context, join that one."""
+        # Only one that promotes may write to a replica. `given` is the period that it speaks of.
         if expected_revision is not None:
             whole_number(expected_revision, "expected_revision")
         who = actor if actor is not None else self.actor
@@ -372,12 +361,9 @@ class Store:
         return OwnTransaction(self, partial(retrying, self.backend, partial(self._begin, *own)))
 
     def close(self) -> None:
-        """Close it, and its connections unless others share them.
-
-        What this thread has open is rolled back at once.
-
-        A block of another thread is rolled back when it ends, and its further calls are refused.
-        """
+        """Close it, and its connections unless others share them."""
+        # What this thread has open is rolled back at once.
+        # A block of another thread is rolled back when it ends, and its further calls are refused.
         self._is_closed = True
         if self.is_one_of_many:
             _roll_back(block for block in blocks_of_thread() if block.store is self)

@@ -83,27 +83,7 @@ _ORDER = (*KINDS, _PROPOSITIONS, _VALUES, *_SAYINGS.values(), _RECORDS, _EXECUTI
 
 
 class Transaction:
-    """What one writer changes in one revision. One thread uses it, between BEGIN and COMMIT.
-
-    Attributes:
-        session: the connection.
-        kb_id: the knowledge base.
-        name: the knowledge base's name.
-        head: the head row as it was locked.
-        number: the revision that it makes.
-        metadata: what the writer says of the revision.
-        definitions: the definitions, as changed so far.
-        committed: the revision, from just before COMMIT is sent.
-        redefined: whether the revision changes a definition.
-        agreements: the references by DTOs that were found to agree with what is stored.
-        agreed_types: within a batch, the types that agree with what is stored, by address.
-        changed: how many changes the revision has.
-        confirms: whether to save a fact that holds already is to confirm it.
-        given: where the period that it speaks of begins and ends, as it was given.
-        erases: whether it changes texts of earlier revisions, so that nothing cached is right.
-        request: the key, the digest and the results of the request that makes it, if it may be
-            repeated.
-    """
+    """What one writer changes in one revision. One thread uses it, between BEGIN and COMMIT."""
 
     def __init__(
         self,
@@ -122,18 +102,22 @@ class Transaction:
         self.session = session
         self.kb_id = kb_id
         self.name = name
-        self.head = head
-        self.number = head.revision + 1
-        self.metadata = metadata
-        self.definitions = PendingDefinitions(definitions)
+        self.head = head  # the head row as it was locked
+        self.number = head.revision + 1  # the revision that it makes
+        self.metadata = metadata  # what the writer says of the revision
+        self.definitions = PendingDefinitions(definitions)  # the definitions, as changed so far
+        # The references by DTOs that were found to agree with what is stored.
         self.agreements = agreements
-        self.committed: Committed | None = None
-        self.redefined = False
+        self.committed: Committed | None = None  # the revision, from just before COMMIT is sent
+        self.redefined = False  # whether the revision changes a definition
+        # Within a batch, the types that agree with what is stored, by address.
         self.agreed_types: dict[int, object] | None = None
-        self.changed = 0
-        self.confirms = False
-        self.given = given
+        self.changed = 0  # how many changes the revision has
+        self.confirms = False  # whether to save a fact that holds already is to confirm it
+        self.given = given  # where the period that it speaks of begins and ends, as it was given
+        # Whether it changes texts of earlier revisions, so that nothing cached is right.
         self.erases = False
+        # The key, the digest and the results of the request that makes it, if it may be repeated.
         self.request: tuple[str, str, str] | None = None
         self._started = time.monotonic()
         self._atoms = atoms

@@ -18,17 +18,12 @@ T = TypeVar("T")
 
 
 class ValidStore(Store):
-    """Reads what held at a time, as it is known at a revision, on the connections of a store.
-
-    Attributes:
-        origin: the store.
-        valid: the time and the revision.
-    """
+    """Reads what held at a time, as it is known at a revision, on the connections of a store."""
 
     def __init__(self, origin: Store, valid: ValidTime) -> None:
         vars(self).update(vars(origin))
         self.origin = origin
-        self.valid = valid
+        self.valid = valid  # the time and the revision
         # Definitions are others, also under the number of the same revision.
         self._definitions = DefinitionCache()
 

@@ -32,18 +32,14 @@ Link = Callable[..., str]
 
 @dataclass(eq=False)
 class _Box:
-    """A box of a column: a link, or the element itself.
-
-    Attributes:
-        link: the link; None for the element.
-        shown: the literals by which the next columns are joined to it: these are shown first.
-        inner: the boxes nearer to the element that it is joined to.
-        lines: its text, with the page that each line leads to.
-    """
+    """A box of a column: a link, or the element itself."""
 
     link: CauseLink | None
+    # Its text, with the page that each line leads to.
     lines: list[tuple[str, str]] = field(default_factory=list)
+    # The literals by which the next columns are joined to it: these are shown first.
     shown: list[str] = field(default_factory=list)
+    # The boxes nearer to the element that it is joined to.
     inner: list[_Box] = field(default_factory=list)
     x: int = 0
     y: float = 0.0
@@ -70,16 +66,8 @@ _Line = tuple[_Box, _Box, Sequence[str]]
 
 
 def draw_causes(origins: CauseLinks, consequences: CauseLinks, link: Link) -> str:
-    """Draw what an element goes back to and what it led to.
-
-    Args:
-        origins: the links of `kb.origins`.
-        consequences: those of `kb.consequences`.
-        link: makes the address of a page of its path and its parameters; none if it is empty.
-
-    Returns:
-        An element of SVG; nothing if there are no links.
-    """
+    """Draw what an element goes back to and what it led to; nothing if there are no links."""
+    # `link` makes the address of a page of its path and its parameters; none if it is empty.
     fact = _Box(None, [("this", ""), (consequences.element, "")])
     columns = {0: [fact]}
     for side, found in ((-1, origins), (1, consequences)):

@@ -56,16 +56,11 @@ class LiveEvent(NamedTuple):
 
 
 class LiveFeed:
-    """What the readers of one knowledge base are told. All but `tell` is for the event loop.
-
-    Attributes:
-        readers: how many there are.
-        is_over: set when nobody reads any more.
-    """
+    """What the readers of one knowledge base are told. All but `tell` is for the event loop."""
 
     def __init__(self) -> None:
         self.readers = 0
-        self.is_over = threading.Event()
+        self.is_over = threading.Event()  # set when nobody reads any more
         self._loop = asyncio.get_running_loop()
         self._last: LiveEvent | None = None
         self._changed = asyncio.Event()

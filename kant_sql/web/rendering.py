@@ -41,15 +41,10 @@ def link(path: str, /, **query: object) -> str:
 
 
 class Address(NamedTuple):
-    """A page, and the parameters that name what it shows.
-
-    Attributes:
-        path: the page.
-        query: the parameters, without the knowledge base.
-    """
+    """A page, and the parameters that name what it shows."""
 
     path: str
-    query: dict[str, str]
+    query: dict[str, str]  # the parameters, without the knowledge base
 
 
 def address_of(kind: str, text: str) -> Address | None:
@@ -226,11 +221,9 @@ Row = dict[str, object]
 
 
 def csv_text(data: Any, places: Sequence[str]) -> str:
-    """Return the first rows that a document has at some places, such as `parts.elements`, as CSV.
-
-    A column is the path of a value in its row; lists are in one cell, as JSON where they have
-    documents. A text that would be a formula begins with an apostrophe.
-    """
+    """Return the first rows that a document has at places such as `parts.elements`, as CSV."""
+    # A column is the path of a value in its row; lists are in one cell, as JSON where they have
+    # documents. A text that would be a formula begins with an apostrophe.
     rows = next(filter(None, (list(_rows(data, place.split("."))) for place in places)), [])
     columns = dict.fromkeys(name for row in rows for name in row)
     made = StringIO()

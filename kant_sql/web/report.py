@@ -37,7 +37,7 @@ from ..moment_text import When
 from ..reasoning.rules import Rules
 from .cause_graph import draw_causes
 from .rendering import STATIC, render_text
-from .report_sections import ReportLog, ReportPlans, ReportRange, ReportReader, ReportStays
+from .report_sections import ReportEntry, ReportPlan, ReportReader, ReportRows, ReportStays
 
 __all__ = ["report_html", "write_report"]
 
@@ -94,7 +94,7 @@ def report_html(
     flag(verify, "verify", InvalidArgumentError)
     optional_call(progress, "progress")
     names = items(objects, str, "the objects")
-    report = ReportReader.of(kb, ReportRange(since, until, clock))
+    report = ReportReader.of(kb, since, until, clock)
     read = Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
     page: dict[str, Any] = {
         "summary": report.summary(),
@@ -141,14 +141,10 @@ def _object(report: ReportReader, name: str) -> ReportStays:
 
 
 class Sections:
-    """Reads sections; one that cannot be read says why, and the others are read all the same.
-
-    Attributes:
-        errors: why, by the names of the sections.
-    """
+    """Reads sections; one that cannot be read says why, and the others are read all the same."""
 
     def __init__(self, refused: tuple[type[KantSqlError], ...]) -> None:
-        self.errors: dict[str, str] = {}
+        self.errors: dict[str, str] = {}  # why, by the names of the sections
         self._refused = refused
 
     def __call__(self, name: str, read: Callable[[], T]) -> T | None:
@@ -163,11 +159,11 @@ class Sections:
 
 def _render(page: Mapping[str, Any], name: str) -> str:
     """Write the page, with all that it needs in it."""
-    log: ReportLog | None = page.get("log")
-    plans: ReportPlans | None = page.get("plans")
+    log: ReportRows[ReportEntry] | None = page.get("log")
+    plans: ReportRows[ReportPlan] | None = page.get("plans")
     listed = {
-        "/revision": {str(each.entry.revision.number) for each in log.entries} if log else set(),
-        "/plan": {str(each.plan.id) for each in plans.plans} if plans else set(),
+        "/revision": {str(each.entry.revision.number) for each in log.rows} if log else set(),
+        "/plan": {str(each.plan.id) for each in plans.rows} if plans else set(),
     }
 
     def link(path: str, /, **query: object) -> str:
@@ -265,10 +261,8 @@ def write_report(
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Yield a new file beside another one, which it replaces at the end of the block.
-
-    It is made at once: a folder that cannot be written to is not a reason to work first.
-    """
+    """Yield a new file beside another one, which it replaces at the end of the block."""
+    # It is made at once: a folder that cannot be written to is not a reason to work first.
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
     draft = target.with_name(f".{target.name[:200]}.{secrets.token_hex(4)}")

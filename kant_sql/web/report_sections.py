@@ -6,7 +6,7 @@ import shlex
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from ..acts import Execution
 from ..dao.interfaces import Progress
@@ -26,6 +26,8 @@ from ..reasoning import CauseLinks
 from ..reasoning.failures import FailedCondition
 from ..reasoning.rules import Rules, Verdict
 
+T = TypeVar("T")
+
 # Lanes that are looked at, slices of their window, and what each section shows at most.
 SEEN, SLICES = 200, 200
 ACTORS, LANES, BARS, PLANS, STEPS, ACTS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
@@ -38,26 +40,26 @@ DEPTH, LINKS = 5, 50
 SHOWN = 900
 
 
-class ReportRange(NamedTuple):
-    """The range of a report.
-
-    Attributes:
-        since: its first revision, or the earliest time of commit; None for the first revision.
-        until: its last revision, or the latest time of commit; None for the last revision.
-        clock: that of its timelines, as for `kb.timeline`.
-    """
-
-    since: When | None = None
-    until: When | None = None
-    clock: str = COMMITTED
-
-
 @dataclass(frozen=True)
 class ReportSection:
     """What all sections have: what is left out, and the command that shows all of it."""
 
     left_out: str | None
     command: str
+
+
+@dataclass(frozen=True)
+class ReportRows(ReportSection, Generic[T]):
+    """A section that lists rows of one class."""
+
+    rows: list[T]
+
+
+@dataclass(frozen=True)
+class ReportActs(ReportSection):
+    """What was done, as it was at the end of the range."""
+
+    acts: list[Execution]
 
 
 class ReportCount(NamedTuple):
@@ -117,20 +119,6 @@ class ReportPlan:
 
 
 @dataclass(frozen=True)
-class ReportPlans(ReportSection):
-    """The recorded plans."""
-
-    plans: list[ReportPlan]
-
-
-@dataclass(frozen=True)
-class ReportActs(ReportSection):
-    """What was done, as it was at the end of the range."""
-
-    acts: list[Execution]
-
-
-@dataclass(frozen=True)
 class ReportRules(ReportSection):
     """The verdicts of rules, violations first."""
 
@@ -158,13 +146,6 @@ class ReportEffects(ReportSection):
 
 
 @dataclass(frozen=True)
-class ReportCorrections(ReportSection):
-    """What was said later, up to now, of the time of the range."""
-
-    corrections: list[Correction]
-
-
-@dataclass(frozen=True)
 class ReportEntry:
     """A revision, and how many of its changes are left out."""
 
@@ -173,13 +154,6 @@ class ReportEntry:
     entry: LogEntry
     changes_left: int
     command: str
-
-
-@dataclass(frozen=True)
-class ReportLog(ReportSection):
-    """The revisions with their changes."""
-
-    entries: list[ReportEntry]
 
 
 @dataclass(frozen=True)
@@ -198,36 +172,27 @@ class ReportCauses(ReportSection):
 
 
 class ReportTimeline(NamedTuple):
-    """A timeline of the lanes that changed most.
-
-    Attributes:
-        timeline: the timeline.
-        left: how many lanes are left out.
-        has_more: whether there are more that were not even looked at.
-    """
+    """A timeline of the lanes that changed most."""
 
     timeline: Timeline
-    left: int
-    has_more: bool
+    left: int  # how many lanes are left out
+    has_more: bool  # whether there are more that were not even looked at
 
 
 class ReportReader(NamedTuple):
-    """Reads the sections of a report.
-
-    Attributes:
-        kb: the knowledge base.
-        range: the range.
-        tally: what its revisions changed.
-    """
+    """Reads the sections of a report."""
 
     kb: KnowledgeBase
-    range: ReportRange
-    tally: Tally
+    # Its first and last revisions, or times of commit, as for `kb.log`, and the clock of timelines.
+    range: tuple[When | None, When | None, str]
+    tally: Tally  # what its revisions changed
 
     @classmethod
-    def of(cls, kb: KnowledgeBase, range_: ReportRange) -> ReportReader:
+    def of(
+        cls, kb: KnowledgeBase, since: When | None, until: When | None, clock: str = COMMITTED
+    ) -> ReportReader:
         """Find the range."""
-        return cls(kb, range_, read_tally(state_of(kb), range_.since, range_.until, ACTORS))
+        return cls(kb, (since, until, clock), read_tally(state_of(kb), since, until, ACTORS))
 
     @property
     def is_empty(self) -> bool:
@@ -256,7 +221,7 @@ class ReportReader(NamedTuple):
             if tally.archived >= tally.first and not self.is_empty
             else None
         )
-        more = f"{left:,} more actors with fewer revisions" if left else None
+        more = _left(left, "more actors with fewer revisions")
         left_out = "; ".join(filter(None, (more, archived))) or None
         return ReportSummary(
             left_out,
@@ -318,15 +283,15 @@ class ReportReader(NamedTuple):
         stays = [_stay(lane, bar) for _, lane, bar in found[-BARS:]]
         return ReportStays(left_out, self.ranged("log", *words), name, stays)
 
-    def plans(self, shown: ReportTimeline) -> ReportPlans:
+    def plans(self, shown: ReportTimeline) -> ReportRows[ReportPlan]:
         """Read the plans that were made or carried out in the range, oldest first."""
         timeline = shown.timeline
         ids = [bar.id for bar in timeline.plans if bar.id is not None]
         left = max(0, len(ids) - PLANS)
         plans = [plan for id_ in ids[left:] if (plan := self.kb.plans.get(id_)) is not None]
         some = "earlier plans" if timeline.has_more_plans else None
-        left_out = some or (f"{left} earlier plans" if left else None)
-        return ReportPlans(left_out, self.command("plans"), [self._plan(plan) for plan in plans])
+        left_out = some or _left(left, "earlier plans")
+        return ReportRows(left_out, self.command("plans"), [self._plan(plan) for plan in plans])
 
     def _plan(self, plan: RecordedPlan) -> ReportPlan:
         statuses = Counter(step.outcome or "not started" for step in plan.steps)
@@ -349,10 +314,9 @@ class ReportReader(NamedTuple):
         """Hold rules against the range."""
         verdicts = self.kb.pddl.check_rules(rules, since=self.tally.first, until=self.tally.last)
         ordered = verdicts.worst_first
-        left = len(ordered) - RULES
         command = self.ranged("rules", *(() if rules is None else ("RULES",)))
         return ReportRules(
-            f"{left:,} more rules" if left > 0 else None,
+            _left(len(ordered) - RULES, "more rules"),
             command,
             ordered[:RULES],
             len(verdicts.violated),
@@ -364,8 +328,7 @@ class ReportReader(NamedTuple):
         """Find the goals that were not reached at the end of the range."""
         last = self.tally.last
         found = self.kb.at(last).unsatisfied()
-        left = len(found) - GOALS
-        left_out = f"{left:,} more goals" if left > 0 else None
+        left_out = _left(len(found) - GOALS, "more goals")
         command = self.command("goals", "--at", str(last))
         return ReportGoals(left_out, command, last, found[:GOALS], len(found))
 
@@ -381,8 +344,8 @@ class ReportReader(NamedTuple):
         command = self.command("unconfirmed", "--at", str(last))
         return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
 
-    def corrections(self) -> ReportCorrections:
-        """Find what was believed in the range, and said differently since."""
+    def corrections(self) -> ReportRows[Correction]:
+        """Find what was believed in the range, and said differently since, up to now."""
         first, last = (self._revision(end) for end in (self.tally.first, self.tally.last))
         found = self.kb.corrections(since=self.tally.first, limit=SEEN)
         own = [
@@ -393,7 +356,7 @@ class ReportReader(NamedTuple):
         ]
         left_out = "more corrections" if len(own) > EFFECTS or len(found) == SEEN else None
         command = self.command("corrections", "--since", str(self.tally.first))
-        return ReportCorrections(left_out, command, own[:EFFECTS])
+        return ReportRows(left_out, command, own[:EFFECTS])
 
     def causes(self, fact: str) -> ReportCauses:
         """Find what a fact led to, and what it goes back to."""
@@ -403,15 +366,14 @@ class ReportReader(NamedTuple):
         command = self.command("consequences", fact, "--at", str(self.tally.last))
         return ReportCauses(left_out, command, *found)
 
-    def log(self) -> ReportLog:
+    def log(self) -> ReportRows[ReportEntry]:
         """Read the last revisions of the range with their changes, oldest first."""
         first, last = self.tally.first, self.tally.last
         found = list(self.kb.log(first, until=last, limit=ENTRIES))[::-1]
-        left = last - first + 1 - len(found)
-        left_out = f"the first {left:,} revisions" if left > 0 else None
+        left_out = _left(last - first + 1 - len(found), "revisions", "the first ")
         share = max(1, min(CHANGES, SHOWN // max(1, len(found))))
         entries = [self._entry(one, share) for one in found]
-        return ReportLog(left_out, self.ranged("log"), entries)
+        return ReportRows(left_out, self.ranged("log"), entries)
 
     def _entry(self, entry: LogEntry, share: int) -> ReportEntry:
         number = str(entry.revision.number)
@@ -426,8 +388,7 @@ class ReportReader(NamedTuple):
     def verify(self, anchor: Anchor | None, progress: Progress | None) -> ReportVerification:
         """Verify the whole knowledge base, and write its head for whoever verifies it later."""
         found = self.kb.store.verify(anchor, progress=progress)
-        left = len(found.findings) - FINDINGS
-        left_out = f"{left:,} more findings" if left > 0 else None
+        left_out = _left(len(found.findings) - FINDINGS, "more findings")
         some = replace(found, findings=found.findings[:FINDINGS])
         return ReportVerification(left_out, self.command("verify"), some)
 
@@ -442,6 +403,11 @@ def _activity(lane: Lane, first: int) -> tuple[int, int]:
     """Return how often a lane changed in a range that begins with a revision, and when last."""
     ends = [end for bar in lane.bars for end in (bar.since, bar.until or 0) if end >= first]
     return len(ends) + sum(density.count for density in lane.densities), max(ends, default=0)
+
+
+def _left(number: int, noun: str, which: str = "") -> str | None:
+    """Say how many are left out; None if there are none."""
+    return f"{which}{number:,} {noun}" if number > 0 else None
 
 
 def _stay(lane: Lane, bar: Bar) -> ReportStay:

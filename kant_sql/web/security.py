@@ -53,11 +53,9 @@ _NO_CACHE, _CACHE = "no-cache", "max-age=31536000, immutable"
 
 
 def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
-    """Return the names under which a server that is bound to an address may be asked.
-
-    A page of somebody else can make its own name lead to this address ("DNS rebinding"), so
-    names are listed; an address in digits cannot be redirected.
-    """
+    """Return the names under which a server that is bound to an address may be asked."""
+    # A page of somebody else can make its own name lead to this address ("DNS rebinding"), so names
+    # are listed; an address in digits cannot be redirected.
     own = () if is_loopback(bound) else (bound, socket.gethostname(), socket.getfqdn())
     return frozenset(name.lower() for name in (*LOOPBACK, *own, *others))
 
@@ -72,10 +70,8 @@ class Programs:
         self._longest = longest
 
     def admit(self, scope: Scope, headers: Headers) -> Response | None:
-        """Note the token of a request, as `scope["token"]`; return the answer if it is refused.
-
-        A request that only reads is not judged here without a token of the file.
-        """
+        """Note the token of a request, as `scope["token"]`; return the answer if it is refused."""
+        # A request that only reads is not judged here without a token of the file.
         writes = self._scopes.get(scope["path"]) if scope["method"] == "POST" else None
         given = _bearer(headers)
         token = None if given is None else self._tokens.find(given)
@@ -302,20 +298,16 @@ def _is_address(name: str) -> bool:
 
 
 def _is_read(scope: Scope, headers: Headers) -> bool:
-    """Return whether a request only reads, and is none that a page hides from its reader.
-
-    A page of somebody else may lead here by a link; it may not ask slow questions as its images.
-    """
+    """Return whether a request only reads, and is none that a page hides from its reader."""
+    # A page of somebody else may lead here by a link; it may not ask slow questions as its images.
     if scope["method"] not in ("GET", "HEAD"):
         return False
     return headers.get("sec-fetch-dest", "document") == "document"
 
 
 def _is_same_site(headers: Headers) -> bool:
-    """Return whether a request comes from a page of this server.
-
-    Browsers say where it comes from; other programs do not, and no page can make them ask.
-    """
+    """Return whether a request comes from a page of this server."""
+    # Browsers say where it comes from; other programs do not, and no page can make them ask.
     origin = headers.get("origin")
     if origin is not None:
         return origin.partition("://")[2].lower() == headers.get("host", "").lower()

@@ -33,18 +33,13 @@ MOST_WAITING = 64
 
 
 class OpenStore:
-    """A store, as the threads of the server share it.
-
-    Attributes:
-        url: its URL.
-        folders: what is said instead of the server's folders.
-        verifier: what verifies its knowledge bases.
-    """
+    """A store, as the threads of the server share it."""
 
     def __init__(self, url: str, *, read_only: bool = True) -> None:
         self.url = url
         self._is_read_only = read_only
-        self.folders = Folders(url)
+        self.folders = Folders(url)  # what is said instead of the server's folders
+        # What verifies its knowledge bases.
         self.verifier = Verifier(self.knowledge_base, self.folders)
         self._store = self._open()
         self._opened: OrderedDict[str, KnowledgeBase] = OrderedDict()

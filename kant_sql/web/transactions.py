@@ -60,10 +60,8 @@ class OpenTransaction:
         self._thread.start()
 
     def ask(self, number: int, step: Step, work: Work) -> Future[Any]:
-        """Take a request; find the answer to one that is repeated.
-
-        Of a call, `work` gives the result; of a `begin`, it opens the block.
-        """
+        """Take a request; find the answer to one that is repeated."""
+        # Of a call, `work` gives the result; of a `begin`, it opens the block.
         with self._guard:
             if number != self._last:
                 if self.ended_at is not None or number < self._last:

@@ -150,23 +150,16 @@ class _Said(BaseModel):
 
 
 class Writes:
-    """The requests that write.
-
-    Attributes:
-        api: their routes.
-        scopes: the scope that each path needs.
-    """
+    """The requests that write."""
 
     def __init__(self) -> None:
         self.api = APIRouter(prefix="/api", tags=["writing"])
-        self.scopes: dict[str, str] = {}
+        self.scopes: dict[str, str] = {}  # the scope that each path needs
 
     def post(self, path: str, scope: str, did: str | None = None) -> Callable[[F], F]:
-        """Register a function that writes: its keywords are the fields of the body.
-
-        It runs in a transaction, which is one revision. It returns what its changes returned, and
-        warnings. `did` begins the reason, where none is given.
-        """
+        """Register a function that writes: its keywords are the fields of the body."""
+        # It runs in a transaction, which is one revision. It returns what its changes returned, and
+        # warnings. `did` begins the reason, where none is given.
 
         def register(function: F) -> F:
             description, texts = texts_of(function, "Args")

@@ -187,7 +187,7 @@ def report(
     kb: KnowledgeBase, since: SinceMoment = None, until: UntilMoment = None
 ) -> IncidentReport:
     """Report a range: writes of each actor, acts, rules, missed goals, unconfirmed effects."""
-    reader = sections.ReportReader.of(kb, sections.ReportRange(since or None, until or None))
+    reader = sections.ReportReader.of(kb, since or None, until or None)
     summary, read = reader.summary(), Sections(())
     if reader.is_empty:
         return IncidentReport(summary, None, None, None, None, read.errors)

@@ -246,7 +246,7 @@ WRONG: dict[str, tuple[dict[str, Any], type[KantSqlError], str]] = {
     "knowledge base": ({"knowledge_base": "nobody"}, KantSqlError, "choose one of: 'other'"),
     "no name": ({"knowledge_base": 3}, InvalidArgumentError, "knowledge_base"),
     "number": ({"since": 3}, InvalidArgumentError, "choose that, or give a time"),
-    "future": ({"since": 99, "knowledge_base": "courier"}, UnknownRevisionError, "its last is 36"),
+    "future": ({"since": 99, "knowledge_base": "courier"}, UnknownRevisionError, "it is at 36"),
     "text": ({"until": "late", "knowledge_base": "courier"}, InvalidArgumentError, "nor a time"),
     "zone": ({"since": datetime(2026, 3, 2)}, UnknownRevisionError, "no zone"),
     "replace": ({"replace": "yes"}, InvalidArgumentError, "replace"),

@@ -6,7 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import NamedTuple
 
 from ...arguments import flag, optional_call
@@ -24,8 +24,8 @@ from ...store.head import hash_of
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
-from ..moments import revision_at
-from ..replication.batch import BatchSize, OriginHead, copy_batch, wipe
+from ..moments import MICROSECOND, revision_at
+from ..replication.batch import BatchSize, copy_batch, wipe
 from ..replication.copy import Copied, CopyRange, Stores
 from ..replication.target import (
     ReplicationSide,
@@ -62,11 +62,9 @@ def replicate(
     upto: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[str, ...]:
-    """Replicate revisions up to one, resuming where an earlier call ended.
-
-    Each of several transactions leaves the target complete at some revision. Returns where bytes
-    may remain of what was erased there.
-    """
+    """Replicate revisions up to one, resuming where an earlier call ended."""
+    # Each of several transactions leaves the target complete at some revision. Returns where bytes
+    # may remain of what was erased there.
     size, at, erasures = BatchSize(), -1, 0
     while at < upto:
         at, copied = retrying(
@@ -100,14 +98,12 @@ def _advance(
         redefined = state.definition_revision > head.revision
         may_return = state.archived_revision > 0
         bounds = CopyRange(head.revision + 1, high, may_return, redefined, state.erased)
-        origin = OriginHead(source.backend.label, state.revision, state.committed_at, state.next_id)
-        return high, copy_batch(stores, source.name, head, bounds, origin)
+        return high, copy_batch(stores, source, state, head, bounds)
 
 
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.
 AT_ONCE = 200_000
 
-_TICK = timedelta(microseconds=1)
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -200,7 +196,7 @@ def _last_before(store: Store, before: When) -> int:
         return max(revision_at(store, before) - 1, 0)
     # A time in the future is refused as it stands.
     revision_at(store, before)
-    return revision_at(store, before - _TICK)
+    return revision_at(store, before - MICROSECOND)
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:

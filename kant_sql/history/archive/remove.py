@@ -110,9 +110,8 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
                 )
 
 
-class _Statement(NamedTuple):
-    query: Query
-    booleans: tuple[int, ...]
+# A query, and how to convert its rows: SQLite stores booleans as numbers.
+_Statement = tuple[Query, dict[int, type[bool]]]
 
 
 def _leaving(part: ArchivedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
@@ -144,22 +143,18 @@ def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
             columns.append(text_of(of_atoms[column], column).scalar_subquery())
         elif column not in own and column.name != "kb_id":
             columns.append(column)
-    booleans = tuple(
-        index for index, column in enumerate(columns) if isinstance(column.type, Boolean)
-    )
+    convert = {n: bool for n, column in enumerate(columns) if isinstance(column.type, Boolean)}
     statement: Select[Any] = select(*columns).where(table.c.kb_id == KB, *condition)
-    return _Statement(Query(statement), booleans)
+    return Query(statement), convert
 
 
 def _digest(
     session: Session, kb_id: int, statement: _Statement, leaving: Leaving
 ) -> tuple[int, int]:
     """Count rows and add up their hashes, independent of their order."""
-    rows = session.stream(statement.query, kb=kb_id, low=leaving.low, high=leaving.high)
-    # SQLite stores booleans as numbers.
-    convert = dict.fromkeys(statement.booleans, bool)
+    query, convert = statement
     number = total = 0
-    for row in rows:
+    for row in session.stream(query, kb=kb_id, low=leaving.low, high=leaving.high):
         number += 1
         total += int.from_bytes(sha256(repr(converted(row, convert)).encode()).digest())
     return number, total % _MODULUS
@@ -229,12 +224,10 @@ def refuse_without_right(store: Store) -> None:
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
-    """Remove archived versions and what only they need, and record it in the head.
-
-    Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
-    they may come back, and a state lists elements by id. Atoms of an object without a version go,
-    unless they were confirmed, or something was said of them.
-    """
+    """Remove archived versions and what only they need, and record it in the head."""
+    # Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
+    # they may come back, and a state lists elements by id. Atoms of an object without a version go,
+    # unless they were confirmed, or something was said of them.
     session.replan()
     parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}
     for part in ARCHIVED_TABLES:

@@ -60,19 +60,15 @@ def open_archive(store: Store, url: str) -> Iterator[ArchivedPart]:
 
 
 class ArchivedPart:
-    """The archive that an erasure reaches.
+    """The archive that an erasure reaches."""
 
-    Attributes:
-        stores: the archive and the store, within a transaction: the former's is rolled back.
-        upto: what ended up to this revision was moved there.
-    """
-
-    stores: Stores
+    stores: Stores  # the archive and the store, within a transaction: the former's is rolled back
 
     def __init__(self, store: Store, target: Target) -> None:
         self._store = store
         self._target = target
         self._source = ReplicationSide(store.backend, store.name)
+        # What ended up to this revision was moved there; the hash of the rest.
         self.upto, self._rest = 0, ""
 
     def check(self) -> None:

@@ -6,9 +6,7 @@ import logging
 import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from functools import partial
-from typing import NamedTuple
 
 from sqlalchemy import bindparam, update
 
@@ -22,6 +20,7 @@ from ...store.head import Head
 from ..verify.chain import Link, Step, stream_chain
 from .copy import Copied, Copy, CopyRange, Stores
 from .erasures import Followed
+from .target import HeadState, ReplicationSide
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -52,15 +51,6 @@ def wipe(backend: Backend) -> tuple[str, ...]:
     return remaining
 
 
-class OriginHead(NamedTuple):
-    """What the head of a replica says of the store that it is replicated from."""
-
-    label: str  # its URL without a password
-    revision: int  # its last revision
-    committed_at: datetime | None  # the time of that one
-    next_id: int  # the id that its next element gets
-
-
 _MOVE = Query(
     update(HeadRow)
     .where(HeadRow.kb_id == bindparam("kb"))
@@ -79,12 +69,11 @@ _MOVE = Query(
 
 
 def copy_batch(
-    stores: Stores, name: str, head: Head, bounds: CopyRange, origin: OriginHead
+    stores: Stores, source: ReplicationSide, here: HeadState, head: Head, bounds: CopyRange
 ) -> Copied:
-    """Copy some revisions into a locked target, check their hashes there, and commit.
-
-    A batch with a wrong hash raises, and nothing of it is written.
-    """
+    """Copy some revisions into a locked target, check their hashes there, and commit."""
+    # A batch with a wrong hash raises, and nothing of it is written. `here` is the source's head.
+    name = source.name
     place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
     followed = Followed(stores, name, bounds)
     with _naming_both(stores, name, bounds), reading_rows("revision", place):
@@ -95,11 +84,11 @@ def copy_batch(
         followed.check()
     _, _, target, target_kb = stores
     # No id of the origin is given out again by a replica that was promoted.
-    given_out = origin.next_id if bounds.high == origin.revision else 0
+    given_out = here.next_id if bounds.high == here.revision else 0
     next_id = max(head.next_id, copied.largest_id + 1, given_out)
     definitions = max(head.definition_revision, copied.definition_revision)
     with _naming_both(stores, name, bounds):
-        move(target, target_kb, head, last, definitions, next_id, origin)
+        move(target, target_kb, source, here, head, last, definitions, next_id)
         target.commit(target_kb)
     return copied._replace(erasures=len(followed.ids))
 
@@ -124,16 +113,17 @@ def _naming_both(stores: Stores, name: str, bounds: CopyRange) -> Iterator[None]
 def move(
     target: Session,
     kb_id: int,
+    source: ReplicationSide,
+    here: HeadState,
     head: Head,
     last: Link | None,
     definition_revision: int,
     next_id: int,
-    origin: OriginHead,
 ) -> None:
     """Move the head of a replica and what it says of its origin; without `last`, the latter."""
     number, digest = (head.revision, head.hash) if last is None else (last.number, last.hash)
     at = head.committed_at if last is None else text_time(last.committed_at)
-    moments = (at, origin.committed_at, head.clock)
+    moments = (at, here.committed_at, head.clock)
     time, last_time, now = (
         None if moment is None else target.from_time(moment, time_text(moment))
         for moment in moments
@@ -146,8 +136,8 @@ def move(
         next=next_id,
         digest=digest,
         time=time,
-        label=origin.label,
-        last=origin.revision,
+        label=source.backend.label,
+        last=here.revision,
         last_time=last_time,
         now=now,
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from sqlalchemy import bindparam, null, update
@@ -42,19 +41,13 @@ _GUARD = unforked()
 
 
 class _OpenTarget:
-    """A store that is kept open; it is closed when it is forgotten, after its last push.
-
-    Attributes:
-        backend: the database.
-        pushes: how many run.
-        is_forgotten: whether no further push begins here.
-        ids: of each knowledge base, its id in the source and in here, once they are known.
-    """
+    """A store that is kept open; it is closed when it is forgotten, after its last push."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
-        self.pushes = 0
-        self.is_forgotten = False
+        self.pushes = 0  # how many run
+        self.is_forgotten = False  # whether no further push begins here
+        # Of each knowledge base, its id in the source and in here, once they are known.
         self.ids: dict[str, tuple[int | None, int | None]] = {}
 
 
@@ -180,51 +173,36 @@ def _push(store: Store, url: str, terms: Terms, progress: Progress | None) -> Pu
     source = store.backend
     with _GUARD:
         targets = _TARGETS.get(source) or _TARGETS.setdefault(source, _Targets(source))
-    call = _Call(targets, store, url, terms, progress)
+
+    def run() -> Pushed:
+        with targets.using(url, source) as opened:
+            here, there = ReplicationSide(source, store.name), Target(opened.backend, store.name)
+            here.kb_id, there.kb_id = opened.ids.get(store.name, (None, None))
+            try:
+                done = send(here, there, terms, progress)
+            except _STALE:
+                targets.forget(url, opened)
+                raise
+            opened.ids[store.name] = here.kb_id, there.kb_id
+        return done
+
     if targets.is_open(url):
         try:
-            return call.run()
+            return run()
         except _STALE:
             if source.is_closed:
                 raise
             # An earlier call opened it; what has this URL by now may be fit.
-    return call.run_first()
-
-
-class _Call(NamedTuple):
-    """One call of `push`."""
-
-    targets: _Targets
-    store: Store
-    url: str
-    terms: Terms
-    progress: Progress | None
-
-    def run(self) -> Pushed:
-        """Push to a store that is kept open."""
-        source, name = self.store.backend, self.store.name
-        with self.targets.using(self.url, source) as opened:
-            here, there = ReplicationSide(source, name), Target(opened.backend, name)
-            here.kb_id, there.kb_id = opened.ids.get(name, (None, None))
-            try:
-                done = send(here, there, self.terms, self.progress)
-            except _STALE:
-                self.targets.forget(self.url, opened)
-                raise
-            opened.ids[name] = here.kb_id, there.kb_id
-        return done
-
-    def run_first(self) -> Pushed:
-        """Push to a store that is not open; a file that gets no revision is not left behind."""
-        with closing(create_backend(self.url)) as file:
-            is_new, done = not file.exists(), None
-            try:
-                done = self.run()
-            finally:
-                if is_new and (done is None or not done.revision):
-                    self.targets.forget(self.url)
-                    file.remove(ANY_REVISION)
-        return done
+    # A file that gets no revision is not left behind.
+    with closing(create_backend(url)) as file:
+        is_new, done = not file.exists(), None
+        try:
+            done = run()
+        finally:
+            if is_new and (done is None or not done.revision):
+                targets.forget(url)
+                file.remove(ANY_REVISION)
+    return done
 
 
 _FORGET_ORIGIN = Query(

@@ -65,11 +65,7 @@ def _remove(table: Table) -> Query:
 
 
 class Followed:
-    """The erasures among the revisions that a target gets.
-
-    Attributes:
-        ids: their ids.
-    """
+    """The erasures among the revisions that a target gets."""
 
     def __init__(self, stores: Stores, name: str, bounds: CopyRange) -> None:
         self._stores = stores
@@ -193,10 +189,9 @@ def _replacements(
 
 
 def first_fault(session: Session, kb_id: int, name: str, touched: Collection[int]) -> str | None:
-    """Recompute the hashes of some revisions and the digests of all erasures; say what is wrong.
-
-    Of a revision of which a part is in an archive, what is left is checked with the digests alone.
-    """
+    """Recompute the hashes of some revisions and the digests of all erasures; say what is wrong."""
+    # Of a revision of which a part is in an archive, what is left is checked with the digests
+    # alone.
     report, upto = Report(), read_position(session, kb_id).archived
     erasures = ErasureCheck(Check(session, kb_id, report))
     erased = [number for (number,) in session.rows(_ERASED, kb=kb_id)]

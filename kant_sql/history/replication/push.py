@@ -19,7 +19,7 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
 from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
-from .batch import BatchSize, OriginHead, copy_batch, move, wipe
+from .batch import BatchSize, copy_batch, move, wipe
 from .copy import CopyRange, Stores
 from .target import HeadState, ReplicationSide, Target, diverged, last_archive, read_state, reading
 
@@ -70,11 +70,9 @@ def send(
     progress: Progress | None = None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> Pushed:
-    """Send what a target lacks, as the question `push` describes.
-
-    Each of several transactions leaves the target complete at some revision. `is_stopped` is asked
-    between them.
-    """
+    """Send what a target lacks, as the question `push` describes."""
+    # Each of several transactions leaves the target complete at some revision. `is_stopped` is
+    # asked between them.
     with ExitStack() as stack:
         return _Push(source, target, terms, stack).run(progress, is_stopped)
 
@@ -143,15 +141,11 @@ class _Push:
                     state.definition_revision > head.revision,
                     state.erased,
                 )
-                copied = copy_batch(whole, self._source.name, head, bounds, self._origin(here))
+                copied = copy_batch(whole, self._source, here, head, bounds)
         self._size.learn(copied.rows)
         self._versions += copied.rows
         self._erasures += copied.erasures
         return here, high, high == here.revision
-
-    def _origin(self, here: HeadState) -> OriginHead:
-        label = self._source.backend.label
-        return OriginHead(label, here.revision, here.committed_at, here.next_id)
 
     def _check(self, stores: Stores, here: HeadState, head: Head) -> None:
         """Refuse a target with another history, or one that somebody else may write to."""
@@ -212,7 +206,7 @@ class _Push:
             session, kb_id = stores.target, stores.target_kb
             next_id = max(head.next_id, here.next_id)
             definitions = head.definition_revision
-            move(session, kb_id, head, None, definitions, next_id, self._origin(here))
+            move(session, kb_id, self._source, here, head, None, definitions, next_id)
             session.commit(kb_id)
 
     @contextmanager

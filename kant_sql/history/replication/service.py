@@ -65,23 +65,14 @@ _HEADS = of_written(KnowledgeBaseRow.name, KnowledgeBaseRow.id, HeadRow.revision
 
 
 class PushEvent(NamedTuple):
-    """Something that a service reports.
+    """Something that a service reports."""
 
-    Attributes:
-        event: `following`, `pushed`, `current`, `ahead`, `refused`, `waiting` or `stopped`.
-        knowledge_base: which one it concerns; None for all.
-        pushed: what was sent, or found to be there.
-        seconds: how long that took.
-        error: why nothing was sent.
-        retry_in: seconds until the next attempt.
-    """
-
-    event: str
-    knowledge_base: str | None = None
-    pushed: Pushed | None = None
-    seconds: float | None = None
-    error: KantSqlError | None = None
-    retry_in: float | None = None
+    event: str  # `following`, `pushed`, `current`, `ahead`, `refused`, `waiting` or `stopped`
+    knowledge_base: str | None = None  # which one it concerns; None for all
+    pushed: Pushed | None = None  # what was sent, or found to be there
+    seconds: float | None = None  # how long that took
+    error: KantSqlError | None = None  # why nothing was sent
+    retry_in: float | None = None  # seconds until the next attempt
 
 
 class Backoff:
@@ -177,21 +168,13 @@ class PushService:
         source_url: str,
         target_url: str,
         *,
-        name: str | None,
+        name: str | None,  # the knowledge base; None for all, those to come, too
         terms: Terms,
         report: Callable[[PushEvent], None],
         is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Prepare; nothing is opened yet.
-
-        Args:
-            source_url: the store to read.
-            target_url: the store to write.
-            name: the knowledge base; None for all, those to come, too.
-            terms: what a push may do.
-            report: called with all that happens.
-            is_stopped: whether to end, after the batch that is being sent.
-        """
+        """Prepare; nothing is opened yet."""
+        # `is_stopped` says whether to end, after the batch that is being sent.
         self._urls = source_url, target_url
         self._name = name
         self._terms = terms
@@ -223,14 +206,9 @@ class PushService:
         return errors
 
     def follow(self, interval: float) -> list[KantSqlError]:
-        """Push what comes until told to end, or until nothing is left that may be pushed.
-
-        Args:
-            interval: seconds between two pushes of one knowledge base, at least.
-
-        Returns:
-            The errors of what was refused, if that is why it ended.
-        """
+        """Push what comes until told to end, or until nothing is left that may be pushed."""
+        # Two pushes of one knowledge base are `interval` seconds apart, at least. What was refused
+        # is returned if that is why it ended.
         self._report(PushEvent("following"))
         errors: dict[str, KantSqlError] = {}
         try:

@@ -50,7 +50,6 @@ class HeadState(NamedTuple):
     erased: int  # the revision of the last erasure; 0: there is none
 
 
-NOTHING = HeadState(0, 0, 0, 0, None, None, None, 0)
 _HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
 _STATE = Query(
     select(
@@ -63,7 +62,7 @@ _STATE = Query(
 def read_state(session: Session, kb_id: int | None) -> HeadState:
     """Read where a knowledge base stands, in one statement."""
     if kb_id is None:
-        return NOTHING
+        return HeadState(0, 0, 0, 0, None, None, None, 0)
     row: Any = session.first(_STATE, kb=kb_id)
     if row is None:
         raise vanished(session)
@@ -130,18 +129,12 @@ _PLACE = Query(select(StorePlace()))
 
 
 class ReplicationSide:
-    """A knowledge base in one of the two stores.
-
-    Attributes:
-        backend: the database.
-        name: the knowledge base's name.
-        kb_id: its id, once it was found.
-    """
+    """A knowledge base in one of the two stores."""
 
     def __init__(self, backend: Backend, name: str) -> None:
         self.backend = backend
         self.name = name
-        self.kb_id: int | None = None
+        self.kb_id: int | None = None  # its id, once it was found
 
     def find(self, session: Session) -> int | None:
         """Return its id; None before its first revision."""
@@ -155,10 +148,8 @@ class Target(ReplicationSide):
 
     @contextmanager
     def locked(self, durable: bool = False) -> Iterator[tuple[Session, int, Head]]:
-        """Lock it against other writers for the length of a `with` block; create it if missing.
-
-        With `durable`, what is committed survives a power cut.
-        """
+        """Lock it against other writers for the length of a `with` block; create it if missing."""
+        # With `durable`, what is committed survives a power cut.
         session = self.backend.session()
         try:
             if durable:

@@ -65,10 +65,8 @@ class Taken(NamedTuple):
 
 
 def next_salt(salt: bytes) -> bytes:
-    """Derive the salt of what takes a place from that of what was there, which is destroyed.
-
-    A store that was not erased in yet derives it as well.
-    """
+    """Derive the salt of what takes a place from that of what was there, which is destroyed."""
+    # A store that was not erased in yet derives it as well.
     return sha256(b"replacement" + salt).digest()[:SEED]
 
 
@@ -79,11 +77,7 @@ def whole_salt(previous: str | None, name: str, link: Link, lines: Iterable[Row]
 
 
 class Destroyer:
-    """Destroys parts of revisions in one knowledge base, in an open transaction.
-
-    Attributes:
-        form_1: how many revisions of form 1 it has met.
-    """
+    """Destroys parts of revisions in one knowledge base, in an open transaction."""
 
     def __init__(
         self,
@@ -99,15 +93,12 @@ class Destroyer:
         self._name = name
         self._taken: list[Taken] = []
         self._salts: dict[tuple[int, int], bytes] = {}
-        self.form_1 = 0
+        self.form_1 = 0  # how many revisions of form 1 it has met
 
     def destroy(self, old: Mapping[ChangeKey, str], said: Mapping[int, Mapping[str, str]]) -> None:
-        """Keep the commitments to old texts, in place of their salts.
-
-        Args:
-            old: the old texts of changes, whose new ones are in the tables already.
-            said: of revisions, what takes the place of their actor, reason or source.
-        """
+        """Keep the commitments to old texts, in place of their salts."""
+        # `old` has the old texts of changes, whose new ones are in the tables already, and `said`
+        # what takes the place of the actor, the reason or the source of revisions.
         by_number: defaultdict[int, dict[Any, str]] = defaultdict(dict)
         for (number, *key), text in old.items():
             by_number[number][tuple(key)] = text

@@ -135,11 +135,7 @@ def _set(table: Table, key: tuple[str, ...], *names: str) -> Query:
 
 
 class TextWriter:
-    """Renames an object in one knowledge base, in an open transaction.
-
-    Attributes:
-        old: the texts that changes had before, of those whose texts are others now.
-    """
+    """Renames an object in one knowledge base, in an open transaction."""
 
     def __init__(
         self,
@@ -155,6 +151,7 @@ class TextWriter:
         self._to = renaming
         # Called with all that is set, and with the statement.
         self._also = also
+        # The texts that changes had before, of those whose texts are others now.
         self.old: dict[ChangeKey, str] = {}
         # What places of documents say: of a formula its hash, of a ground goal its text.
         self._items: dict[str, str] = {}

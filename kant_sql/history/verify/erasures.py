@@ -73,12 +73,8 @@ class ErasureCheck:
     def take(
         self, number: int, parts: Iterable[Part], texts: dict[Any, str | None], upto: int
     ) -> None:
-        """Check the parts of a revision.
-
-        Args:
-            texts: what is there now, by the keys of parts.
-            upto: changes up to this revision may be in an archive.
-        """
+        """Check the parts of a revision."""
+        # `texts` is what is there now, by the keys of parts. Changes up to `upto` may be archived.
         for part in parts:
             if part.erasure_id is None:
                 continue

@@ -58,11 +58,8 @@ PARTS_OF = Query(_PARTS.where(in_list(_PART.number, "numbers")).order_by(*_IN_OR
 
 
 def kept_parts(seed: bytes, metadata: Metadata, changes: Iterable[Row]) -> list[Part]:
-    """Derive the parts of a revision from its seed, all of them kept.
-
-    Args:
-        changes: sign, kind, text, owner and place of each, in the order of the hash.
-    """
+    """Derive the parts of a revision from its seed, all of them kept."""
+    # `changes` has sign, kind, text, owner and place of each, in the order of the hash.
     said = [
         Part(SAID_AT[label], "", label, 0, 0, salt_of(seed, label, text), None, None)
         for label, text in zip(SAID, metadata[:3], strict=True)
@@ -89,12 +86,9 @@ class Commitments(NamedTuple):
 def committed(
     parts: Sequence[Part], metadata: Metadata, changes: Iterable[Row], is_archived: bool
 ) -> Commitments:
-    """Match parts with what they are of; what has no part, or no longer its part, is empty.
-
-    Args:
-        changes: sign, kind, text, owner and place of each.
-        is_archived: whether changes may be in an archive.
-    """
+    """Match parts with what they are of; what has no part, or no longer its part, is empty."""
+    # `changes` has sign, kind, text, owner and place of each; as `is_archived`, some may be in an
+    # archive.
     said = {part.position: part for part in parts if part.position < 0}
     texts = {(sign, kind, *key): text for sign, kind, text, *key in changes}
     lines = []

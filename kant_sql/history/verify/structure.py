@@ -26,10 +26,8 @@ _SHOWN = 200
 
 
 def check_structure(session: Session, report: Report) -> None:
-    """Compare tables, constraints, indexes and views with those of the migrations.
-
-    Other objects in the database count only where they belong to a table or view of the library.
-    """
+    """Compare tables, constraints, indexes and views with those of the migrations."""
+    # Other objects in the database count only where they belong to a table or view of the library.
     dialect = session.backend.dialect.name
     expected = {
         each.head: each for each in recorded(dialect) if not each.head.startswith("COMMENT")
@@ -106,10 +104,8 @@ _TABLES = tuple(Base.metadata.sorted_tables)
 
 
 def _strays(has_low: bool, has_high: bool) -> Query:
-    """Find the tables with rows of knowledge bases between two.
-
-    SQLite sorts values that are not numbers after all numbers.
-    """
+    """Find the tables with rows of knowledge bases between two."""
+    # SQLite sorts values that are not numbers after all numbers.
     tables = [table for table in _TABLES if "kb_id" in table.c]
     low, high = map(integer, ("low", "high"))
 

@@ -64,10 +64,8 @@ def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) ->
 
 
 def briefly(question: Callable[[], T]) -> T | None:
-    """Ask a question; None when it takes too long, or cannot be answered.
-
-    Its own page says what is wrong; all else is shown all the same.
-    """
+    """Ask a question; None when it takes too long, or cannot be answered."""
+    # Its own page says what is wrong; all else is shown all the same.
     try:
         with limited(seconds=GOAL_SECONDS):
             return question()

@@ -450,7 +450,7 @@ WRONG: dict[str, tuple[dict[str, Any], type[KantSqlError], str]] = {
     "no texts": ({"names": [3]}, KantSqlError, "names"),
     "knowledge base": ({"knowledge_base": "nobody"}, KantSqlError, "choose one of"),
     "clock": ({"clock": "observed"}, InvalidArgumentError, "the clock"),
-    "future": ({"until": 99}, UnknownRevisionError, "its last is 36"),
+    "future": ({"until": 99}, UnknownRevisionError, "it is at 36"),
     "number": ({"since": 3, "knowledge_base": None}, InvalidArgumentError, "give a time"),
 }
 
