@@ -360,7 +360,7 @@ class Cursor:
                 self.fail("a type", f"'{name}'", self._token_of(name, at))
             if not symbols.unknown_domain:
                 place = self._token_of(name, at)
-                close = self.diagnostics.hint(name, symbols.type_names)
+                close = self.diagnostics.hint(name, lambda: list(symbols.types.values()))
                 expected = f"a type that is declared{close}"
                 if not symbols.grows:
                     self.fail(expected, f"the type '{name}'", place)

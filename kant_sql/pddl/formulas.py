@@ -140,7 +140,8 @@ class FormulaReader(Cursor):
         """Return whether `()` is next."""
         return self.tokens[self.at] == "(" and self.tokens[self.at + 1] == ")"
 
-    def _empty(self) -> f.And:
+    def _empty(self, context: int = 0) -> f.And:
+        del context
         self.at += 2
         return f.And()
 
@@ -173,7 +174,7 @@ class FormulaReader(Cursor):
             if head != ")":
                 self.fail("a predicate or an operator", at=self.at + 1)
             self.deviate(_called(context), "read as (and)", "'()'")
-            return FormulaReader._no_conjuncts
+            return FormulaReader._empty
         is_effect = context & EFFECT
         operators = _EFFECTS if is_effect else _CONDITIONS
         kind: Head | None = operators.get(head.lower()) or self.symbols.predicates.find(head)
@@ -206,10 +207,6 @@ class FormulaReader(Cursor):
             expected = _TIMED_FORM if context & TIMED else _CONSTRAINT_FORM
             self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
         return context & ~PREFERENCES
-
-    def _no_conjuncts(self, context: int) -> f.Formula:
-        del context
-        return self._empty()
 
     def _junction(self, context: int) -> f.Formula:
         tokens = self.tokens
@@ -263,26 +260,25 @@ class FormulaReader(Cursor):
         operator = self.tokens[self.at + 1].lower()
         if operator == "exists":
             context = self._plain("exists", context)
-        outside = self.scope.mark()
+        variables, formula = self._within(context)
+        return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
+
+    def _within(self, context: int) -> tuple[tuple[f.TypedName, ...], f.Formula]:
+        """Read variables, and the formula that they are bound in."""
+        operator, outside = self.tokens[self.at + 1].lower(), self.scope.mark()
         self.at += 2
         variables = self.variables()
         formula = self.formula(context)
         self.expect(")", f"')' after the {_noun(context)} of {operator}")
         self.scope.release(outside)
-        return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
+        return variables, formula
 
     def _counted(self, context: int) -> f.Formula:
         operator = self.tokens[self.at + 1].lower()
         # A predicate of that name applies to terms, the first of which is no list of variables.
         if not context & RULES or self.tokens[self.at + 3][:1] != "?":
             return self._named_like_operator(context)
-        outside = self.scope.mark()
-        self.at += 2
-        variables = self.variables()
-        formula = self.formula(RULES)
-        self.expect(")", f"')' after the formula of {operator}")
-        self.scope.release(outside)
-        return f.Count(variables, formula, operator)
+        return f.Count(*self._within(RULES), operator)
 
     def _comparison(self, context: int) -> f.Comparison | f.Equal:
         if context & _WRAPPED:

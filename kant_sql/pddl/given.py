@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import NamedTuple, Protocol, TypedDict, TypeVar
+from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar
 
 from typing_extensions import override
 
@@ -24,7 +24,7 @@ from ..dto.elements import (
 )
 from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from .cursor import END, VARIABLES, Cursor, Diagnostics, Section, hint
+from .cursor import END, OBJECTS, VARIABLES, Cursor, Diagnostics, Section, hint
 from .declarations import ActionReader, DeclarationReader, RuleReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
@@ -244,31 +244,30 @@ def read_derived(text: str, *, symbols: SymbolTable) -> f.Derived:
     return rule
 
 
-def _read_initial(text: str, symbols: SymbolTable) -> InitialStateReader:
+def _read_initial(text: str, symbols: SymbolTable, part: str, expected: str) -> Any:
+    """Read one element of a part of an initial state."""
     section = _section(text, "the initial state")
     reader = InitialStateReader(Diagnostics(strict=False), section, symbols)
     _refuse_unclosed(reader)
-    return reader
+    found = getattr(reader.one(), part)
+    if not found:
+        reader.fail(expected, at=0)
+    _refuse_more(reader)
+    return found[0]
 
 
 def read_initial_literal(text: str, *, symbols: SymbolTable) -> f.Not | f.Equal:
     """Read a literal of the initial state that is not a fact, such as `(not (open door1))`."""
-    reader = _read_initial(text, symbols)
-    literals = reader.one().literals
-    if not literals:
-        reader.fail("a literal such as (not (open door1)); kb.propositions takes facts", at=0)
-    _refuse_more(reader)
-    return literals[0]
+    expected = "a literal such as (not (open door1)); kb.propositions takes facts"
+    found: f.Not | f.Equal = _read_initial(text, symbols, "literals", expected)
+    return found
 
 
 def read_timed_literal(text: str, *, symbols: SymbolTable) -> f.TimedLiteral:
     """Read a timed initial literal such as `(at 10 (open door1))`."""
-    reader = _read_initial(text, symbols)
-    timed = reader.one().timed
-    if not timed:
-        reader.fail("a timed literal such as (at 10 (open door1))", at=0)
-    _refuse_more(reader)
-    return timed[0]
+    expected = "a timed literal such as (at 10 (open door1))"
+    found: f.TimedLiteral = _read_initial(text, symbols, "timed", expected)
+    return found
 
 
 def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
@@ -352,7 +351,7 @@ class _ElementReader(DeclarationReader):
         """Read a name and its types."""
         if self.tokens[0] in ("(", ")"):
             self.fail(self._one)
-        groups = self.names()
+        groups = self.typed_list(OBJECTS)
         self.refuse_rest(self.at - 1)
         words = groups[0].words if groups else []
         if len(words) != 1 or len(groups) > 1:

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import either_text, fold, is_name
-from .cursor import Cursor, Diagnostics, Group, Section, hint
+from .cursor import OBJECTS, Cursor, Diagnostics, Group, Section, hint
 from .declarations import DeclarationReader, TypedNames
 from .document import Domain, FunctionValue, Problem
 from .forms import PROBLEM_ORDER, Form, check_sections, finish
@@ -482,7 +482,7 @@ class ProblemReader:
         constants = {fold(one.name): one for one in self._domain.constants} if self._domain else {}
         for section in self._sections(":objects"):
             reader = DeclarationReader(self._diagnostics, section, self._symbols)
-            for group in reader.names():
+            for group in reader.typed_list(OBJECTS):
                 for at, name in enumerate(group.words, group.at):
                     constant = constants.get(fold(name)) if constants else None
                     if constant is not None:
