@@ -152,15 +152,8 @@ def check_order(said: Said) -> Said:
     return said
 
 
-class _Reads(NamedTuple):
-    """Columns of the executions of some plans, of some of one plan, or of a list of keys."""
-
-    plans: Query
-    near: Query
-    listed: Query
-
-
-def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> _Reads:
+def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> dict[str, Query]:
+    """Select columns of the executions of some plans, of some of one, or of a list of keys."""
     columns = table_of(mapped).c
     read = [columns[name] for name in ("plan_id", "position", *names)]
     known = columns[known_from]
@@ -168,15 +161,12 @@ def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> _R
     of_plans = columns.plan_id.between(integer("low"), integer("high"))
     near = columns.position.between(integer("first"), integer("last"))
     upto = known <= integer("at")
-    listed = (
-        in_list(columns.plan_id, "plans"),
-        in_list(columns.position, "positions", bounded=known),
-    )
-    return _Reads(
-        Query(query.where(of_plans, upto)),
-        Query(query.where(columns.plan_id == integer("plan"), near, upto)),
-        Query(query.where(*listed, upto)),
-    )
+    position = in_list(columns.position, "positions", bounded=known)
+    return {
+        "plans": Query(query.where(of_plans, upto)),
+        "near": Query(query.where(columns.plan_id == integer("plan"), near, upto)),
+        "listed": Query(query.where(in_list(columns.plan_id, "plans"), position, upto)),
+    }
 
 
 # The text has the names, exactly: to look up each of them takes longer than all the rest.
@@ -236,21 +226,20 @@ class ExecutionReader:
         found = ((key_of(one), one) for one in self._read("listed", wanted, **lists))
         return {key: one for key, one in found if key in wanted}
 
-    def _rows(self, reads: _Reads, scope: str, given: dict[str, Any]) -> list[Row]:
-        query: Query = getattr(reads, scope)
+    def _rows(self, query: Query, given: dict[str, Any]) -> list[Row]:
         return self._session.rows(query, kb=self._kb_id, at=self._at, **given)
 
     def _read(
         self, scope: str, wanted: Collection[Key] | None = None, **given: Any
     ) -> Iterator[Execution]:
         held: dict[Key, list[_Held]] = defaultdict(list)
-        for plan_id, position, since, until, *said in self._rows(_OUTCOMES, scope, given):
+        for plan_id, position, since, until, *said in self._rows(_OUTCOMES[scope], given):
             ended = None if until is None or until > self._at else until
             held[plan_id, position].append(_Held(since, ended, *said))
         links: dict[Key, list[int]] = defaultdict(list)
-        for plan_id, position, number in self._rows(_REVISIONS, scope, given):
+        for plan_id, position, number in self._rows(_REVISIONS[scope], given):
             links[plan_id, position].append(number)
-        rows = self._rows(_EXECUTIONS, scope, given)
+        rows = self._rows(_EXECUTIONS[scope], given)
         if wanted is not None:
             rows = [row for row in rows if (row[0], row[1]) in wanted]
         numbers = {n for each in held.values() for one in each for n in one[:2] if n is not None}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar
+from typing import Any, NamedTuple, TypedDict, TypeVar
 
 from typing_extensions import override
 
@@ -43,13 +43,6 @@ class ReadCondition(NamedTuple):
     formula: f.Formula
     free: tuple[f.TypedName, ...]  # the free variables; `object` where nothing declares a type
     are_declared: bool  # whether a list of parameters declared the free variables
-
-
-class ReadStep(NamedTuple):
-    """An action's name, and its arguments."""
-
-    action: str
-    arguments: tuple[str, ...]
 
 
 class _Parameters(TypedDict):
@@ -287,22 +280,17 @@ def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
     return found
 
 
-class NamedAction(Protocol):
-    """What has a name."""
-
-    @property
-    def name(self) -> str:
-        """The name."""
-
-
 def read_step(
     text: str,
     *,
     symbols: SymbolTable,
-    action: Callable[[str], NamedAction | None],
+    action: Callable[[str], str | None],
     actions: Callable[[], Iterable[str]],
-) -> ReadStep:
-    """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses."""
+) -> tuple[str, tuple[str, ...]]:
+    """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses.
+
+    `action` returns the declared spelling of a name, and `actions` all that there are.
+    """
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
     _refuse_unclosed(reader)
@@ -321,8 +309,7 @@ def read_step(
     reader.at += 1
     if reader.tokens[reader.at]:
         reader.fail("the end of the text after one step")
-    assert found is not None
-    return ReadStep(found.name, tuple(arguments))
+    return found, tuple(arguments)
 
 
 class _ElementReader(DeclarationReader):

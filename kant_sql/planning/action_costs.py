@@ -13,7 +13,7 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge.grounding import rebuilt
 from ..pddl import document as pddl
 from ..pddl.requirements import used_requirements
-from .names import number, unused_name
+from .names import declared, number, unused_name
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
 # The entries of the largest table of costs of an action.
@@ -52,10 +52,8 @@ class UnusedNames:
     """Makes names that no element of documents has."""
 
     def __init__(self, domain: pddl.Domain, problem: pddl.Problem) -> None:
-        named = (domain.types, domain.constants, problem.objects, domain.predicates)
-        self._taken = {f.TOTAL_COST, f.TOTAL_TIME}
-        for parts in (*named, domain.functions, domain.actions):
-            self._taken.update(fold(part.name) for part in parts)
+        self._taken = {fold(name) for _, name in declared(domain, problem)}
+        self._taken |= {f.TOTAL_COST, f.TOTAL_TIME}
 
     def __call__(self, wanted: str) -> str:
         """Return a name as it is wanted, with a number appended if needed."""
@@ -230,7 +228,7 @@ def _renamed(
         return domain, problem
     name = unused(f.TOTAL_COST)
 
-    def change(node: f.Node) -> f.Node:
+    def change(node: f.Node) -> Any:
         made = rebuilt(node, change)
         if isinstance(made, f.Fluent) and _is_named_total(made):
             return f.Fluent(name, made.terms)
@@ -240,12 +238,7 @@ def _renamed(
         replace(one, name=name) if fold(one.name) == f.TOTAL_COST else one
         for one in domain.functions
     )
-    values = tuple(
-        pddl.FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
-        if _is_named_total(value.fluent)
-        else value
-        for value in problem.values
-    )
+    values = tuple(one._replace(fluent=change(one.fluent)) for one in problem.values)
     actions = tuple(_changed(one, change, _OF_ACTION) for one in domain.actions)
     return (
         replace(_changed(domain, change, _OF_DOMAIN), functions=functions, actions=actions),
@@ -272,11 +265,7 @@ def _is_named_total(node: f.Node) -> bool:
 
 def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
     """Return the folded names of the functions that decide what is possible."""
-    effects = [effect for action in domain.actions for effect in action.effect]
-    pending: list[f.Node] = [*domain.derived, *domain.constraints, *problem.goal]
-    pending += [*problem.constraints, *effects, *(one.effect for one in problem.timed)]
-    for action in domain.actions:
-        pending += [*action.condition, *action.duration]
+    pending = [*pddl.formulas(domain, problem), *(one.effect for one in problem.timed)]
     read: set[str] = set()
     # The values that are assigned to each function: they matter if that matters.
     sources: dict[str, set[str]] = {}

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from decimal import Decimal
 from typing import Any
 
 from ..acts import Execution
 from ..acts.recording import check_execution, key_of
 from ..arguments import count_limit, expect, optional_text, shown
-from ..dto.formulas import AT_END
 from ..errors import InvalidArgumentError
 from ..html import Feed, Listing
 from ..knowledge.definitions import ActionDefinition, Definitions
@@ -29,49 +27,18 @@ from .ask import (
     statement_key,
     variable_of,
 )
-from .effects import Earlier, EffectReader, not_applicable, write
-from .explain import Explainer
+from .effects import EffectReader, not_applicable
 from .failures import FAILED, FailedCondition
-from .promise import closed_nodes, is_executable, is_true, judge, promise_of
+from .promise import is_executable, judge, promise_of
 from .steps import GroundStep, PreparedAction, Step, executable, find_action, ground, prepared
 
-NO_NUMBERS: Mapping[str, Decimal] = {}
 
-
-class Stepper:
-    """Judges and executes one step in a state; `numbers` have its duration."""
-
-    def __init__(
-        self, view: View, step: GroundStep, numbers: Mapping[str, Decimal] = NO_NUMBERS
-    ) -> None:
-        self.view = view
-        self.step = step
-        self.numbers = numbers
-
-    def check(self, time: str) -> None:
-        """Refuse a step whose conditions of a time do not hold."""
-        if not is_true(self.view, self.step, time, self.numbers):
-            nodes = closed_nodes(self.step, time)
-            failed = Explainer(self.view, self.numbers).failed(nodes)
-            raise not_applicable(self.step, failed)
-
-    def earlier(self) -> Earlier:
-        """Evaluate in the state before the start what effects at the end need of it."""
-        reader = EffectReader(self.view, self.step, self.numbers)
-        return reader.earlier(self.step.action.items(AT_END))
-
-    def execute(self, transaction: Transaction, time: str, earlier: Earlier | None = None) -> None:
-        """Write the effects of a time."""
-        reader = EffectReader(self.view, self.step, self.numbers, earlier)
-        write(transaction, self.step, reader.read(self.step.action.items(time)))
-
-
-def begin(view: View, step: GroundStep) -> Stepper:
+def begin(view: View, step: GroundStep) -> EffectReader:
     """Refuse a step that cannot begin."""
     numbers, failed = judge(view, step)
     if failed:
         raise not_applicable(step, failed)
-    return Stepper(view, step, numbers)
+    return EffectReader(view, step, numbers)
 
 
 def view_of(transaction: Transaction) -> View:

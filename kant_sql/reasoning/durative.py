@@ -38,7 +38,7 @@ from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .act import NO_NUMBERS, Stepper, begin, in_revision, view_of
+from .act import begin, in_revision, view_of
 from .effects import (
     Earlier,
     EffectReader,
@@ -50,7 +50,7 @@ from .effects import (
 )
 from .explain import Explainer
 from .failures import FailedCondition
-from .promise import closed_nodes, duration_of, until_end
+from .promise import closed_nodes, duration_of, is_true, until_end
 from .steps import CONTINUOUS, GroundStep, Step, ground
 from .when import when
 
@@ -152,8 +152,8 @@ def apply(
 
 def _apply(transaction: Transaction, step: GroundStep) -> None:
     before = begin(view_of(transaction), step)
-    earlier = before.earlier() if step.action.is_durative else None
-    before.execute(transaction, AT_START)
+    earlier = before.earlier(step.action.items(AT_END)) if step.action.is_durative else None
+    before.write(transaction, AT_START)
     if step.action.is_durative:
         _finish(transaction, step, before.numbers, earlier)
     if step.recorded is None:
@@ -191,11 +191,12 @@ def _record(
     transaction: Transaction,
     step: GroundStep,
     outcome: str,
-    numbers: Mapping[str, Decimal] = NO_NUMBERS,
+    numbers: Mapping[str, Decimal] | None = None,
     message: str | None = None,
 ) -> Key:
     """Record a step of no plan."""
-    duration = numbers.get(f.DURATION, step.duration) if step.action.is_durative else None
+    given = (numbers or {}).get(f.DURATION, step.duration)
+    duration = given if step.action.is_durative else None
     action = transaction.definitions.current().actions.named(step.action.name)
     assert action is not None
     made = ExecutionDefinition(
@@ -222,14 +223,14 @@ def _finish(
     if lost:
         raise not_applicable(step, lost)
     if step.action.items(CONTINUOUS):
-        Stepper(state, step, numbers).execute(transaction, CONTINUOUS)
+        EffectReader(state, step, numbers).write(transaction, CONTINUOUS)
         state = view_of(transaction)
     found, wrong = duration_of(state, step, AT_END, numbers.get(f.DURATION))
     if wrong:
         raise not_applicable(step, wrong)
-    after = Stepper(state, step, found)
-    after.check(AT_END)
-    after.execute(transaction, AT_END, earlier)
+    if not is_true(state, step, AT_END, found):
+        raise not_applicable(step, Explainer(state, found).failed(closed_nodes(step, AT_END)))
+    EffectReader(state, step, found, earlier).write(transaction, AT_END)
 
 
 def start(
@@ -288,11 +289,11 @@ def begin_running(
         if running is not None:
             reason_ = f"it is running: {running.place}"
             raise not_applicable(found, [FailedCondition(str(found), reason_)])
-        stepper = begin(view_of(transaction), found)
+        effects = begin(view_of(transaction), found)
         if found.action.is_durative:
-            stepper.execute(transaction, AT_START)
+            effects.write(transaction, AT_START)
         if found.recorded is None:
-            started.append(_record(transaction, found, RUNNING, stepper.numbers))
+            started.append(_record(transaction, found, RUNNING, effects.numbers))
         else:
             set_outcome(transaction, found.recorded, RUNNING)
             started.append(key_of(found.recorded))
@@ -423,9 +424,10 @@ def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
 
     def work(view: View) -> Earlier:
         then = ground(view.definitions, recorded)
-        held = Stepper(view, then).earlier()
+        ends = then.action.items(AT_END)
+        held = EffectReader(view, then, {}).earlier(ends)
         # The same effects, as the present state has them.
-        places = {id(item): n for n, item in enumerate(then.action.items(AT_END))}
+        places = {id(item): n for n, item in enumerate(ends)}
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
     before = recorded.outcomes[-1].since.number - 1

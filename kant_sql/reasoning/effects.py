@@ -73,11 +73,11 @@ class EffectReader:
         earlier: Earlier | None = None,
     ) -> None:
         self._view = view
-        self._step = step
-        self._numbers = numbers
+        self.step = step
+        self.numbers = numbers
         self._earlier = {} if earlier is None else earlier
         self._definitions: Definitions = view.definitions
-        self.changes = StepChanges()
+        self._changes = StepChanges()
 
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
         """Return what the effects change."""
@@ -88,13 +88,17 @@ class EffectReader:
                 self._check_values(item)
             for objects, values in (({}, known),) if item.is_certain else self._rows(item):
                 self._apply(item, objects, values)
-        return self.changes
+        return self._changes
+
+    def write(self, transaction: Transaction, time: str) -> None:
+        """Write the effects of a time."""
+        write(transaction, self.step, self.read(self.step.action.items(time)))
 
     def _numbers_of(self, items: Sequence[EffectItem]) -> Mapping[NumberOf, Decimal]:
         """Return the numbers that effects without a condition need, by one statement."""
         numbers = list(dict.fromkeys(number for item in items for number in item.numbers))
         key = "numbers", *map(id, items)
-        [texts] = self._asked(key, AllOf(()), (), numbers, self._step.values)
+        [texts] = self._asked(key, AllOf(()), (), numbers, self.step.values)
         return decimals(numbers, texts)
 
     def _check_values(self, item: EffectItem) -> None:
@@ -108,7 +112,7 @@ class EffectReader:
             head = declared[item.operator not in ("add", "delete")].live(item.head)
             reason = "an object fluent in it has no value"
             failed = FailedCondition(f"({item.operator} ({head.name} ...) ...)", reason)
-            raise not_applicable(self._step, [failed])
+            raise not_applicable(self.step, [failed])
 
     def _rows(
         self, item: EffectItem
@@ -137,7 +141,7 @@ class EffectReader:
             condition, numbers = item.earlier, []
         elif which == "lacking":
             condition, bound, numbers = item.lacking, item.around, []
-        given = {**self._step.values, **given_numbers(self._numbers)}
+        given = {**self.step.values, **given_numbers(self.numbers)}
         rows = self._asked((which, id(item)), condition, bound, numbers, given)
         # Without columns, a row says that the condition holds.
         has_columns = item.around if which == "lacking" else item.bound
@@ -152,10 +156,10 @@ class EffectReader:
         given: Mapping[str, Any],
     ) -> list[Any]:
         """Run a statement, which is made once of each action."""
-        view, step = self._view, self._step
+        view, step = self._view, self.step
         statement = step.action.kept(
-            (*key, *statement_key(view, self._numbers)),
-            lambda: question(view, self._numbers).effects(condition, bound, numbers, step.places),
+            (*key, *statement_key(view, self.numbers)),
+            lambda: question(view, self.numbers).effects(condition, bound, numbers, step.places),
         )
         return run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
 
@@ -168,18 +172,18 @@ class EffectReader:
             predicate = self._definitions.predicates.live(item.head)
             key = AtomKey(False, predicate.id, arguments)
             if item.operator == "delete":
-                self.changes.deletes[key] = None
+                self._changes.deletes[key] = None
             else:
-                self.changes.adds[key] = self._text(predicate, ids)
+                self._changes.adds[key] = self._text(predicate, ids)
             return
         function = self._definitions.functions.live(item.head)
         text = self._text(function, ids)
         value = self._value(item, function, objects, values, text)
         fluent = FluentKey(function.id, arguments)
-        self.changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
+        self._changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
 
     def _objects(self, terms: Iterable[Place], objects: Mapping[Slot, int]) -> list[int]:
-        ids, places = self._step.ids, self._step.action.positions
+        ids, places = self.step.ids, self.step.action.positions
         return [
             term.id
             if isinstance(term, Known)
@@ -196,7 +200,7 @@ class EffectReader:
         for each, parameter in zip(objects, declared.parameters, strict=True):
             id_, wanted = each.id, parameter.type_ids
             if each.type_ids != wanted and not self._fits(id_, wanted):
-                role = f"{text}, which {self._step} changes,"
+                role = f"{text}, which {self.step} changes,"
                 raise self._mismatch(id_, wanted, role)
         return text
 
@@ -223,13 +227,13 @@ class EffectReader:
                 raise self._mismatch(id_, function.type_ids, f"({item.operator} {text} ...)")
             return id_
         assert item.value is not None
-        number = exact(item.value, values, self._numbers)
+        number = exact(item.value, values, self.numbers)
         if number is None:
             failed = FailedCondition(
                 f"({item.operator} {text} ...)",
                 "its value is undefined: a fluent in it has no value, or it divides by 0",
             )
-            raise not_applicable(self._step, [failed])
+            raise not_applicable(self.step, [failed])
         return number
 
 

@@ -507,7 +507,7 @@ def _given(definitions: Definitions, step: object) -> _Given:
         read = read_step(
             text,
             symbols=symbols_of(definitions),
-            action=definitions.actions.named,
+            action=lambda word: getattr(definitions.actions.named(word), "name", None),
             actions=lambda: [each.name for each in definitions.actions],
         )
         return *read, None if duration is None else Decimal(duration), None

@@ -247,16 +247,10 @@ class HeldPeriods(Sequence[Held]):
 
 
 def _columns(end: str, revision: Revision | None, time: datetime | None) -> dict[str, Any]:
-    if revision is None:
-        columns = f"{end}_time", f"{end}_actor", f"{end}_reason", f"{end}_source"
-        return dict.fromkeys((end, *columns))
-    return {
-        end: revision.number,
-        f"{end}_time": time,
-        f"{end}_actor": revision.actor,
-        f"{end}_reason": revision.reason,
-        f"{end}_source": revision.source,
+    said = {
+        f"{end}_{name}": getattr(revision, name, None) for name in ("actor", "reason", "source")
     }
+    return {end: getattr(revision, "number", None), f"{end}_time": time, **said}
 
 
 def when(
