@@ -80,19 +80,12 @@ _LARGEST_POSITION = 2**31 - 1
 
 
 class ExecutionFilter(NamedTuple):
-    """Which executions are asked for; all conditions apply.
+    """Which executions are asked for; all conditions apply."""
 
-    Attributes:
-        action: the action's name, or what a component called the act.
-        object: the name of an object that is among the arguments.
-        outcome: the present outcome.
-        actor: who began it.
-    """
-
-    action: str | None = None
-    object: str | None = None
-    outcome: str | None = None
-    actor: str | None = None
+    action: str | None = None  # the action's name, or what a component called the act
+    object: str | None = None  # the name of an object that is among the arguments
+    outcome: str | None = None  # the present outcome
+    actor: str | None = None  # who began it
 
 
 def get_all(
@@ -248,11 +241,7 @@ Before = tuple[int, int, int]
 def read_page(
     state: State, asked: ExecutionFilter, low: int, before: Before, size: int
 ) -> tuple[list[Execution], Before | None]:
-    """Read executions before a place, and the place where the next page begins, if there is one.
-
-    Raises:
-        UnknownNameError: instead of none, if there never was such an action, object or actor.
-    """
+    """Read executions before a place, and the place where the next page begins, if there is one."""
 
     def work(view: View) -> tuple[list[Execution], Before | None]:
         own = _find_names(view, asked)

@@ -58,19 +58,12 @@ _ID = re.compile(r"([1-9]\d{0,17})(?:\.(0|[1-9]\d{0,8}))?")
 
 
 class Said(NamedTuple):
-    """What is said of an outcome, besides what it is.
+    """What is said of an outcome, besides what it is."""
 
-    Attributes:
-        code: the code of a failure.
-        message: what is said of a failure, or did not hold.
-        started_at: when it began, if not when that was committed.
-        ended_at: when it ended, likewise.
-    """
-
-    code: str | None = None
-    message: str | None = None
-    started_at: datetime | None = None
-    ended_at: datetime | None = None
+    code: str | None = None  # the code of a failure
+    message: str | None = None  # what is said of a failure, or did not hold
+    started_at: datetime | None = None  # when it began, if not when that was committed
+    ended_at: datetime | None = None  # when it ended, likewise
 
 
 NOTHING = Said()

@@ -114,16 +114,11 @@ Element = TypeVar("Element")
 
 
 class Declarations(Generic[Element]):
-    """Elements by name, in the order of their first declaration.
-
-    Args:
-        kind: the kind of the elements, for messages.
-        meaning: returns the part that two declarations of one name must have in common.
-    """
+    """Elements by name, in the order of their first declaration."""
 
     def __init__(self, kind: str, meaning: Callable[[Element], Hashable]) -> None:
-        self._kind = kind
-        self._meaning = meaning
+        self._kind = kind  # the kind of the elements, for messages
+        self._meaning = meaning  # returns what two declarations of one name must have in common
         self._elements: dict[str, tuple[Element, object]] = {}
 
     def __contains__(self, name: str) -> bool:

@@ -58,11 +58,7 @@ class ReadValue(NamedTuple):
 
 
 class ConditionReader(FormulaReader):
-    """A reader of formulas that stand alone: a variable that nothing binds is free.
-
-    Args:
-        parameters: the text that declares the free variables; without it, all are allowed.
-    """
+    """A reader of formulas that stand alone; without parameters, unbound variables are free."""
 
     def __init__(
         self, symbols: SymbolTable, text: str | Text, nesting: str, parameters: str | None = None
@@ -284,13 +280,10 @@ def read_step(
     text: str,
     *,
     symbols: SymbolTable,
-    action: Callable[[str], str | None],
+    action: Callable[[str], str | None],  # returns the declared spelling of a name
     actions: Callable[[], Iterable[str]],
 ) -> tuple[str, tuple[str, ...]]:
-    """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses.
-
-    `action` returns the declared spelling of a name, and `actions` all that there are.
-    """
+    """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses."""
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
     _refuse_unclosed(reader)
@@ -388,10 +381,7 @@ def read_function(text: str) -> PddlFunctionDto:
 
 
 def read_action(text: str, *, symbols: SymbolTable | None = None) -> PddlActionDto:
-    """Read an action, a durative action, a process or an event, such as `(:action ...)`.
-
-    Without symbols, it may use any names.
-    """
+    """Read an action, a process or an event; without symbols, it may use any names."""
     expect(text, str, "the action", InvalidArgumentError)
     symbols = symbols or SymbolTable(unknown_domain=True)
     reader = ActionReader(Diagnostics(strict=False), _section(text), symbols, "the action")

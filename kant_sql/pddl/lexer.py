@@ -132,18 +132,12 @@ def tokenize(text: str) -> list[str]:
 
 
 class Blocks:
-    """The tokens of a list in blocks of whole elements, small enough for a processor's cache.
-
-    Args:
-        code: PDDL text without comments.
-        start: the offset of the parenthesis that opens the list.
-        end: the offset of the end of the blocks, at or after the closing parenthesis.
-    """
+    """The tokens of a list in blocks of whole elements, small enough for a processor's cache."""
 
     def __init__(self, code: str, start: int, end: int) -> None:
         self._code = code
-        self._next = start
-        self._end = end
+        self._next = start  # at first the offset of the parenthesis that opens the list
+        self._end = end  # at or after the parenthesis that closes it
         self._depth = 0
 
     def next(self) -> list[str]:

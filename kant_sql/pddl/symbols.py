@@ -41,15 +41,12 @@ class Ancestry(Generic[K]):
     Each type knows its parent and a jump to an ancestor (E. W. Myers, An applicative random-access
     stack, 1983). A type with several parents continues at each of them, so a check costs a step for
     each such ancestor.
-
-    Args:
-        parents: returns the parents of a type, which must not change after the first call.
     """
 
     __slots__ = ("_parents", "_places")
 
     def __init__(self, parents: Callable[[K], Sequence[K]]) -> None:
-        self._parents = parents
+        self._parents = parents  # returns the parents of a type, which must not change afterwards
         self._places: dict[K, _Place[K]] = {}
 
     def is_below(self, lower: K, upper: K) -> bool:

@@ -68,16 +68,12 @@ Values = dict[tuple[str, ...], Fraction]
 
 @dataclass(frozen=True)
 class ActionCost:
-    """The cost of an action.
+    """The cost of an action."""
 
-    Attributes:
-        parameters: the parameters that it depends on; none for a constant.
-        values: the cost by the objects that these stand for.
-        undefined: the objects for which it is undefined: the action is not applicable there.
-    """
-
+    # The parameters that it depends on; none for a constant.
     parameters: tuple[f.TypedName, ...] = ()
-    values: Values | None = None
+    values: Values | None = None  # the cost by the objects that these stand for
+    # The objects for which it is undefined: the action is not applicable there.
     undefined: tuple[tuple[str, ...], ...] = ()
 
     def plus(self, amount: Fraction) -> Values:
@@ -88,15 +84,11 @@ class ActionCost:
 
 @dataclass(frozen=True)
 class CostedAction:
-    """An action and what it adds to a metric to minimize.
-
-    Attributes:
-        amount: what it adds besides `cost`.
-    """
+    """An action and what it adds to a metric to minimize."""
 
     action: pddl.Action
     cost: ActionCost = field(default_factory=ActionCost)
-    amount: Fraction = Fraction(0)
+    amount: Fraction = Fraction(0)  # what it adds besides `cost`
 
 
 def write_costs(
@@ -106,13 +98,7 @@ def write_costs(
     free: frozenset[str],
     unused: Callable[[str], str],
 ) -> tuple[pddl.Domain, pddl.Problem]:
-    """Write the costs of actions into documents, as whole numbers.
-
-    Args:
-        actions: the actions, in place of the domain's.
-        free: the folded names of functions that are left out.
-        unused: returns a name that no element has.
-    """
+    """Write actions and their costs, as whole numbers, into documents without `free` functions."""
     actions = [replace(one, action=_without(one.action, free)) for one in actions]
     domain = replace(domain, actions=tuple(one.action for one in actions))
     domain, problem = _pruned(*_renamed(domain, problem, unused))
@@ -134,11 +120,7 @@ def write_costs(
 
 
 class _Writer:
-    """Adds costs to actions.
-
-    Attributes:
-        is_used: whether an action costs anything.
-    """
+    """Adds costs to actions."""
 
     def __init__(self, unused: Callable[[str], str], scale: Fraction) -> None:
         self._unused, self._scale = unused, scale
@@ -146,7 +128,7 @@ class _Writer:
         self.values: list[pddl.FunctionValue] = []
         self.predicates: list[pddl.Predicate] = []
         self.facts: list[f.Atom] = []
-        self.is_used = False
+        self.is_used = False  # whether an action costs anything
 
     def costed(self, action: pddl.Action, cost: ActionCost, table: Values) -> pddl.Action:
         """Return an action that costs what a table says."""
@@ -288,10 +270,8 @@ def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
 
 
 def whole(amounts: Iterable[Fraction]) -> Fraction:
-    """Return the factor that makes amounts whole numbers without a common divisor.
-
-    Cost planners add up 32-bit integers.
-    """
+    """Return the factor that makes amounts whole numbers without a common divisor."""
+    # Cost planners add up 32-bit integers.
     known = [amount for amount in amounts if amount]
     if not known:
         return Fraction(1)

@@ -142,11 +142,7 @@ def solve(
 
 
 def check_documents(domain: Domain, problem: Problem) -> None:
-    """Check that the arguments are documents.
-
-    Raises:
-        InvalidArgumentError: one of them is not.
-    """
+    """Check that the arguments are documents."""
     expect(domain, Domain, "the domain", InvalidArgumentError)
     expect(problem, Problem, "the problem", InvalidArgumentError)
 

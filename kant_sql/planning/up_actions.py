@@ -51,10 +51,8 @@ class UpDurations(UpConverter):
         return bounds[0][1] if len(bounds) == 1 and bounds[0][0] == "=" else None
 
     def remembered(self, made: DurativeAction, value: FNode) -> FNode:
-        """Return a fluent that has the duration of an action while that goes on.
-
-        What the duration was computed from may change before the action ends.
-        """
+        """Return a fluent that has the duration of an action while that goes on."""
+        # What the duration was computed from may change before the action ends.
         from unified_planning.model import Fluent, Parameter, StartTiming
 
         context = self._context

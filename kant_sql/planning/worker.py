@@ -45,11 +45,7 @@ if TYPE_CHECKING:
 
 
 def engine_parameters(name: str, improving: float | None = None) -> dict[str, object]:
-    """Return the parameters for creating an engine of unified-planning.
-
-    Args:
-        improving: the seconds in which it improves its plan.
-    """
+    """Return the parameters for creating an engine, which improves its plan for some seconds."""
     if improving is not None and name == "fast-downward":
         return {"fast_downward_translate_options": [*INVARIANTS]}
     if improving is not None and name == "enhsp-any":
@@ -182,12 +178,7 @@ class Engines:
         return f"is not installed; {how}"
 
     def lacking(self, missing: Mapping[str, Collection[str]], suitable: Collection[str]) -> str:
-        """Say what the engines that were asked do not know, and which others would know it.
-
-        Args:
-            missing: the features that each engine lacks.
-            suitable: engines that are installed and support the problem.
-        """
+        """Say which features the engines that were asked lack, and which others would do."""
         said = [
             f"{name} does not know {', '.join(sorted(features)).lower()}"
             for name, features in missing.items()
@@ -281,10 +272,8 @@ class _Spared(ModuleType):
 
 
 def _spare_imports() -> None:
-    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none.
-
-    Its own readers import pyparsing, and only some engines need them.
-    """
+    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none."""
+    # Its own readers import pyparsing, and only some engines need them.
     import unified_planning
 
     for name, *annotate in (
@@ -425,10 +414,8 @@ class Search:
         return None
 
     def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
-        """Yield the forms of a variant, each with the installed engines to ask.
-
-        It has real numbers, and integers where these suffice: most planners for costs want these.
-        """
+        """Yield the forms of a variant, each with the installed engines to ask."""
+        # Real numbers, and integers where these suffice: most planners for costs want these.
         forms = [False]
         if numbers_are_integers(variant.domain, variant.problem):
             forms = [True, False] if variant.improves else [False, True]

@@ -243,19 +243,14 @@ class _Continuous:
 
 
 class Schema:
-    """An action, compiled for a world.
-
-    Attributes:
-        action: the action.
-        phases: what it requires and does at each of its times; None for an instantaneous action.
-        continuous: its continuous effects.
-    """
+    """An action, compiled for a world."""
 
     def __init__(self, world: World, node: Action) -> None:
         """Compile an action of a document."""
         self._world = world
         action = self.action = PreparedAction(world.definitions, node)
         self._durative = (f.AT_START, f.AT_END) if action.is_durative else ()
+        # What it requires and does at each of its times; None for an instantaneous action.
         self.phases: dict[str | None, Phase] = {
             time: Phase(world, action, time) for time in self._durative
         } or {None: Phase(world, action, f.AT_START)}
@@ -297,15 +292,7 @@ _Pattern = tuple[frozenset[int], ...]
 
 
 class Snap:
-    """A ground action at one of its times.
-
-    Attributes:
-        position: the position of its step in the plan.
-        time: its time in the action; None for an instantaneous action.
-        binding: the names of the objects of its parameters.
-        memory: the objects for which conditions at the start held of effects at the end.
-        changes: what it changes; computed by `prepare`.
-    """
+    """A ground action at one of its times."""
 
     def __init__(
         self,
@@ -317,18 +304,20 @@ class Snap:
         duration: Decimal | None,
         memory: dict[int, set[Row]],
     ) -> None:
-        self.position, self.time = position, time
+        self.position = position  # that of its step in the plan
+        self.time = time  # its time in the action; None for an instantaneous action
         self.schema = schema
         self.arguments = tuple(arguments)
         self.duration = duration
-        self.changes = Changes()
+        self.changes = Changes()  # what it changes; computed by `prepare`
         self._world = world
         self.phase = schema.phases[time]
+        # The objects for which conditions at the start held of effects at the end.
         self.memory = memory
 
     @property
     def binding(self) -> Binding:
-        """The objects of the action's parameters."""
+        """The names of the objects of the action's parameters."""
         return bound(self.schema.action.variables, self._world.names(self.arguments))
 
     def unmet(self) -> list[FailedCondition]:

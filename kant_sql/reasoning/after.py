@@ -80,14 +80,7 @@ def head_of(part: r.Part | r.Quantity) -> Head | None:
 
 
 class After:
-    """Says of the state before what holds after effects.
-
-    Args:
-        definitions: what is defined.
-        items: the effects.
-        numbers: gives the numbers of new variables.
-        is_whole: whether the rules are those of `rules`, which say what follows after.
-    """
+    """Says of the state before what holds after effects."""
 
     def __init__(
         self,
@@ -99,7 +92,8 @@ class After:
     ) -> None:
         self._functions = definitions.functions
         self._rules = rules_of(definitions)
-        self._numbers = numbers
+        self._numbers = numbers  # gives the numbers of new variables
+        # Whether the rules are those of `rules`, which say what follows after.
         self._is_whole = is_whole
         self._items: dict[Head, list[EffectItem]] = {}
         for item in items:
@@ -111,11 +105,7 @@ class After:
         return self._rules.replaced(self.part)
 
     def part(self, part: r.Part) -> r.Part:
-        """Return what holds before iff a part holds after.
-
-        Raises:
-            OpaqueError: no condition says it.
-        """
+        """Return what holds before iff a part holds after, or raise `OpaqueError`."""
         return mapped(part, self._leaf) if self._items else part
 
     def _leaf(self, leaf: r.Part, _: bool) -> r.Part:

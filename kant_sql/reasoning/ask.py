@@ -260,10 +260,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
 
 
 def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
-    """Recognise a ground atom of a predicate that was prepared before, without reading it as PDDL.
-
-    Whatever is not as expected is left to the reader, which says what is wrong.
-    """
+    """Recognise a ground atom of a prepared predicate; leave all else to the reader of PDDL."""
     if not isinstance(condition, str) or _ATOM.fullmatch(condition) is None:
         return None, {}
     name, *terms = condition.strip().strip("()").split()

@@ -510,21 +510,13 @@ def _listed(changes: tuple[Change, ...]) -> str:
 
 @dataclass(frozen=True)
 class _Effect:
-    """What the start of a step changed of one element.
+    """What the start of a step changed of one element."""
 
-    Attributes:
-        key: the fact or the fluent.
-        before: whether the fact held, or the value, before.
-        after: the same since.
-        changes: the change as a log has it.
-        is_alone: whether nothing else of that revision changed the element, too.
-    """
-
-    key: AtomKey | FluentKey
-    before: bool | FluentValue | None
-    after: bool | FluentValue | None
-    changes: tuple[Change, ...]
-    is_alone: bool = True
+    key: AtomKey | FluentKey  # the fact or the fluent
+    before: bool | FluentValue | None  # whether the fact held, or the value, before
+    after: bool | FluentValue | None  # the same since
+    changes: tuple[Change, ...]  # the change as a log has it
+    is_alone: bool = True  # whether nothing else of that revision changed the element, too
 
 
 def start_effects(store: Store, step: Execution) -> list[_Effect] | None:

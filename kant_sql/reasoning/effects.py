@@ -40,30 +40,19 @@ Earlier = Mapping[int, set[tuple[Any, ...]]]
 
 @dataclass
 class StepChanges:
-    """What a step changes.
+    """What a step changes."""
 
-    Attributes:
-        deletes: the facts that it deletes.
-        adds: the facts that it adds, with their texts.
-        assignments: what it does to each fluent, with the fluent's text.
-    """
-
-    deletes: dict[AtomKey, None] = field(default_factory=dict)
+    deletes: dict[AtomKey, None] = field(default_factory=dict)  # the facts that it deletes
+    # The facts that it adds, with their texts.
     adds: dict[AtomKey, str] = field(default_factory=dict)
+    # What it does to each fluent, with the fluent's text.
     assignments: dict[FluentKey, tuple[str, list[tuple[str, Exact | int]]]] = field(
         default_factory=dict
     )
 
 
 class EffectReader:
-    """Evaluates the effects of one step in a state.
-
-    Args:
-        view: the state before.
-        step: the step.
-        numbers: what comes with the step: its duration.
-        earlier: for which objects the conditions at the start held of effects at the end.
-    """
+    """Evaluates the effects of one step in the state before, and writes them."""
 
     def __init__(
         self,
@@ -74,7 +63,8 @@ class EffectReader:
     ) -> None:
         self._view = view
         self.step = step
-        self.numbers = numbers
+        self.numbers = numbers  # what comes with the step: its duration
+        # For which objects the conditions at the start held of effects at the end.
         self._earlier = {} if earlier is None else earlier
         self._definitions: Definitions = view.definitions
         self._changes = StepChanges()

@@ -135,14 +135,8 @@ class Compiler:
     # Searches.
 
     def search(self, bound: Iterable[r.Bound], part: r.Part, delta: Delta = None) -> Search:
-        """Compile a search for the objects of variables, which yields with each solution in `env`.
-
-        Args:
-            bound: the variables.
-            part: what holds of them.
-            delta: an atom of its conjunction to be read from other facts; the alternatives
-                without it are left out.
-        """
+        """Compile a search for the objects of variables, which yields for each solution."""
+        # Alternatives without the atom of the delta are left out.
         searches = [
             self._join(variables, parts, delta)
             for variables, parts in alternatives(bound, part)
@@ -458,17 +452,7 @@ class Conditions:
     def holds(
         self, formula: f.Formula, binding: Binding | None = None, duration: Decimal | None = None
     ) -> bool:
-        """Return whether a formula holds now; a preference in it holds always.
-
-        Args:
-            formula: the condition.
-            binding: the objects of its free variables.
-            duration: the value of `?duration`.
-
-        Raises:
-            InvalidKnowledgeError: another variable is free in it.
-            UnsupportedConstructError: it has effects or modal operators.
-        """
+        """Return whether a formula holds now; a preference in it holds always."""
         test, env = self._get(formula, binding or {}, duration)
         return bool(test(env))
 

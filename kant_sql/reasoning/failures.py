@@ -103,10 +103,7 @@ class Explaining(ABC):
         """Return the value of an expression; None without one."""
 
     def failed_nodes(self, formulas: Iterable[f.Formula]) -> list[f.Formula]:
-        """Return the parts that do not hold, in order.
-
-        Conjunctions are taken apart, and universal quantifiers into counterexamples.
-        """
+        """Return the parts that do not hold; quantifiers are taken apart into counterexamples."""
         found: list[f.Formula] = []
         pending = [part for formula in formulas for part in conjuncts(formula)]
         for start in range(0, len(pending), TOGETHER):

@@ -39,19 +39,12 @@ Numbers = dict[str, Decimal]
 
 @dataclass(frozen=True)
 class Promise:
-    """What must hold so that steps of an action can begin.
+    """What must hold so that steps of an action can begin."""
 
-    Attributes:
-        part: the condition.
-        is_whole: whether it is all; else what is over all has to be judged for each step.
-        is_listed: whether steps without a duration can begin.
-        listed: the condition of these, that of their duration included.
-    """
-
-    part: r.Part
-    is_whole: bool
-    is_listed: bool
-    listed: r.Part
+    part: r.Part  # the condition
+    is_whole: bool  # whether it is all; else what is over all has to be judged for each step
+    is_listed: bool  # whether steps without a duration can begin
+    listed: r.Part  # the condition of these, that of their duration included
 
 
 def promise_of(action: PreparedAction) -> Promise:

@@ -207,21 +207,14 @@ _MONITORS: dict[str, type[Monitor]] = {
 
 @dataclass(frozen=True)
 class Rule:
-    """A constraint, or one instance of a preference, with a monitor for each modal formula in it.
+    """A constraint, or one instance of a preference, with monitors of its modal formulas."""
 
-    Attributes:
-        formula: the constraint; the whole preference, if it is one.
-        binding: the objects of the variables of quantifiers around it.
-        preference: the name of the preference; None for a hard constraint or without a name.
-        is_soft: whether it is a preference.
-        monitors: the monitors.
-    """
-
-    formula: f.Formula
-    binding: Binding
+    formula: f.Formula  # the constraint; the whole preference, if it is one
+    binding: Binding  # the objects of the variables of quantifiers around it
+    # The name of the preference; None for a hard constraint or without a name.
     preference: str | None
-    is_soft: bool
-    monitors: tuple[Monitor, ...] = field(repr=False)
+    is_soft: bool  # whether it is a preference
+    monitors: tuple[Monitor, ...] = field(repr=False)  # the monitors
 
     @property
     def violation(self) -> Moment | None:

@@ -237,21 +237,7 @@ def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
 
 @without_collector()
 def validate_plan(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -> Validation:
-    """Execute a plan.
-
-    Args:
-        domain: the domain.
-        problem: the initial state, the goal, the constraints and the metric.
-        plan: the plan.
-
-    Returns:
-        What the execution shows.
-
-    Raises:
-        UnsupportedConstructError: the domain has processes or events, change that is not linear, or
-            a constraint without a semantics.
-        InvalidKnowledgeError: the derived predicates cannot be stratified.
-    """
+    """Execute a plan from the initial state of a problem; raise as `validate`."""
     check_validated(domain)
     return PlanExecution(domain, problem, plan.steps).run()
 

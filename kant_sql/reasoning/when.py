@@ -61,17 +61,11 @@ PAGE = 200
 
 
 class Span(NamedTuple):
-    """A period by its numbers.
+    """A period by its numbers."""
 
-    Attributes:
-        since: the first revision; the one before the range if it held there, too.
-        objects: the ids of the objects of the free variables.
-        until: the first revision after it; None if it held to the end of the range.
-    """
-
-    since: int
-    objects: tuple[int, ...]
-    until: int | None
+    since: int  # the first revision; the one before the range if it held there, too
+    objects: tuple[int, ...]  # the ids of the objects of the free variables
+    until: int | None  # the first revision after it; None if it held to the end of the range
 
 
 def span_order(span: Span) -> tuple[int, tuple[int, ...]]:
@@ -149,22 +143,13 @@ class HeldPeriods(Sequence[Held]):
         read: Callable[[Collection[int]], Mapping[int, Revision]],
         is_valid: bool = False,
     ) -> None:
-        """Wrap what was found.
-
-        Args:
-            columns: the names of the free variables.
-            spans: the periods, in order.
-            first: the first revision of the range.
-            names: the names of the objects, by id.
-            read: reads revisions by number.
-            is_valid: whether numbers are positions on the valid clock.
-        """
+        """Wrap what was found."""
         self.columns = expect_tuple(columns, str, "the columns of HeldPeriods")
         self._spans = spans
-        self._first = first
-        self._names = names
-        self._read = read
-        self._is_valid = is_valid
+        self._first = first  # the first revision of the range
+        self._names = names  # the names of the objects, by id
+        self._read = read  # reads revisions by number
+        self._is_valid = is_valid  # whether numbers are positions on the valid clock
         self._pages: dict[int, list[Held]] = {}
 
     @override
