@@ -65,13 +65,11 @@ def get(state: State, execution: str | int) -> Execution | None:
             f"{shown(execution)} is not the id of an execution; give one such as 17, or '12.3' for "
             "step 3 of plan 12"
         )
-    plan_id, position = key
 
     def read(view: View) -> Execution | None:
-        if view.kb_id is None or position > _LARGEST_POSITION:
+        if view.kb_id is None or key[1] > _LARGEST_POSITION:
             return None
-        found = ExecutionReader(state.store, view, view.kb_id).near(plan_id, [position])
-        return found[0] if found else None
+        return ExecutionReader(state.store, view, view.kb_id).one(key)
 
     return state.store.read_in_snapshot(read, state.at)
 

@@ -146,18 +146,18 @@ def check_order(said: Said) -> Said:
 
 
 def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> dict[str, Query]:
-    """Select columns of the executions of some plans, of some of one, or of a list of keys."""
+    """Select columns of the executions of some plans, of one key, or of a list of keys."""
     columns = table_of(mapped).c
     read = [columns[name] for name in ("plan_id", "position", *names)]
     known = columns[known_from]
     query = select(*read).where(columns.kb_id == KB).order_by(*read[:order])
     of_plans = columns.plan_id.between(integer("low"), integer("high"))
-    near = columns.position.between(integer("first"), integer("last"))
+    one = columns.plan_id == integer("plan"), columns.position == integer("position")
     upto = known <= integer("at")
     position = in_list(columns.position, "positions", bounded=known)
     return {
         "plans": Query(query.where(of_plans, upto)),
-        "near": Query(query.where(columns.plan_id == integer("plan"), near, upto)),
+        "one": Query(query.where(*one, upto)),
         "listed": Query(query.where(in_list(columns.plan_id, "plans"), position, upto)),
     }
 
@@ -200,12 +200,9 @@ class ExecutionReader:
         """Yield the steps of plans, in order."""
         return self._read("plans", low=low, high=high)
 
-    def near(self, plan_id: int, positions: Collection[int]) -> list[Execution]:
-        """Read steps of one plan, or executions of none, which are near each other."""
-        wanted = {(plan_id, position) for position in positions}
-        first, last = min(positions), max(positions)
-        found = self._read("near", plan=plan_id, first=first, last=last)
-        return [one for one in found if key_of(one) in wanted]
+    def one(self, key: Key) -> Execution | None:
+        """Read an execution by its key."""
+        return next(self._read("one", plan=key[0], position=key[1]), None)
 
     def listed(self, keys: Collection[Key]) -> dict[Key, Execution]:
         """Read executions by their keys."""
@@ -322,7 +319,8 @@ def read_execution(store: Store, key: Key) -> Execution:
 
     def work(view: View) -> Execution:
         assert view.kb_id is not None
-        [now] = ExecutionReader(store, view, view.kb_id).near(key[0], [key[1]])
+        now = ExecutionReader(store, view, view.kb_id).one(key)
+        assert now is not None
         return now
 
     return store.read_in_snapshot(work)

@@ -621,11 +621,14 @@ class FormulaReader(Cursor):
 
     def _argument(self, signature: Signature, position: int, start: int) -> f.Term:
         """Read one argument with all checks."""
-        at = self.at
+        at, (wanted, accepted) = self.at, signature.accepted[position]
         if self.tokens[at] == ")":
             self._wrong_number(signature, start, at)
         entity = self.term()
-        self._check_fit(signature, position, entity, at)
+        if self.symbols.fit(entity[1], wanted) is Fit.YES:
+            accepted.add(entity[1])
+        else:
+            self._misfit(entity, wanted, f"as argument {position + 1} of {signature.name}", at)
         return entity[0]
 
     def _wrong_number(self, signature: Signature, start: int, at: int) -> NoReturn:
@@ -635,14 +638,6 @@ class FormulaReader(Cursor):
             given = sum(1 for token in self.tokens[start + 2 : at] if token not in ("(", ")"))
             self.fail(arguments, f"{given}", at)
         self.fail(f"')' after the {arguments}", at=at)
-
-    def _check_fit(self, signature: Signature, position: int, entity: Entity, at: int) -> None:
-        """Check that a term fits the parameter at a position."""
-        wanted, accepted = signature.accepted[position]
-        if self.symbols.fit(entity[1], wanted) is Fit.YES:
-            accepted.add(entity[1])
-        else:
-            self._misfit(entity, wanted, f"as argument {position + 1} of {signature.name}", at)
 
     def _misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
         """Warn about a term that may fit; refuse one that cannot."""
@@ -682,26 +677,13 @@ class FormulaReader(Cursor):
         self.fail(expected, f"the variable '{token}'")
 
     def _object_fluent(self) -> Entity:
-        signature, start = self._function_here(), self.at
+        signature = self._function_here()
         if signature.parameters is not None and not signature.types:
             self.fail("a term", f"the number ({signature.name} ...)")
         self.enter()
-        self.at += 2
-        terms: list[f.Term] = []
-        declared = signature.parameters is not None
-        while self.tokens[self.at] != ")" and not (
-            declared and len(terms) == len(signature.accepted)
-        ):
-            at = self.at
-            entity = self._object_fluent() if self.tokens[at] == "(" else self._named_term()
-            if declared:
-                self._check_fit(signature, len(terms), entity, at)
-            terms.append(entity[0])
-        if self.tokens[self.at] != ")" or (declared and len(terms) < len(signature.accepted)):
-            self._wrong_number(signature, start, self.at)
-        self.at += 1
+        found = f.Fluent(signature.name, self.arguments(signature))
         self.level -= 1
-        return f.Fluent(signature.name, tuple(terms)), signature.types
+        return found, signature.types
 
     def _function_here(self) -> Signature:
         """Look up the function after the next parenthesis."""

@@ -35,14 +35,10 @@ _NO_PLAN = re.compile(r"unsolvable|no solution|no plan|not solvable", re.IGNOREC
 _NUMBERED = re.compile(r"(?:sas_)?plan(?:\.(\d+))?|.*\.soln")
 # The exit codes of Fast Downward, https://www.fast-downward.org/ExitCodes.
 _EXIT_CODES = {
-    10: "unsolvable_proven",
-    11: "unsolvable_proven",
+    **dict.fromkeys((10, 11), "unsolvable_proven"),
     12: "unsolvable_incompletely",
-    20: "memout",
-    21: "timeout",
-    22: "memout",
-    23: "timeout",
-    24: "memout",
+    **dict.fromkeys((20, 22, 24), "memout"),
+    **dict.fromkeys((21, 23), "timeout"),
     34: "unsupported_problem",
 }
 # What engines say where unified-planning may write the problem in a way that they read.

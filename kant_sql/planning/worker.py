@@ -420,7 +420,8 @@ class Search:
         if numbers_are_integers(variant.domain, variant.problem):
             forms = [True, False] if variant.improves else [False, True]
         for is_whole in forms:
-            form = EngineProblem(self._convert(variant, is_whole))
+            made = convert(variant.domain, variant.problem, self._environment, is_whole)
+            self._names, form = made.names, EngineProblem(made.problem)
             names = (engine,) if engine else candidates(form.problem, variant.improves)
             yield from ((form, name) for name in names if self._engines.find(name))
 
@@ -445,11 +446,6 @@ class Search:
         hint = missing_compilation(self._task.problem)
         message = f"no {whose} supports the problem: {reasons}{hint}; {WAYS_OUT}"
         return NoPlanError(message, "unsupported_problem")
-
-    def _convert(self, variant: Variant, integers: bool) -> UpProblem:
-        context = convert(variant.domain, variant.problem, self._environment, integers)
-        self._names = context.names
-        return context.problem
 
     def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
         try:

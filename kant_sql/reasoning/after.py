@@ -55,6 +55,12 @@ def with_quantities(quantity: r.Quantity, values: Mapping[r.Quantity, r.Quantity
     return quantity
 
 
+def with_numbers(part: r.Compares, values: Mapping[r.Quantity, r.Quantity]) -> r.Compares:
+    """Replace numbers within a comparison."""
+    left, right = (with_quantities(side, values) for side in (part.left, part.right))
+    return r.Compares(part.operator, left, right)
+
+
 def heads_of(rules: DerivationRules, *parts: r.Part | r.Quantity) -> set[Head]:
     """Return what parts depend on, through rules, too."""
     found: set[Head] = set()
@@ -174,9 +180,7 @@ class After:
             values: dict[r.Quantity, r.Quantity] = {
                 number: value for number, (_, value) in zip(numbers, chosen, strict=True)
             }
-            sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
-            guards = [guard for guard, _ in chosen]
-            found.append(r.all_of([*guards, r.Compares(leaf.operator, sides[0], sides[1])]))
+            found.append(r.all_of([*(guard for guard, _ in chosen), with_numbers(leaf, values)]))
         return r.any_of(found)
 
     def _values(self, number: r.NumberOf) -> list[tuple[r.Part, r.Quantity]]:

@@ -152,7 +152,7 @@ def apply(
 
 def _apply(transaction: Transaction, step: GroundStep) -> None:
     before = begin(view_of(transaction), step)
-    earlier = before.earlier(step.action.items(AT_END)) if step.action.is_durative else None
+    earlier = before.earlier(step.action.items(AT_END)) if step.action.is_durative else {}
     before.write(transaction, AT_START)
     if step.action.is_durative:
         _finish(transaction, step, before.numbers, earlier)
@@ -215,7 +215,7 @@ def _finish(
     transaction: Transaction,
     step: GroundStep,
     numbers: Mapping[str, Decimal],
-    earlier: Earlier | None,
+    earlier: Earlier,
 ) -> None:
     """Execute what is continuous, and the second half of a durative step."""
     state = view_of(transaction)

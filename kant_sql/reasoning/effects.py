@@ -17,7 +17,7 @@ from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
-from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
+from ..knowledge.definitions import FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf, Bound, Known, NumberOf, Part, Place, Slot, closure, fits
 from ..sql.answers import run
 from ..store.caches import AtomKey, FluentKey, FluentValue
@@ -51,23 +51,16 @@ class StepChanges:
     )
 
 
+@dataclass(eq=False)
 class EffectReader:
     """Evaluates the effects of one step in the state before, and writes them."""
 
-    def __init__(
-        self,
-        view: View,
-        step: GroundStep,
-        numbers: Mapping[str, Decimal],
-        earlier: Earlier | None = None,
-    ) -> None:
-        self._view = view
-        self.step = step
-        self.numbers = numbers  # what comes with the step: its duration
-        # For which objects the conditions at the start held of effects at the end.
-        self._earlier = {} if earlier is None else earlier
-        self._definitions: Definitions = view.definitions
-        self._changes = StepChanges()
+    view: View
+    step: GroundStep
+    numbers: Mapping[str, Decimal]  # what comes with the step: its duration
+    # For which objects the conditions at the start held of effects at the end.
+    held: Earlier = field(default_factory=dict)
+    _changes: StepChanges = field(default_factory=StepChanges)
 
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
         """Return what the effects change."""
@@ -95,10 +88,10 @@ class EffectReader:
         """Refuse an effect on, or to, what an object fluent without a value denotes."""
         rows = self._run(item, "lacking")
         if item.earlier != AllOf(()):
-            held = {row[: len(item.around)] for row in self._earlier[id(item)]}
+            held = {row[: len(item.around)] for row in self.held[id(item)]}
             rows = [row for row in rows if row in held]
         if rows:
-            declared = self._definitions.predicates, self._definitions.functions
+            declared = self.view.definitions.predicates, self.view.definitions.functions
             head = declared[item.operator not in ("add", "delete")].live(item.head)
             reason = "an object fluent in it has no value"
             failed = FailedCondition(f"({item.operator} ({head.name} ...) ...)", reason)
@@ -111,7 +104,7 @@ class EffectReader:
         numbers, slots = item.numbers, [each.slot for each in item.bound]
         rows = self._run(item, "now")
         if item.earlier != AllOf(()):
-            held = self._earlier[id(item)]
+            held = self.held[id(item)]
             rows = [row for row in rows if row[: len(slots)] in held]
         for row in rows:
             values = decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
@@ -146,7 +139,7 @@ class EffectReader:
         given: Mapping[str, Any],
     ) -> list[Any]:
         """Run a statement, which is made once of each action."""
-        view, step = self._view, self.step
+        view, step = self.view, self.step
         statement = step.action.kept(
             (*key, *statement_key(view, self.numbers)),
             lambda: question(view, self.numbers).effects(condition, bound, numbers, step.places),
@@ -159,14 +152,14 @@ class EffectReader:
         ids = self._objects(item.terms, objects)
         arguments = " ".join(map(str, ids))
         if item.operator in ("add", "delete"):
-            predicate = self._definitions.predicates.live(item.head)
+            predicate = self.view.definitions.predicates.live(item.head)
             key = AtomKey(False, predicate.id, arguments)
             if item.operator == "delete":
                 self._changes.deletes[key] = None
             else:
                 self._changes.adds[key] = self._text(predicate, ids)
             return
-        function = self._definitions.functions.live(item.head)
+        function = self.view.definitions.functions.live(item.head)
         text = self._text(function, ids)
         value = self._value(item, function, objects, values, text)
         fluent = FluentKey(function.id, arguments)
@@ -185,7 +178,7 @@ class EffectReader:
 
     def _text(self, declared: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> str:
         """Write an atom or a fluent, whose objects must fit."""
-        objects = [*map(self._definitions.objects.live, ids)]
+        objects = [*map(self.view.definitions.objects.live, ids)]
         text = atom_text(declared.name, [each.name for each in objects])
         for each, parameter in zip(objects, declared.parameters, strict=True):
             id_, wanted = each.id, parameter.type_ids
@@ -195,10 +188,10 @@ class EffectReader:
         return text
 
     def _fits(self, id_: int, type_ids: Sequence[int]) -> bool:
-        return fits(self._definitions, id_, closure(self._definitions, type_ids))
+        return fits(self.view.definitions, id_, closure(self.view.definitions, type_ids))
 
     def _mismatch(self, id_: int, type_ids: Sequence[int], role: str) -> TypeMismatchError:
-        definitions = self._definitions
+        definitions = self.view.definitions
         wanted = either_text(definitions.types.live(each).name for each in type_ids)
         name = definitions.objects.live(id_).name
         return TypeMismatchError(f"{role} has {name}, which is not a {wanted}")

@@ -307,11 +307,9 @@ class Compiler:
         if name == f.TOTAL_TIME:
             return lambda env, numbers: numbers.of(world.total_time)
         if name == f.DURATION:
-
-            def duration(env: Env, numbers: Numbers[Any]) -> Any:
-                return None if env[_DURATION] is None else numbers.of(env[_DURATION])
-
-            return duration
+            return lambda env, numbers: (
+                None if env[_DURATION] is None else numbers.of(env[_DURATION])
+            )
         preference = name.partition("is-violated ")[2]
         return lambda env, numbers: numbers.of(Decimal(world.violations.get(preference, 0)))
 

@@ -87,7 +87,7 @@ class EffectItem:
 
     operator: str  # `add`, `delete`, or that of an assignment
     head: int  # the id of the predicate or the function
-    terms: tuple[r.Place, ...]  # its terms
+    terms: tuple[r.Place, ...]
     value: r.Quantity | r.Place | None  # the assigned number or object
     bound: tuple[r.Bound, ...]  # the variables that it is for
     condition: r.Part  # what must hold right before the effect
@@ -121,11 +121,11 @@ class PreparedAction:
     """An action whose names are resolved: conditions and effects by their times."""
 
     def __init__(self, definitions: Definitions, node: Action) -> None:
-        self.node = node  # the action
+        self.node = node
         self.definitions = definitions
-        self.name = node.name  # its name
+        self.name = node.name
         self.is_durative = node.kind == DURATIVE_ACTION  # whether it has a duration
-        self.variables = node.parameters  # its parameters
+        self.variables = node.parameters
         self.numbers = count()  # gives the numbers of new variables
         # Resolves names, those of parameters included.
         self.resolver = r.Resolver(definitions, self.numbers)
@@ -179,10 +179,6 @@ class PreparedAction:
         found = r.all_of(self.resolver.part(node) for node in self.nodes(time))
         r.check_levels(found)
         return found
-
-    def resolved(self, time: str) -> r.ResolvedCondition:
-        """Return the conditions of a time with the parameters as columns."""
-        return r.ResolvedCondition(self.condition(time), self.columns)
 
     @property
     def needs_duration(self) -> bool:

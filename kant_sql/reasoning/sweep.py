@@ -22,7 +22,7 @@ from ..dto.lexical import either_text, fold, is_word
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..history.moments import Bounds
 from ..history.revisions import LARGEST, Revision, read_position
-from ..knowledge.definitions import Definitions
+from ..knowledge.definitions import Definition, Definitions
 from ..knowledge.grounding import substitute
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
@@ -260,17 +260,15 @@ class Sweep:
         facts: list[Pattern] = []
         values: list[Pattern] = []
         for node in nodes:
-            if not isinstance(node, f.Atom | f.Fluent):
-                continue
-            objects = tuple([object_id(definitions, term) for term in node.terms])
             if isinstance(node, f.Atom):
-                predicate = definitions.predicates.named(node.predicate)
-                if predicate is not None:
-                    facts.append(Pattern(predicate.id, objects))
+                owner: Definition | None = definitions.predicates.named(node.predicate)
+            elif isinstance(node, f.Fluent):
+                owner = definitions.functions.named(node.function)
             else:
-                function = definitions.functions.named(node.function)
-                if function is not None:
-                    values.append(Pattern(function.id, objects))
+                continue
+            if owner is not None:
+                objects = tuple([object_id(definitions, term) for term in node.terms])
+                (facts if isinstance(node, f.Atom) else values).append(Pattern(owner.id, objects))
         return facts, values
 
     def _of_rules(self, rules: Iterable[str]) -> tuple[list[Pattern], list[Pattern]]:

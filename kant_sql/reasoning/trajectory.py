@@ -214,7 +214,7 @@ class Rule:
     # The name of the preference; None for a hard constraint or without a name.
     preference: str | None
     is_soft: bool  # whether it is a preference
-    monitors: tuple[Monitor, ...] = field(repr=False)  # the monitors
+    monitors: tuple[Monitor, ...] = field(repr=False)
 
     @property
     def violation(self) -> Moment | None:

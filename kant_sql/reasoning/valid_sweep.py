@@ -53,7 +53,7 @@ def is_same_time(one: int, other: int) -> bool:
 class ValidPast(NamedTuple):
     """A range of valid times, and what was defined in it."""
 
-    span: ValidRange  # the range
+    span: ValidRange
     # All types, objects, predicates and functions that were known in it, as they were last defined;
     # the rest as it is known.
     definitions: Definitions

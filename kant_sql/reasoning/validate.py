@@ -429,7 +429,8 @@ class PlanExecution:
             reason = "it starts before the plan does, at 0"
         if reason:
             raise _Failure(entry.position, entry.phase, [FailedCondition(str(step), reason)])
-        ids = [id_ for name in step.arguments if (id_ := self.world.object(name)) is not None]
+        found = map(self.world.object, step.arguments)
+        ids = tuple([one for one in found if one is not None])
         memory = self.memories.setdefault(entry.position, {})
         return Snap(self.world, schema, ids, entry.phase, entry.position, step.duration, memory)
 

@@ -357,14 +357,14 @@ def _united(found: Iterable[Iterable[Span]]) -> Iterator[Span]:
     yield from chain(*ends.values())
 
 
+@dataclass(eq=False)
 class _Search:
     """Finds the periods of one question, in one snapshot."""
 
-    def __init__(self, session: Session, kb_id: int, question: PastQuestion, span: Range) -> None:
-        self._session = session
-        self._kb_id = kb_id
-        self._question = question
-        self._range = span
+    _session: Session
+    _kb_id: int
+    _question: PastQuestion
+    _range: Range
 
     def run(self) -> list[Span]:
         """Find the periods, in order."""

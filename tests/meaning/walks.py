@@ -83,7 +83,7 @@ def _take(
     """Apply the effects of an action, those at its end included."""
     schema = Schema(world, action)
     memory: dict[int, set[tuple[int, ...]]] = {}
-    ids = [world.ids[name] for name in arguments]
+    ids = tuple(world.ids[name] for name in arguments)
     for phase in schema.phases:
         snap = Snap(world, schema, ids, phase, 0, duration, memory)
         if not snap.prepare():
