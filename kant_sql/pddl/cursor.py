@@ -268,7 +268,11 @@ class Cursor:
             self.fail(f"a {kind}, which does not begin with '-'")
         if not count:
             self.deviate(f"a {kind} before the type", "the type left out")
-        return self.after_dash(token)
+        # With or without a space between them.
+        if token != "-":
+            self.deviate(f"'- {token[1:]}'", "read so")
+        self.at += 1
+        return self.type_expression() if token == "-" else (token[1:],)
 
     def _check_name(self, kind: str, token: str) -> None:
         """Check a name of a typed list, once for each spelling."""
@@ -300,15 +304,6 @@ class Cursor:
             self.odd_name(name, kind)
         self.at += 1
         return name
-
-    def after_dash(self, token: str) -> Types:
-        """Read a dash and a type, with or without a space between them."""
-        if token == "-":
-            self.at += 1
-            return self.type_expression()
-        self.deviate(f"'- {token[1:]}'", "read so")
-        self.at += 1
-        return (token[1:],)
 
     def type_expression(self) -> Types:
         """Read a type, or `(either ...)`."""

@@ -238,7 +238,7 @@ def _read_initial(text: str, symbols: SymbolTable, part: str, expected: str) -> 
     section = _section(text, "the initial state")
     reader = InitialStateReader(Diagnostics(strict=False), section, symbols)
     _refuse_unclosed(reader)
-    found = getattr(reader.one(), part)
+    found = reader.one()[part]
     if not found:
         reader.fail(expected, at=0)
     _refuse_more(reader)

@@ -186,11 +186,7 @@ def unmatched(code: str) -> tuple[int, int] | None:
 
 
 def is_text(source: str) -> bool:
-    """Return whether a string is PDDL text, not a path.
-
-    Text begins with `(` or `;`, after white space, or has several lines, or contains `(define`. A
-    path that looks like text can be passed as a `pathlib.Path`.
-    """
+    """Return whether a string is PDDL text: by its beginning, its lines, or `(define`."""
     return _TEXT.match(source) is not None or _DEFINE.search(source) is not None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 from operator import getitem
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 from ..arguments import shown
 from ..dto import formulas as f
@@ -125,15 +125,6 @@ _FOREIGN: Final = {
 _TokenIndex = tuple[Section, int]
 
 
-class InitialState(NamedTuple):
-    """The contents of an initial state, as in `Problem`."""
-
-    facts: tuple[f.Atom, ...]
-    literals: tuple[f.Not | f.Equal, ...]
-    values: tuple[FunctionValue, ...]
-    timed: tuple[f.TimedLiteral, ...]
-
-
 class InitialStateReader(FormulaReader):
     """A reader of an initial state of one or several sections."""
 
@@ -167,19 +158,20 @@ class InitialStateReader(FormulaReader):
         self.at += 1
         self.tokens[self._count :] = self._blocks.rest() + self._ends
 
-    def one(self) -> InitialState:
+    def one(self) -> dict[str, tuple[Any, ...]]:
         """Read one element."""
         self._lists = 0
         self._element()
         return self.state()
 
-    def state(self) -> InitialState:
-        """Return the initial state."""
-        literals = tuple([one for one, place in self._literals.items() if self._agrees(one, place)])
+    def state(self) -> dict[str, tuple[Any, ...]]:
+        """Return the parts of the initial state, by their names in `Problem`."""
+        literals = [one for one, place in self._literals.items() if self._agrees(one, place)]
         values = self._values
         if self._replaced:
             values = [one for number, one in enumerate(values) if number not in self._replaced]
-        return InitialState(tuple(self._facts), literals, tuple(values), tuple(self._timed))
+        whole = {"facts": tuple(self._facts), "timed": tuple(self._timed)}
+        return {**whole, "literals": tuple(literals), "values": tuple(values)}
 
     def _agrees(self, literal: f.Not | f.Equal, place: _TokenIndex) -> bool:
         """Return whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
@@ -447,7 +439,7 @@ class ProblemReader:
             domain=domain,
             requirements=tuple(dict.fromkeys(requirements)),
             objects=tuple(objects),
-            **state._asdict(),
+            **state,
             goal=self._read_goal(),
             constraints=self._read_conjuncts(":constraints", CONSTRAINTS | PREFERENCES),
             metric=self._read_metric(),
@@ -507,7 +499,7 @@ class ProblemReader:
         found = f"the constant '{name}' again"
         reader.deviate("objects that are not constants", "left out", found, at)
 
-    def _read_initial_state(self) -> InitialState:
+    def _read_initial_state(self) -> dict[str, tuple[Any, ...]]:
         sections = self._sections(":init")
         if not sections:
             self._head().deviate("(:init ...)", "read as (:init)", "no initial state", 0)

@@ -175,7 +175,8 @@ def _instances(
             return []
         places[position] = f":b{position}"
         given[f"b{position}"] = object_.id
-    free = [column for n, column in enumerate(action.columns) if n not in places]
+    order = [n for n in range(len(names)) if n not in places]
+    free = [action.columns[n] for n in order]
     promise = promise_of(action)
     if not promise.is_listed or not is_executable(action):
         return []
@@ -187,15 +188,12 @@ def _instances(
     )
     rows = asked(view, statement, given, OF_ANSWERS)[1:]
     live = definitions.objects.live
-    chosen = {n: live(given[f"b{n}"]).name for n in places}
-    order = [n for n in range(len(names)) if n not in places]
+    ids = {n: given[f"b{n}"] for n in places}
     found = []
     for row in rows:
-        of_row = dict(zip(order, row[1:], strict=False))
-        arguments = tuple(
-            [chosen[n] if n in chosen else live(of_row[n]).name for n in range(len(names))]
-        )
-        step = PlanStep(None, action.name, arguments)
+        ids |= zip(order, row[1:], strict=False)
+        arguments = [live(ids[n]).name for n in range(len(names))]
+        step = PlanStep(None, action.name, tuple(arguments))
         if promise.is_whole or not judge(view, ground(definitions, step))[1]:
             found.append(step)
         if len(found) == most:

@@ -148,7 +148,7 @@ class Phase:
         self._preferences = [*self._preferred()]
         self.reads: list[r.Part | r.Quantity] = [self.condition]
         self.reads += [each for limit in self._limits for each in limit.reads]
-        self.reads += [each.part for each in self._preferences]
+        self.reads += [part for _, part, _ in self._preferences]
         for item in items:
             self.reads.append(item.condition)
             if not isinstance(item.value, r.Slot | r.Known | None):
@@ -165,10 +165,11 @@ class Phase:
             left, right = (compiler.number(*side) for side in sides)
             yield _Limit(constraint, left, right, reads)
 
-    def _preferred(self) -> Iterator[_Preference]:
+    def _preferred(self) -> Iterator[tuple[str | None, r.Part, Rows]]:
+        """Yield preferences, each with what finds the objects for which it is violated."""
         compile_ = self._compiler.counterexamples
         for name, variables, formula in self._action.preferences(self._time):
-            yield _Preference(name, *compile_(self._action.resolver, variables, formula))
+            yield name, *compile_(self._action.resolver, variables, formula)
 
     def unmet(self, snap: Snap) -> list[FailedCondition]:
         """Return what of the condition and of the constraints on the duration does not hold."""
@@ -197,14 +198,6 @@ class _Limit(NamedTuple):
     left: Callable[..., Any]
     right: Callable[..., Any]
     reads: list[r.Part | r.Quantity]
-
-
-class _Preference(NamedTuple):
-    """A preference, and what finds the objects for which it is violated."""
-
-    name: str | None
-    part: r.Part
-    rows: Rows
 
 
 class _Continuous:

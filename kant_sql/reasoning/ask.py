@@ -245,9 +245,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
     """
 
     def work(view: View) -> bool:
-        prepared, values = _seen(view.definitions, condition) if not bindings else (None, {})
-        if prepared is None and not bindings:
-            prepared, values = _ground(view.definitions, condition)
+        prepared, values = (None, {}) if bindings else _ground(view.definitions, condition)
         if prepared is None:
             prepared = prepare(view.definitions, condition, None, bindings)
             values = prepared.values(view.definitions, bindings)
@@ -285,6 +283,9 @@ def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None,
 
 def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
     """Prepare a ground literal by its predicate, whatever its objects: there are many of them."""
+    seen = _seen(definitions, condition)
+    if seen[0] is not None:
+        return seen
     text = text_of(condition, EXAMPLE)
     formula = read_condition(text, symbols=symbols_of(definitions)).formula
     is_negative = isinstance(formula, f.Not)

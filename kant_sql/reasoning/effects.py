@@ -86,11 +86,7 @@ class EffectReader:
 
     def _check_values(self, item: EffectItem) -> None:
         """Refuse an effect on, or to, what an object fluent without a value denotes."""
-        rows = self._run(item, "lacking")
-        if item.earlier != AllOf(()):
-            held = {row[: len(item.around)] for row in self.held[id(item)]}
-            rows = [row for row in rows if row in held]
-        if rows:
+        if self._run(item, "lacking"):
             declared = self.view.definitions.predicates, self.view.definitions.functions
             head = declared[item.operator not in ("add", "delete")].live(item.head)
             reason = "an object fluent in it has no value"
@@ -102,11 +98,7 @@ class EffectReader:
     ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
         """Yield for which objects an effect happens, with the numbers that it needs."""
         numbers, slots = item.numbers, [each.slot for each in item.bound]
-        rows = self._run(item, "now")
-        if item.earlier != AllOf(()):
-            held = self.held[id(item)]
-            rows = [row for row in rows if row[: len(slots)] in held]
-        for row in rows:
+        for row in self._run(item, "now"):
             values = decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
             yield dict(zip(slots, row, strict=False)), values
 
@@ -128,7 +120,12 @@ class EffectReader:
         rows = self._asked((which, id(item)), condition, bound, numbers, given)
         # Without columns, a row says that the condition holds.
         has_columns = item.around if which == "lacking" else item.bound
-        return rows if has_columns or (item.numbers and which == "now") else [()] * len(rows)
+        if not (has_columns or (item.numbers and which == "now")):
+            rows = [()] * len(rows)
+        if which == "earlier" or item.earlier == AllOf(()):
+            return rows
+        held = {row[: len(has_columns)] for row in self.held[id(item)]}
+        return [row for row in rows if row[: len(has_columns)] in held]
 
     def _asked(
         self,

@@ -292,13 +292,6 @@ def read_constraints(
     return read_at_last(store, text.code, lambda symbols: read_rules(text, symbols=symbols), upto)
 
 
-class _Known(NamedTuple):
-    """A rule that is being judged; the order is that of its constraint, and its own."""
-
-    order: tuple[int, int]
-    rule: Rule
-
-
 class _Decided(NamedTuple):
     """A verdict on a rule that a state decided; without a word, the verdict so far."""
 
@@ -332,7 +325,8 @@ class Judge:
         nodes = f.walk(*self.constraints)
         numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
         self._bounds = sorted({number.value for number in numbers})
-        self._known: dict[_Key, _Known] = {}
+        # The rules, each with the order of its constraint, and its own.
+        self._known: dict[_Key, tuple[tuple[int, int], Rule]] = {}
         # The constraints that had a meaning in some world.
         self._meant: set[int] = set()
         # The rules that have a meaning in the present world.
@@ -435,8 +429,8 @@ class Judge:
             for rule in (rule for one in read for rule in rules_of(one, world.range_of)):
                 binding = tuple(sorted((fold(name), one) for name, one in rule.binding.items()))
                 key = number, fold(str(rule.formula)), binding
-                known = self._known.setdefault(key, _Known((number, len(self._known)), rule))
-                self._live.append(known.rule)
+                _, own = self._known.setdefault(key, ((number, len(self._known)), rule))
+                self._live.append(own)
 
     # Moments.
 
