@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 
 from ..dto.formulas import Derived, Formula, TypedName
 from ..dto.lexical import ROOT_TYPE, fold, is_name
@@ -30,7 +31,8 @@ class DomainReader:
         self._functions: Declarations[Function] = Declarations(
             "function", lambda function: (_types_of(function), function.types)
         )
-        self._actions: Declarations[Action] = Declarations("action", _action_meaning)
+        meaning = attrgetter("kind", "parameters", "duration", "condition", "effect")
+        self._actions: Declarations[Action] = Declarations("action", meaning)
         self._derived: Declarations[Derived] = Declarations("rule", lambda rule: None)
         self._constraints: list[Formula] = []
         self._constrained: dict[Formula, Text] = {}
@@ -189,11 +191,6 @@ class DomainReader:
 
 def _types_of(element: Predicate | Function) -> tuple[tuple[str, ...], ...]:
     return tuple([parameter.types for parameter in element.parameters])
-
-
-def _action_meaning(action: Action) -> tuple[object, ...]:
-    parts = action.duration, action.condition, action.effect
-    return action.kind, action.parameters, *parts
 
 
 def _clash(cursor: Cursor, kind: str, other: str, name: str, at: int) -> None:

@@ -7,6 +7,7 @@ and report errors.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 from decimal import Decimal
 from operator import getitem
 from typing import Any, Final
@@ -63,20 +64,17 @@ class _Numbers(dict[str, f.Number]):
         return number
 
 
+@dataclass(slots=True, eq=False)
 class FactSignature:
     """A predicate or a function for the tight loop, with its facts or values."""
 
-    __slots__ = ("arity", "facts", "fitting", "name", "value", "values")
-
-    def __init__(self, name: str, fitting: list[_Fitting], value: _Fitting | _Numbers) -> None:
-        self.name = name
-        self.arity = len(fitting)
-        self.fitting = fitting  # for each parameter, the objects that fit
-        self.value = value  # for a function, its possible numbers or objects
-        # The arguments of its facts, in their declared spelling.
-        self.facts: set[tuple[str, ...]] = set()
-        # The index of its value by arguments, in their declared spelling.
-        self.values: dict[tuple[str, ...], int] = {}
+    name: str
+    arity: int
+    fitting: list[_Fitting]  # for each parameter, the objects that fit
+    value: _Fitting | _Numbers  # for a function, its possible numbers or objects
+    # The arguments of its facts, and the index of its value by arguments, as they are declared.
+    facts: set[tuple[str, ...]] = field(default_factory=set)
+    values: dict[tuple[str, ...], int] = field(default_factory=dict)
 
 
 class FactSignatures(dict[str, FactSignature | None]):
@@ -98,7 +96,8 @@ class FactSignatures(dict[str, FactSignature | None]):
         if entry is None:
             fitting = [self._fits(wanted) for wanted in signature.parameters or ()]
             value = self._fits(signature.types) if signature.types else self._numbers
-            entry = self[signature.name] = FactSignature(signature.name, fitting, value)
+            entry = FactSignature(signature.name, len(fitting), fitting, value)
+            self[signature.name] = entry
         self[word] = entry
         return entry
 

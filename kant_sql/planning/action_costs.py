@@ -99,8 +99,8 @@ def write_costs(
     unused: Callable[[str], str],
 ) -> tuple[pddl.Domain, pddl.Problem]:
     """Write actions and their costs, as whole numbers, into documents without `free` functions."""
-    actions = [replace(one, action=_without(one.action, free)) for one in actions]
-    domain = replace(domain, actions=tuple(one.action for one in actions))
+    kept = [replace(one.action, effect=tuple(_kept(one.action.effect, free))) for one in actions]
+    domain = replace(domain, actions=tuple(kept))
     domain, problem = _pruned(*_renamed(domain, problem, unused))
     tables = [costed.cost.plus(costed.amount) for costed in actions]
     writer = _Writer(unused, whole(value for table in tables for value in table.values()))
@@ -171,10 +171,6 @@ class _Writer:
         if action.kind == pddl.DURATIVE_ACTION:
             condition = f.Timed(f.AT_START, condition)
         return replace(action, condition=(*action.condition, condition))
-
-
-def _without(action: pddl.Action, free: frozenset[str]) -> pddl.Action:
-    return replace(action, effect=tuple(_kept(action.effect, free)))
 
 
 def _kept(effects: Iterable[f.Formula], free: frozenset[str]) -> Iterator[f.Formula]:

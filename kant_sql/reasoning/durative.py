@@ -548,9 +548,8 @@ _Lines = dict[tuple[str, str], Change]
 
 
 def _text(view: View, key: AtomKey) -> str:
-    live = view.definitions.objects.live
-    names = [live(int(id_)).name for id_ in key.arguments.split()]
-    return atom_text(view.definitions.predicates.live(key.predicate_id).name, names)
+    predicate = view.definitions.predicates.live(key.predicate_id)
+    return atom_text(predicate.name, view.definitions.names(key.arguments))
 
 
 def _facts(read: StepChanges, texts: dict[AtomKey, str], lines: _Lines) -> Iterator[_Effect]:

@@ -325,7 +325,8 @@ class Compiler:
             if found is None:
                 return None
             if world.rates and (function, row) in world.rates:
-                found = world.value_now(function, row)
+                linear = world.linear(function, row)
+                found = linear and decimal_of(linear.at(world.elapsed))
             return numbers.of(found)  # type: ignore[arg-type]
 
         return value
@@ -453,13 +454,6 @@ class Conditions:
         """Return whether a formula holds now; a preference in it holds always."""
         test, env = self._get(formula, binding or {}, duration)
         return bool(test(env))
-
-    def number(
-        self, expression: f.Expression, binding: Binding, duration: Decimal | None = None
-    ) -> Decimal | None:
-        """Return the value of an expression as it is written; None without one."""
-        found = self.exact_number(expression, binding, duration)
-        return None if found is None else decimal_of(found)
 
     def exact_number(
         self, expression: f.Expression, binding: Binding, duration: Decimal | None = None

@@ -61,8 +61,8 @@ class Monitor(ABC):
         self.formula = formula
         self.binding = binding
         self.violation: Moment | None = None
-        inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
-        self._first, self._second = inner[0], inner[-1]
+        self.inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
+        self._first, self._second = self.inner[0], self.inner[-1]
         self._times = [one.value for one in getattr(formula, "numbers", ())]
 
     def observe(self, now: Moment, holds: Truth) -> None:
@@ -299,11 +299,11 @@ def _monitor(part: f.Formula, binding: Binding) -> Monitor:
             part, "a trajectory constraint is a modal operator, such as (always ...)"
         )
     assert isinstance(part, f.Modal | f.Timed)
-    inner = part.formulas if isinstance(part, f.Modal) else (part.formula,)
-    for node in f.walk(*inner):
+    monitor = kind(part, binding)
+    for node in f.walk(*monitor.inner):
         if isinstance(node, f.Modal | f.Timed | f.Preference):
             raise _unsupported(part, f"({f.head(node)} ...) is inside of it")
-    return kind(part, binding)
+    return monitor
 
 
 def _unsupported(part: f.Formula, reason: str) -> UnsupportedConstructError:

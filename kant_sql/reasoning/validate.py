@@ -54,6 +54,7 @@ from .actions import (
     pass_time,
     rates_of,
 )
+from .arithmetic import decimal_of
 from .derived import read_world
 from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
@@ -490,4 +491,5 @@ class PlanExecution:
         for name, count in self.violated.items():
             key = fold(name)
             self.world.violations[key] = self.world.violations.get(key, 0) + count
-        return self.conditions.number(self.problem.metric.expression, {})
+        found = self.conditions.exact_number(self.problem.metric.expression, {})
+        return None if found is None else decimal_of(found)

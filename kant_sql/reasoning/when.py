@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from itertools import chain
+from operator import itemgetter
 from typing import Any, NamedTuple, overload
 
 from typing_extensions import override
@@ -68,9 +69,8 @@ class Span(NamedTuple):
     until: int | None  # the first revision after it; None if it held to the end of the range
 
 
-def span_order(span: Span) -> tuple[int, tuple[int, ...]]:
-    """Return what periods are sorted by; those of one binding begin apart."""
-    return span.since, span.objects
+# What periods are sorted by; those of one binding begin apart.
+span_order = itemgetter(0, 1)
 
 
 @dataclass(frozen=True)
@@ -369,9 +369,8 @@ class _Search:
     def run(self) -> list[Span]:
         """Find the periods, in order."""
         atoms = conjunction(self._question.formula)
-        if atoms is not None and self._is_join(atoms):
-            return sorted(self._join(atoms), key=span_order)
-        return sorted(self._sweep(), key=span_order)
+        is_join = atoms is not None and self._is_join(atoms)
+        return sorted(self._join(atoms or ()) if is_join else self._sweep(), key=span_order)
 
     def _is_join(self, atoms: Sequence[f.Atom]) -> bool:
         """Return whether versions of facts alone tell when a conjunction held."""

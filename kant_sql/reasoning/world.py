@@ -27,7 +27,7 @@ from ..knowledge.resolved import Resolver, TypeSet
 from ..knowledge.rules import DerivationRules
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Domain, Problem
-from .arithmetic import Linear, decimal_of
+from .arithmetic import Linear
 
 # The objects of a fact; a fluent with its function; a predicate (True) or a function, by id.
 Row = tuple[int, ...]
@@ -246,11 +246,6 @@ class World:
         self.elapsed = elapsed
         for function, _ in self.rates:
             self.touch((False, function))
-
-    def value_now(self, function: int, row: Row) -> Decimal | None:
-        """Return the number of a fluent, moved to the time that elapsed."""
-        linear = self.linear(function, row)
-        return None if linear is None else decimal_of(linear.at(self.elapsed))
 
     def linear(self, function: int, row: Row) -> Linear | None:
         """Return the value of a fluent as a function of the time since the change began."""
