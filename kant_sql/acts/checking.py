@@ -128,10 +128,7 @@ class _StepCheck:
 def reported(
     definitions: Definitions, name: str, arguments: Sequence[str], duration: str | None = None
 ) -> ExecutionDefinition:
-    """Make an execution of what a component reports: names that are known become references.
-
-    What the domain has no action for is called as it was reported.
-    """
+    """Make an execution of what a component reports: names that are known become references."""
     objects = [definitions.objects.named(one) for one in arguments]
     action = definitions.actions.named(name)
     if action is not None and (None in objects or len(objects) != len(action.parameters)):

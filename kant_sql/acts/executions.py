@@ -65,13 +65,11 @@ def get(state: State, execution: str | int) -> Execution | None:
             f"{shown(execution)} is not the id of an execution; give one such as 17, or '12.3' for "
             "step 3 of plan 12"
         )
-    plan_id, position = key
 
     def read(view: View) -> Execution | None:
-        if view.kb_id is None or position > _LARGEST_POSITION:
+        if view.kb_id is None or key[1] > _LARGEST_POSITION:
             return None
-        found = ExecutionReader(state.store, view, view.kb_id).near(plan_id, [position])
-        return found[0] if found else None
+        return ExecutionReader(state.store, view, view.kb_id).one(key)
 
     return state.store.read_in_snapshot(read, state.at)
 
@@ -80,19 +78,12 @@ _LARGEST_POSITION = 2**31 - 1
 
 
 class ExecutionFilter(NamedTuple):
-    """Which executions are asked for; all conditions apply.
+    """Which executions are asked for; all conditions apply."""
 
-    Attributes:
-        action: the action's name, or what a component called the act.
-        object: the name of an object that is among the arguments.
-        outcome: the present outcome.
-        actor: who began it.
-    """
-
-    action: str | None = None
-    object: str | None = None
-    outcome: str | None = None
-    actor: str | None = None
+    action: str | None = None  # the action's name, or what a component called the act
+    object: str | None = None  # the name of an object that is among the arguments
+    outcome: str | None = None  # the present outcome
+    actor: str | None = None  # who began it
 
 
 def get_all(
@@ -248,11 +239,7 @@ Before = tuple[int, int, int]
 def read_page(
     state: State, asked: ExecutionFilter, low: int, before: Before, size: int
 ) -> tuple[list[Execution], Before | None]:
-    """Read executions before a place, and the place where the next page begins, if there is one.
-
-    Raises:
-        UnknownNameError: instead of none, if there never was such an action, object or actor.
-    """
+    """Read executions before a place, and the place where the next page begins, if there is one."""
 
     def work(view: View) -> tuple[list[Execution], Before | None]:
         own = _find_names(view, asked)

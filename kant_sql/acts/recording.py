@@ -58,19 +58,12 @@ _ID = re.compile(r"([1-9]\d{0,17})(?:\.(0|[1-9]\d{0,8}))?")
 
 
 class Said(NamedTuple):
-    """What is said of an outcome, besides what it is.
+    """What is said of an outcome, besides what it is."""
 
-    Attributes:
-        code: the code of a failure.
-        message: what is said of a failure, or did not hold.
-        started_at: when it began, if not when that was committed.
-        ended_at: when it ended, likewise.
-    """
-
-    code: str | None = None
-    message: str | None = None
-    started_at: datetime | None = None
-    ended_at: datetime | None = None
+    code: str | None = None  # the code of a failure
+    message: str | None = None  # what is said of a failure, or did not hold
+    started_at: datetime | None = None  # when it began, if not when that was committed
+    ended_at: datetime | None = None  # when it ended, likewise
 
 
 NOTHING = Said()
@@ -152,31 +145,21 @@ def check_order(said: Said) -> Said:
     return said
 
 
-class _Reads(NamedTuple):
-    """Columns of the executions of some plans, of some of one plan, or of a list of keys."""
-
-    plans: Query
-    near: Query
-    listed: Query
-
-
-def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> _Reads:
+def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> dict[str, Query]:
+    """Select columns of the executions of some plans, of one key, or of a list of keys."""
     columns = table_of(mapped).c
     read = [columns[name] for name in ("plan_id", "position", *names)]
     known = columns[known_from]
     query = select(*read).where(columns.kb_id == KB).order_by(*read[:order])
     of_plans = columns.plan_id.between(integer("low"), integer("high"))
-    near = columns.position.between(integer("first"), integer("last"))
+    one = columns.plan_id == integer("plan"), columns.position == integer("position")
     upto = known <= integer("at")
-    listed = (
-        in_list(columns.plan_id, "plans"),
-        in_list(columns.position, "positions", bounded=known),
-    )
-    return _Reads(
-        Query(query.where(of_plans, upto)),
-        Query(query.where(columns.plan_id == integer("plan"), near, upto)),
-        Query(query.where(*listed, upto)),
-    )
+    position = in_list(columns.position, "positions", bounded=known)
+    return {
+        "plans": Query(query.where(of_plans, upto)),
+        "one": Query(query.where(*one, upto)),
+        "listed": Query(query.where(in_list(columns.plan_id, "plans"), position, upto)),
+    }
 
 
 # The text has the names, exactly: to look up each of them takes longer than all the rest.
@@ -217,12 +200,9 @@ class ExecutionReader:
         """Yield the steps of plans, in order."""
         return self._read("plans", low=low, high=high)
 
-    def near(self, plan_id: int, positions: Collection[int]) -> list[Execution]:
-        """Read steps of one plan, or executions of none, which are near each other."""
-        wanted = {(plan_id, position) for position in positions}
-        first, last = min(positions), max(positions)
-        found = self._read("near", plan=plan_id, first=first, last=last)
-        return [one for one in found if key_of(one) in wanted]
+    def one(self, key: Key) -> Execution | None:
+        """Read an execution by its key."""
+        return next(self._read("one", plan=key[0], position=key[1]), None)
 
     def listed(self, keys: Collection[Key]) -> dict[Key, Execution]:
         """Read executions by their keys."""
@@ -236,21 +216,20 @@ class ExecutionReader:
         found = ((key_of(one), one) for one in self._read("listed", wanted, **lists))
         return {key: one for key, one in found if key in wanted}
 
-    def _rows(self, reads: _Reads, scope: str, given: dict[str, Any]) -> list[Row]:
-        query: Query = getattr(reads, scope)
+    def _rows(self, query: Query, given: dict[str, Any]) -> list[Row]:
         return self._session.rows(query, kb=self._kb_id, at=self._at, **given)
 
     def _read(
         self, scope: str, wanted: Collection[Key] | None = None, **given: Any
     ) -> Iterator[Execution]:
         held: dict[Key, list[_Held]] = defaultdict(list)
-        for plan_id, position, since, until, *said in self._rows(_OUTCOMES, scope, given):
+        for plan_id, position, since, until, *said in self._rows(_OUTCOMES[scope], given):
             ended = None if until is None or until > self._at else until
             held[plan_id, position].append(_Held(since, ended, *said))
         links: dict[Key, list[int]] = defaultdict(list)
-        for plan_id, position, number in self._rows(_REVISIONS, scope, given):
+        for plan_id, position, number in self._rows(_REVISIONS[scope], given):
             links[plan_id, position].append(number)
-        rows = self._rows(_EXECUTIONS, scope, given)
+        rows = self._rows(_EXECUTIONS[scope], given)
         if wanted is not None:
             rows = [row for row in rows if (row[0], row[1]) in wanted]
         numbers = {n for each in held.values() for one in each for n in one[:2] if n is not None}
@@ -340,7 +319,8 @@ def read_execution(store: Store, key: Key) -> Execution:
 
     def work(view: View) -> Execution:
         assert view.kb_id is not None
-        [now] = ExecutionReader(store, view, view.kb_id).near(key[0], [key[1]])
+        now = ExecutionReader(store, view, view.kb_id).one(key)
+        assert now is not None
         return now
 
     return store.read_in_snapshot(work)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from math import sqrt
+from operator import attrgetter
 from typing import Any, Literal, get_args
 
 from sqlalchemy import Select, case, func, literal_column, select
@@ -181,12 +182,9 @@ def statistics(
     found = state.store.read_in_snapshot(read, state.at)
     if actor is not None and not found:
         refuse_unknown_actor(state.store, actor)
+    group = attrgetter(*GROUPINGS)
     waiting = _unconfirmed(state, wanted, actor, bounds.low, high) if found else {}
-    return [replace(one, unconfirmed=waiting.get(_group(one), 0)) for one in found]
-
-
-def _group(one: Statistics) -> tuple[Any, ...]:
-    return one.action, one.argument, one.arguments, one.actor
+    return [replace(one, unconfirmed=waiting.get(group(one), 0)) for one in found]
 
 
 def _unconfirmed(

@@ -268,7 +268,11 @@ class Cursor:
             self.fail(f"a {kind}, which does not begin with '-'")
         if not count:
             self.deviate(f"a {kind} before the type", "the type left out")
-        return self.after_dash(token)
+        # With or without a space between them.
+        if token != "-":
+            self.deviate(f"'- {token[1:]}'", "read so")
+        self.at += 1
+        return self.type_expression() if token == "-" else (token[1:],)
 
     def _check_name(self, kind: str, token: str) -> None:
         """Check a name of a typed list, once for each spelling."""
@@ -300,15 +304,6 @@ class Cursor:
             self.odd_name(name, kind)
         self.at += 1
         return name
-
-    def after_dash(self, token: str) -> Types:
-        """Read a dash and a type, with or without a space between them."""
-        if token == "-":
-            self.at += 1
-            return self.type_expression()
-        self.deviate(f"'- {token[1:]}'", "read so")
-        self.at += 1
-        return (token[1:],)
 
     def type_expression(self) -> Types:
         """Read a type, or `(either ...)`."""
@@ -360,7 +355,7 @@ class Cursor:
                 self.fail("a type", f"'{name}'", self._token_of(name, at))
             if not symbols.unknown_domain:
                 place = self._token_of(name, at)
-                close = self.diagnostics.hint(name, symbols.type_names)
+                close = self.diagnostics.hint(name, lambda: list(symbols.types.values()))
                 expected = f"a type that is declared{close}"
                 if not symbols.grows:
                     self.fail(expected, f"the type '{name}'", place)

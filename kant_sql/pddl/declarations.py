@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple, TypeVar
 from ..dto import formulas as f
 from ..dto.formulas import TypedName
 from ..dto.lexical import ROOT_TYPE, either_text, fold, function_kind, is_name, is_requirement
-from .cursor import OBJECTS, VARIABLES, Cursor, Diagnostics, Group, Section, hint
+from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Function, Predicate
 from .formulas import DURATION_VARIABLE, EFFECT, PREFERENCES, TIMED, FormulaReader, flatten
 from .symbols import Fit, SymbolTable, Types
@@ -23,10 +23,6 @@ class DeclarationReader(Cursor):
         super().__init__(diagnostics, section, section.keyword)
         self.symbols = symbols
         self.at = 2
-
-    def names(self) -> list[Group]:
-        """Read the names of a section of types, constants or objects."""
-        return self.typed_list(OBJECTS)
 
     def requirements(self) -> list[str]:
         """Read the requirements."""
@@ -118,16 +114,11 @@ Element = TypeVar("Element")
 
 
 class Declarations(Generic[Element]):
-    """Elements by name, in the order of their first declaration.
-
-    Args:
-        kind: the kind of the elements, for messages.
-        meaning: returns the part that two declarations of one name must have in common.
-    """
+    """Elements by name, in the order of their first declaration."""
 
     def __init__(self, kind: str, meaning: Callable[[Element], Hashable]) -> None:
-        self._kind = kind
-        self._meaning = meaning
+        self._kind = kind  # the kind of the elements, for messages
+        self._meaning = meaning  # returns what two declarations of one name must have in common
         self._elements: dict[str, tuple[Element, object]] = {}
 
     def __contains__(self, name: str) -> bool:

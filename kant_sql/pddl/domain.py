@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 
 from ..dto.formulas import Derived, Formula, TypedName
 from ..dto.lexical import ROOT_TYPE, fold, is_name
-from .cursor import Cursor, Diagnostics, Section
+from .cursor import OBJECTS, Cursor, Diagnostics, Section
 from .declarations import ActionReader, DeclarationReader, Declarations, RuleReader, TypedNames
 from .document import Action, Domain, Function, Predicate
 from .forms import ACTIONS, DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
@@ -30,7 +31,8 @@ class DomainReader:
         self._functions: Declarations[Function] = Declarations(
             "function", lambda function: (_types_of(function), function.types)
         )
-        self._actions: Declarations[Action] = Declarations("action", _action_meaning)
+        meaning = attrgetter("kind", "parameters", "duration", "condition", "effect")
+        self._actions: Declarations[Action] = Declarations("action", meaning)
         self._derived: Declarations[Derived] = Declarations("rule", lambda rule: None)
         self._constraints: list[Formula] = []
         self._constrained: dict[Formula, Text] = {}
@@ -52,7 +54,7 @@ class DomainReader:
             # The declared types, followed by types that are only used.
             types=tuple(
                 TypedName(name, symbols.parents.get(name, ANY))
-                for name in symbols.type_names()
+                for name in symbols.types.values()
                 if name != ROOT_TYPE
             ),
             constants=tuple(self._constants.resolve(symbols)),
@@ -96,7 +98,7 @@ class DomainReader:
             self._requirements.setdefault(fold(requirement), requirement)
 
     def _read_types(self, reader: DeclarationReader) -> None:
-        for group in reader.names():
+        for group in reader.typed_list(OBJECTS):
             for at, name in enumerate(group.words, group.at):
                 if not is_name(name, "type"):
                     reader.fail("the name of the type, which is not a reserved word", at=at)
@@ -116,7 +118,7 @@ class DomainReader:
             self._types.refuse(name, "no cycle of types", f"the type {name} above itself")
 
     def _read_constants(self, reader: DeclarationReader) -> None:
-        for group in reader.names():
+        for group in reader.typed_list(OBJECTS):
             for at, name in enumerate(group.words, group.at):
                 if self._constants.add(reader, name, group, at) and name in self._types:
                     _clash(reader, "constant", "type", name, at)
@@ -189,11 +191,6 @@ class DomainReader:
 
 def _types_of(element: Predicate | Function) -> tuple[tuple[str, ...], ...]:
     return tuple([parameter.types for parameter in element.parameters])
-
-
-def _action_meaning(action: Action) -> tuple[object, ...]:
-    parts = action.duration, action.condition, action.effect
-    return action.kind, action.parameters, *parts
 
 
 def _clash(cursor: Cursor, kind: str, other: str, name: str, at: int) -> None:

@@ -82,10 +82,7 @@ class Form:
     @property
     def domain(self) -> str:
         """The name of a problem's domain; empty without one."""
-        for section in self.sections:
-            if section.keyword == ":domain":
-                return section.tokens[2]
-        return ""
+        return next((one.tokens[2] for one in self.sections if one.keyword == ":domain"), "")
 
     @property
     def nesting(self) -> str:

@@ -140,7 +140,8 @@ class FormulaReader(Cursor):
         """Return whether `()` is next."""
         return self.tokens[self.at] == "(" and self.tokens[self.at + 1] == ")"
 
-    def _empty(self) -> f.And:
+    def _empty(self, context: int = 0) -> f.And:
+        del context
         self.at += 2
         return f.And()
 
@@ -173,7 +174,7 @@ class FormulaReader(Cursor):
             if head != ")":
                 self.fail("a predicate or an operator", at=self.at + 1)
             self.deviate(_called(context), "read as (and)", "'()'")
-            return FormulaReader._no_conjuncts
+            return FormulaReader._empty
         is_effect = context & EFFECT
         operators = _EFFECTS if is_effect else _CONDITIONS
         kind: Head | None = operators.get(head.lower()) or self.symbols.predicates.find(head)
@@ -206,10 +207,6 @@ class FormulaReader(Cursor):
             expected = _TIMED_FORM if context & TIMED else _CONSTRAINT_FORM
             self.deviate(f"{expected} instead of ({operator} ...)", "read as it is")
         return context & ~PREFERENCES
-
-    def _no_conjuncts(self, context: int) -> f.Formula:
-        del context
-        return self._empty()
 
     def _junction(self, context: int) -> f.Formula:
         tokens = self.tokens
@@ -263,26 +260,25 @@ class FormulaReader(Cursor):
         operator = self.tokens[self.at + 1].lower()
         if operator == "exists":
             context = self._plain("exists", context)
-        outside = self.scope.mark()
+        variables, formula = self._within(context)
+        return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
+
+    def _within(self, context: int) -> tuple[tuple[f.TypedName, ...], f.Formula]:
+        """Read variables, and the formula that they are bound in."""
+        operator, outside = self.tokens[self.at + 1].lower(), self.scope.mark()
         self.at += 2
         variables = self.variables()
         formula = self.formula(context)
         self.expect(")", f"')' after the {_noun(context)} of {operator}")
         self.scope.release(outside)
-        return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
+        return variables, formula
 
     def _counted(self, context: int) -> f.Formula:
         operator = self.tokens[self.at + 1].lower()
         # A predicate of that name applies to terms, the first of which is no list of variables.
         if not context & RULES or self.tokens[self.at + 3][:1] != "?":
             return self._named_like_operator(context)
-        outside = self.scope.mark()
-        self.at += 2
-        variables = self.variables()
-        formula = self.formula(RULES)
-        self.expect(")", f"')' after the formula of {operator}")
-        self.scope.release(outside)
-        return f.Count(variables, formula, operator)
+        return f.Count(*self._within(RULES), operator)
 
     def _comparison(self, context: int) -> f.Comparison | f.Equal:
         if context & _WRAPPED:
@@ -625,11 +621,14 @@ class FormulaReader(Cursor):
 
     def _argument(self, signature: Signature, position: int, start: int) -> f.Term:
         """Read one argument with all checks."""
-        at = self.at
+        at, (wanted, accepted) = self.at, signature.accepted[position]
         if self.tokens[at] == ")":
             self._wrong_number(signature, start, at)
         entity = self.term()
-        self._check_fit(signature, position, entity, at)
+        if self.symbols.fit(entity[1], wanted) is Fit.YES:
+            accepted.add(entity[1])
+        else:
+            self._misfit(entity, wanted, f"as argument {position + 1} of {signature.name}", at)
         return entity[0]
 
     def _wrong_number(self, signature: Signature, start: int, at: int) -> NoReturn:
@@ -639,14 +638,6 @@ class FormulaReader(Cursor):
             given = sum(1 for token in self.tokens[start + 2 : at] if token not in ("(", ")"))
             self.fail(arguments, f"{given}", at)
         self.fail(f"')' after the {arguments}", at=at)
-
-    def _check_fit(self, signature: Signature, position: int, entity: Entity, at: int) -> None:
-        """Check that a term fits the parameter at a position."""
-        wanted, accepted = signature.accepted[position]
-        if self.symbols.fit(entity[1], wanted) is Fit.YES:
-            accepted.add(entity[1])
-        else:
-            self._misfit(entity, wanted, f"as argument {position + 1} of {signature.name}", at)
 
     def _misfit(self, entity: Entity, wanted: Types, role: str, at: int) -> None:
         """Warn about a term that may fit; refuse one that cannot."""
@@ -686,26 +677,13 @@ class FormulaReader(Cursor):
         self.fail(expected, f"the variable '{token}'")
 
     def _object_fluent(self) -> Entity:
-        signature, start = self._function_here(), self.at
+        signature = self._function_here()
         if signature.parameters is not None and not signature.types:
             self.fail("a term", f"the number ({signature.name} ...)")
         self.enter()
-        self.at += 2
-        terms: list[f.Term] = []
-        declared = signature.parameters is not None
-        while self.tokens[self.at] != ")" and not (
-            declared and len(terms) == len(signature.accepted)
-        ):
-            at = self.at
-            entity = self._object_fluent() if self.tokens[at] == "(" else self._named_term()
-            if declared:
-                self._check_fit(signature, len(terms), entity, at)
-            terms.append(entity[0])
-        if self.tokens[self.at] != ")" or (declared and len(terms) < len(signature.accepted)):
-            self._wrong_number(signature, start, self.at)
-        self.at += 1
+        found = f.Fluent(signature.name, self.arguments(signature))
         self.level -= 1
-        return f.Fluent(signature.name, tuple(terms)), signature.types
+        return found, signature.types
 
     def _function_here(self) -> Signature:
         """Look up the function after the next parenthesis."""

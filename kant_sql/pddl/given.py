@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import NamedTuple, Protocol, TypedDict, TypeVar
+from typing import Any, NamedTuple, TypedDict, TypeVar
 
 from typing_extensions import override
 
@@ -24,7 +24,7 @@ from ..dto.elements import (
 )
 from ..dto.lexical import fold, is_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
-from .cursor import END, VARIABLES, Cursor, Diagnostics, Section, hint
+from .cursor import END, OBJECTS, VARIABLES, Cursor, Diagnostics, Section, hint
 from .declarations import ActionReader, DeclarationReader, RuleReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
@@ -45,13 +45,6 @@ class ReadCondition(NamedTuple):
     are_declared: bool  # whether a list of parameters declared the free variables
 
 
-class ReadStep(NamedTuple):
-    """An action's name, and its arguments."""
-
-    action: str
-    arguments: tuple[str, ...]
-
-
 class _Parameters(TypedDict):
     types: list[PddlTypeDto]
     parameter_names: list[str]
@@ -65,11 +58,7 @@ class ReadValue(NamedTuple):
 
 
 class ConditionReader(FormulaReader):
-    """A reader of formulas that stand alone: a variable that nothing binds is free.
-
-    Args:
-        parameters: the text that declares the free variables; without it, all are allowed.
-    """
+    """A reader of formulas that stand alone; without parameters, unbound variables are free."""
 
     def __init__(
         self, symbols: SymbolTable, text: str | Text, nesting: str, parameters: str | None = None
@@ -244,31 +233,30 @@ def read_derived(text: str, *, symbols: SymbolTable) -> f.Derived:
     return rule
 
 
-def _read_initial(text: str, symbols: SymbolTable) -> InitialStateReader:
+def _read_initial(text: str, symbols: SymbolTable, part: str, expected: str) -> Any:
+    """Read one element of a part of an initial state."""
     section = _section(text, "the initial state")
     reader = InitialStateReader(Diagnostics(strict=False), section, symbols)
     _refuse_unclosed(reader)
-    return reader
+    found = reader.one()[part]
+    if not found:
+        reader.fail(expected, at=0)
+    _refuse_more(reader)
+    return found[0]
 
 
 def read_initial_literal(text: str, *, symbols: SymbolTable) -> f.Not | f.Equal:
     """Read a literal of the initial state that is not a fact, such as `(not (open door1))`."""
-    reader = _read_initial(text, symbols)
-    literals = reader.one().literals
-    if not literals:
-        reader.fail("a literal such as (not (open door1)); kb.propositions takes facts", at=0)
-    _refuse_more(reader)
-    return literals[0]
+    expected = "a literal such as (not (open door1)); kb.propositions takes facts"
+    found: f.Not | f.Equal = _read_initial(text, symbols, "literals", expected)
+    return found
 
 
 def read_timed_literal(text: str, *, symbols: SymbolTable) -> f.TimedLiteral:
     """Read a timed initial literal such as `(at 10 (open door1))`."""
-    reader = _read_initial(text, symbols)
-    timed = reader.one().timed
-    if not timed:
-        reader.fail("a timed literal such as (at 10 (open door1))", at=0)
-    _refuse_more(reader)
-    return timed[0]
+    expected = "a timed literal such as (at 10 (open door1))"
+    found: f.TimedLiteral = _read_initial(text, symbols, "timed", expected)
+    return found
 
 
 def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
@@ -288,21 +276,13 @@ def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:
     return found
 
 
-class NamedAction(Protocol):
-    """What has a name."""
-
-    @property
-    def name(self) -> str:
-        """The name."""
-
-
 def read_step(
     text: str,
     *,
     symbols: SymbolTable,
-    action: Callable[[str], NamedAction | None],
+    action: Callable[[str], str | None],  # returns the declared spelling of a name
     actions: Callable[[], Iterable[str]],
-) -> ReadStep:
+) -> tuple[str, tuple[str, ...]]:
     """Read a ground action such as `(move rb1 wp1 wp2)`, with or without its parentheses."""
     given = text if text.lstrip().startswith("(") else f"({text})"
     reader = FormulaReader(Diagnostics(strict=False), _section(given), symbols, "the step")
@@ -322,8 +302,7 @@ def read_step(
     reader.at += 1
     if reader.tokens[reader.at]:
         reader.fail("the end of the text after one step")
-    assert found is not None
-    return ReadStep(found.name, tuple(arguments))
+    return found, tuple(arguments)
 
 
 class _ElementReader(DeclarationReader):
@@ -352,7 +331,7 @@ class _ElementReader(DeclarationReader):
         """Read a name and its types."""
         if self.tokens[0] in ("(", ")"):
             self.fail(self._one)
-        groups = self.names()
+        groups = self.typed_list(OBJECTS)
         self.refuse_rest(self.at - 1)
         words = groups[0].words if groups else []
         if len(words) != 1 or len(groups) > 1:
@@ -402,10 +381,7 @@ def read_function(text: str) -> PddlFunctionDto:
 
 
 def read_action(text: str, *, symbols: SymbolTable | None = None) -> PddlActionDto:
-    """Read an action, a durative action, a process or an event, such as `(:action ...)`.
-
-    Without symbols, it may use any names.
-    """
+    """Read an action, a process or an event; without symbols, it may use any names."""
     expect(text, str, "the action", InvalidArgumentError)
     symbols = symbols or SymbolTable(unknown_domain=True)
     reader = ActionReader(Diagnostics(strict=False), _section(text), symbols, "the action")

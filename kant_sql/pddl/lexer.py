@@ -132,18 +132,12 @@ def tokenize(text: str) -> list[str]:
 
 
 class Blocks:
-    """The tokens of a list in blocks of whole elements, small enough for a processor's cache.
-
-    Args:
-        code: PDDL text without comments.
-        start: the offset of the parenthesis that opens the list.
-        end: the offset of the end of the blocks, at or after the closing parenthesis.
-    """
+    """The tokens of a list in blocks of whole elements, small enough for a processor's cache."""
 
     def __init__(self, code: str, start: int, end: int) -> None:
         self._code = code
-        self._next = start
-        self._end = end
+        self._next = start  # at first the offset of the parenthesis that opens the list
+        self._end = end  # at or after the parenthesis that closes it
         self._depth = 0
 
     def next(self) -> list[str]:
@@ -192,11 +186,7 @@ def unmatched(code: str) -> tuple[int, int] | None:
 
 
 def is_text(source: str) -> bool:
-    """Return whether a string is PDDL text, not a path.
-
-    Text begins with `(` or `;`, after white space, or has several lines, or contains `(define`. A
-    path that looks like text can be passed as a `pathlib.Path`.
-    """
+    """Return whether a string is PDDL text: by its beginning, its lines, or `(define`."""
     return _TEXT.match(source) is not None or _DEFINE.search(source) is not None
 
 

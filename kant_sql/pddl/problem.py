@@ -7,14 +7,15 @@ and report errors.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 from decimal import Decimal
 from operator import getitem
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 from ..arguments import shown
 from ..dto import formulas as f
 from ..dto.lexical import either_text, fold, is_name
-from .cursor import Cursor, Diagnostics, Group, Section, hint
+from .cursor import OBJECTS, Cursor, Diagnostics, Group, Section, hint
 from .declarations import DeclarationReader, TypedNames
 from .document import Domain, FunctionValue, Problem
 from .forms import PROBLEM_ORDER, Form, check_sections, finish
@@ -63,20 +64,17 @@ class _Numbers(dict[str, f.Number]):
         return number
 
 
+@dataclass(slots=True, eq=False)
 class FactSignature:
     """A predicate or a function for the tight loop, with its facts or values."""
 
-    __slots__ = ("arity", "facts", "fitting", "name", "value", "values")
-
-    def __init__(self, name: str, fitting: list[_Fitting], value: _Fitting | _Numbers) -> None:
-        self.name = name
-        self.arity = len(fitting)
-        self.fitting = fitting  # for each parameter, the objects that fit
-        self.value = value  # for a function, its possible numbers or objects
-        # The arguments of its facts, in their declared spelling.
-        self.facts: set[tuple[str, ...]] = set()
-        # The index of its value by arguments, in their declared spelling.
-        self.values: dict[tuple[str, ...], int] = {}
+    name: str
+    arity: int
+    fitting: list[_Fitting]  # for each parameter, the objects that fit
+    value: _Fitting | _Numbers  # for a function, its possible numbers or objects
+    # The arguments of its facts, and the index of its value by arguments, as they are declared.
+    facts: set[tuple[str, ...]] = field(default_factory=set)
+    values: dict[tuple[str, ...], int] = field(default_factory=dict)
 
 
 class FactSignatures(dict[str, FactSignature | None]):
@@ -98,7 +96,8 @@ class FactSignatures(dict[str, FactSignature | None]):
         if entry is None:
             fitting = [self._fits(wanted) for wanted in signature.parameters or ()]
             value = self._fits(signature.types) if signature.types else self._numbers
-            entry = self[signature.name] = FactSignature(signature.name, fitting, value)
+            entry = FactSignature(signature.name, len(fitting), fitting, value)
+            self[signature.name] = entry
         self[word] = entry
         return entry
 
@@ -123,15 +122,6 @@ _FOREIGN: Final = {
 
 
 _TokenIndex = tuple[Section, int]
-
-
-class InitialState(NamedTuple):
-    """The contents of an initial state, as in `Problem`."""
-
-    facts: tuple[f.Atom, ...]
-    literals: tuple[f.Not | f.Equal, ...]
-    values: tuple[FunctionValue, ...]
-    timed: tuple[f.TimedLiteral, ...]
 
 
 class InitialStateReader(FormulaReader):
@@ -167,19 +157,20 @@ class InitialStateReader(FormulaReader):
         self.at += 1
         self.tokens[self._count :] = self._blocks.rest() + self._ends
 
-    def one(self) -> InitialState:
+    def one(self) -> dict[str, tuple[Any, ...]]:
         """Read one element."""
         self._lists = 0
         self._element()
         return self.state()
 
-    def state(self) -> InitialState:
-        """Return the initial state."""
-        literals = tuple([one for one, place in self._literals.items() if self._agrees(one, place)])
+    def state(self) -> dict[str, tuple[Any, ...]]:
+        """Return the parts of the initial state, by their names in `Problem`."""
+        literals = [one for one, place in self._literals.items() if self._agrees(one, place)]
         values = self._values
         if self._replaced:
             values = [one for number, one in enumerate(values) if number not in self._replaced]
-        return InitialState(tuple(self._facts), literals, tuple(values), tuple(self._timed))
+        whole = {"facts": tuple(self._facts), "timed": tuple(self._timed)}
+        return {**whole, "literals": tuple(literals), "values": tuple(values)}
 
     def _agrees(self, literal: f.Not | f.Equal, place: _TokenIndex) -> bool:
         """Return whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
@@ -447,7 +438,7 @@ class ProblemReader:
             domain=domain,
             requirements=tuple(dict.fromkeys(requirements)),
             objects=tuple(objects),
-            **state._asdict(),
+            **state,
             goal=self._read_goal(),
             constraints=self._read_conjuncts(":constraints", CONSTRAINTS | PREFERENCES),
             metric=self._read_metric(),
@@ -482,7 +473,7 @@ class ProblemReader:
         constants = {fold(one.name): one for one in self._domain.constants} if self._domain else {}
         for section in self._sections(":objects"):
             reader = DeclarationReader(self._diagnostics, section, self._symbols)
-            for group in reader.names():
+            for group in reader.typed_list(OBJECTS):
                 for at, name in enumerate(group.words, group.at):
                     constant = constants.get(fold(name)) if constants else None
                     if constant is not None:
@@ -507,7 +498,7 @@ class ProblemReader:
         found = f"the constant '{name}' again"
         reader.deviate("objects that are not constants", "left out", found, at)
 
-    def _read_initial_state(self) -> InitialState:
+    def _read_initial_state(self) -> dict[str, tuple[Any, ...]]:
         sections = self._sections(":init")
         if not sections:
             self._head().deviate("(:init ...)", "read as (:init)", "no initial state", 0)

@@ -162,20 +162,13 @@ class Diagnostic(NamedTuple):
 
 
 class CheckedDocument(NamedTuple):
-    """A domain or a problem that was checked.
+    """A domain or a problem that was checked."""
 
-    Attributes:
-        kind: `domain` or `problem`.
-        sources: the files that contain it.
-        is_read: whether it can be read.
-        domain: the name of the domain that a problem was checked against, if any.
-    """
-
-    kind: str
+    kind: str  # `domain` or `problem`
     name: str
-    sources: tuple[str, ...]
-    is_read: bool
-    domain: str | None
+    sources: tuple[str, ...]  # the files that contain it
+    is_read: bool  # whether it can be read
+    domain: str | None  # the name of the domain that a problem was checked against, if any
 
 
 class CheckReport(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from enum import Enum
+from graphlib import CycleError, TopologicalSorter
 from typing import Generic, NamedTuple, TypeVar
 
 from ..dto.formulas import Atom, Constant, Formula, Preference, Term, TypedName, Variable, walk
@@ -40,15 +41,12 @@ class Ancestry(Generic[K]):
     Each type knows its parent and a jump to an ancestor (E. W. Myers, An applicative random-access
     stack, 1983). A type with several parents continues at each of them, so a check costs a step for
     each such ancestor.
-
-    Args:
-        parents: returns the parents of a type, which must not change after the first call.
     """
 
     __slots__ = ("_parents", "_places")
 
     def __init__(self, parents: Callable[[K], Sequence[K]]) -> None:
-        self._parents = parents
+        self._parents = parents  # returns the parents of a type, which must not change afterwards
         self._places: dict[K, _Place[K]] = {}
 
     def is_below(self, lower: K, upper: K) -> bool:
@@ -114,25 +112,12 @@ class Ancestry(Generic[K]):
 
 def find_cycle(parents: Mapping[str, Types]) -> str | None:
     """Return a type that is its own ancestor, or None."""
-    children: dict[str, list[str]] = {}
-    waiting = {type_: sum(1 for one in above if one in parents) for type_, above in parents.items()}
-    for type_, above in parents.items():
-        for parent in above:
-            children.setdefault(parent, []).append(type_)
-    ready = [type_ for type_, count in waiting.items() if not count]
-    while ready:
-        type_ = ready.pop()
-        del waiting[type_]
-        for child in children.get(type_, ()):
-            waiting[child] -= 1
-            if not waiting[child]:
-                ready.append(child)
-    seen: set[str] = set()
-    type_ = next(iter(waiting), "")
-    while type_ not in seen and waiting:
-        seen.add(type_)
-        type_ = next(one for one in parents[type_] if one in waiting)
-    return type_ or None
+    try:
+        TopologicalSorter(parents).prepare()
+    except CycleError as error:
+        cycle: list[str] = error.args[1]
+        return cycle[0]
+    return None
 
 
 # A term and the types of the object that it denotes.
@@ -300,10 +285,6 @@ class SymbolTable:
     def is_object(self, name: str) -> bool:
         """Return whether a constant or an object is declared."""
         return name in self.objects or fold(name) in self._declared_objects
-
-    def type_names(self) -> list[str]:
-        """Return the names of types, as declared."""
-        return list(self.types.values())
 
     def object_names(self) -> list[str]:
         """Return the names of constants and objects, as declared."""

@@ -13,7 +13,7 @@ from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge.grounding import rebuilt
 from ..pddl import document as pddl
 from ..pddl.requirements import used_requirements
-from .names import number, unused_name
+from .names import declared, number, unused_name
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
 # The entries of the largest table of costs of an action.
@@ -52,10 +52,8 @@ class UnusedNames:
     """Makes names that no element of documents has."""
 
     def __init__(self, domain: pddl.Domain, problem: pddl.Problem) -> None:
-        named = (domain.types, domain.constants, problem.objects, domain.predicates)
-        self._taken = {f.TOTAL_COST, f.TOTAL_TIME}
-        for parts in (*named, domain.functions, domain.actions):
-            self._taken.update(fold(part.name) for part in parts)
+        self._taken = {fold(name) for _, name in declared(domain, problem)}
+        self._taken |= {f.TOTAL_COST, f.TOTAL_TIME}
 
     def __call__(self, wanted: str) -> str:
         """Return a name as it is wanted, with a number appended if needed."""
@@ -70,16 +68,12 @@ Values = dict[tuple[str, ...], Fraction]
 
 @dataclass(frozen=True)
 class ActionCost:
-    """The cost of an action.
+    """The cost of an action."""
 
-    Attributes:
-        parameters: the parameters that it depends on; none for a constant.
-        values: the cost by the objects that these stand for.
-        undefined: the objects for which it is undefined: the action is not applicable there.
-    """
-
+    # The parameters that it depends on; none for a constant.
     parameters: tuple[f.TypedName, ...] = ()
-    values: Values | None = None
+    values: Values | None = None  # the cost by the objects that these stand for
+    # The objects for which it is undefined: the action is not applicable there.
     undefined: tuple[tuple[str, ...], ...] = ()
 
     def plus(self, amount: Fraction) -> Values:
@@ -90,15 +84,11 @@ class ActionCost:
 
 @dataclass(frozen=True)
 class CostedAction:
-    """An action and what it adds to a metric to minimize.
-
-    Attributes:
-        amount: what it adds besides `cost`.
-    """
+    """An action and what it adds to a metric to minimize."""
 
     action: pddl.Action
     cost: ActionCost = field(default_factory=ActionCost)
-    amount: Fraction = Fraction(0)
+    amount: Fraction = Fraction(0)  # what it adds besides `cost`
 
 
 def write_costs(
@@ -108,15 +98,9 @@ def write_costs(
     free: frozenset[str],
     unused: Callable[[str], str],
 ) -> tuple[pddl.Domain, pddl.Problem]:
-    """Write the costs of actions into documents, as whole numbers.
-
-    Args:
-        actions: the actions, in place of the domain's.
-        free: the folded names of functions that are left out.
-        unused: returns a name that no element has.
-    """
-    actions = [replace(one, action=_without(one.action, free)) for one in actions]
-    domain = replace(domain, actions=tuple(one.action for one in actions))
+    """Write actions and their costs, as whole numbers, into documents without `free` functions."""
+    kept = [replace(one.action, effect=tuple(_kept(one.action.effect, free))) for one in actions]
+    domain = replace(domain, actions=tuple(kept))
     domain, problem = _pruned(*_renamed(domain, problem, unused))
     tables = [costed.cost.plus(costed.amount) for costed in actions]
     writer = _Writer(unused, whole(value for table in tables for value in table.values()))
@@ -136,11 +120,7 @@ def write_costs(
 
 
 class _Writer:
-    """Adds costs to actions.
-
-    Attributes:
-        is_used: whether an action costs anything.
-    """
+    """Adds costs to actions."""
 
     def __init__(self, unused: Callable[[str], str], scale: Fraction) -> None:
         self._unused, self._scale = unused, scale
@@ -148,7 +128,7 @@ class _Writer:
         self.values: list[pddl.FunctionValue] = []
         self.predicates: list[pddl.Predicate] = []
         self.facts: list[f.Atom] = []
-        self.is_used = False
+        self.is_used = False  # whether an action costs anything
 
     def costed(self, action: pddl.Action, cost: ActionCost, table: Values) -> pddl.Action:
         """Return an action that costs what a table says."""
@@ -193,10 +173,6 @@ class _Writer:
         return replace(action, condition=(*action.condition, condition))
 
 
-def _without(action: pddl.Action, free: frozenset[str]) -> pddl.Action:
-    return replace(action, effect=tuple(_kept(action.effect, free)))
-
-
 def _kept(effects: Iterable[f.Formula], free: frozenset[str]) -> Iterator[f.Formula]:
     """Yield the effects without those on some functions; these have no conditions."""
     for effect in effects:
@@ -230,7 +206,7 @@ def _renamed(
         return domain, problem
     name = unused(f.TOTAL_COST)
 
-    def change(node: f.Node) -> f.Node:
+    def change(node: f.Node) -> Any:
         made = rebuilt(node, change)
         if isinstance(made, f.Fluent) and _is_named_total(made):
             return f.Fluent(name, made.terms)
@@ -240,12 +216,7 @@ def _renamed(
         replace(one, name=name) if fold(one.name) == f.TOTAL_COST else one
         for one in domain.functions
     )
-    values = tuple(
-        pddl.FunctionValue(f.Fluent(name, value.fluent.terms), value.value)
-        if _is_named_total(value.fluent)
-        else value
-        for value in problem.values
-    )
+    values = tuple(one._replace(fluent=change(one.fluent)) for one in problem.values)
     actions = tuple(_changed(one, change, _OF_ACTION) for one in domain.actions)
     return (
         replace(_changed(domain, change, _OF_DOMAIN), functions=functions, actions=actions),
@@ -272,11 +243,7 @@ def _is_named_total(node: f.Node) -> bool:
 
 def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
     """Return the folded names of the functions that decide what is possible."""
-    effects = [effect for action in domain.actions for effect in action.effect]
-    pending: list[f.Node] = [*domain.derived, *domain.constraints, *problem.goal]
-    pending += [*problem.constraints, *effects, *(one.effect for one in problem.timed)]
-    for action in domain.actions:
-        pending += [*action.condition, *action.duration]
+    pending = [*pddl.formulas(domain, problem), *(one.effect for one in problem.timed)]
     read: set[str] = set()
     # The values that are assigned to each function: they matter if that matters.
     sources: dict[str, set[str]] = {}
@@ -299,10 +266,8 @@ def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
 
 
 def whole(amounts: Iterable[Fraction]) -> Fraction:
-    """Return the factor that makes amounts whole numbers without a common divisor.
-
-    Cost planners add up 32-bit integers.
-    """
+    """Return the factor that makes amounts whole numbers without a common divisor."""
+    # Cost planners add up 32-bit integers.
     known = [amount for amount in amounts if amount]
     if not known:
         return Fraction(1)

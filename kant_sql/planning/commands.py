@@ -35,14 +35,10 @@ _NO_PLAN = re.compile(r"unsolvable|no solution|no plan|not solvable", re.IGNOREC
 _NUMBERED = re.compile(r"(?:sas_)?plan(?:\.(\d+))?|.*\.soln")
 # The exit codes of Fast Downward, https://www.fast-downward.org/ExitCodes.
 _EXIT_CODES = {
-    10: "unsolvable_proven",
-    11: "unsolvable_proven",
+    **dict.fromkeys((10, 11), "unsolvable_proven"),
     12: "unsolvable_incompletely",
-    20: "memout",
-    21: "timeout",
-    22: "memout",
-    23: "timeout",
-    24: "memout",
+    **dict.fromkeys((20, 22, 24), "memout"),
+    **dict.fromkeys((21, 23), "timeout"),
     34: "unsupported_problem",
 }
 # What engines say where unified-planning may write the problem in a way that they read.
@@ -82,19 +78,13 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class Command:
-    """The command line of a planner.
+    """The command line of a planner."""
 
-    Attributes:
-        name: what it is called.
-        words: the program and its arguments, with `{domain}`, `{problem}` and `{plan}` for paths.
-        status: the status of its plans.
-        exit_codes: what its exit codes mean.
-    """
-
-    name: str
+    name: str  # what it is called
+    # The program and its arguments, with `{domain}`, `{problem}` and `{plan}` for paths.
     words: tuple[str, ...]
-    status: str = SATISFICING
-    exit_codes: dict[int, str] = field(default_factory=dict)
+    status: str = SATISFICING  # the status of its plans
+    exit_codes: dict[int, str] = field(default_factory=dict)  # what its exit codes mean
 
 
 def find_command(engine: str) -> Command | None:
@@ -108,11 +98,7 @@ def find_command(engine: str) -> Command | None:
 
 
 def named(engine: str | None) -> str | None:
-    """Return the name of an engine; refuse a command line, which a stranger may not have run.
-
-    Raises:
-        InvalidArgumentError: it is one.
-    """
+    """Return the name of an engine; refuse a command line, which a stranger may not have run."""
     if engine is not None and (":" in engine or "{" in engine):
         raise InvalidArgumentError(
             f"engine {printable(engine)!r} is a command line, which is not run for others; give a "
@@ -229,12 +215,7 @@ def _fits(domain: Domain, problem: Problem, engine: str) -> bool:
 def ask(
     command: Command, domain: Domain, problem: Problem, process: PlannerProcess, until: float
 ) -> Iterator[Plan]:
-    """Run a planner, and yield what it answers, the best (the last) first.
-
-    Raises:
-        NoPlanError: it answers nothing; `status` is the reason.
-        PlannerMissingError: the program is not there.
-    """
+    """Run a planner, and yield what it answers, the best (the last) first."""
     paths = {"plan": str(Path(process.folder, "plan"))}
     for name, document in (("domain", domain), ("problem", problem)):
         path = Path(process.folder, f"{name}.pddl")
@@ -256,18 +237,12 @@ def ask_directly(
     domain: Domain,
     problem: Problem,
     engine: str | None,
-    improving: float,
-    failures: dict[str, str],
+    improving: float,  # the seconds in which to look for better plans
+    failures: dict[str, str],  # the statuses of engines, to which that of this one is added
     process: PlannerProcess,
     until: float,
 ) -> Iterator[Plan]:
-    """Ask an engine as `ask` does; yield nothing where none reads the documents as they are.
-
-    Args:
-        engine: its name in unified-planning, or None for any.
-        improving: the seconds in which to look for better plans.
-        failures: the statuses of engines, to which that of this one is added.
-    """
+    """Ask an engine as `ask` does; yield nothing where none reads the documents as they are."""
     engines = [engine or FAST_DOWNWARD]
     anytime = improving and engine in {None, FAST_DOWNWARD, OPTIMAL_DOWNWARD}
     if not (engine or improving):

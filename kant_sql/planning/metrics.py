@@ -195,10 +195,7 @@ COMPILATIONS: Plugins[Compilation] = Plugins("kant_sql.compilations")
 
 
 def variants(domain: Domain, problem: Problem, is_costed: bool = False) -> Iterator[Variant]:
-    """Yield the documents, then stand-ins for a metric that planners do not know.
-
-    `to_unified_planning` and `solve` try these in turn.
-    """
+    """Yield the documents, then stand-ins for a metric that planners do not know, to be tried."""
     yield Variant(domain, problem, is_costed=is_costed)
     if problem.metric is not None:
         for name in COMPILATIONS.names():

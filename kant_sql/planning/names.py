@@ -74,7 +74,7 @@ class UpNames:
         self._chosen: dict[tuple[str, str], str] = {}
         # The PDDL names of actions, by their own.
         self.action_of: dict[str, str] = {}
-        clashing = [key for key in _declared(domain, problem) if not self._claim(*key)]
+        clashing = [key for key in declared(domain, problem) if not self._claim(*key)]
         for category, name in clashing:
             self._chosen[category, fold(name)] = self.unused(f"{name}_{category}")
 
@@ -96,7 +96,8 @@ class UpNames:
         return self._chosen.get((category, fold(name)), name)
 
 
-def _declared(domain: Domain, problem: Problem) -> list[tuple[str, str]]:
+def declared(domain: Domain, problem: Problem) -> list[tuple[str, str]]:
+    """Return the category and the name of each element."""
     return [
         *((OBJECT, part.name) for part in (*domain.constants, *problem.objects)),
         *((action.kind, action.name) for action in domain.actions),

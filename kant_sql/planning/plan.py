@@ -150,7 +150,15 @@ class Plan:
             >>> print(Plan.read("0.5: (move rb1 wp1 wp2)  [2.500]"), end="")
             0.5: (move rb1 wp1 wp2) [2.500]
         """
-        return _read_plan(source)
+        expected = "a path, or a plan's text"
+        expect(source, (str, os.PathLike), "a plan", InvalidArgumentError, expected)
+        if isinstance(source, str) and re.match(_TEXT, source):
+            return _Reader(STRING, source).read()
+        try:
+            name = os.fsdecode(source)
+        except Exception as error:
+            raise refusal("a plan", expected, source, InvalidArgumentError) from error
+        return _Reader(name, read_file(source).decode("utf-8", "surrogateescape")).read()
 
     def __str__(self) -> str:
         return "".join(f"{step}\n" for step in self.steps)
@@ -185,18 +193,6 @@ _WAITING = "-----waiting----"
 _UP_HEADS = ("SequentialPlan:", "TimeTriggeredPlan:")
 _FAST_DOWNWARD = "fast-downward"
 _TEXT = rf"\ufeff?\s*(?:[(;]|{_NUMBER}\s*:|\Z)|[^\r\n\0]*[\r\n\0]|{'|'.join(_UP_HEADS)}"
-
-
-def _read_plan(source: str | os.PathLike[str]) -> Plan:
-    expected = "a path, or a plan's text"
-    expect(source, (str, os.PathLike), "a plan", InvalidArgumentError, expected)
-    if isinstance(source, str) and re.match(_TEXT, source):
-        return _Reader(STRING, source).read()
-    try:
-        name = os.fsdecode(source)
-    except Exception as error:
-        raise refusal("a plan", expected, source, InvalidArgumentError) from error
-    return _Reader(name, read_file(source).decode("utf-8", "surrogateescape")).read()
 
 
 class _Line(NamedTuple):

@@ -24,17 +24,11 @@ _MEMORY = re.compile(r"MemoryError|bad_alloc|OutOfMemoryError|out of memory|cann
 
 
 class Ended(NamedTuple):
-    """How a planner's process ended.
+    """How a planner's process ended."""
 
-    Attributes:
-        code: its exit code; the negative number of the signal that ended it.
-        output: what it printed.
-        status: `timeout`, `memout`, `internal_error` if it printed without end; else None.
-    """
-
-    code: int
-    output: str
-    status: str | None
+    code: int  # its exit code; the negative number of the signal that ended it
+    output: str  # what it printed
+    status: str | None  # `timeout`, `memout`, `internal_error` if it printed without end; else None
 
     @property
     def reason(self) -> str:
@@ -51,15 +45,11 @@ class Ended(NamedTuple):
 
 
 class PlannerProcess:
-    """Runs a planner's programs one after the other; `end` ends them, from any thread.
-
-    Attributes:
-        folder: where they run, and have their temporary files.
-        memory: the most bytes of each; 0 is no limit.
-    """
+    """Runs a planner's programs one after the other; `end` ends them, from any thread."""
 
     def __init__(self, folder: str = "", memory: int = 0) -> None:
-        self.folder, self.memory = folder, memory
+        self.folder = folder  # where they run, and have their temporary files
+        self.memory = memory  # the most bytes of each; 0 is no limit
         self.is_ended = False
         self._guard = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None

@@ -29,10 +29,7 @@ logger = logging.getLogger("kant_sql.planning")
 
 
 class Task(NamedTuple):
-    """What a planner's process is asked for; `solve` explains the fields.
-
-    `failures` has the statuses of engines that were asked already.
-    """
+    """What a planner's process is asked for; `solve` explains the fields."""
 
     domain: Domain
     problem: Problem
@@ -40,7 +37,7 @@ class Task(NamedTuple):
     timeout: float | None
     strict: bool
     is_costed: bool = False
-    failures: Mapping[str, str] = {}
+    failures: Mapping[str, str] = {}  # the statuses of engines that were asked already
 
 
 class Judged(NamedTuple):
@@ -142,11 +139,7 @@ def solve(
 
 
 def check_documents(domain: Domain, problem: Problem) -> None:
-    """Check that the arguments are documents.
-
-    Raises:
-        InvalidArgumentError: one of them is not.
-    """
+    """Check that the arguments are documents."""
     expect(domain, Domain, "the domain", InvalidArgumentError)
     expect(problem, Problem, "the problem", InvalidArgumentError)
 

@@ -51,10 +51,8 @@ class UpDurations(UpConverter):
         return bounds[0][1] if len(bounds) == 1 and bounds[0][0] == "=" else None
 
     def remembered(self, made: DurativeAction, value: FNode) -> FNode:
-        """Return a fluent that has the duration of an action while that goes on.
-
-        What the duration was computed from may change before the action ends.
-        """
+        """Return a fluent that has the duration of an action while that goes on."""
+        # What the duration was computed from may change before the action ends.
         from unified_planning.model import Fluent, Parameter, StartTiming
 
         context = self._context
@@ -407,12 +405,8 @@ class UpActions(UpConverter):
             if timing == [None]:
                 reason = "an effect of a durative action is at start or at end"
                 raise self._unsupported(change, reason)
-        add = {
-            "assign": made.add_effect,
-            "increase": made.add_increase_effect,
-            "decrease": made.add_decrease_effect,
-        }[operator]
-        add(*timing, target, value, condition, effect.variables)
+        kind = "effect" if operator == "assign" else f"{operator}_effect"
+        getattr(made, f"add_{kind}")(*timing, target, value, condition, effect.variables)
 
     def _point(self, time: str | None) -> Timing | None:
         from unified_planning import model
@@ -441,10 +435,7 @@ class UpActions(UpConverter):
             if effect.time is not None:
                 raise self._unsupported(change, "it has a time of its own")
             interval = [model.ClosedTimeInterval(model.StartTiming(), model.EndTiming())]
-        if change.operator == "decrease":
-            made.add_decrease_continuous_effect(*interval, target, rate)
-        else:
-            made.add_increase_continuous_effect(*interval, target, rate)
+        getattr(made, f"add_{change.operator}_continuous_effect")(*interval, target, rate)
 
 
 def _is_cost(change: f.Atom | f.Not | f.Assign | None) -> bool:

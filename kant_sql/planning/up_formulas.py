@@ -339,20 +339,16 @@ class UpFormulas(UpConverter):
 
 
 class UpPreferences(UpConverter):
-    """The preferences of a problem and their weights in the metric.
-
-    Attributes:
-        weights: the gain of each preference that the metric counts, by its folded name.
-        gains: the gain of each preferred goal.
-    """
+    """The preferences of a problem and their weights in the metric."""
 
     def __init__(
         self, metric: f.Metric | None, context: ConversionContext, formulas: UpFormulas
     ) -> None:
         super().__init__(context)
         self._formulas = formulas
+        # The gain of each preference that the metric counts, by its folded name.
         self.weights: dict[str, Fraction] = {}
-        self.gains: dict[FNode, Fraction] = {}
+        self.gains: dict[FNode, Fraction] = {}  # the gain of each preferred goal
         if metric is not None and f.mentions(f.IsViolated, metric.expression):
             with context.at("the metric"):
                 sign = 1 if metric.optimization == "minimize" else -1

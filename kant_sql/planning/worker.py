@@ -45,11 +45,7 @@ if TYPE_CHECKING:
 
 
 def engine_parameters(name: str, improving: float | None = None) -> dict[str, object]:
-    """Return the parameters for creating an engine of unified-planning.
-
-    Args:
-        improving: the seconds in which it improves its plan.
-    """
+    """Return the parameters for creating an engine, which improves its plan for some seconds."""
     if improving is not None and name == "fast-downward":
         return {"fast_downward_translate_options": [*INVARIANTS]}
     if improving is not None and name == "enhsp-any":
@@ -182,12 +178,7 @@ class Engines:
         return f"is not installed; {how}"
 
     def lacking(self, missing: Mapping[str, Collection[str]], suitable: Collection[str]) -> str:
-        """Say what the engines that were asked do not know, and which others would know it.
-
-        Args:
-            missing: the features that each engine lacks.
-            suitable: engines that are installed and support the problem.
-        """
+        """Say which features the engines that were asked lack, and which others would do."""
         said = [
             f"{name} does not know {', '.join(sorted(features)).lower()}"
             for name, features in missing.items()
@@ -281,10 +272,8 @@ class _Spared(ModuleType):
 
 
 def _spare_imports() -> None:
-    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none.
-
-    Its own readers import pyparsing, and only some engines need them.
-    """
+    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none."""
+    # Its own readers import pyparsing, and only some engines need them.
     import unified_planning
 
     for name, *annotate in (
@@ -425,15 +414,14 @@ class Search:
         return None
 
     def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
-        """Yield the forms of a variant, each with the installed engines to ask.
-
-        It has real numbers, and integers where these suffice: most planners for costs want these.
-        """
+        """Yield the forms of a variant, each with the installed engines to ask."""
+        # Real numbers, and integers where these suffice: most planners for costs want these.
         forms = [False]
         if numbers_are_integers(variant.domain, variant.problem):
             forms = [True, False] if variant.improves else [False, True]
         for is_whole in forms:
-            form = EngineProblem(self._convert(variant, is_whole))
+            made = convert(variant.domain, variant.problem, self._environment, is_whole)
+            self._names, form = made.names, EngineProblem(made.problem)
             names = (engine,) if engine else candidates(form.problem, variant.improves)
             yield from ((form, name) for name in names if self._engines.find(name))
 
@@ -458,11 +446,6 @@ class Search:
         hint = missing_compilation(self._task.problem)
         message = f"no {whose} supports the problem: {reasons}{hint}; {WAYS_OUT}"
         return NoPlanError(message, "unsupported_problem")
-
-    def _convert(self, variant: Variant, integers: bool) -> UpProblem:
-        context = convert(variant.domain, variant.problem, self._environment, integers)
-        self._names = context.names
-        return context.problem
 
     def _ask(self, name: str, form: EngineProblem, variant: Variant) -> Plan | None:
         try:

@@ -17,12 +17,7 @@ __all__ = ["PlanDao", "RecordedPlan"]
 
 
 class Given(NamedTuple):
-    """The texts that a planner was given.
-
-    Attributes:
-        domain: the domain's PDDL text.
-        problem: the problem's PDDL text.
-    """
+    """The PDDL texts that a planner was given."""
 
     domain: str
     problem: str

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from decimal import Decimal
-from typing import Any
+from functools import partial
 
 from ..acts import Execution
 from ..acts.recording import check_execution, key_of
 from ..arguments import count_limit, expect, optional_text, shown
-from ..dto.formulas import AT_END
 from ..errors import InvalidArgumentError
 from ..html import Feed, Listing
 from ..knowledge.definitions import ActionDefinition, Definitions
+from ..knowledge.resolved import fits
 from ..pddl.cursor import hint
 from ..planning import PlanStep
 from ..store.snapshot import View
@@ -29,49 +28,18 @@ from .ask import (
     statement_key,
     variable_of,
 )
-from .effects import Earlier, EffectReader, not_applicable, write
-from .explain import Explainer
+from .effects import EffectReader, not_applicable
 from .failures import FAILED, FailedCondition
-from .promise import closed_nodes, is_executable, is_true, judge, promise_of
+from .promise import is_executable, judge, promise_of
 from .steps import GroundStep, PreparedAction, Step, executable, find_action, ground, prepared
 
-NO_NUMBERS: Mapping[str, Decimal] = {}
 
-
-class Stepper:
-    """Judges and executes one step in a state; `numbers` have its duration."""
-
-    def __init__(
-        self, view: View, step: GroundStep, numbers: Mapping[str, Decimal] = NO_NUMBERS
-    ) -> None:
-        self.view = view
-        self.step = step
-        self.numbers = numbers
-
-    def check(self, time: str) -> None:
-        """Refuse a step whose conditions of a time do not hold."""
-        if not is_true(self.view, self.step, time, self.numbers):
-            nodes = closed_nodes(self.step, time)
-            failed = Explainer(self.view, self.numbers).failed(nodes)
-            raise not_applicable(self.step, failed)
-
-    def earlier(self) -> Earlier:
-        """Evaluate in the state before the start what effects at the end need of it."""
-        reader = EffectReader(self.view, self.step, self.numbers)
-        return reader.earlier(self.step.action.items(AT_END))
-
-    def execute(self, transaction: Transaction, time: str, earlier: Earlier | None = None) -> None:
-        """Write the effects of a time."""
-        reader = EffectReader(self.view, self.step, self.numbers, earlier)
-        write(transaction, self.step, reader.read(self.step.action.items(time)))
-
-
-def begin(view: View, step: GroundStep) -> Stepper:
+def begin(view: View, step: GroundStep) -> EffectReader:
     """Refuse a step that cannot begin."""
     numbers, failed = judge(view, step)
     if failed:
         raise not_applicable(step, failed)
-    return Stepper(view, step, numbers)
+    return EffectReader(view, step, numbers)
 
 
 def view_of(transaction: Transaction) -> View:
@@ -177,62 +145,56 @@ def _applicable(
     for name in names:
         if left == 0:
             return
-        most = left
-
-        def work(view: View, name: str = name, most: int | None = most) -> list[PlanStep]:
-            definition = view.definitions.actions.named(name)
-            if definition is None:
-                return []
-            return _instances(view, prepared(view.definitions, definition), most, fixed)
-
-        for step in store.read(work, at):
+        for step in store.read(partial(_instances, name=name, most=left, fixed=fixed), at):
             yield step
             left = None if left is None else left - 1
 
 
 def _instances(
-    view: View, action: PreparedAction, most: int | None, fixed: Mapping[str, Binding]
+    view: View, name: str, most: int | None, fixed: Mapping[str, Binding]
 ) -> list[PlanStep]:
     """Return the instances of an action that can be executed."""
-    definitions, names = view.definitions, [variable.name for variable in action.variables]
-    given: dict[str, Any] = {} if most is None else {"most": most}
-    places: dict[int, str] = {}
-    for keyword, value in fixed.items():
-        position = _position(names, keyword)
-        assert position is not None
-        object_ = find_object(definitions, value)
-        column = action.columns[position]
-        if not all(
-            one is None or not one.isdisjoint(object_.type_ids) for one in column.bound.types
-        ):
-            return []
-        places[position] = f":b{position}"
-        given[f"b{position}"] = object_.id
-    free = [column for n, column in enumerate(action.columns) if n not in places]
-    promise = promise_of(action)
-    if not promise.is_listed or not is_executable(action):
+    definitions, definition = view.definitions, view.definitions.actions.named(name)
+    if definition is None:
         return []
+    action = prepared(definitions, definition)
+    promise, ids = promise_of(action), _fixed_ids(definitions, action, fixed)
+    if ids is None or not promise.is_listed or not is_executable(action):
+        return []
+    order = [n for n in range(len(action.parameters)) if n not in ids]
+    free = [action.columns[n] for n in order]
     is_limited = most is not None and promise.is_whole
-    key = ("instances", *sorted(places), is_limited, *statement_key(view, ()))
-    slots = {action.parameters[n].slot: place for n, place in places.items()}
+    key = ("instances", *sorted(ids), is_limited, *statement_key(view, ()))
+    slots = {action.parameters[n].slot: f":b{n}" for n in ids}
     statement = action.kept(
         key, lambda: question(view).answers(promise.listed, free, slots, is_limited)
     )
-    rows = asked(view, statement, given, OF_ANSWERS)[1:]
+    given = {f"b{n}": id_ for n, id_ in ids.items()} | ({} if most is None else {"most": most})
     live = definitions.objects.live
-    chosen = {n: live(given[f"b{n}"]).name for n in places}
-    order = [n for n in range(len(names)) if n not in places]
     found = []
-    for row in rows:
-        of_row = dict(zip(order, row[1:], strict=False))
-        arguments = tuple(
-            [chosen[n] if n in chosen else live(of_row[n]).name for n in range(len(names))]
-        )
-        step = PlanStep(None, action.name, arguments)
+    for row in asked(view, statement, given, OF_ANSWERS)[1:]:
+        ids |= zip(order, row[1:], strict=False)
+        arguments = [live(ids[n]).name for n in range(len(ids))]
+        step = PlanStep(None, action.name, tuple(arguments))
         if promise.is_whole or not judge(view, ground(definitions, step))[1]:
             found.append(step)
         if len(found) == most:
             break
+    return found
+
+
+def _fixed_ids(
+    definitions: Definitions, action: PreparedAction, fixed: Mapping[str, Binding]
+) -> dict[int, int] | None:
+    """Return the ids of fixed parameters, by position; None if an object does not fit."""
+    names, found = [variable.name for variable in action.variables], dict[int, int]()
+    for keyword, value in fixed.items():
+        position = _position(names, keyword)
+        assert position is not None
+        object_ = find_object(definitions, value)
+        if not all(fits(definitions, object_.id, one) for one in action.parameters[position].types):
+            return None
+        found[position] = object_.id
     return found
 
 

@@ -71,21 +71,15 @@ class _CompiledEffect:
         if item.earlier != r.TRUE:
             self._early = compiler.rows(item.around, item.earlier)
 
-    def remember(self, arguments: Sequence[int], duration: Decimal | None) -> set[Row] | None:
+    def remember(self, snap: Snap) -> set[Row] | None:
         """Return the objects for which the conditions at start hold, if there are such."""
         if self._early is None:
             return None
-        return self._early(self._compiler.env(arguments, duration))
+        return self._early(self._compiler.env(snap.arguments, snap.duration))
 
-    def collect(
-        self,
-        arguments: Sequence[int],
-        duration: Decimal | None,
-        remembered: set[Row] | None,
-        changes: Changes,
-    ) -> None:
+    def collect(self, snap: Snap, remembered: set[Row] | None) -> None:
         """Note what the effect changes."""
-        env = self._compiler.env(arguments, duration)
+        env, changes = self._compiler.env(snap.arguments, snap.duration), snap.changes
         if self._lacking is not None:
             for _ in self._lacking(env):
                 if remembered is None or self._around(env) in remembered:
@@ -154,7 +148,7 @@ class Phase:
         self._preferences = [*self._preferred()]
         self.reads: list[r.Part | r.Quantity] = [self.condition]
         self.reads += [each for limit in self._limits for each in limit.reads]
-        self.reads += [each.part for each in self._preferences]
+        self.reads += [part for _, part, _ in self._preferences]
         for item in items:
             self.reads.append(item.condition)
             if not isinstance(item.value, r.Slot | r.Known | None):
@@ -171,25 +165,23 @@ class Phase:
             left, right = (compiler.number(*side) for side in sides)
             yield _Limit(constraint, left, right, reads)
 
-    def _preferred(self) -> Iterator[_Preference]:
+    def _preferred(self) -> Iterator[tuple[str | None, r.Part, Rows]]:
+        """Yield preferences, each with what finds the objects for which it is violated."""
         compile_ = self._compiler.counterexamples
         for name, variables, formula in self._action.preferences(self._time):
-            yield _Preference(name, *compile_(self._action.resolver, variables, formula))
+            yield name, *compile_(self._action.resolver, variables, formula)
 
-    def unmet(
-        self, arguments: Sequence[int], binding: Binding, duration: Decimal | None
-    ) -> list[FailedCondition]:
+    def unmet(self, snap: Snap) -> list[FailedCondition]:
         """Return what of the condition and of the constraints on the duration does not hold."""
-        env, found = self._compiler.env(arguments, duration), []
+        env, found, binding = self._compiler.env(snap.arguments, snap.duration), [], snap.binding
         # Without a duration, nothing depends on it.
-        for limit in self._limits if duration is not None else ():
+        for limit in self._limits if snap.duration is not None else ():
             sides = [limit.left(env, EXACT), limit.right(env, EXACT)]
             left, right = (None if side is None else decimal_of(side) for side in sides)
-            failed = duration_failure(substitute(limit.constraint, binding), left, right)
-            found += [] if failed is None else [failed]
+            found += duration_failure(substitute(limit.constraint, binding), left, right)
         if not self._holds(env):
             for node in self._action.nodes(self._time):
-                found += failed_parts(self._world, node, binding, duration)
+                found += failed_parts(self._world, node, binding, snap.duration)
         return found
 
     def violated(self, arguments: Sequence[int]) -> Iterator[str | None]:
@@ -208,14 +200,6 @@ class _Limit(NamedTuple):
     reads: list[r.Part | r.Quantity]
 
 
-class _Preference(NamedTuple):
-    """A preference, and what finds the objects for which it is violated."""
-
-    name: str | None
-    part: r.Part
-    rows: Rows
-
-
 class _Continuous:
     """A continuous effect: the rate at which fluents change while an action runs."""
 
@@ -229,11 +213,9 @@ class _Continuous:
         self._rate = compiler.number(item.value.operands[0])
         self._sign = 1 if item.operator == "increase" else -1
 
-    def rates(
-        self, arguments: Sequence[int], duration: Decimal | None
-    ) -> Iterator[tuple[FluentRow, Fraction]]:
+    def rates(self, snap: Snap) -> Iterator[tuple[FluentRow, Fraction]]:
         """Yield the rate of each fluent; refuse change that is not linear in time."""
-        env = self._compiler.env(arguments, duration)
+        env = self._compiler.env(snap.arguments, snap.duration)
         for _ in self._search(env):
             rate = self._rate(env, LINEARS)
             if rate is not None:
@@ -243,19 +225,14 @@ class _Continuous:
 
 
 class Schema:
-    """An action, compiled for a world.
-
-    Attributes:
-        action: the action.
-        phases: what it requires and does at each of its times; None for an instantaneous action.
-        continuous: its continuous effects.
-    """
+    """An action, compiled for a world."""
 
     def __init__(self, world: World, node: Action) -> None:
         """Compile an action of a document."""
         self._world = world
         action = self.action = PreparedAction(world.definitions, node)
         self._durative = (f.AT_START, f.AT_END) if action.is_durative else ()
+        # What it requires and does at each of its times; None for an instantaneous action.
         self.phases: dict[str | None, Phase] = {
             time: Phase(world, action, time) for time in self._durative
         } or {None: Phase(world, action, f.AT_START)}
@@ -296,63 +273,52 @@ class Schema:
 _Pattern = tuple[frozenset[int], ...]
 
 
+@dataclass(eq=False)
 class Snap:
-    """A ground action at one of its times.
+    """A ground action at one of its times."""
 
-    Attributes:
-        position: the position of its step in the plan.
-        time: its time in the action; None for an instantaneous action.
-        binding: the names of the objects of its parameters.
-        memory: the objects for which conditions at the start held of effects at the end.
-        changes: what it changes; computed by `prepare`.
-    """
+    world: World
+    schema: Schema
+    arguments: Row
+    time: str | None  # its time in the action; None for an instantaneous action
+    position: int  # that of its step in the plan
+    duration: Decimal | None
+    # The objects for which conditions at the start held of effects at the end.
+    memory: dict[int, set[Row]]
+    changes: Changes = field(default_factory=Changes)  # what it changes; computed by `prepare`
 
-    def __init__(
-        self,
-        world: World,
-        schema: Schema,
-        arguments: Sequence[int],
-        time: str | None,
-        position: int,
-        duration: Decimal | None,
-        memory: dict[int, set[Row]],
-    ) -> None:
-        self.position, self.time = position, time
-        self.schema = schema
-        self.arguments = tuple(arguments)
-        self.duration = duration
-        self.changes = Changes()
-        self._world = world
-        self.phase = schema.phases[time]
-        self.memory = memory
+    @property
+    def phase(self) -> Phase:
+        """What the action requires and does at that time."""
+        return self.schema.phases[self.time]
 
     @property
     def binding(self) -> Binding:
-        """The objects of the action's parameters."""
-        return bound(self.schema.action.variables, self._world.names(self.arguments))
+        """The names of the objects of the action's parameters."""
+        return bound(self.schema.action.variables, self.world.names(self.arguments))
 
     def unmet(self) -> list[FailedCondition]:
         """Return what of the condition and of the constraints on the duration does not hold."""
-        return self.phase.unmet(self.arguments, self.binding, self.duration)
+        return self.phase.unmet(self)
 
     def prepare(self) -> list[FailedCondition]:
         """Compute the changes in the present state; return what makes them impossible."""
-        changes = self.changes = Changes()
+        self.changes = Changes()
         for number, effect in enumerate(self.phase.effects):
             remembered = self.memory.get(number) if self.time == f.AT_END else None
-            effect.collect(self.arguments, self.duration, remembered, changes)
+            effect.collect(self, remembered)
         if self.time == f.AT_START:
             for number, effect in enumerate(self.schema.phases[f.AT_END].effects):
-                found = effect.remember(self.arguments, self.duration)
+                found = effect.remember(self)
                 if found is not None:
                     self.memory[number] = found
-        return changes.undefined
+        return self.changes.undefined
 
     def conflicts(self) -> list[FailedCondition]:
         """Return which fluents effects of the action change in ways that exclude each other."""
         return [
             FailedCondition(
-                self._world.text((False, function), row), "two effects of the action change it"
+                self.world.text((False, function), row), "two effects of the action change it"
             )
             for (function, row), updates in self.changes.updates.items()
             if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates)
@@ -364,7 +330,7 @@ class Snap:
         objects = {
             slot: frozenset((id_,)) for slot, id_ in zip(parameters, self.arguments, strict=True)
         }
-        return [*_patterns(self._world, self.phase.reads, objects)]
+        return [*_patterns(self.world, self.phase.reads, objects)]
 
 
 def interference(
@@ -470,7 +436,7 @@ def rates_of(world: World, running: Sequence[Snap]) -> dict[FluentRow, Fraction]
     def found() -> Iterator[tuple[FluentRow, Fraction]]:
         for snap in running:
             for effect in snap.schema.continuous:
-                yield from effect.rates(snap.arguments, snap.duration)
+                yield from effect.rates(snap)
 
     rates: dict[FluentRow, Fraction] = {}
     for fluent, rate in found():

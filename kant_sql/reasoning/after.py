@@ -55,6 +55,12 @@ def with_quantities(quantity: r.Quantity, values: Mapping[r.Quantity, r.Quantity
     return quantity
 
 
+def with_numbers(part: r.Compares, values: Mapping[r.Quantity, r.Quantity]) -> r.Compares:
+    """Replace numbers within a comparison."""
+    left, right = (with_quantities(side, values) for side in (part.left, part.right))
+    return r.Compares(part.operator, left, right)
+
+
 def heads_of(rules: DerivationRules, *parts: r.Part | r.Quantity) -> set[Head]:
     """Return what parts depend on, through rules, too."""
     found: set[Head] = set()
@@ -80,14 +86,7 @@ def head_of(part: r.Part | r.Quantity) -> Head | None:
 
 
 class After:
-    """Says of the state before what holds after effects.
-
-    Args:
-        definitions: what is defined.
-        items: the effects.
-        numbers: gives the numbers of new variables.
-        is_whole: whether the rules are those of `rules`, which say what follows after.
-    """
+    """Says of the state before what holds after effects."""
 
     def __init__(
         self,
@@ -99,7 +98,8 @@ class After:
     ) -> None:
         self._functions = definitions.functions
         self._rules = rules_of(definitions)
-        self._numbers = numbers
+        self._numbers = numbers  # gives the numbers of new variables
+        # Whether the rules are those of `rules`, which say what follows after.
         self._is_whole = is_whole
         self._items: dict[Head, list[EffectItem]] = {}
         for item in items:
@@ -111,11 +111,7 @@ class After:
         return self._rules.replaced(self.part)
 
     def part(self, part: r.Part) -> r.Part:
-        """Return what holds before iff a part holds after.
-
-        Raises:
-            OpaqueError: no condition says it.
-        """
+        """Return what holds before iff a part holds after, or raise `OpaqueError`."""
         return mapped(part, self._leaf) if self._items else part
 
     def _leaf(self, leaf: r.Part, _: bool) -> r.Part:
@@ -184,9 +180,7 @@ class After:
             values: dict[r.Quantity, r.Quantity] = {
                 number: value for number, (_, value) in zip(numbers, chosen, strict=True)
             }
-            sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
-            guards = [guard for guard, _ in chosen]
-            found.append(r.all_of([*guards, r.Compares(leaf.operator, sides[0], sides[1])]))
+            found.append(r.all_of([*(guard for guard, _ in chosen), with_numbers(leaf, values)]))
         return r.any_of(found)
 
     def _values(self, number: r.NumberOf) -> list[tuple[r.Part, r.Quantity]]:

@@ -245,9 +245,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
     """
 
     def work(view: View) -> bool:
-        prepared, values = _seen(view.definitions, condition) if not bindings else (None, {})
-        if prepared is None and not bindings:
-            prepared, values = _ground(view.definitions, condition)
+        prepared, values = (None, {}) if bindings else _ground(view.definitions, condition)
         if prepared is None:
             prepared = prepare(view.definitions, condition, None, bindings)
             values = prepared.values(view.definitions, bindings)
@@ -260,10 +258,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
 
 
 def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
-    """Recognise a ground atom of a predicate that was prepared before, without reading it as PDDL.
-
-    Whatever is not as expected is left to the reader, which says what is wrong.
-    """
+    """Recognise a ground atom of a prepared predicate; leave all else to the reader of PDDL."""
     if not isinstance(condition, str) or _ATOM.fullmatch(condition) is None:
         return None, {}
     name, *terms = condition.strip().strip("()").split()
@@ -288,6 +283,9 @@ def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None,
 
 def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
     """Prepare a ground literal by its predicate, whatever its objects: there are many of them."""
+    seen = _seen(definitions, condition)
+    if seen[0] is not None:
+        return seen
     text = text_of(condition, EXAMPLE)
     formula = read_condition(text, symbols=symbols_of(definitions)).formula
     is_negative = isinstance(formula, f.Not)

@@ -436,9 +436,11 @@ class _Tracer:
 
     # What follows from it.
 
-    def follow(self, targets: list[_Target], depth: int) -> None:
-        """Find what used some literals, and what used what that made, and so on."""
-        seen: set[Key] = set()
+    def follow(self, found: _Sought, depth: int) -> None:
+        """Find what used an element, and what used what that made, and so on."""
+        if found.is_cut:
+            self.searched = max(1, found.targets[-1].since)
+        targets, seen = found.targets, set[Key]()
         for level in range(1, depth + 1):
             if not targets or self.is_full:
                 return
@@ -531,8 +533,11 @@ class _Tracer:
 
     # What it goes back to.
 
-    def go_back(self, target: _Target, depth: int) -> None:
-        """Find what made a literal true, and what that used, and so on."""
+    def go_back(self, sought: _Sought, depth: int) -> None:
+        """Find what made the last version of an element true, and what that used, and so on."""
+        if not sought.targets:
+            return
+        target = sought.targets[0]
         at = self.at if target.until is None else min(target.until - 1, self.at)
         level = [_Dated(target.literal, target.since, at, target.text)]
         seen = {one[:2] for one in level}
@@ -624,13 +629,7 @@ def consequences(
         >>> kb.consequences("(robot_at rb1 wp1)").links
         ()
     """
-
-    def trace(tracer: _Tracer, found: _Sought) -> None:
-        if found.is_cut:
-            tracer.searched = max(1, found.targets[-1].since)
-        tracer.follow(found.targets, depth)
-
-    return _trace(state, element, depth, limit, trace)
+    return _trace(state, element, depth, limit, _Tracer.follow)
 
 
 def origins(
@@ -656,12 +655,7 @@ def origins(
         >>> [(link.kind, link.made) for link in kb.origins("(robot_at rb1 wp1)")]
         [('observation', ('(robot_at rb1 wp1)',))]
     """
-
-    def trace(tracer: _Tracer, found: _Sought) -> None:
-        if found.targets:
-            tracer.go_back(found.targets[0], depth)
-
-    return _trace(state, element, depth, limit, trace)
+    return _trace(state, element, depth, limit, _Tracer.go_back)
 
 
 def _trace(
@@ -669,7 +663,7 @@ def _trace(
     element: Element,
     depth: int,
     limit: int | None,
-    trace: Callable[[_Tracer, _Sought], None],
+    trace: Callable[[_Tracer, _Sought, int], None],
 ) -> CauseLinks:
     """Find links within one snapshot."""
     whole_number(depth, "depth", least=1, expected="a whole number from 1 on")
@@ -683,7 +677,7 @@ def _trace(
         found = _find(view, element, tracer.at)
         if found is None:
             return None
-        trace(tracer, found)
+        trace(tracer, found, depth)
         return tracer.result(found.text)
 
     links = state.store.read_in_snapshot(work, state.at)

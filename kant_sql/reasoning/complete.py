@@ -15,13 +15,7 @@ from ..knowledge.definitions import Definition, Definitions
 from ..store.state import State
 
 # In this order where several elements have similar names.
-_KINDS = {
-    "predicate": "predicates",
-    "function": "functions",
-    "object": "objects",
-    "action": "actions",
-    "type": "types",
-}
+_KINDS = ("predicate", "function", "object", "action", "type")
 DEFAULT_LIMIT = 20
 
 
@@ -96,8 +90,8 @@ def _names(definitions: Definitions) -> list[_Named]:
         found = sorted(
             (
                 _Named(fold(one.name), order, kind, one)
-                for order, (kind, elements) in enumerate(_KINDS.items())
-                for one in getattr(definitions, elements)
+                for order, kind in enumerate(_KINDS)
+                for one in definitions.elements(kind)
             ),
             key=lambda one: one[:2],
         )

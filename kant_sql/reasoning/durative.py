@@ -38,7 +38,7 @@ from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .act import NO_NUMBERS, Stepper, begin, in_revision, view_of
+from .act import begin, in_revision, view_of
 from .effects import (
     Earlier,
     EffectReader,
@@ -50,7 +50,7 @@ from .effects import (
 )
 from .explain import Explainer
 from .failures import FailedCondition
-from .promise import closed_nodes, duration_of, until_end
+from .promise import closed_nodes, duration_of, is_true, until_end
 from .steps import CONTINUOUS, GroundStep, Step, ground
 from .when import when
 
@@ -152,8 +152,8 @@ def apply(
 
 def _apply(transaction: Transaction, step: GroundStep) -> None:
     before = begin(view_of(transaction), step)
-    earlier = before.earlier() if step.action.is_durative else None
-    before.execute(transaction, AT_START)
+    earlier = before.earlier(step.action.items(AT_END)) if step.action.is_durative else {}
+    before.write(transaction, AT_START)
     if step.action.is_durative:
         _finish(transaction, step, before.numbers, earlier)
     if step.recorded is None:
@@ -191,11 +191,12 @@ def _record(
     transaction: Transaction,
     step: GroundStep,
     outcome: str,
-    numbers: Mapping[str, Decimal] = NO_NUMBERS,
+    numbers: Mapping[str, Decimal] | None = None,
     message: str | None = None,
 ) -> Key:
     """Record a step of no plan."""
-    duration = numbers.get(f.DURATION, step.duration) if step.action.is_durative else None
+    given = (numbers or {}).get(f.DURATION, step.duration)
+    duration = given if step.action.is_durative else None
     action = transaction.definitions.current().actions.named(step.action.name)
     assert action is not None
     made = ExecutionDefinition(
@@ -214,7 +215,7 @@ def _finish(
     transaction: Transaction,
     step: GroundStep,
     numbers: Mapping[str, Decimal],
-    earlier: Earlier | None,
+    earlier: Earlier,
 ) -> None:
     """Execute what is continuous, and the second half of a durative step."""
     state = view_of(transaction)
@@ -222,14 +223,14 @@ def _finish(
     if lost:
         raise not_applicable(step, lost)
     if step.action.items(CONTINUOUS):
-        Stepper(state, step, numbers).execute(transaction, CONTINUOUS)
+        EffectReader(state, step, numbers).write(transaction, CONTINUOUS)
         state = view_of(transaction)
     found, wrong = duration_of(state, step, AT_END, numbers.get(f.DURATION))
     if wrong:
         raise not_applicable(step, wrong)
-    after = Stepper(state, step, found)
-    after.check(AT_END)
-    after.execute(transaction, AT_END, earlier)
+    if not is_true(state, step, AT_END, found):
+        raise not_applicable(step, Explainer(state, found).failed(closed_nodes(step, AT_END)))
+    EffectReader(state, step, found, earlier).write(transaction, AT_END)
 
 
 def start(
@@ -288,11 +289,11 @@ def begin_running(
         if running is not None:
             reason_ = f"it is running: {running.place}"
             raise not_applicable(found, [FailedCondition(str(found), reason_)])
-        stepper = begin(view_of(transaction), found)
+        effects = begin(view_of(transaction), found)
         if found.action.is_durative:
-            stepper.execute(transaction, AT_START)
+            effects.write(transaction, AT_START)
         if found.recorded is None:
-            started.append(_record(transaction, found, RUNNING, stepper.numbers))
+            started.append(_record(transaction, found, RUNNING, effects.numbers))
         else:
             set_outcome(transaction, found.recorded, RUNNING)
             started.append(key_of(found.recorded))
@@ -423,9 +424,10 @@ def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
 
     def work(view: View) -> Earlier:
         then = ground(view.definitions, recorded)
-        held = Stepper(view, then).earlier()
+        ends = then.action.items(AT_END)
+        held = EffectReader(view, then, {}).earlier(ends)
         # The same effects, as the present state has them.
-        places = {id(item): n for n, item in enumerate(then.action.items(AT_END))}
+        places = {id(item): n for n, item in enumerate(ends)}
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
     before = recorded.outcomes[-1].since.number - 1
@@ -508,21 +510,13 @@ def _listed(changes: tuple[Change, ...]) -> str:
 
 @dataclass(frozen=True)
 class _Effect:
-    """What the start of a step changed of one element.
+    """What the start of a step changed of one element."""
 
-    Attributes:
-        key: the fact or the fluent.
-        before: whether the fact held, or the value, before.
-        after: the same since.
-        changes: the change as a log has it.
-        is_alone: whether nothing else of that revision changed the element, too.
-    """
-
-    key: AtomKey | FluentKey
-    before: bool | FluentValue | None
-    after: bool | FluentValue | None
-    changes: tuple[Change, ...]
-    is_alone: bool = True
+    key: AtomKey | FluentKey  # the fact or the fluent
+    before: bool | FluentValue | None  # whether the fact held, or the value, before
+    after: bool | FluentValue | None  # the same since
+    changes: tuple[Change, ...]  # the change as a log has it
+    is_alone: bool = True  # whether nothing else of that revision changed the element, too
 
 
 def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
@@ -554,9 +548,8 @@ _Lines = dict[tuple[str, str], Change]
 
 
 def _text(view: View, key: AtomKey) -> str:
-    live = view.definitions.objects.live
-    names = [live(int(id_)).name for id_ in key.arguments.split()]
-    return atom_text(view.definitions.predicates.live(key.predicate_id).name, names)
+    predicate = view.definitions.predicates.live(key.predicate_id)
+    return atom_text(predicate.name, view.definitions.names(key.arguments))
 
 
 def _facts(read: StepChanges, texts: dict[AtomKey, str], lines: _Lines) -> Iterator[_Effect]:

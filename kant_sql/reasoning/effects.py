@@ -17,7 +17,7 @@ from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
-from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
+from ..knowledge.definitions import FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf, Bound, Known, NumberOf, Part, Place, Slot, closure, fits
 from ..sql.answers import run
 from ..store.caches import AtomKey, FluentKey, FluentValue
@@ -40,44 +40,27 @@ Earlier = Mapping[int, set[tuple[Any, ...]]]
 
 @dataclass
 class StepChanges:
-    """What a step changes.
+    """What a step changes."""
 
-    Attributes:
-        deletes: the facts that it deletes.
-        adds: the facts that it adds, with their texts.
-        assignments: what it does to each fluent, with the fluent's text.
-    """
-
-    deletes: dict[AtomKey, None] = field(default_factory=dict)
+    deletes: dict[AtomKey, None] = field(default_factory=dict)  # the facts that it deletes
+    # The facts that it adds, with their texts.
     adds: dict[AtomKey, str] = field(default_factory=dict)
+    # What it does to each fluent, with the fluent's text.
     assignments: dict[FluentKey, tuple[str, list[tuple[str, Exact | int]]]] = field(
         default_factory=dict
     )
 
 
+@dataclass(eq=False)
 class EffectReader:
-    """Evaluates the effects of one step in a state.
+    """Evaluates the effects of one step in the state before, and writes them."""
 
-    Args:
-        view: the state before.
-        step: the step.
-        numbers: what comes with the step: its duration.
-        earlier: for which objects the conditions at the start held of effects at the end.
-    """
-
-    def __init__(
-        self,
-        view: View,
-        step: GroundStep,
-        numbers: Mapping[str, Decimal],
-        earlier: Earlier | None = None,
-    ) -> None:
-        self._view = view
-        self._step = step
-        self._numbers = numbers
-        self._earlier = {} if earlier is None else earlier
-        self._definitions: Definitions = view.definitions
-        self.changes = StepChanges()
+    view: View
+    step: GroundStep
+    numbers: Mapping[str, Decimal]  # what comes with the step: its duration
+    # For which objects the conditions at the start held of effects at the end.
+    held: Earlier = field(default_factory=dict)
+    _changes: StepChanges = field(default_factory=StepChanges)
 
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
         """Return what the effects change."""
@@ -88,38 +71,34 @@ class EffectReader:
                 self._check_values(item)
             for objects, values in (({}, known),) if item.is_certain else self._rows(item):
                 self._apply(item, objects, values)
-        return self.changes
+        return self._changes
+
+    def write(self, transaction: Transaction, time: str) -> None:
+        """Write the effects of a time."""
+        write(transaction, self.step, self.read(self.step.action.items(time)))
 
     def _numbers_of(self, items: Sequence[EffectItem]) -> Mapping[NumberOf, Decimal]:
         """Return the numbers that effects without a condition need, by one statement."""
         numbers = list(dict.fromkeys(number for item in items for number in item.numbers))
         key = "numbers", *map(id, items)
-        [texts] = self._asked(key, AllOf(()), (), numbers, self._step.values)
+        [texts] = self._asked(key, AllOf(()), (), numbers, self.step.values)
         return decimals(numbers, texts)
 
     def _check_values(self, item: EffectItem) -> None:
         """Refuse an effect on, or to, what an object fluent without a value denotes."""
-        rows = self._run(item, "lacking")
-        if item.earlier != AllOf(()):
-            held = {row[: len(item.around)] for row in self._earlier[id(item)]}
-            rows = [row for row in rows if row in held]
-        if rows:
-            declared = self._definitions.predicates, self._definitions.functions
+        if self._run(item, "lacking"):
+            declared = self.view.definitions.predicates, self.view.definitions.functions
             head = declared[item.operator not in ("add", "delete")].live(item.head)
             reason = "an object fluent in it has no value"
             failed = FailedCondition(f"({item.operator} ({head.name} ...) ...)", reason)
-            raise not_applicable(self._step, [failed])
+            raise not_applicable(self.step, [failed])
 
     def _rows(
         self, item: EffectItem
     ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
         """Yield for which objects an effect happens, with the numbers that it needs."""
         numbers, slots = item.numbers, [each.slot for each in item.bound]
-        rows = self._run(item, "now")
-        if item.earlier != AllOf(()):
-            held = self._earlier[id(item)]
-            rows = [row for row in rows if row[: len(slots)] in held]
-        for row in rows:
+        for row in self._run(item, "now"):
             values = decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
             yield dict(zip(slots, row, strict=False)), values
 
@@ -137,11 +116,16 @@ class EffectReader:
             condition, numbers = item.earlier, []
         elif which == "lacking":
             condition, bound, numbers = item.lacking, item.around, []
-        given = {**self._step.values, **given_numbers(self._numbers)}
+        given = {**self.step.values, **given_numbers(self.numbers)}
         rows = self._asked((which, id(item)), condition, bound, numbers, given)
         # Without columns, a row says that the condition holds.
         has_columns = item.around if which == "lacking" else item.bound
-        return rows if has_columns or (item.numbers and which == "now") else [()] * len(rows)
+        if not (has_columns or (item.numbers and which == "now")):
+            rows = [()] * len(rows)
+        if which == "earlier" or item.earlier == AllOf(()):
+            return rows
+        held = {row[: len(has_columns)] for row in self.held[id(item)]}
+        return [row for row in rows if row[: len(has_columns)] in held]
 
     def _asked(
         self,
@@ -152,10 +136,10 @@ class EffectReader:
         given: Mapping[str, Any],
     ) -> list[Any]:
         """Run a statement, which is made once of each action."""
-        view, step = self._view, self._step
+        view, step = self.view, self.step
         statement = step.action.kept(
-            (*key, *statement_key(view, self._numbers)),
-            lambda: question(view, self._numbers).effects(condition, bound, numbers, step.places),
+            (*key, *statement_key(view, self.numbers)),
+            lambda: question(view, self.numbers).effects(condition, bound, numbers, step.places),
         )
         return run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
 
@@ -165,21 +149,21 @@ class EffectReader:
         ids = self._objects(item.terms, objects)
         arguments = " ".join(map(str, ids))
         if item.operator in ("add", "delete"):
-            predicate = self._definitions.predicates.live(item.head)
+            predicate = self.view.definitions.predicates.live(item.head)
             key = AtomKey(False, predicate.id, arguments)
             if item.operator == "delete":
-                self.changes.deletes[key] = None
+                self._changes.deletes[key] = None
             else:
-                self.changes.adds[key] = self._text(predicate, ids)
+                self._changes.adds[key] = self._text(predicate, ids)
             return
-        function = self._definitions.functions.live(item.head)
+        function = self.view.definitions.functions.live(item.head)
         text = self._text(function, ids)
         value = self._value(item, function, objects, values, text)
         fluent = FluentKey(function.id, arguments)
-        self.changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
+        self._changes.assignments.setdefault(fluent, (text, []))[1].append((item.operator, value))
 
     def _objects(self, terms: Iterable[Place], objects: Mapping[Slot, int]) -> list[int]:
-        ids, places = self._step.ids, self._step.action.positions
+        ids, places = self.step.ids, self.step.action.positions
         return [
             term.id
             if isinstance(term, Known)
@@ -191,20 +175,20 @@ class EffectReader:
 
     def _text(self, declared: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> str:
         """Write an atom or a fluent, whose objects must fit."""
-        objects = [*map(self._definitions.objects.live, ids)]
+        objects = [*map(self.view.definitions.objects.live, ids)]
         text = atom_text(declared.name, [each.name for each in objects])
         for each, parameter in zip(objects, declared.parameters, strict=True):
             id_, wanted = each.id, parameter.type_ids
             if each.type_ids != wanted and not self._fits(id_, wanted):
-                role = f"{text}, which {self._step} changes,"
+                role = f"{text}, which {self.step} changes,"
                 raise self._mismatch(id_, wanted, role)
         return text
 
     def _fits(self, id_: int, type_ids: Sequence[int]) -> bool:
-        return fits(self._definitions, id_, closure(self._definitions, type_ids))
+        return fits(self.view.definitions, id_, closure(self.view.definitions, type_ids))
 
     def _mismatch(self, id_: int, type_ids: Sequence[int], role: str) -> TypeMismatchError:
-        definitions = self._definitions
+        definitions = self.view.definitions
         wanted = either_text(definitions.types.live(each).name for each in type_ids)
         name = definitions.objects.live(id_).name
         return TypeMismatchError(f"{role} has {name}, which is not a {wanted}")
@@ -223,13 +207,13 @@ class EffectReader:
                 raise self._mismatch(id_, function.type_ids, f"({item.operator} {text} ...)")
             return id_
         assert item.value is not None
-        number = exact(item.value, values, self._numbers)
+        number = exact(item.value, values, self.numbers)
         if number is None:
             failed = FailedCondition(
                 f"({item.operator} {text} ...)",
                 "its value is undefined: a fluent in it has no value, or it divides by 0",
             )
-            raise not_applicable(self._step, [failed])
+            raise not_applicable(self.step, [failed])
         return number
 
 

@@ -135,14 +135,8 @@ class Compiler:
     # Searches.
 
     def search(self, bound: Iterable[r.Bound], part: r.Part, delta: Delta = None) -> Search:
-        """Compile a search for the objects of variables, which yields with each solution in `env`.
-
-        Args:
-            bound: the variables.
-            part: what holds of them.
-            delta: an atom of its conjunction to be read from other facts; the alternatives
-                without it are left out.
-        """
+        """Compile a search for the objects of variables, which yields for each solution."""
+        # Alternatives without the atom of the delta are left out.
         searches = [
             self._join(variables, parts, delta)
             for variables, parts in alternatives(bound, part)
@@ -313,11 +307,9 @@ class Compiler:
         if name == f.TOTAL_TIME:
             return lambda env, numbers: numbers.of(world.total_time)
         if name == f.DURATION:
-
-            def duration(env: Env, numbers: Numbers[Any]) -> Any:
-                return None if env[_DURATION] is None else numbers.of(env[_DURATION])
-
-            return duration
+            return lambda env, numbers: (
+                None if env[_DURATION] is None else numbers.of(env[_DURATION])
+            )
         preference = name.partition("is-violated ")[2]
         return lambda env, numbers: numbers.of(Decimal(world.violations.get(preference, 0)))
 
@@ -333,7 +325,8 @@ class Compiler:
             if found is None:
                 return None
             if world.rates and (function, row) in world.rates:
-                found = world.value_now(function, row)
+                linear = world.linear(function, row)
+                found = linear and decimal_of(linear.at(world.elapsed))
             return numbers.of(found)  # type: ignore[arg-type]
 
         return value
@@ -458,26 +451,9 @@ class Conditions:
     def holds(
         self, formula: f.Formula, binding: Binding | None = None, duration: Decimal | None = None
     ) -> bool:
-        """Return whether a formula holds now; a preference in it holds always.
-
-        Args:
-            formula: the condition.
-            binding: the objects of its free variables.
-            duration: the value of `?duration`.
-
-        Raises:
-            InvalidKnowledgeError: another variable is free in it.
-            UnsupportedConstructError: it has effects or modal operators.
-        """
+        """Return whether a formula holds now; a preference in it holds always."""
         test, env = self._get(formula, binding or {}, duration)
         return bool(test(env))
-
-    def number(
-        self, expression: f.Expression, binding: Binding, duration: Decimal | None = None
-    ) -> Decimal | None:
-        """Return the value of an expression as it is written; None without one."""
-        found = self.exact_number(expression, binding, duration)
-        return None if found is None else decimal_of(found)
 
     def exact_number(
         self, expression: f.Expression, binding: Binding, duration: Decimal | None = None

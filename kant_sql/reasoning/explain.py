@@ -48,14 +48,7 @@ _NOTHING = r.Needed([], [])
 
 
 class Changed:
-    """What effects change in a state, so that conditions are judged as they hold after.
-
-    Args:
-        definitions: what is defined.
-        items: the effects, each on some objects, with the values that they assign.
-        said: when conditions are judged, as in `right after the start`.
-        loosened: the functions whose strict comparisons count as others.
-    """
+    """What ground effects change in a state, so that conditions are judged as they hold after."""
 
     def __init__(
         self,
@@ -64,10 +57,10 @@ class Changed:
         said: str,
         loosened: set[Head] | None = None,
     ) -> None:
-        self.said = said
+        self.said = said  # when conditions are judged, as in `right after the start`
         self._after = After(definitions, items, count(_FAR), is_whole=True)
         self.rules = self._after.rules()
-        self._loosened = loosened
+        self._loosened = loosened  # the functions whose strict comparisons count as others
         self.values = {
             r.NumberOf(item.head, item.terms): item.value
             for item in items
@@ -323,11 +316,7 @@ class GoalStanding(NamedTuple):
 
 
 def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
-    """Read the first goals, conjunctions taken apart, and which are reached, in two statements.
-
-    Raises:
-        ArchivedError, UnsupportedConstructError: as `is_goal_reached`.
-    """
+    """Read the first goals, conjunctions taken apart, and which are reached, in two statements."""
 
     def work(view: View) -> list[GoalStanding]:
         resolver = r.Resolver(view.definitions)

@@ -74,12 +74,12 @@ class FailedCondition(html.OneRow):
 
 def duration_failure(
     constraint: f.Comparison, left: Decimal | None, right: Decimal | None
-) -> FailedCondition | None:
+) -> list[FailedCondition]:
     """Return how the sides of a constraint on a duration violate it, if they do."""
     if left is not None and right is not None and _ALLOWS[constraint.operator](left - right):
-        return None
+        return []
     reason = f"{sides_text(left, right)}; a duration may deviate by {TOLERANCE}"
-    return FailedCondition(str(constraint), reason, left, right)
+    return [FailedCondition(str(constraint), reason, left, right)]
 
 
 class Explaining(ABC):
@@ -100,10 +100,7 @@ class Explaining(ABC):
         """Return the value of an expression; None without one."""
 
     def failed_nodes(self, formulas: Iterable[f.Formula]) -> list[f.Formula]:
-        """Return the parts that do not hold, in order.
-
-        Conjunctions are taken apart, and universal quantifiers into counterexamples.
-        """
+        """Return the parts that do not hold; quantifiers are taken apart into counterexamples."""
         found: list[f.Formula] = []
         pending = [part for formula in formulas for part in conjuncts(formula)]
         for start in range(0, len(pending), TOGETHER):
@@ -120,7 +117,9 @@ class Explaining(ABC):
         comparison = node.formula if isinstance(node, f.Not) else node
         if isinstance(comparison, f.Comparison):
             left, right = (self.exact(each) for each in (comparison.left, comparison.right))
-            return failed_comparison(str(node), left, right, self.said)
+            first, second = (None if side is None else decimal_of(side) for side in (left, right))
+            said = f"{sides_text(left, right)}{self.said}"
+            return FailedCondition(str(node), said, first, second)
         return FailedCondition(str(node), f"does not hold{self.said}")
 
 
@@ -179,14 +178,6 @@ def failed_parts(
     return [
         explaining.failure(node) for node in explaining.failed_nodes([substitute(formula, binding)])
     ]
-
-
-def failed_comparison(
-    text: str, left: Exact | None, right: Exact | None, when: str = ""
-) -> FailedCondition:
-    """Say what the sides of a comparison are that does not hold."""
-    first, second = (None if side is None else decimal_of(side) for side in (left, right))
-    return FailedCondition(text, f"{sides_text(left, right)}{when}", first, second)
 
 
 def sides_text(left: Exact | None, right: Exact | None) -> str:

@@ -39,8 +39,6 @@ class KeptRule(html.OneRow):
         on_violation: `report`, or `refuse`: a transaction that would violate it fails.
     """
 
-    _json_ = "name", "rule", "on_violation"
-
     name: str
     rule: str
     on_violation: OnViolation

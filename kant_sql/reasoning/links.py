@@ -85,8 +85,7 @@ class _Linking(PlanExecution):
         for position, snap in self.running.items():
             self._need(snap, f.OVER_ALL)
             for effect in snap.schema.continuous:
-                rates = effect.rates(snap.arguments, snap.duration)
-                self._by.update(((False, *fluent), position) for fluent, _ in rates)
+                self._by.update(((False, *one), position) for one, _ in effect.rates(snap))
         super()._pass(time)
 
     def need_goal(self) -> None:

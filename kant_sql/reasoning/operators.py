@@ -120,17 +120,12 @@ def _conjuncts(part: r.Part) -> Iterator[r.Part]:
 
 
 class _Conjunction:
-    """A conjunction, taken apart by how its parts are judged.
-
-    Attributes:
-        fixed: what no step changes.
-        literals: the facts that are bits, and the negations of such.
-        is_left: whether parts of it are judged in the world.
-    """
+    """A conjunction, taken apart by how its parts are judged."""
 
     def __init__(self, task: GroundedTask, compiler: Compiler, part: r.Part) -> None:
-        self._task, self.is_left, fixed = task, False, list[r.Part]()
-        self.literals: list[r.Part] = []
+        self._task, fixed = task, list[r.Part]()
+        self.is_left = False  # whether parts of it are judged in the world
+        self.literals: list[r.Part] = []  # the facts that are bits, and the negations of such
         self._bits: list[tuple[bool, int, Callable[[Env], Row]]] = []
         self._tests: list[tuple[bool, Callable[[Env], Judge]]] = []
         for each in _conjuncts(part):
@@ -145,7 +140,7 @@ class _Conjunction:
                 ground = _grounder(task, compiler, inner)
                 self.is_left |= ground is None
                 self._tests.append((inner is each, ground or _in_world(task, compiler, inner)))
-        self.fixed = r.all_of(fixed)
+        self.fixed = r.all_of(fixed)  # what no step changes
         self._is_possible = compiler.test(self.fixed)
 
     def ground(self, env: Env) -> _Needs:
@@ -335,18 +330,7 @@ def _quick(updates: _Updates) -> list[_Change]:
 
 
 class Operator:
-    """A step: an action with objects for its parameters.
-
-    Attributes:
-        step: as it is listed.
-        order: the place of its action, and its objects.
-        care: the bits that matter to its condition.
-        want: those of them that are set.
-        test: what else its condition needs.
-        is_plain: whether bits say all of its condition and of its effects.
-        keep: the bits that it does not delete.
-        adds: the bits that it adds.
-    """
+    """A step: an action with objects for its parameters."""
 
     __slots__ = (
         *("_branches", "_is_grounded", "_quick", "_updates"),
@@ -355,8 +339,9 @@ class Operator:
 
     def __init__(self, schema: _Schema, ids: Row) -> None:
         self.step = PlanStep(None, schema.action.name, schema.task.world.names(ids))
-        self.order = schema.place, *ids
+        self.order = schema.place, *ids  # the place of its action, and its objects
         env = schema.compiler.env(ids)
+        # The bits that matter to its condition, those of them that are set, and what else it needs.
         self.care, self.want, self.test = schema.condition.ground(env)
         branches: list[_Branch] = []
         self._updates: _Updates = {}
@@ -365,9 +350,11 @@ class Operator:
         self._quick = _quick(self._updates)
         self._branches = [each for each in branches if each[0] != _Needs(0, 0)]
         certain = [each for each in branches if each[0] == _Needs(0, 0)]
+        # The bits that it does not delete, and those that it adds.
         self.keep = ~reduce(or_, [deleted for _, deleted, _ in certain], 0)
         self.adds = reduce(or_, [added for _, _, added in certain], 0)
         self._is_grounded = schema.effects is not None
+        # Whether bits say all of its condition and of its effects.
         self.is_plain = self._is_grounded and not (self.test or self._branches or self._updates)
 
     def after(self, bits: int, values: Values, tested: Tested) -> At | None:
@@ -480,17 +467,7 @@ class _Schema:
 
 
 class GroundedTask:
-    """What no step changes, and what was found of steps; threads share it.
-
-    Attributes:
-        actions: the actions, in their order; `timed` are the durative ones.
-        lock: held while the world moves and is read.
-        searched: the actions whose steps in reach the world finds for each state.
-        listed: the steps that were found, by the addresses of what they are listed as.
-        tested: the state that steps were last listed of, and those whose tests held.
-        is_tested: whether bits do not say all of a step's condition.
-        asked: what was compiled of questions.
-    """
+    """What no step changes, and what was found of steps; threads share it."""
 
     def __init__(
         self,
@@ -501,6 +478,7 @@ class GroundedTask:
     ) -> None:
         self.definitions, self.goals, self.facts, self.values = definitions, goals, facts, values
         self.rules, self.world = rules_of(definitions), world_of(definitions)
+        # The actions, in their order; `timed` are the durative ones.
         self.actions = [prepared(definitions, each) for each in executable(definitions)]
         self.timed = [each for each in self.actions if each.is_durative]
         self.changing = changing_heads(definitions)
@@ -508,11 +486,15 @@ class GroundedTask:
             self.world.add(*fact)
         for fluent, value in values.items():
             self.world.set(*fluent, value)
-        self.lock = RLock()
+        self.lock = RLock()  # held while the world moves and is read
+        # The actions whose steps in reach the world finds for each state.
         self.searched: list[_Schema] = []
+        # The steps that were found, by the addresses of what they are listed as.
         self.listed: dict[int, Operator] = {}
-        self.is_tested = False
+        self.is_tested = False  # whether bits do not say all of a step's condition
+        # The state that steps were last listed of, and those whose tests held.
         self.tested: Tested = 0, [], frozenset()
+        # What was compiled of questions.
         self.asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
         self._facts: list[FluentRow] = []
         self._bits: dict[FluentRow, int] = {}

@@ -21,7 +21,7 @@ from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
-from .after import After, OpaqueError, heads_of, is_linear, mapped, with_quantities
+from .after import After, OpaqueError, heads_of, is_linear, mapped, with_numbers
 from .arithmetic import EXACT, Exact
 from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
@@ -39,19 +39,12 @@ Numbers = dict[str, Decimal]
 
 @dataclass(frozen=True)
 class Promise:
-    """What must hold so that steps of an action can begin.
+    """What must hold so that steps of an action can begin."""
 
-    Attributes:
-        part: the condition.
-        is_whole: whether it is all; else what is over all has to be judged for each step.
-        is_listed: whether steps without a duration can begin.
-        listed: the condition of these, that of their duration included.
-    """
-
-    part: r.Part
-    is_whole: bool
-    is_listed: bool
-    listed: r.Part
+    part: r.Part  # the condition
+    is_whole: bool  # whether it is all; else what is over all has to be judged for each step
+    is_listed: bool  # whether steps without a duration can begin
+    listed: r.Part  # the condition of these, that of their duration included
 
 
 def promise_of(action: PreparedAction) -> Promise:
@@ -196,10 +189,13 @@ def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
     fixed = next((limit for operator, limit, _ in limits if operator == "="), None)
     if fixed is None and action.needs_duration:
         return False, r.FALSE
-    parts = [part, *(each for _, limit, _ in limits for each in _has_value(limit))]
+    numbers = [limit for _, limit, _ in limits if not isinstance(limit, Decimal)]
+    parts = [part, *(r.Compares("=", each, each) for each in numbers)]
     if fixed is not None:
         values: dict[r.Quantity, r.Quantity] = {_LASTING: fixed}
-        parts[0] = mapped(part, lambda leaf, _: _with_numbers(leaf, values))
+        parts[0] = mapped(
+            part, lambda one, _: with_numbers(one, values) if isinstance(one, r.Compares) else one
+        )
         parts += [
             each
             for operator, limit, _ in [*limits, (">=", Decimal(0), None)]
@@ -216,18 +212,6 @@ def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
     variables = tuple(each for _, _, needed in limits for each in needed.bound)
     inner = r.all_of([*(each for _, _, needed in limits for each in needed.needed), *parts])
     return True, r.Witness(variables, inner) if variables and inner != r.FALSE else inner
-
-
-def _has_value(quantity: r.Quantity) -> list[r.Part]:
-    is_constant = isinstance(quantity, Decimal)
-    return [] if is_constant else [r.Compares("=", quantity, quantity)]
-
-
-def _with_numbers(leaf: r.Part, values: dict[r.Quantity, r.Quantity]) -> r.Part:
-    if not isinstance(leaf, r.Compares):
-        return leaf
-    sides = [with_quantities(side, values) for side in (leaf.left, leaf.right)]
-    return r.Compares(leaf.operator, sides[0], sides[1])
 
 
 def _within(
@@ -258,8 +242,9 @@ def duration_of(
     failed = []
     for closed, is_left, limit in found:
         if duration is not None or limit is None:
-            wrong = duration_failure(closed, *((duration, limit) if is_left else (limit, duration)))
-            failed += [] if wrong is None else [wrong]
+            failed += duration_failure(
+                closed, *((duration, limit) if is_left else (limit, duration))
+            )
     if duration is None and not failed:
         failed = [*_contradictions(found)]
     if duration is not None:

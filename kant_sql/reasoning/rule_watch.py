@@ -83,17 +83,13 @@ class _Asked:
 
 
 class RuleWatcher:
-    """Judges rules as revisions come: those that are given, or those that are kept.
-
-    Attributes:
-        last: the last revision whose verdicts were returned.
-    """
+    """Judges rules as revisions come: those that are given, or those that are kept."""
 
     def __init__(
         self, store: Store, last: int, rules: Rules | None = None, since: When | None = None
     ) -> None:
         """Begin after a revision."""
-        self.last = last
+        self.last = last  # the last revision whose verdicts were returned
         self._store = store
         self._given: list[_Asked] | None = None
         if rules is not None:

@@ -289,13 +289,6 @@ def read_constraints(
     return read_at_last(store, text.code, lambda symbols: read_rules(text, symbols=symbols), upto)
 
 
-class _Known(NamedTuple):
-    """A rule that is being judged; the order is that of its constraint, and its own."""
-
-    order: tuple[int, int]
-    rule: Rule
-
-
 class _Decided(NamedTuple):
     """A verdict on a rule that a state decided; without a word, the verdict so far."""
 
@@ -314,28 +307,23 @@ def _verdict(rule: Rule, last: Moment) -> str:
 _Key = tuple[int, str, tuple[tuple[str, str], ...]]
 
 
+@dataclass(eq=False)
 class Judge:
     """Judges constraints by the states of a range."""
 
-    def __init__(
-        self,
-        kb_id: int,
-        constraints: Sequence[f.Formula],
-        definitions: Definitions,
-        clock: str = COMMITTED,
-        name: str | None = None,
-        watches: bool = False,
-    ) -> None:
-        self._watches = watches
-        self._kb_id = kb_id
-        self._constraints = constraints
-        self._definitions = definitions
-        self._clock = clock
-        self._name = name
-        nodes = f.walk(*constraints)
+    kb_id: int
+    constraints: Sequence[f.Formula]
+    definitions: Definitions
+    clock: str = COMMITTED
+    name: str | None = None
+    watches: bool = False
+
+    def __post_init__(self) -> None:
+        nodes = f.walk(*self.constraints)
         numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
         self._bounds = sorted({number.value for number in numbers})
-        self._known: dict[_Key, _Known] = {}
+        # The rules, each with the order of its constraint, and its own.
+        self._known: dict[_Key, tuple[tuple[int, int], Rule]] = {}
         # The constraints that had a meaning in some world.
         self._meant: set[int] = set()
         # The rules that have a meaning in the present world.
@@ -401,9 +389,9 @@ class Judge:
         decided = [_Decided(rule, rule.violation) for _, rule in rules]
         verdicts = self._verdicts(decided, revisions)
         found = [(order[0], verdict) for (order, _), verdict in zip(rules, verdicts, strict=True)]
-        for number, constraint in enumerate(self._constraints):
+        for number, constraint in enumerate(self.constraints):
             if number not in self._meant:
-                found += [(number, verdict) for verdict in _not_judged([constraint], self._name)]
+                found += [(number, verdict) for verdict in _not_judged([constraint], self.name)]
         return [verdict for _, verdict in sorted(found, key=itemgetter(0))]
 
     def decided(self) -> list[Verdict]:
@@ -418,7 +406,7 @@ class Judge:
             self._last[id(rule)] = now
             for monitor in rule.monitors:
                 monitor.observe(now, conditions.holds)
-            verdict = _verdict(rule, now) if self._watches else None
+            verdict = _verdict(rule, now) if self.watches else None
             if self._verdict.get(id(rule)) != verdict:
                 self._verdict[id(rule)] = verdict
                 self._decided.append(_Decided(rule, now, verdict))
@@ -429,7 +417,7 @@ class Judge:
         self._conditions = Conditions(world)
         self._live = []
         symbols = symbols_of(visit.definitions)
-        for number, constraint in enumerate(self._constraints):
+        for number, constraint in enumerate(self.constraints):
             try:
                 read = read_rules(str(constraint), symbols=symbols)
             except InvalidKnowledgeError:
@@ -438,15 +426,15 @@ class Judge:
             for rule in (rule for one in read for rule in rules_of(one, world.range_of)):
                 binding = tuple(sorted((fold(name), one) for name, one in rule.binding.items()))
                 key = number, fold(str(rule.formula)), binding
-                known = self._known.setdefault(key, _Known((number, len(self._known)), rule))
-                self._live.append(known.rule)
+                _, own = self._known.setdefault(key, ((number, len(self._known)), rule))
+                self._live.append(own)
 
     # Moments.
 
     def _moments(self) -> Iterator[tuple[Decimal, int, Visit]]:
         """Yield the time and the number of each revision to judge, and its state."""
-        session, kb_id, span = self._session, self._kb_id, self._range
-        known = self._constraints, self._definitions
+        session, kb_id, span = self._session, self.kb_id, self._range
+        known = self.constraints, self.definitions
         sweep = self._sweep = Sweep(session, kb_id, *known, span, False, self._sweep)
         return self._timed(sweep) if self._bounds else self._untimed(sweep)
 
@@ -464,7 +452,7 @@ class Judge:
 
     def _timed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
         """Yield those revisions, and those on both sides of the times of rules."""
-        session, kb_id, (low, high, _) = self._session, self._kb_id, self._range
+        session, kb_id, (low, high, _) = self._session, self.kb_id, self._range
         present = sweep.begin()
         yielded = low - 1
         for number, committed, observed in stream_times(session, kb_id, low, high):
@@ -486,8 +474,8 @@ class Judge:
     def _valid_moments(self, past: ValidPast) -> Iterator[tuple[Decimal, int, Visit]]:
         """Yield the first time, those at which something changes, and the last one."""
         session, span = self._session, past.span
-        ends = read_numbered(session, self._kb_id, {1, span.known})
-        sweep = ValidSweep(session, self._kb_id, self._constraints, past, False)
+        ends = read_numbered(session, self.kb_id, {1, span.known})
+        sweep = ValidSweep(session, self.kb_id, self.constraints, past, False)
         present = sweep.begin()
         begin, end = span.since, span.until
         if begin == FIRST_MOMENT:
@@ -513,7 +501,7 @@ class Judge:
         return reached or bisect_left(bounds, time) > bisect_left(bounds, before)
 
     def _moment(self, committed: datetime, observed: datetime | None) -> datetime:
-        return observed if self._clock == OBSERVED and observed is not None else committed
+        return observed if self.clock == OBSERVED and observed is not None else committed
 
     # Verdicts.
 
@@ -525,8 +513,8 @@ class Judge:
         if revisions is None:
             numbers = {self._judged[one.moment.index] for one in found if one.moment is not None}
             numbers = {self._first, *numbers} - {0}
-            revisions = read_numbered(self._session, self._kb_id, numbers)
-        is_valid = self._clock == VALID
+            revisions = read_numbered(self._session, self.kb_id, numbers)
+        is_valid = self.clock == VALID
         verdicts = []
         for rule, moment, said in found:
             revision, time, valid_at = None, None, None
@@ -542,7 +530,7 @@ class Judge:
                     valid_at = self._begin + int(time * 1_000_000) * _MICROSECOND
             word = said or _verdict(rule, self._last[id(rule)])
             own = (rule.is_soft, rule.preference, revision, time)
-            rest: dict[str, Any] = {"is_pending": word == PENDING, "name": self._name}
+            rest: dict[str, Any] = {"is_pending": word == PENDING, "name": self.name}
             verdicts.append(Verdict(str(rule), word == KEPT, *own, **rest, valid_at=valid_at))
         return verdicts
 

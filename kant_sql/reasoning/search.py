@@ -149,15 +149,10 @@ UNIT = 100
 
 @dataclasses.dataclass(frozen=True)
 class Expected:
-    """What is expected of an execution.
+    """What is expected of an execution."""
 
-    Attributes:
-        seconds: how long it takes.
-        success: the probability of its success, above 0.
-    """
-
-    seconds: Fraction
-    success: Fraction
+    seconds: Fraction  # how long it takes
+    success: Fraction  # the probability of its success, above 0
 
     @property
     def cost(self) -> Fraction:

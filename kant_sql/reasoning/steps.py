@@ -83,32 +83,20 @@ class GroundStep:
 
 @dataclass(frozen=True)
 class EffectItem:
-    """One effect of an action, without structure.
+    """One effect of an action, without structure."""
 
-    Attributes:
-        operator: `add`, `delete`, or that of an assignment.
-        head: the id of the predicate or the function.
-        terms: its terms.
-        value: the assigned number or object.
-        bound: the variables that it is for.
-        condition: what must hold right before the effect.
-        earlier: what must have held at the start of a durative action.
-        lacking: holds where an object fluent in its terms or its value has no value; for the
-            variables of `around`.
-        around: the variables that quantifiers bind.
-        node: the effect as it is written.
-    """
-
-    operator: str
-    head: int
+    operator: str  # `add`, `delete`, or that of an assignment
+    head: int  # the id of the predicate or the function
     terms: tuple[r.Place, ...]
-    value: r.Quantity | r.Place | None
-    bound: tuple[r.Bound, ...]
-    condition: r.Part
-    earlier: r.Part
+    value: r.Quantity | r.Place | None  # the assigned number or object
+    bound: tuple[r.Bound, ...]  # the variables that it is for
+    condition: r.Part  # what must hold right before the effect
+    earlier: r.Part  # what must have held at the start of a durative action
+    # Holds where an object fluent in its terms or its value has no value; for the variables of
+    # `around`.
     lacking: r.Part
-    around: tuple[r.Bound, ...]
-    node: f.Node | None = None
+    around: tuple[r.Bound, ...]  # the variables that quantifiers bind
+    node: f.Node | None = None  # the effect as it is written
 
     @cached_property
     def is_certain(self) -> bool:
@@ -130,28 +118,19 @@ class EffectItem:
 
 
 class PreparedAction:
-    """An action whose names are resolved: conditions and effects by their times.
-
-    Attributes:
-        node: the action.
-        name: its name.
-        is_durative: whether it has a duration.
-        variables: its parameters.
-        parameters: the variables of its parameters.
-        positions: the place of each of these among them, by its number.
-        numbers: gives the numbers of new variables.
-        resolver: resolves names, those of parameters included.
-    """
+    """An action whose names are resolved: conditions and effects by their times."""
 
     def __init__(self, definitions: Definitions, node: Action) -> None:
         self.node = node
         self.definitions = definitions
         self.name = node.name
-        self.is_durative = node.kind == DURATIVE_ACTION
+        self.is_durative = node.kind == DURATIVE_ACTION  # whether it has a duration
         self.variables = node.parameters
-        self.numbers = count()
+        self.numbers = count()  # gives the numbers of new variables
+        # Resolves names, those of parameters included.
         self.resolver = r.Resolver(definitions, self.numbers)
-        self.parameters = self.resolver.variables(self.variables)
+        self.parameters = self.resolver.variables(self.variables)  # the variables of its parameters
+        # The place of each of these among them, by its number.
         self.positions = {each.slot.number: n for n, each in enumerate(self.parameters)}
         self._kept: dict[Hashable, Any] = {}
 
@@ -201,10 +180,6 @@ class PreparedAction:
         r.check_levels(found)
         return found
 
-    def resolved(self, time: str) -> r.ResolvedCondition:
-        """Return the conditions of a time with the parameters as columns."""
-        return r.ResolvedCondition(self.condition(time), self.columns)
-
     @property
     def needs_duration(self) -> bool:
         """Whether a condition or an effect depends on the duration."""
@@ -212,11 +187,7 @@ class PreparedAction:
         return any(node == _DURATION or isinstance(node, f.ContinuousTime) for node in parts)
 
     def items(self, time: str) -> tuple[EffectItem, ...]:
-        """Return the effects of a time; those of an action are all at its start.
-
-        Those that are continuous are as they are at the end, if nothing else changed the numbers:
-        the rate times the duration.
-        """
+        """Return the effects of a time; a continuous one is its rate times the duration."""
         return self.kept(("items", time), lambda: tuple(self._effects(time)))
 
     def _effects(self, time: str) -> Iterator[EffectItem]:
@@ -507,7 +478,7 @@ def _given(definitions: Definitions, step: object) -> _Given:
         read = read_step(
             text,
             symbols=symbols_of(definitions),
-            action=definitions.actions.named,
+            action=lambda word: getattr(definitions.actions.named(word), "name", None),
             actions=lambda: [each.name for each in definitions.actions],
         )
         return *read, None if duration is None else Decimal(duration), None

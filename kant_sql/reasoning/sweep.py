@@ -22,7 +22,7 @@ from ..dto.lexical import either_text, fold, is_word
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..history.moments import Bounds
 from ..history.revisions import LARGEST, Revision, read_position
-from ..knowledge.definitions import Definitions
+from ..knowledge.definitions import Definition, Definitions
 from ..knowledge.grounding import substitute
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
@@ -57,23 +57,15 @@ Read = Callable[[SymbolTable], ReadCondition]
 
 
 class PastQuestion(NamedTuple):
-    """A condition, and the definitions with which it was read.
+    """A condition, and the definitions with which it was read."""
 
-    Attributes:
-        formula: the condition; variables that are bound by the caller are objects.
-        free: its free variables; `object` where nothing declares a type.
-        unbound: the condition as it was given, with all its free variables.
-        objects: the objects that the caller bound variables to.
-        definitions: those of the latest state in which all names had a meaning.
-        read: reads it again with the names of another state; raises `InvalidKnowledgeError` where
-            it has no meaning.
-    """
-
-    formula: f.Formula
-    free: tuple[f.TypedName, ...]
-    unbound: ReadCondition
-    objects: tuple[f.Constant, ...]
-    definitions: Definitions
+    formula: f.Formula  # the condition; variables that are bound by the caller are objects
+    free: tuple[f.TypedName, ...]  # its free variables; `object` where nothing declares a type
+    unbound: ReadCondition  # the condition as it was given, with all its free variables
+    objects: tuple[f.Constant, ...]  # the objects that the caller bound variables to
+    definitions: Definitions  # those of the latest state in which all names had a meaning
+    # Reads it again with the names of another state; raises `InvalidKnowledgeError` where it has no
+    # meaning.
     read: Read
 
     @property
@@ -207,17 +199,11 @@ def read_range(session: Session, kb_id: int, bounds: Bounds) -> Range:
 
 
 class Visit(NamedTuple):
-    """A state that is visited.
+    """A state that is visited."""
 
-    Attributes:
-        revision: its revision; that before the range in the first state, if there is one.
-        world: the state, as far as it matters; the same object while definitions stay.
-        definitions: what is defined in it.
-    """
-
-    revision: int
-    world: World
-    definitions: Definitions
+    revision: int  # its revision; that before the range in the first state, if there is one
+    world: World  # the state, as far as it matters; the same object while definitions stay
+    definitions: Definitions  # what is defined in it
 
 
 class Sweep:
@@ -236,10 +222,7 @@ class Sweep:
         ranges: bool,
         before: Sweep | None = None,
     ) -> None:
-        """Find out what matters; `ranges` if variables range over objects beside quantifiers.
-
-        `before` ended where the range begins, so that its state need not be read again.
-        """
+        """Find out what matters; `ranges` if variables range over objects beside quantifiers."""
         self._session = session
         self._kb_id = kb_id
         self._range = span
@@ -253,6 +236,7 @@ class Sweep:
             more_facts, more_values = self._of_rules(rules)
             facts, values = facts + more_facts, values + more_values
         self._patterns_found = facts, values
+        # It ended where the range begins, so that its state need not be read again.
         self._before = before
         self._subjects = subjects_of(session, kb_id, facts, values, span.low, span.high)
         ranges = (
@@ -276,17 +260,15 @@ class Sweep:
         facts: list[Pattern] = []
         values: list[Pattern] = []
         for node in nodes:
-            if not isinstance(node, f.Atom | f.Fluent):
-                continue
-            objects = tuple([object_id(definitions, term) for term in node.terms])
             if isinstance(node, f.Atom):
-                predicate = definitions.predicates.named(node.predicate)
-                if predicate is not None:
-                    facts.append(Pattern(predicate.id, objects))
+                owner: Definition | None = definitions.predicates.named(node.predicate)
+            elif isinstance(node, f.Fluent):
+                owner = definitions.functions.named(node.function)
             else:
-                function = definitions.functions.named(node.function)
-                if function is not None:
-                    values.append(Pattern(function.id, objects))
+                continue
+            if owner is not None:
+                objects = tuple([object_id(definitions, term) for term in node.terms])
+                (facts if isinstance(node, f.Atom) else values).append(Pattern(owner.id, objects))
         return facts, values
 
     def _of_rules(self, rules: Iterable[str]) -> tuple[list[Pattern], list[Pattern]]:
@@ -301,10 +283,7 @@ class Sweep:
         return found[0], found[1]
 
     def begin(self) -> Visit | None:
-        """Read the state before the range, or None at the beginning.
-
-        Where earlier revisions are archived, it is that of the range's first revision.
-        """
+        """Read the state before the range, or that of its first revision if others are archived."""
         session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
         base = low if low == archived else low - 1
         self._redefined = self._read_redefined(base)
@@ -333,10 +312,8 @@ class Sweep:
         return read_redefinitions(self._session, self._kb_id, self._meaning, low, high)
 
     def _given_at(self, revision: int) -> Definitions | None:
-        """Return the given definitions if all that matters was defined alike at a revision.
-
-        Those of another revision take long to read when thousands of objects are defined.
-        """
+        """Return the given definitions if all that matters was defined alike at a revision."""
+        # Those of another revision take long to read when thousands of objects are defined.
         given, redefined = self._given, self._redefined
         if given.revision is None:
             return None

@@ -61,13 +61,17 @@ class Monitor(ABC):
         self.formula = formula
         self.binding = binding
         self.violation: Moment | None = None
-        inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
-        self._first, self._second = inner[0], inner[-1]
+        self.inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
+        self._first, self._second = self.inner[0], self.inner[-1]
         self._times = [one.value for one in getattr(formula, "numbers", ())]
 
-    @abstractmethod
     def observe(self, now: Moment, holds: Truth) -> None:
         """Judge the next state, which `holds` gives access to."""
+        if self.violation is None:
+            self._judge(now, holds)
+
+    @abstractmethod
+    def _judge(self, now: Moment, holds: Truth) -> None: ...
 
     def open(self, last: Moment) -> Moment | None:
         """Return which state violates it if no other follows the last one; None if none does."""
@@ -86,15 +90,15 @@ class Monitor(ABC):
 
 
 class _Always(Monitor):
-    def observe(self, now: Moment, holds: Truth) -> None:
-        if self.violation is None and not holds(self._first, self.binding):
+    def _judge(self, now: Moment, holds: Truth) -> None:
+        if not holds(self._first, self.binding):
             self._violate(now)
 
 
 class _Sometime(Monitor):
     _is_met = False
 
-    def observe(self, now: Moment, holds: Truth) -> None:
+    def _judge(self, now: Moment, holds: Truth) -> None:
         del now
         self._is_met = self._is_met or holds(self._first, self.binding)
 
@@ -103,22 +107,18 @@ class _Sometime(Monitor):
 
 
 class _Within(_Sometime):
-    def observe(self, now: Moment, holds: Truth) -> None:
-        if self._is_met or self.violation is not None:
-            return
-        if now.time > self._times[0]:
+    def _judge(self, now: Moment, holds: Truth) -> None:
+        if not self._is_met and now.time > self._times[0]:
             self._violate(now)
         else:
-            super().observe(now, holds)
+            super()._judge(now, holds)
 
 
 class _AtMostOnce(Monitor):
     _has_held = False
     _holds = False
 
-    def observe(self, now: Moment, holds: Truth) -> None:
-        if self.violation is not None:
-            return
+    def _judge(self, now: Moment, holds: Truth) -> None:
         held, self._holds = self._holds, holds(self._first, self.binding)
         if self._holds and not held and self._has_held:
             self._violate(now)
@@ -129,7 +129,7 @@ class _SometimeAfter(Monitor):
     # The first state that waits for the second formula.
     _waiting: Moment | None = None
 
-    def observe(self, now: Moment, holds: Truth) -> None:
+    def _judge(self, now: Moment, holds: Truth) -> None:
         if self._waiting is None and not holds(self._first, self.binding):
             return
         self._waiting = self._waiting or now
@@ -141,21 +141,19 @@ class _SometimeAfter(Monitor):
 
 
 class _AlwaysWithin(_SometimeAfter):
-    def observe(self, now: Moment, holds: Truth) -> None:
+    def _judge(self, now: Moment, holds: Truth) -> None:
         waiting = self._waiting
-        if self.violation is not None:
-            return
         if waiting is not None and now.time - waiting.time > self._times[0]:
             self._violate(waiting)
         else:
-            super().observe(now, holds)
+            super()._judge(now, holds)
 
 
 class _SometimeBefore(Monitor):
     _is_met = False
 
-    def observe(self, now: Moment, holds: Truth) -> None:
-        if self._is_met or self.violation is not None:
+    def _judge(self, now: Moment, holds: Truth) -> None:
+        if self._is_met:
             return
         if holds(self._first, self.binding):
             self._violate(now)
@@ -170,10 +168,8 @@ class _HoldDuring(Monitor):
         super().__init__(formula, binding)
         self._end = self._times[1] if len(self._times) > 1 else Decimal("Infinity")
 
-    def observe(self, now: Moment, holds: Truth) -> None:
+    def _judge(self, now: Moment, holds: Truth) -> None:
         begin = self._times[0]
-        if self.violation is not None:
-            return
         if self._failing is not None and now.time > begin:
             self._violate(self._failing)
         elif max(begin, now.time) < self._end and not holds(self._first, self.binding):
@@ -188,7 +184,7 @@ class _HoldDuring(Monitor):
 class _AtEnd(Monitor):
     _holds = True
 
-    def observe(self, now: Moment, holds: Truth) -> None:
+    def _judge(self, now: Moment, holds: Truth) -> None:
         del now
         self._holds = holds(self._first, self.binding)
 
@@ -211,20 +207,13 @@ _MONITORS: dict[str, type[Monitor]] = {
 
 @dataclass(frozen=True)
 class Rule:
-    """A constraint, or one instance of a preference, with a monitor for each modal formula in it.
+    """A constraint, or one instance of a preference, with monitors of its modal formulas."""
 
-    Attributes:
-        formula: the constraint; the whole preference, if it is one.
-        binding: the objects of the variables of quantifiers around it.
-        preference: the name of the preference; None for a hard constraint or without a name.
-        is_soft: whether it is a preference.
-        monitors: the monitors.
-    """
-
-    formula: f.Formula
-    binding: Binding
+    formula: f.Formula  # the constraint; the whole preference, if it is one
+    binding: Binding  # the objects of the variables of quantifiers around it
+    # The name of the preference; None for a hard constraint or without a name.
     preference: str | None
-    is_soft: bool
+    is_soft: bool  # whether it is a preference
     monitors: tuple[Monitor, ...] = field(repr=False)
 
     @property
@@ -310,11 +299,11 @@ def _monitor(part: f.Formula, binding: Binding) -> Monitor:
             part, "a trajectory constraint is a modal operator, such as (always ...)"
         )
     assert isinstance(part, f.Modal | f.Timed)
-    inner = part.formulas if isinstance(part, f.Modal) else (part.formula,)
-    for node in f.walk(*inner):
+    monitor = kind(part, binding)
+    for node in f.walk(*monitor.inner):
         if isinstance(node, f.Modal | f.Timed | f.Preference):
             raise _unsupported(part, f"({f.head(node)} ...) is inside of it")
-    return kind(part, binding)
+    return monitor
 
 
 def _unsupported(part: f.Formula, reason: str) -> UnsupportedConstructError:

@@ -51,20 +51,15 @@ def is_same_time(one: int, other: int) -> bool:
 
 
 class ValidPast(NamedTuple):
-    """A range of valid times, and what was defined in it.
-
-    Attributes:
-        span: the range.
-        definitions: all types, objects, predicates and functions that were known in it, as they
-            were last defined; the rest as it is known.
-        lost: those of them that ended for good, in order.
-        is_redefined: whether some of them were defined otherwise, so that what was said does not
-            fit: then it is not true.
-    """
+    """A range of valid times, and what was defined in it."""
 
     span: ValidRange
+    # All types, objects, predicates and functions that were known in it, as they were last defined;
+    # the rest as it is known.
     definitions: Definitions
-    lost: Sequence[Lost]
+    lost: Sequence[Lost]  # those of them that ended for good, in order
+    # Whether some of them were defined otherwise, so that what was said does not fit: then it is
+    # not true.
     is_redefined: bool = False
 
     def read(

@@ -54,6 +54,7 @@ from .actions import (
     pass_time,
     rates_of,
 )
+from .arithmetic import decimal_of
 from .derived import read_world
 from .evaluate import Compiler, Conditions
 from .failures import FailedCondition, failed_parts
@@ -237,21 +238,7 @@ def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
 
 @without_collector()
 def validate_plan(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -> Validation:
-    """Execute a plan.
-
-    Args:
-        domain: the domain.
-        problem: the initial state, the goal, the constraints and the metric.
-        plan: the plan.
-
-    Returns:
-        What the execution shows.
-
-    Raises:
-        UnsupportedConstructError: the domain has processes or events, change that is not linear, or
-            a constraint without a semantics.
-        InvalidKnowledgeError: the derived predicates cannot be stratified.
-    """
+    """Execute a plan from the initial state of a problem; raise as `validate`."""
     check_validated(domain)
     return PlanExecution(domain, problem, plan.steps).run()
 
@@ -443,7 +430,8 @@ class PlanExecution:
             reason = "it starts before the plan does, at 0"
         if reason:
             raise _Failure(entry.position, entry.phase, [FailedCondition(str(step), reason)])
-        ids = [id_ for name in step.arguments if (id_ := self.world.object(name)) is not None]
+        found = map(self.world.object, step.arguments)
+        ids = tuple([one for one in found if one is not None])
         memory = self.memories.setdefault(entry.position, {})
         return Snap(self.world, schema, ids, entry.phase, entry.position, step.duration, memory)
 
@@ -503,4 +491,5 @@ class PlanExecution:
         for name, count in self.violated.items():
             key = fold(name)
             self.world.violations[key] = self.world.violations.get(key, 0) + count
-        return self.conditions.number(self.problem.metric.expression, {})
+        found = self.conditions.exact_number(self.problem.metric.expression, {})
+        return None if found is None else decimal_of(found)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from itertools import chain
+from operator import itemgetter
 from typing import Any, NamedTuple, overload
 
 from typing_extensions import override
@@ -61,22 +62,15 @@ PAGE = 200
 
 
 class Span(NamedTuple):
-    """A period by its numbers.
+    """A period by its numbers."""
 
-    Attributes:
-        since: the first revision; the one before the range if it held there, too.
-        objects: the ids of the objects of the free variables.
-        until: the first revision after it; None if it held to the end of the range.
-    """
-
-    since: int
-    objects: tuple[int, ...]
-    until: int | None
+    since: int  # the first revision; the one before the range if it held there, too
+    objects: tuple[int, ...]  # the ids of the objects of the free variables
+    until: int | None  # the first revision after it; None if it held to the end of the range
 
 
-def span_order(span: Span) -> tuple[int, tuple[int, ...]]:
-    """Return what periods are sorted by; those of one binding begin apart."""
-    return span.since, span.objects
+# What periods are sorted by; those of one binding begin apart.
+span_order = itemgetter(0, 1)
 
 
 @dataclass(frozen=True)
@@ -146,22 +140,13 @@ class HeldPeriods(Sequence[Held]):
         read: Callable[[Collection[int]], Mapping[int, Revision]],
         is_valid: bool = False,
     ) -> None:
-        """Wrap what was found.
-
-        Args:
-            columns: the names of the free variables.
-            spans: the periods, in order.
-            first: the first revision of the range.
-            names: the names of the objects, by id.
-            read: reads revisions by number.
-            is_valid: whether numbers are positions on the valid clock.
-        """
+        """Wrap what was found."""
         self.columns = expect_tuple(columns, str, "the columns of HeldPeriods")
         self._spans = spans
-        self._first = first
-        self._names = names
-        self._read = read
-        self._is_valid = is_valid
+        self._first = first  # the first revision of the range
+        self._names = names  # the names of the objects, by id
+        self._read = read  # reads revisions by number
+        self._is_valid = is_valid  # whether numbers are positions on the valid clock
         self._pages: dict[int, list[Held]] = {}
 
     @override
@@ -244,16 +229,10 @@ class HeldPeriods(Sequence[Held]):
 
 
 def _columns(end: str, revision: Revision | None, time: datetime | None) -> dict[str, Any]:
-    if revision is None:
-        columns = f"{end}_time", f"{end}_actor", f"{end}_reason", f"{end}_source"
-        return dict.fromkeys((end, *columns))
-    return {
-        end: revision.number,
-        f"{end}_time": time,
-        f"{end}_actor": revision.actor,
-        f"{end}_reason": revision.reason,
-        f"{end}_source": revision.source,
+    said = {
+        f"{end}_{name}": getattr(revision, name, None) for name in ("actor", "reason", "source")
     }
+    return {end: getattr(revision, "number", None), f"{end}_time": time, **said}
 
 
 def when(
@@ -375,21 +354,20 @@ def _united(found: Iterable[Iterable[Span]]) -> Iterator[Span]:
     yield from chain(*ends.values())
 
 
+@dataclass(eq=False)
 class _Search:
     """Finds the periods of one question, in one snapshot."""
 
-    def __init__(self, session: Session, kb_id: int, question: PastQuestion, span: Range) -> None:
-        self._session = session
-        self._kb_id = kb_id
-        self._question = question
-        self._range = span
+    _session: Session
+    _kb_id: int
+    _question: PastQuestion
+    _range: Range
 
     def run(self) -> list[Span]:
         """Find the periods, in order."""
         atoms = conjunction(self._question.formula)
-        if atoms is not None and self._is_join(atoms):
-            return sorted(self._join(atoms), key=span_order)
-        return sorted(self._sweep(), key=span_order)
+        is_join = atoms is not None and self._is_join(atoms)
+        return sorted(self._join(atoms or ()) if is_join else self._sweep(), key=span_order)
 
     def _is_join(self, atoms: Sequence[f.Atom]) -> bool:
         """Return whether versions of facts alone tell when a conjunction held."""

@@ -27,7 +27,7 @@ from ..knowledge.resolved import Resolver, TypeSet
 from ..knowledge.rules import DerivationRules
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Domain, Problem
-from .arithmetic import Linear, decimal_of
+from .arithmetic import Linear
 
 # The objects of a fact; a fluent with its function; a predicate (True) or a function, by id.
 Row = tuple[int, ...]
@@ -98,40 +98,28 @@ class Relation:
 
 
 class Rules(Protocol):
-    """The rules of derived predicates that depend on each other.
+    """The rules of derived predicates that depend on each other."""
 
-    Attributes:
-        heads: the predicates that they derive.
-        sources: the predicates and functions that their facts depend on.
-        is_fresh: whether the derived facts are those of the present state.
-    """
-
-    heads: frozenset[int]
-    sources: set[Head]
-    is_fresh: bool
+    heads: frozenset[int]  # the predicates that they derive
+    sources: set[Head]  # the predicates and functions that their facts depend on
+    is_fresh: bool  # whether the derived facts are those of the present state
 
     def refresh(self) -> None:
         """Derive the facts unless they are fresh."""
 
 
 class World:
-    """The facts and values of one state; `derived.world_of` adds the rules.
-
-    Attributes:
-        definitions: what is defined in it.
-        elapsed: the time since `rates` began to hold.
-        rates: the continuous change of each fluent in a unit of time.
-        roots: the times at which comparisons change their value, collected while numbers change.
-        total_time: what `total-time` in a metric stands for.
-        violations: the number of violations of each preference, by folded name.
-    """
+    """The facts and values of one state; `derived.world_of` adds the rules."""
 
     def __init__(self, definitions: d.Definitions) -> None:
-        self.definitions = definitions
+        self.definitions = definitions  # what is defined in it
+        # The continuous change of each fluent in a unit of time.
         self.rates: dict[FluentRow, Fraction] = {}
-        self.elapsed = Fraction(0)
+        self.elapsed = Fraction(0)  # the time since `rates` began to hold
+        # The times at which comparisons change their value, collected while numbers change.
         self.roots: set[Fraction] = set()
-        self.total_time = Decimal(0)
+        self.total_time = Decimal(0)  # what `total-time` in a metric stands for
+        # The number of violations of each preference, by folded name.
         self.violations: dict[str, int] = {}
         self._members: dict[tuple[TypeSet, ...], frozenset[int]] = {}
         self._relations: defaultdict[int, Relation] = defaultdict(Relation)
@@ -258,11 +246,6 @@ class World:
         self.elapsed = elapsed
         for function, _ in self.rates:
             self.touch((False, function))
-
-    def value_now(self, function: int, row: Row) -> Decimal | None:
-        """Return the number of a fluent, moved to the time that elapsed."""
-        linear = self.linear(function, row)
-        return None if linear is None else decimal_of(linear.at(self.elapsed))
 
     def linear(self, function: int, row: Row) -> Linear | None:
         """Return the value of a fluent as a function of the time since the change began."""

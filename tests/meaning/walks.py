@@ -12,6 +12,7 @@ from kant_sql.dto import formulas as f
 from kant_sql.knowledge.grounding import bound
 from kant_sql.pddl import Action, Domain, Problem
 from kant_sql.reasoning.actions import Schema, Snap, apply_changes
+from kant_sql.reasoning.arithmetic import decimal_of
 from kant_sql.reasoning.derived import read_world
 from kant_sql.reasoning.evaluate import Compiler, Conditions
 from kant_sql.reasoning.validate import validate_plan
@@ -83,7 +84,7 @@ def _take(
     """Apply the effects of an action, those at its end included."""
     schema = Schema(world, action)
     memory: dict[int, set[tuple[int, ...]]] = {}
-    ids = [world.ids[name] for name in arguments]
+    ids = tuple(world.ids[name] for name in arguments)
     for phase in schema.phases:
         snap = Snap(world, schema, ids, phase, 0, duration, memory)
         if not snap.prepare():
@@ -130,7 +131,8 @@ def _duration(
     for constraint in action.duration:
         inner = constraint.formula if isinstance(constraint, f.Timed) else constraint
         if isinstance(inner, f.Comparison):
-            value = conditions.number(inner.right, binding)
-            if value is not None:
+            exact = conditions.exact_number(inner.right, binding)
+            if exact is not None:
+                value = decimal_of(exact)
                 return min(round(value, 3), LONGEST) if chance.random() < 0.95 else value + 1
     return Decimal(chance.randint(1, 9))
