@@ -100,9 +100,12 @@ def test_what_differs_from_what_was_said_here_of_the_time_is_decided(
     trial = branch_of(rooms)
     with rooms.transaction(actor="door", reason="a log", **period(10, 11)):
         rooms.propositions.delete_all(["(open p1)", "(open p3)"])
-    save(rooms, 9, 11, "(open p2)")
+    for kb, number in ((rooms, "80"), (trial, "80.0")):
+        with kb.transaction(actor="camera", **period(9, 11)):
+            kb.propositions.save("(open p2)")
+            kb.function_values.set("(battery rb1)", value=Decimal(number))
+    save(trial, 9, 11, "(open p1)", actor="camera")
     save(trial, 8, 10, "(open p3)")
-    save(trial, 9, 11, "(open p1)", "(open p2)", actor="camera")
     with pytest.raises(MergeConflictError, match=r"here \(:not-held \(open p1\).*door, a log"):
         rooms.merge(trial)
     [conflict] = rooms.merge_preview(trial).conflicts
@@ -110,7 +113,7 @@ def test_what_differs_from_what_was_said_here_of_the_time_is_decided(
     assert conflict.theirs.revision is not None
     assert conflict.theirs.revision.actor == "camera"
     made = rooms.merge(trial, decide={conflict.element: side})
-    # What is said in the same words here needs nothing.
+    # What is said of the same period here needs nothing.
     both = ["(:held (open p1)", "(:held (open p3)"]
     assert said(made) == (both if side == "theirs" else both[1:])
     is_open = ["(open p1)"] if side == "theirs" else []
@@ -120,10 +123,10 @@ def test_what_differs_from_what_was_said_here_of_the_time_is_decided(
     save(trial, 10, 11, "(open p3)")
     with trial.transaction(**period(8, 9)):
         trial.propositions.delete("(open p3)")
-    [conflict] = rooms.merge_preview(trial.at(4)).conflicts
+    [conflict] = rooms.merge_preview(trial.at(5)).conflicts
     assert conflict.ours.text is not None
     assert conflict.ours.text.startswith("(:not-held (open p3)")
-    assert rooms.merge(trial.at(4), decide={conflict.element: "theirs"}).revision is not None
+    assert rooms.merge(trial.at(5), decide={conflict.element: "theirs"}).revision is not None
     assert rooms.merge(trial).conflicts == ()
     assert open_at(rooms, 8) == []
 
