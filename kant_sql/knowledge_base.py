@@ -476,14 +476,15 @@ class KnowledgeBase(Front):
         The base is the state in which the branch began, or in which it was merged last. Changes
         that only the branch has made since are applied. It is a conflict if both have changed an
         element since and differ in it, or if one has deleted an element that the other now uses.
-        Definitions, facts, goals, values, rules and documents are merged; plans, executions and
-        confirmations stay in the branch. The revision names the branch in `source`, as `branch`,
-        its `revision` and its `hash`, and the base here as `base`.
+        Definitions, facts, goals, values, rules, documents and sayings of periods are merged;
+        plans, executions and confirmations stay in the branch. The revision names the branch in
+        `source`, as `branch`, its `revision` and its `hash`, and the base here as `base`.
 
         Args:
             branch: a branch of this knowledge base, in any store, or a past state of one.
             decide: for each conflict its `element`, and `ours` to keep this side, or `theirs`.
-                Deciding for a deletion also deletes the elements that mention the deleted one.
+                Deciding for a deletion also deletes the elements that mention the deleted one. A
+                saying without a conflict is left out as `ours`.
             reason: why; by default `merged NAME at revision NUMBER`.
             actor: who merges; by default the knowledge base's actor.
             expected_revision: the last revision, as in a preview's `head`; None for any.
@@ -494,8 +495,8 @@ class KnowledgeBase(Front):
         Raises:
             MergeConflictError: conflicts are not decided; nothing was written.
             RuleViolatedError: the result would violate a rule that refuses.
-            ConflictError: this is not a branch of this knowledge base, or definitions of one side
-                do not fit elements of the other.
+            ConflictError: this is not a branch of this knowledge base, definitions of one side do
+                not fit elements of the other, or a revision cannot have all sayings of the branch.
             StaleRevisionError: another writer came first.
             InvalidArgumentError: a decision is not about a conflict.
             ArchivedError: a part of the changes of either side was moved to an archive.

@@ -347,7 +347,8 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         if fluent is None and transaction.says:
             # It had a value at no time, and now somebody says so of one.
             name = definitions.functions.live(key.function_id).name
-            fluent = values.intern(key, atom_text(name, definitions.names(key.arguments)))
+            text = atom_text(name, definitions.names(key.arguments))
+            fluent = values.intern({key: text})[key]
         return fluent is not None and values.set(fluent, None)
 
     def _check(self, dto: object) -> None:

@@ -301,7 +301,7 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
             # It held at no time, and now somebody says so of one.
             name = definitions.predicates.live(key.predicate_id).name
             text = atom_text(name, definitions.names(key.arguments))
-            atom = propositions.intern(key, text)
+            atom = propositions.intern({key: text})[key]
         return atom is not None and propositions.set(atom, False)
 
     def _check(self, dto: object) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from decimal import Decimal
 from functools import partial
 from typing import Any
 
@@ -52,6 +54,19 @@ def name_in(kind: str, text: str) -> str:
         return text
     words = _words(text)
     return words[1] if kind == "document" or words[0].startswith(":") else words[0]
+
+
+def is_same(key: Key, one: str | None, other: str | None) -> bool:
+    """Return whether two texts of an element say the same."""
+    if one is None or other is None or fold(one) == fold(other):
+        return (one is None) == (other is None)
+    if key[0] != VALUE:
+        return False
+    numbers = [text[3:-1].rpartition(" ")[2] for text in (one, other)]
+    with suppress(ArithmeticError):
+        # 10 and 10.0 are the same number.
+        return Decimal(numbers[0]) == Decimal(numbers[1])
+    return False
 
 
 def _words(text: str) -> list[str]:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import replace
-from decimal import Decimal
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, literal_column, select
@@ -22,6 +22,7 @@ from ..documents.carry import (
     STATED,
     Key,
     carry,
+    is_same,
     key_of,
     mentions_of,
     name_in,
@@ -43,13 +44,14 @@ from ..pddl.lexer import tokenize
 from ..sql.changes import ASSERTED, ERASURE, RETRACTED, SAYING, Change, in_range, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.query import Query
-from ..sql.rows import KB, VALUE
+from ..sql.rows import KB
 from ..sql.tables import RevisionRow
 from ..store.head import hash_of
 from ..store.snapshot import View, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
+from .merge_sayings import MergeSaying, compare_sayings, read_sayings, say_all
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
@@ -57,6 +59,7 @@ from .revisions import Revision, read_numbered, read_position, read_revisions
 
 logger = logging.getLogger("kant_sql.history")
 
+_EVER = datetime.max.replace(tzinfo=UTC)
 _SOURCE = cast(RevisionRow.source, Text)
 # Canonical JSON sorts its keys: the source of a merge begins so.
 _MERGES = Query(
@@ -80,9 +83,10 @@ class _Trace:
         now: its text after the range.
         first: the first revision that changed it.
         last: the last revision that changed it.
+        since: what revisions after that one made of it.
     """
 
-    __slots__ = ("_asserted", "before", "first", "last", "name", "now", "then")
+    __slots__ = ("_asserted", "before", "first", "last", "name", "now", "since", "then")
 
     def __init__(self, name: str, number: int) -> None:
         self.name = name
@@ -90,6 +94,7 @@ class _Trace:
         self.before: str | None = None
         self.then: str | None = None
         self.now: str | None = None
+        self.since: dict[int, str | None] = {}
 
     def add(self, number: int, change: Change, split: int) -> None:
         """Add a change; within a revision, what it asserts comes first."""
@@ -103,8 +108,10 @@ class _Trace:
         self.last = number
         if number <= split:
             self.then = self.now
-        elif self.first > split:
-            self.then = self.before
+        else:
+            self.since[number] = self.now
+            if self.first > split:
+                self.then = self.before
 
 
 class _Side(NamedTuple):
@@ -112,19 +119,17 @@ class _Side(NamedTuple):
 
     traces: dict[Key, _Trace]
     definitions: Definitions
-    sayings: list[tuple[int, str]]  # what was said of periods, with the revisions
+    sayings: list[MergeSaying]  # what was said of periods
     pseudonyms: set[str]  # given out by erasures
 
 
 def _read_side(
     session: Session, kb_id: int, definitions: Definitions, low: int, high: int, split: int
 ) -> _Side:
-    """Read what a range of revisions changed, in one statement."""
+    """Read what a range of revisions changed, in two statements."""
     traces: dict[Key, _Trace] = {}
-    sayings, pseudonyms = [], set[str]()
+    pseudonyms = set[str]()
     for number, change in stream_changes(session, kb_id, low, high):
-        if change.kind == SAYING and number > split:
-            sayings.append((number, change.text))
         if change.kind == ERASURE:
             _, _, said = change.text.partition(" :as ")
             pseudonyms.add(json.loads(said.partition(" :parts ")[0]))
@@ -134,7 +139,7 @@ def _read_side(
             if key not in traces:
                 traces[key] = _Trace(name, number)
             traces[key].add(number, change, split)
-    return _Side(traces, definitions, sayings, pseudonyms)
+    return _Side(traces, definitions, read_sayings(session, kb_id, low, high), pseudonyms)
 
 
 class _Branch(NamedTuple):
@@ -147,6 +152,7 @@ class _Branch(NamedTuple):
     base: int  # that revision, or the one of the last merge here
     merged: int  # its own revision then
     merges: list[tuple[int, int, str]]  # all merges of branches of its name
+    own: frozenset[int]  # the merges here of what it says up to its head
 
 
 def _find(state: State, branch: State) -> _Branch:
@@ -178,10 +184,14 @@ def _find(state: State, branch: State) -> _Branch:
     merges = store.query_in_snapshot(compare)
     numbers = {number for _, number, _ in merges}
     known = read_revisions(other, numbers)
-    for here, number, digest in merges:
-        if number <= last.number and number in known and known[number].hash == digest:
-            return _Branch(other.name, last.number, last.hash, origin, here, number, merges)
-    return _Branch(other.name, last.number, last.hash, origin, origin, 1, merges)
+    own = {
+        here: number
+        for here, number, digest in merges
+        if number <= last.number and number in known and known[number].hash == digest
+    }
+    base, merged = next(iter(own.items()), (origin, 1))
+    ends = last.number, last.hash, origin, base, merged
+    return _Branch(other.name, *ends, merges, frozenset(own))
 
 
 def _read_ends(
@@ -228,8 +238,11 @@ class _Comparison:
         self._mentioned = {key for key in traces if key[0] in MENTIONED}
         texts = ((key, self.text(OURS, key), self.text(THEIRS, key)) for key in self._mentioned)
         self._deleted = {key for key, own, other in texts if (own is None) != (other is None)}
-        # What is taken over from the branch.
+        # What is taken over from the branch, of what it has said of periods, too.
         self.brought: set[Key] = set()
+        self.said: list[MergeSaying] = []
+        # What it has said of periods, with what contradicts it here.
+        self.sayings: list[tuple[MergeSaying, MergeSaying | None]] = []
         # What is in conflict, with those that use it, and on which side they are.
         self.conflicts: dict[Key, tuple[str, list[Key]]] = {}
         self._uses: dict[str, dict[Key, list[Key]]] = {}
@@ -237,7 +250,7 @@ class _Comparison:
             if trace.last > branch.merged and not self._agree(key):
                 own = ours.traces.get(key)
                 is_ours = own is not None and own.last > branch.base
-                if is_ours or not _same(key, self.text(OURS, key), trace.then):
+                if is_ours or not is_same(key, self.text(OURS, key), trace.then):
                     self.conflicts[key] = "", []
                 else:
                     self.brought.add(key)
@@ -250,7 +263,7 @@ class _Comparison:
         return own[key].now if key in own else other[key].before
 
     def _agree(self, key: Key) -> bool:
-        return _same(key, self.text(OURS, key), self.text(THEIRS, key))
+        return is_same(key, self.text(OURS, key), self.text(THEIRS, key))
 
     @property
     def is_mixed(self) -> bool:
@@ -344,15 +357,17 @@ class _Comparison:
                 text = self.text(side, key)
                 if text is not None:
                     yield Change(sign, key[0], text)
+        yield from (Change(ASSERTED, SAYING, said.text) for said in self.said)
 
     def refuse_pseudonyms(self) -> None:
         """Refuse what names somebody by what both erased somebody as: it may be two."""
         both = set.intersection(*(side.pseudonyms for side in self._sides.values()))
         for change in self.changes() if both else ():
             if both & {*tokenize(change.text)}:
+                remedy = "decide 'ours'" if change.kind == SAYING else "delete it in the branch"
                 raise ConflictError(
                     f"{change.kind} {change.text} names an object that was erased in the branch; "
-                    "another may be called so here since an erasure: delete it in the branch"
+                    f"another may be called so here since an erasure: {remedy}"
                 )
 
     def element(self, key: Key) -> str:
@@ -362,8 +377,10 @@ class _Comparison:
 
     def numbers(self, side: str) -> set[int]:
         """Return the revisions by which a side changed what is in conflict."""
-        traces = self._sides[side].traces
-        return {traces[key].last for key in self.conflicts if key in traces}
+        traces, place = self._sides[side].traces, 0 if side == THEIRS else 1
+        sayings = [pair[place] for pair in self.sayings if pair[1] is not None]
+        said = {each.number for each in sayings if each is not None}
+        return said | {traces[key].last for key in self.conflicts if key in traces}
 
     def side(self, side: str, key: Key, revisions: Mapping[int, Revision]) -> MergeSide:
         """Describe one side of a conflict."""
@@ -378,19 +395,6 @@ class _Comparison:
         """Return what an element was in the base."""
         own = self._sides[THEIRS].traces.get(key)
         return self._sides[OURS].traces[key].before if own is None else own.then
-
-
-def _same(key: Key, one: str | None, other: str | None) -> bool:
-    """Return whether two texts of an element say the same."""
-    if one is None or other is None or fold(one) == fold(other):
-        return (one is None) == (other is None)
-    if key[0] != VALUE:
-        return False
-    numbers = [text[3:-1].rpartition(" ")[2] for text in (one, other)]
-    with suppress(ArithmeticError):
-        # 10 and 10.0 are the same number.
-        return Decimal(numbers[0]) == Decimal(numbers[1])
-    return False
 
 
 def _read_decisions(decide: Mapping[str, Decision] | None) -> dict[str, Decision]:
@@ -409,6 +413,18 @@ def _read_decisions(decide: Mapping[str, Decision] | None) -> dict[str, Decision
     return {fold(element.strip()): side for element, side in decide.items()}
 
 
+def _said_here(session: Session, kb_id: int, side: _Side, asked: Set[Key]) -> list[MergeSaying]:
+    """Return what was said of elements: from a commit on, and of periods, which overrides it."""
+    traces = [(key, side.traces[key]) for key in asked & side.traces.keys()]
+    plain = [(number, key, text) for key, one in traces for number, text in one.since.items()]
+    revisions = read_numbered(session, kb_id, {number for number, *_ in plain})
+    found = [
+        MergeSaying(number, key, text, text or "", revisions[number].committed_at, _EVER)
+        for number, key, text in plain
+    ]
+    return found + [said for said in side.sayings if said.key in asked]
+
+
 class _Merging:
     """One merge: reads the branch, then compares and writes where the head is locked."""
 
@@ -424,6 +440,7 @@ class _Merging:
             return _read_side(view.session, view.kb_id, view.definitions, *own)
 
         self._theirs = self._other.read_in_snapshot(read, found.head)
+        self._sayings = [said for said in self._theirs.sayings if said.number > found.merged]
 
     def compare(
         self, session: Session, kb_id: int, definitions: Definitions, head: int
@@ -441,9 +458,10 @@ class _Merging:
         ours = _read_side(session, kb_id, definitions, found.origin + 1, head, found.base)
         compared = _Comparison(found, ours, self._theirs)
         decided = self._decide(compared)
+        known = _said_here(session, kb_id, ours, {said.key for said in self._sayings})
+        compared.sayings = [*compare_sayings(self._sayings, known, found.own)]
         here = read_numbered(session, kb_id, compared.numbers(OURS))
-        said = {number for number, _ in self._theirs.sayings}
-        there = read_revisions(self._other, compared.numbers(THEIRS) | said)
+        there = read_revisions(self._other, compared.numbers(THEIRS))
         conflicts = [
             MergeConflict(
                 compared.element(key),
@@ -454,8 +472,8 @@ class _Merging:
             )
             for key in compared.conflicts
         ]
-        conflicts += self._sayings(there)
-        self._refuse_unknown(conflicts)
+        conflicts += self._decide_sayings(compared, here, there)
+        self._refuse_unknown(conflicts, [said.element for said, _ in compared.sayings])
         made = Merge(
             *(found.name, found.head, found.hash, found.base, head),
             tuple(sorted(compared.changes())),
@@ -473,33 +491,33 @@ class _Merging:
         compared.decide(decided)
         return decided
 
-    def _sayings(self, revisions: Mapping[int, Revision]) -> Iterator[MergeConflict]:
-        for number, text in self._theirs.sayings:
-            element = f"{SAYING} {text}"
-            decided = self._given.get(fold(element), self._given.get(fold(text)))
-            if decided == THEIRS:
-                raise InvalidArgumentError(
-                    f"{element} cannot be merged: a revision is about one period. Say it here in "
-                    "kb.transaction(valid_from=..., valid_until=...), and decide 'ours'"
-                )
-            theirs = MergeSide(text, revisions.get(number))
-            yield MergeConflict(element, None, MergeSide(None, None), theirs, decided)
+    def _decide_sayings(
+        self, compared: _Comparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
+    ) -> Iterator[MergeConflict]:
+        """Take over what was said of periods, unless it is in conflict or decided otherwise."""
+        for said, against in compared.sayings:
+            decided = self._given.get(fold(said.element), self._given.get(fold(said.text)))
+            if decided == THEIRS or (against is None and decided is None):
+                compared.said.append(said)
+            if against is not None:
+                ours = MergeSide(against.text or None, here.get(against.number))
+                theirs = MergeSide(said.text, there.get(said.number))
+                yield MergeConflict(said.element, None, ours, theirs, decided)
 
-    def _refuse_unknown(self, conflicts: Sequence[MergeConflict]) -> None:
-        """Refuse decisions about what is no conflict, or about several."""
-        names = [fold(each.element) for each in conflicts]
+    def _refuse_unknown(self, conflicts: Iterable[MergeConflict], sayings: Iterable[str]) -> None:
+        """Refuse decisions about what is no conflict and no saying, or about several."""
+        elements = [*dict.fromkeys((*(each.element for each in conflicts), *sayings))]
+        names = [fold(each) for each in elements]
         bare = [name.partition(" ")[2] for name in names]
         for given in self._given:
-            several = [
-                each.element for each, own in zip(conflicts, bare, strict=True) if own == given
-            ]
+            several = [each for each, own in zip(elements, bare, strict=True) if own == given]
             if given in names or len(several) == 1:
                 continue
             if several:
                 raise InvalidArgumentError(
                     f"{given!r} is in several conflicts: decide {' and '.join(map(repr, several))}"
                 )
-            known = ", ".join(repr(each.element) for each in conflicts[:NAMED]) or "none"
+            known = ", ".join(map(repr, elements[:NAMED])) or "none"
             raise InvalidArgumentError(
                 f"{given!r} is not a conflict of this merge; the conflicts are: {known}"
             )
@@ -514,6 +532,7 @@ class _Merging:
             raise MergeConflictError(self._said(undecided), made.conflicts)
         compared.refuse_pseudonyms()
         carry(transaction, self._theirs.definitions, compared.wanted())
+        say_all(transaction, compared.said)
         if compared.is_mixed:
             refuse_misfits(transaction)
         return made

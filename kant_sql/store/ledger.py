@@ -234,25 +234,29 @@ _UNSAID: Row = (None, None)
 
 
 class NewSaying(NamedTuple):
-    """What a revision says of an element: the columns of its row after the keys, and its text."""
+    """What a revision says of an element: its text, and the columns of its row after the keys."""
 
-    columns: Row
     text: str
+    columns: Row
 
 
 class SayingLedger(Ledger[int, NewSaying]):
-    """What a transaction says of its period, of facts or of fluents: at most once of each."""
+    """What a transaction says of its period, or of one after the other: at most once of each."""
 
     versions: SayingTable
 
     def __init__(self, context: WriteContext, tables: SayingTable, period: Period) -> None:
         super().__init__(context, lambda _: None)
-        self.period = period
         self.versions = tables
         self._last: dict[int, Row] = {}
         self._was_spilled = False
-        ends = (*map(context.session.from_time, period[:2]), fork_of_period(*period[:2]))
-        self._ends: Row = ends
+        self.turn_to(period)
+
+    def turn_to(self, period: Period) -> None:
+        """Set the period of which it is said from now on."""
+        self.period = period
+        times = map(self.context.session.from_time, period[:2])
+        self._ends: Row = (*times, fork_of_period(*period[:2]))
 
     def load(self, ids: Iterable[int]) -> None:
         """Read what earlier revisions said last of some elements, in one statement."""
@@ -275,7 +279,8 @@ class SayingLedger(Ledger[int, NewSaying]):
 
     def say(self, id_: int, columns: Row, text: str) -> bool:
         """Say something of an element; return whether that is a change."""
-        said = None if self.last(id_)[0] == text else NewSaying(columns, text)
+        columns = (*self._ends, text, *columns)
+        said = None if self.last(id_)[0] == text else NewSaying(text, columns)
         if said == self.now(id_):
             return False
         self.put(id_, said)
@@ -296,9 +301,8 @@ class SayingLedger(Ledger[int, NewSaying]):
         return SAYING, value.text
 
     def _rows(self, opened: list[tuple[int, NewSaying]]) -> Iterable[tuple[Insert, list[Row]]]:
-        place, ends = (self.context.number,), self._ends
-        kb = self.context.kb_id
-        rows = [(kb, id_, *place, *ends, text, *columns) for id_, (columns, text) in opened]
+        kb, number = self.context.kb_id, self.context.number
+        rows = [(kb, id_, number, *said.columns) for id_, said in opened]
         return ((self.versions.new, rows),)
 
 
@@ -392,14 +396,24 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         if self.sayings is not None:
             self.sayings.forget()
 
-    def intern(self, key: Any, text: str) -> I:
-        """Find the identity of an element, or make it."""
-        found = self.find_one(key)
-        if found is None:
-            [id_] = self.context.allocate(1)
-            found = self.identity(id_, key, text)
-            self._add({id_: found}, {id_: None})
-        return found
+    def intern(self, texts: Mapping[Any, str]) -> dict[Any, I]:
+        """Find the identities of elements, or make them."""
+        found = self.find(texts)
+        new = [key for key in texts if key not in found]
+        ids = self.context.allocate(len(new))
+        made = {id_: self.identity(id_, key, texts[key]) for id_, key in zip(ids, new, strict=True)}
+        self._add(made, dict.fromkeys(made))
+        return found | {each.key: each for each in made.values()}
+
+    def say_all(self, period: Period, said: Mapping[Any, tuple[str, Any]]) -> None:
+        """Say of a period, one of several, what elements were: by key, the text and the value."""
+        if self.sayings is None:
+            self.sayings = SayingLedger(self.context, self.said_in, period)
+        self.sayings.turn_to(period)
+        found = self.intern({key: text for key, (text, _) in said.items()})
+        self.sayings.load([each.id for each in found.values()])
+        for key, each in found.items():
+            self._say(self.sayings, each, said[key][1])
 
     def _add_new(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
         """Assert elements that were never known before, in the period of the transaction if any."""
@@ -751,13 +765,15 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
             self.know(fluent)
             self.set(fluent, None)
 
-    def _say(self, sayings: SayingLedger, identity: GroundFluent, value: HeldValue | None) -> bool:
+    def _say(
+        self, sayings: SayingLedger, identity: GroundFluent, value: HeldValue | FluentValue | None
+    ) -> bool:
         id_, key, text = identity
         if value is None:
             return sayings.say(
                 id_, (key.function_id, None, None, None), sayings.period.text(text, False)
             )
-        own = value.value
+        own = value.value if isinstance(value, HeldValue) else value
         before = sayings.last(id_)[1]
         if before is not None and own.is_same(FluentValue(before)):
             # What was said last is found to be the same, however it is spelled.

@@ -353,7 +353,7 @@ class Store:
             if given not in (FROM_NOW_ON, outer.given):
                 raise InvalidArgumentError(
                     "this block is part of a transaction about another period, or from now on: a "
-                    "revision is about one period; end that transaction first, or give it this "
+                    "transaction is about one period; end that transaction first, or give it this "
                     "period"
                 )
             return outer.joined()

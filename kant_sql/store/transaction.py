@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import timedelta
 from itertools import chain
@@ -25,7 +25,7 @@ from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import Key
 from ..sql.query import Insert, Query
-from ..sql.rows import KB, table_of
+from ..sql.rows import FACT, KB, table_of
 from ..sql.tables import (
     ConfirmationRow,
     HeadRow,
@@ -278,6 +278,13 @@ class Transaction:
             yield
         finally:
             self._context.says = before
+
+    def say_all(self, period: Period, kind: str, said: Mapping[Any, tuple[str, Any]]) -> None:
+        """Say what facts or values were in a period, one of several of the revision."""
+        is_fact = kind == FACT
+        ledger = self.propositions if is_fact else self.values
+        ledger.say_all(period, said)
+        self._track(_PROPOSITIONS if is_fact else _VALUES, ledger)
 
     def refuse_period(self, what: str, remedy: str, *, unless_open: bool = False) -> None:
         """Refuse what cannot be said of a period; with `unless_open`, of one that is over."""

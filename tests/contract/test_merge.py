@@ -375,22 +375,6 @@ def test_a_rule_that_the_result_would_break_refuses(
     assert rooms.merge(trial).revision is None
 
 
-def test_what_was_said_of_a_period_stays_in_the_branch(
-    rooms: KnowledgeBase, branch_of: Branch
-) -> None:
-    trial = branch_of(rooms)
-    trial.propositions.save("(open p3)")
-    period = {"valid_from": "2020-01-01T00:00Z", "valid_until": "2020-01-02T00:00Z"}
-    with trial.transaction(actor="archivist", **period):  # type: ignore[arg-type]
-        trial.propositions.save("(open p1)")
-    (conflict,) = refused(rooms, trial).conflicts
-    assert conflict.element.startswith("saying (:held (open p1)")
-    assert conflict.theirs.revision.actor == "archivist"
-    with pytest.raises(InvalidArgumentError, match="Say it here"):
-        rooms.merge(trial, decide={conflict.element: "theirs"})
-    assert lines(rooms.merge(trial, decide={conflict.element: "ours"})) == ["+ fact (open p3)"]
-
-
 def test_only_a_branch_of_this_one_is_merged(
     rooms: KnowledgeBase, branch_of: Branch, connect: Connect
 ) -> None:
@@ -466,6 +450,9 @@ def test_the_statements_do_not_grow_with_rows(rooms: KnowledgeBase, branch_of: B
             trial.objects.save([f"t{name} - robot" for name in names])
             trial.function_values.set("home", objects=["rb1"], value=names[0])
             trial.actions.save("(:action go :parameters (?p - place) :effect (open ?p))")
+        with trial.transaction(valid_from="2 minutes ago", valid_until="1 minute ago"):
+            trial.propositions.delete_all([f"(at rb1 {name})" for name in names])
+            trial.propositions.save([f"(open {name})" for name in names])
         with rooms.transaction():
             for name in names:
                 rooms.propositions.delete(f"(at rb1 {name})")

@@ -1,0 +1,149 @@
+"""What a branch has said of periods, beside what was said of the same times here.
+
+A revision says one thing of an element at most, each of a period of its own.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator
+from datetime import datetime
+from heapq import heappop, heappush
+from itertools import groupby
+from operator import attrgetter, itemgetter
+from typing import Any, NamedTuple
+
+from sqlalchemy import literal_column, select, union_all
+
+from ..dao.function_value import FluentReferences
+from ..dao.proposition import References
+from ..documents.carry import Key, is_same
+from ..dto.lexical import fold
+from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError
+from ..knowledge.canonical import time_text
+from ..knowledge.sayings import Period
+from ..sql.changes import SAYING, in_range
+from ..sql.dialects.base import Session
+from ..sql.query import Query
+from ..sql.rows import ATOM_TABLES, FACT, KB, PROPOSITION, VALUE, looked_up
+from ..store.transaction import Transaction
+from .merged import NAMED
+
+
+class MergeSaying(NamedTuple):
+    """What a revision said of a fact or a fluent: of a period, or from its commit on."""
+
+    number: int
+    key: Key
+    content: str | None  # the text of the fact or value; None: it did not hold
+    text: str  # that of the change; nothing if the revision retracted it
+    begin: datetime
+    end: datetime
+
+    @property
+    def element(self) -> str:
+        """What it is decided by."""
+        return f"{SAYING} {self.text}"
+
+
+_SAYINGS = Query(
+    union_all(
+        *(
+            select(
+                *own.sayings.c["since", "text", "valid_from", "valid_until"],
+                literal_column(f"'{kind}'"),
+                looked_up(own.identity.c.text, own.identity.c.id, own.sayings.c[own.owner]),
+            ).where(own.sayings.c.kb_id == KB, in_range(own.sayings.c.since))
+            for kind, own in ((FACT, ATOM_TABLES[PROPOSITION]), (VALUE, ATOM_TABLES[VALUE]))
+        )
+    )
+)
+
+
+def read_sayings(session: Session, kb_id: int, low: int, high: int) -> list[MergeSaying]:
+    """Read what a range of revisions said of periods, the first revision first."""
+    found = []
+    for number, text, *ends, kind, name in session.rows(_SAYINGS, kb=kb_id, low=low, high=high):
+        said, _, content = text.partition(" :from ")[0].partition(" ")
+        held = content if said == "(:held" else None
+        found.append(
+            MergeSaying(number, (kind, fold(name)), held, text, *map(session.to_time, ends))
+        )
+    return sorted(found, key=attrgetter("number"))
+
+
+def compare_sayings(
+    theirs: Iterable[MergeSaying], ours: Iterable[MergeSaying], merges: Collection[int]
+) -> Iterator[tuple[MergeSaying, MergeSaying | None]]:
+    """Yield what of the sayings of a branch is new here, each with what contradicts it if anything.
+
+    What was said here by one of its merges does not; of what covers a time, the last counts.
+    """
+    sides: defaultdict[Key, tuple[list[MergeSaying], list[MergeSaying]]] = defaultdict(
+        lambda: ([], [])
+    )
+    for place, side in enumerate((theirs, ours)):
+        for each in side:
+            sides[each.key][place].append(each)
+    for key, (said, here) in sides.items():
+        for place, own in enumerate(said, 1):
+            if any(each.begin <= own.begin and own.end <= each.end for each in said[place:]):
+                # The branch itself has said something else since.
+                continue
+            beliefs = _beliefs(own, here)
+            known = [each for each in beliefs if each is not None]
+            others = [each for each in known if not is_same(key, each.content, own.content)]
+            against = [each for each in others if each.number not in merges]
+            # What is said of just this period here is not said again.
+            if others or None in beliefs or any(each[4:] != own[4:] for each in known):
+                yield own, max(against, key=attrgetter("number"), default=None)
+
+
+def _beliefs(own: MergeSaying, ours: Iterable[MergeSaying]) -> list[MergeSaying | None]:
+    """Return what was said here last of each part of a period; None: nothing."""
+    # The last first, of those that cover a time.
+    known = [(-n, one) for n, one in enumerate(ours) if one.begin < own.end and own.begin < one.end]
+    ends = {end for _, one in known for end in (one.begin, one.end) if own.begin < end < own.end}
+    known.sort(key=lambda each: each[1].begin, reverse=True)
+    active: list[tuple[int, MergeSaying]] = []
+    found = []
+    for at in sorted({own.begin, *ends}):
+        while known and known[-1][1].begin <= at:
+            heappush(active, known.pop())
+        while active and active[0][1].end <= at:
+            heappop(active)
+        found.append(active[0][1] if active else None)
+    return found
+
+
+def say_all(transaction: Transaction, sayings: Iterable[MergeSaying]) -> None:
+    """Say of periods what a branch has said; refuse what does not fit here."""
+    facts, fluents = References(transaction, are_goals=False), FluentReferences(transaction)
+    found: list[tuple[Period, str, Any, str, Any]] = []
+    wrong, now, first = [], transaction.head.clock, dict[Key, MergeSaying]()
+    for one in sorted(sayings, key=attrgetter("number")):
+        place, name = (Period(one.begin, one.end, False), one.key[0]), one.key[1]
+        if first.setdefault(one.key, one) is not one:
+            before = f"merge up to before it first, as in kb.merge(branch.at({one.number - 1}))"
+            wrong.append(f"{one.element}: a revision says one thing of an element, so {before}")
+        elif one.end > now:
+            wrong.append(f"{one.element}: it ends after the store's clock, {time_text(now)}")
+        try:
+            if one.key[0] == FACT:
+                found.append((*place, *facts.resolve(name), one.content and True))
+            elif one.content is not None:
+                found.append((*place, *fluents.entry(one.content)))
+            else:
+                function, *objects = name[1:-1].split()
+                found.append((*place, *fluents.resolve(function, objects)[1:], None))
+        except (InvalidKnowledgeError, UnknownNameError) as error:
+            wrong.append(f"{one.element}: {error}")
+    if wrong:
+        more = f"; and {len(wrong) - NAMED} more" if len(wrong) > NAMED else ""
+        raise ConflictError(
+            f"sayings of the branch cannot be taken over: {'; '.join(wrong[:NAMED])}{more}; "
+            "nothing was written: decide each as 'ours', or remove the cause"
+        )
+    of_period = itemgetter(0, 1)
+    for (period, kind), group in groupby(sorted(found, key=of_period), of_period):
+        transaction.say_all(period, kind, {key: (text, value) for _, _, key, text, value in group})
