@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..reasoning.rules import Verdict
     from ..reasoning.when import Held
 
-_CONDITION = c.Words("[URL] CONDITION", "sqlite:///robot.db '(robot_at ?r wp1)'")
+_CONDITION = c.CommandWords("[URL] CONDITION", "sqlite:///robot.db '(robot_at ?r wp1)'")
 _Words = Annotated[
     list[str], _CONDITION.argument("a condition in PDDL, such as '(robot_at ?r wp1)'.")
 ]
@@ -257,7 +257,9 @@ def _write_held(condition: str, printer: Printer, held: Held) -> None:
         _write_end(printer, "until", held.until, "  ", held.until_time)
 
 
-_RULES = c.Words("[URL] [FILE|PDDL]", "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'")
+_RULES = c.CommandWords(
+    "[URL] [FILE|PDDL]", "sqlite:///robot.db '(always (not (robot_at rb1 wp1)))'"
+)
 
 
 def rules(

@@ -77,7 +77,7 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
     return option(f"JSON Lines: one document per {noun}.", JSON_OPTION)
 
 
-class Words(NamedTuple):
+class CommandWords(NamedTuple):
     """The words of a command: the URL, from them or from the environment, and the rest."""
 
     usage: str  # what is optional behind the URL stands in square brackets

@@ -118,7 +118,7 @@ def _severity(finding: Diagnostic, strict: bool) -> str:
     return "error" if finding.is_error or strict else "warning"
 
 
-_WORDS = c.Words("[URL] FILE...", "sqlite:///robot.db domain.pddl problem.pddl")
+_WORDS = c.CommandWords("[URL] FILE...", "sqlite:///robot.db domain.pddl problem.pddl")
 # The share of the commit in the time of a long load.
 _COMMIT = 0.2
 # Full names of kinds that the log abbreviates.

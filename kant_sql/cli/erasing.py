@@ -22,8 +22,8 @@ Archive = Annotated[
 ]
 Parts = Annotated[str, c.option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")]
 _PARTS = "reason,source"
-_ERASE = c.Words("[URL] [OBJECT]", "sqlite:///robot.db maria")
-_RETENTION = c.Words("[URL]", "sqlite:///robot.db --after 30d")
+_ERASE = c.CommandWords("[URL] [OBJECT]", "sqlite:///robot.db maria")
+_RETENTION = c.CommandWords("[URL]", "sqlite:///robot.db --after 30d")
 
 
 def erase(

@@ -119,7 +119,7 @@ def log(
             )
 
 
-_ELEMENT = c.Words("[URL] NAME|PDDL", "sqlite:///robot.db '(robot_at rb1 wp1)'")
+_ELEMENT = c.CommandWords("[URL] NAME|PDDL", "sqlite:///robot.db '(robot_at rb1 wp1)'")
 _Words = Annotated[list[str], _ELEMENT.argument("a name, or PDDL such as '(robot_at rb1 wp1)'.")]
 
 
@@ -250,7 +250,7 @@ def _write_link(printer: Printer, link: CauseLink) -> None:
             printer.line(f"{indent}  {name}: {' '.join(map(printable, texts))}")
 
 
-_DIFF = c.Words("[URL] A[..B] [B]", "sqlite:///robot.db 12 '2 hours ago'")
+_DIFF = c.CommandWords("[URL] A[..B] [B]", "sqlite:///robot.db 12 '2 hours ago'")
 
 
 def diff(
@@ -283,7 +283,7 @@ def diff(
             write_changes(Printer(), changes)
 
 
-_RESTORE = c.Words("[URL] REV|TIME", "sqlite:///robot.db 12")
+_RESTORE = c.CommandWords("[URL] REV|TIME", "sqlite:///robot.db 12")
 
 
 def restore(
@@ -319,7 +319,7 @@ def restore(
         write_changes(printer, changes)
 
 
-_BRANCH = c.Words("[URL] [NAME]", "sqlite:///robot.db monday")
+_BRANCH = c.CommandWords("[URL] [NAME]", "sqlite:///robot.db monday")
 
 
 def branch(

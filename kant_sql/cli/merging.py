@@ -13,7 +13,7 @@ from .output import Printer, plural, write_json
 if TYPE_CHECKING:
     from ..history.merged import Decision, Merge
 
-_WORDS = c.Words("[URL] [BRANCH]", "sqlite:///robot.db trial")
+_WORDS = c.CommandWords("[URL] [BRANCH]", "sqlite:///robot.db trial")
 
 
 def merge(

@@ -166,7 +166,7 @@ def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
     return document
 
 
-_PLANS = c.Words("[URL] [ID]", "sqlite:///robot.db 57")
+_PLANS = c.CommandWords("[URL] [ID]", "sqlite:///robot.db 57")
 
 
 def plans(
@@ -251,7 +251,7 @@ def _write_recorded(printer: Printer, one: RecordedPlan) -> None:
     printer.table("steps", ("step", "action", "status"), rows)
 
 
-_STEP = c.Words("[URL] STEP", "sqlite:///robot.db '(move rb1 wp1 wp2)'")
+_STEP = c.CommandWords("[URL] STEP", "sqlite:///robot.db '(move rb1 wp1 wp2)'")
 _Step = Annotated[list[str], _STEP.argument("a step, such as '(move rb1 wp1 wp2)'.")]
 
 
@@ -279,7 +279,7 @@ def why_not(
         printer.line(f"{step} is applicable")
 
 
-_ACTION = c.Words("[URL] [ACTION]", "sqlite:///robot.db move")
+_ACTION = c.CommandWords("[URL] [ACTION]", "sqlite:///robot.db move")
 
 
 def applicable(
@@ -345,7 +345,7 @@ def apply(
     write_changes(printer, changes)
 
 
-_FILE = c.Words("[URL] [FILE]", "sqlite:///robot.db sas_plan")
+_FILE = c.CommandWords("[URL] [FILE]", "sqlite:///robot.db sas_plan")
 
 
 def validate(

@@ -8,15 +8,15 @@ from typing import Annotated
 import typer
 
 from ..errors import needing
-from .common import DEFAULT_NAME, Actor, AsJson, Target, Words, leaving_nothing
+from .common import DEFAULT_NAME, Actor, AsJson, CommandWords, Target, leaving_nothing
 from .output import Printer, plural, write_json
 
 ROS_MISSING = (
     "this needs rclpy, which comes with ROS 2 and not from pip; run: source "
     "/opt/ros/jazzy/setup.bash, in an environment with the Python of your ROS 2"
 )
-_NODE = Words("[URL] [ROS_ARGUMENT]...", "sqlite:///robot.db -- --ros-args -r __ns:=/rb1")
-_IMPORT = Words("[URL] BAG", "sqlite:///flight.db rosbag2_2026_03_02-14_03_00")
+_NODE = CommandWords("[URL] [ROS_ARGUMENT]...", "sqlite:///robot.db -- --ros-args -r __ns:=/rb1")
+_IMPORT = CommandWords("[URL] BAG", "sqlite:///flight.db rosbag2_2026_03_02-14_03_00")
 
 
 def ros(

@@ -17,7 +17,7 @@ from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
-from .common import AsJson, At, Name, Valid, Words, open_state, option
+from .common import AsJson, At, CommandWords, Name, Valid, open_state, option
 from .history import write_entry
 from .output import Document, Printer, write_each, write_json
 
@@ -44,7 +44,7 @@ _OfType = Annotated[
 ]
 
 
-_WORDS = Words("[URL] [REV|TIME]", "sqlite:///robot.db 19")
+_WORDS = CommandWords("[URL] [REV|TIME]", "sqlite:///robot.db 19")
 
 
 def show(

@@ -40,7 +40,7 @@ def upgrade(url: c.Url, as_json: c.AsJson = False) -> None:
     _write_version(url, as_json)
 
 
-_DOWNGRADE = c.Words("[URL] REV", "sqlite:///robot.db base")
+_DOWNGRADE = c.CommandWords("[URL] REV", "sqlite:///robot.db base")
 
 
 @db.command(context_settings={"ignore_unknown_options": True})
@@ -246,7 +246,7 @@ def anchor(
         typer.echo(knowledge_base.store.anchor().text())
 
 
-_BACKUP = c.Words("[URL] FILE", "sqlite:///robot.db monday.db")
+_BACKUP = c.CommandWords("[URL] FILE", "sqlite:///robot.db monday.db")
 
 
 def backup(

@@ -28,7 +28,6 @@ OF_FUNCTIONS = {
 # What a function has beyond a named element: why each other module mentions one.
 BEYOND = {
     "aio.py": "the awaitable DAO has its type",
-    "cli/state.py": "the command that sets a value",
     "dao/base.py": "a result of values builds the DTOs of their functions",
     "dao/function_value.py": "functions have values",
     "dao/proposition.py": "arguments of fluents and of facts are checked alike",
