@@ -81,8 +81,8 @@ HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]:
     """Select the last revision up to a time: a parameter, or a column of a table."""
-    # Times never go back, and only their index finds this one in a long history. PostgreSQL
-    # before 18 would sort all revisions before it to find the largest number of one time.
+    # Times never go back, and only their index finds this one in a long history. PostgreSQL 15
+    # would sort all revisions before it to find the largest number of one time.
     earlier = table_of(RevisionRow).alias().c
     times = (
         select(earlier.committed_at)
