@@ -82,11 +82,12 @@ class LaneSource(NamedTuple):
 
     def has_object(self) -> str:
         """Write the condition that an object of a name is among the arguments."""
+        return f"EXISTS (SELECT 1 FROM {self.arguments()} AND a.{self.owner} = p.id)"
+
+    def arguments(self) -> str:
+        """Write the rows of an object of a name as an argument."""
         table = "formula_term" if self.identity == "formula" else f"{self.identity}_argument"
-        return (
-            f"EXISTS (SELECT 1 FROM {table} AS a WHERE a.kb_id = :kb"
-            f" AND a.object_id = {_named('object', 'object')} AND a.{self.owner} = p.id)"
-        )
+        return f"{table} AS a WHERE a.kb_id = :kb AND a.object_id = {_named('object', 'object')}"
 
 
 def _named(table: str, parameter: str) -> str:
@@ -242,15 +243,12 @@ def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter, is_valid: 
     loops, counts = NESTED_LOOPS[dialect], []
     for kind in kinds:
         source = LANE_SOURCES[kind]
-        tables, order = f"{source.relation} AS p", f"p.{source.group}, p.arguments"
-        wanted = _places_text(loops, source, has)
-        if has.object is not None and kind != FORMULA:
-            named = (
-                f"SELECT DISTINCT one.{source.owner} AS id FROM {source.identity}_argument AS one"
-            )
-            tables = f"({named} WHERE one.kb_id = :kb AND {_WITH_OBJECT} LIMIT :most) AS named"
-            tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = named.id")
-        few = f"SELECT p.id FROM {tables} WHERE {wanted} ORDER BY {order} LIMIT :most"
+        tables, place = f"{source.relation} AS p", f"p.{source.group}, p.arguments"
+        if has.object is not None:
+            tables = f"(SELECT DISTINCT a.{source.owner} AS id FROM {source.arguments()}) AS owner"
+            tables += loops.loop("p", source.relation, "p.kb_id = :kb AND p.id = owner.id")
+        wanted = _places_text(loops, source, has._replace(object=None))
+        few = f"SELECT p.id FROM {tables} WHERE {wanted} ORDER BY {place} LIMIT :most"
         same = f"{_until(loops, source, 'few.id', True)} = 0"
         if is_valid and _has_sayings(kind):
             same += f" AND NOT {_is_said(source, 'few')}"
@@ -421,10 +419,10 @@ class FoundVersion(NamedTuple):
     number: float | None = None
 
 
-_VALUE_OF = (
-    ", coalesce(v.value, (SELECT o.name FROM object AS o WHERE o.kb_id = :kb"
-    " AND o.id = v.object_id)), v.number"
-)
+def value_of(alias: str) -> str:
+    """Write the text of a value: a number, or the name of an object."""
+    named = f"named.kb_id = :kb AND named.id = {alias}.object_id"
+    return f"coalesce({alias}.value, (SELECT named.name FROM object AS named WHERE {named}))"
 
 
 @cache
@@ -432,7 +430,8 @@ def _spans(dialect: str, kind: str) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
     before = loops.last(source.walk("l", "wanted.id0"), "wanted.id1", "l.since")
     walked = loops.walk(source.walk("v", "wanted.id0"), f"coalesce({before}, 0)", "wanted.id2")
-    columns = f"wanted.place, v.since, v.until{_VALUE_OF if source.has_values else ''}"
+    values = f", {value_of('v')}, v.number"
+    columns = f"wanted.place, v.since, v.until{values if source.has_values else ''}"
     tables = f"{loops.rows('spans', 3)} AS wanted{walked}"
     held = "v.until IS NULL OR v.until > wanted.id1"
     return Query(text(f"SELECT {columns} FROM {tables} WHERE {held}"))

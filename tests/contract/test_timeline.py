@@ -381,6 +381,9 @@ def test_folded_lanes_are_counted_as_they_are_chosen(
     count_, has_more = folded()
     assert has_more
     assert 3 <= count_ < 7  # type: ignore[operator]
+    # Among those of an object, only the wanted ones count.
+    kb.propositions.save(robot_at(OTHER, waypoint(35)))
+    assert folded(object="rb2", text="5") == (1, False)
     # Where nothing changed, what held is shown.
     assert len(kb.timeline(2, until=2).lanes) == 7
     assert len(kb.timeline(2, until=2, lanes=2).lanes) == 2
