@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
-from decimal import Decimal
 from functools import partial
 from typing import Any
 
@@ -14,7 +12,7 @@ from ..dao.dependants import Scope, delete_scope
 from ..dao.formula import read_formula, read_given
 from ..dao.text import TextReader
 from ..dto.elements import atom_text
-from ..dto.lexical import fold
+from ..dto.lexical import fold, is_same_number
 from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
 from ..knowledge import definitions as d
 from ..knowledge.canonical import canonical_text, with_text
@@ -62,11 +60,7 @@ def is_same(key: Key, one: str | None, other: str | None) -> bool:
         return (one is None) == (other is None)
     if key[0] != VALUE:
         return False
-    numbers = [text[3:-1].rpartition(" ")[2] for text in (one, other)]
-    with suppress(ArithmeticError):
-        # 10 and 10.0 are the same number.
-        return Decimal(numbers[0]) == Decimal(numbers[1])
-    return False
+    return is_same_number(*(text[3:-1].rpartition(" ")[2] for text in (one, other)))
 
 
 def _words(text: str) -> list[str]:

@@ -154,6 +154,16 @@ def check_name(kind: str, name: str) -> None:
 MAX_DIGITS = 400
 # What is added, subtracted and multiplied has an end, so this many digits are never used up.
 EXACT_DECIMALS = Context(prec=MAX_PREC, Emax=MAX_EMAX, Emin=MIN_EMIN)
+
+
+def is_same_number(one: str, other: str) -> bool:
+    """Return whether two texts are the same number, as 10 and 10.0 are."""
+    try:
+        return Decimal(one) == Decimal(other)
+    except ArithmeticError:
+        return False
+
+
 _NUMBERS = (int, float, Decimal)
 
 

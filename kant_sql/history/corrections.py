@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from decimal import Decimal
 from functools import cache
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from sqlalchemy import case, func, literal_column, or_, select, text, union_all
 
 from .. import html
+from ..dto.lexical import is_same_number
+from ..knowledge.sayings import last_said
 from ..moment_text import When
 from ..sql import tables as t
 from ..sql.changes import last_until
 from ..sql.dialects.base import Session
 from ..sql.dialects.words import NESTED_LOOPS, NestedLoops, Walk
-from ..sql.lanes import LANE_SOURCES, LaneSource
+from ..sql.lanes import LANE_SOURCES, LaneSource, value_of
 from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import FACT, KB, VALUE, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
-from .revisions import Revision, at_most, read_numbered
+from .revisions import LAST_MOMENT, Revision, at_most, read_numbered
 
 SAYING, VERSION = "saying", "version"
 HELD, NOT_HELD, NO_VALUE = "held", "not held", "no value"
@@ -84,17 +86,12 @@ class Correction:
 
 
 class _Layer(NamedTuple):
-    """What was said of a period: by a saying, or by a version from its revision to another."""
+    """What a revision said of a period: a saying, or what it asserted or retracted from then on."""
 
-    kind: str
     since: int
     begin: datetime
-    end: datetime | None
-    content: str
-    until: int | None = None
-
-    def covers(self, moment: datetime) -> bool:
-        return self.begin <= moment and (self.end is None or moment < self.end)
+    end: datetime
+    content: str  # empty: it did not hold, or had no value
 
 
 _ATOM, _SAID = table_of(t.PropositionRow).c, table_of(t.PropositionSayingRow).c
@@ -145,12 +142,6 @@ def _newest() -> Query:
     return Query(select(*few, *columns).order_by(few.since.desc(), few.owner))
 
 
-_SHOWN = (
-    "coalesce({0}.value, (SELECT n.name FROM object AS n WHERE n.kb_id = :kb"
-    f" AND n.id = {{0}}.object_id), '{NO_VALUE}')"
-)
-
-
 def _earlier(loops: NestedLoops, source: LaneSource) -> str:
     """Select what was said before some sayings of their periods, by sayings and by versions.
 
@@ -170,7 +161,7 @@ def _earlier(loops: NestedLoops, source: LaneSource) -> str:
     )
     said, held = f"CASE WHEN s.holds THEN '{HELD}' ELSE '{NOT_HELD}' END", f"'{HELD}'"
     if source.has_values:
-        said, held = map(_SHOWN.format, "sv")
+        said, held = (f"coalesce({value_of(alias)}, '{NO_VALUE}')" for alias in "sv")
     of_saying = f"'{SAYING}', s.since, s.valid_from, s.valid_until, {said}, CAST(NULL AS bigint)"
     of_version = f"'{VERSION}', v.since, {begin}, {end}, {held}, v.until"
     overlap = " WHERE s.valid_from < o.valid_until AND s.valid_until > o.valid_from"
@@ -267,70 +258,62 @@ def _batch(
     rows = session.rows(_newest(), kb=kb_id, low=low, high=high, behind=behind, size=BATCH)
     if not rows:
         return [], None
-    said = [_layer(session, row[0], *row[2:6]) for row in rows]
     spans = [
-        (row[1], row[7] or 0, min(row[8] or 0, one.since - 1), one.since)
-        for one, row in zip(said, rows, strict=True)
+        (owner, first or 0, min(last or 0, number - 1), number)
+        for _, owner, number, *_, first, last in rows
     ]
-    known: list[list[_Layer]] = [[] for _ in rows]
-    before = _before(session.backend.dialect.name)
-    for place, *layer in session.rows(before, kb=kb_id, said=json.dumps(spans)):
-        known[place].append(_layer(session, *layer))
-    compared = [
-        (one, row[6], *part)
-        for one, row, layers in zip(said, rows, known, strict=True)
-        for part in _differing(one, layers)
-    ]
-    numbers = {one.since for one, *_ in compared} | {part[-1] for part in compared if part[-1]}
+    compared = []
+    for row, layers in zip(rows, _read_layers(session, kb_id, spans), strict=True):
+        said = _layer(session, *row[2:6])
+        for part in _differing(row[0], said, layers):
+            compared.append((row[0], row[6], said, *part))
+    numbers = {said.since for _, _, said, *_ in compared}
+    numbers |= {part[-1] for part in compared if part[-1] is not None}
     revisions = read_numbered(session, kb_id, numbers)
     made = [
         Correction(
-            *(one.kind, shown, begin, end),
-            Belief(content, revisions.get(number) if number else None),
-            Belief(one.content, revisions.get(one.since)),
+            *(kind, shown, begin, end),
+            Belief(content, None if number is None else revisions.get(number)),
+            Belief(said.content, revisions.get(said.since)),
         )
-        for one, shown, begin, end, content, number in compared
+        for kind, shown, said, begin, end, content, number in compared
     ]
     return made, None if len(rows) < BATCH else (rows[-1][2], rows[-1][1])
 
 
-def _layer(session: Session, kind: str, since: int, begin: Any, end: Any, *said: Any) -> _Layer:
-    ended = None if end is None else session.to_time(end)
-    return _Layer(kind, since, session.to_time(begin), ended, *said)
+def _read_layers(
+    session: Session, kb_id: int, spans: Sequence[tuple[int, int, int, int]]
+) -> list[list[_Layer]]:
+    """Read what was said before each of some sayings; what counts more comes later."""
+    found: list[list[tuple[tuple[bool, int, bool], _Layer]]] = [[] for _ in spans]
+    query = _before(session.backend.dialect.name)
+    for place, kind, *said, until in session.rows(query, kb=kb_id, said=json.dumps(spans)):
+        layer, is_saying = _layer(session, *said), kind == SAYING
+        if until is not None:
+            retracted = _Layer(until, layer.end, LAST_MOMENT, "")
+            found[place].append(((False, until, False), retracted))
+        # A saying overrides what is said from a commit on, whichever came first.
+        found[place].append(((is_saying, layer.since, True), layer))
+    return [[layer for _, layer in sorted(each, key=itemgetter(0))] for each in found]
+
+
+def _layer(session: Session, since: int, begin: Any, end: Any, content: Any) -> _Layer:
+    ended = LAST_MOMENT if end is None else session.to_time(end)
+    return _Layer(since, session.to_time(begin), ended, str(content))
 
 
 def _differing(
-    said: _Layer, layers: list[_Layer]
+    kind: str, said: _Layer, layers: Iterable[_Layer]
 ) -> Iterator[tuple[datetime, datetime, str, int | None]]:
     """Give the parts of a saying's period of which something else was believed before."""
-    assert said.end is not None
-    ends = {end for one in layers for end in (one.begin, one.end) if end is not None}
-    cuts = sorted({said.begin, *(end for end in ends if said.begin < end < said.end)})
-    parts: list[tuple[datetime, datetime, str, int | None]] = []
-    for cut, end in zip(cuts, [*cuts[1:], said.end], strict=True):
-        content, number = _believed(said, layers, cut)
-        is_next = bool(parts) and parts[-1][2:] == (content, number)
-        parts.append((parts.pop()[0] if is_next else cut, end, content, number))
-    return (part for part in parts if not _is_same(said, part[2]))
-
-
-def _believed(said: _Layer, layers: list[_Layer], moment: datetime) -> tuple[str, int | None]:
-    """Return what was believed of a moment before a saying, and which revision said so."""
-    sayings = [one for one in layers if one.kind == SAYING and one.covers(moment)]
-    versions = [one for one in layers if one.kind == VERSION and one.begin <= moment]
-    last = max(sayings, key=lambda one: one.since, default=None)
-    if last is None:
-        last = max(versions, key=lambda one: one.since, default=None)
-    if last is not None and last.covers(moment):
-        return last.content, last.since
-    return NO_VALUE if said.kind == "value" else NOT_HELD, None if last is None else last.until
-
-
-def _is_same(said: _Layer, believed: str) -> bool:
-    """Return whether a belief is what was said: 10 and 10.0 are the same number."""
-    if said.content == believed or said.kind == "fact":
-        return said.content == believed
-    try:
-        return Decimal(said.content) == Decimal(believed)
-    except ArithmeticError:
-        return False
+    nothing = NO_VALUE if kind == VALUE else NOT_HELD
+    parts: list[tuple[datetime, str, int | None]] = []
+    for begin, last in last_said(said.begin, said.end, layers):
+        believed = (nothing, None) if last is None else (last.content or nothing, last.since)
+        if not parts or parts[-1][1:] != believed:
+            parts.append((begin, *believed))
+    ends = [*(begin for begin, *_ in parts[1:]), said.end]
+    for (begin, content, number), end in zip(parts, ends, strict=True):
+        is_number = kind == VALUE and is_same_number(said.content, content)
+        if content != said.content and not is_number:
+            yield begin, end, content, number

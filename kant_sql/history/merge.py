@@ -11,7 +11,6 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, literal_column, select
@@ -55,11 +54,10 @@ from .merge_sayings import MergeSaying, compare_sayings, read_sayings, say_all
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
-from .revisions import Revision, read_numbered, read_position, read_revisions
+from .revisions import LAST_MOMENT, Revision, read_numbered, read_position, read_revisions
 
 logger = logging.getLogger("kant_sql.history")
 
-_EVER = datetime.max.replace(tzinfo=UTC)
 _SOURCE = cast(RevisionRow.source, Text)
 # Canonical JSON sorts its keys: the source of a merge begins so.
 _MERGES = Query(
@@ -419,7 +417,7 @@ def _said_here(session: Session, kb_id: int, side: _Side, asked: Set[Key]) -> li
     plain = [(number, key, text) for key, one in traces for number, text in one.since.items()]
     revisions = read_numbered(session, kb_id, {number for number, *_ in plain})
     found = [
-        MergeSaying(number, key, text, text or "", revisions[number].committed_at, _EVER)
+        MergeSaying(number, key, text, text or "", revisions[number].committed_at, LAST_MOMENT)
         for number, key, text in plain
     ]
     return found + [said for said in side.sayings if said.key in asked]

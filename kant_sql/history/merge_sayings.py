@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
 from datetime import datetime
-from heapq import heappop, heappush
 from itertools import groupby
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from ..documents.carry import Key, is_same
 from ..dto.lexical import fold
 from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError
 from ..knowledge.canonical import time_text
-from ..knowledge.sayings import Period
+from ..knowledge.sayings import Period, last_said
 from ..sql.changes import SAYING, in_range
 from ..sql.dialects.base import Session
 from ..sql.query import Query
@@ -90,30 +89,13 @@ def compare_sayings(
             if any(each.begin <= own.begin and own.end <= each.end for each in said[place:]):
                 # The branch itself has said something else since.
                 continue
-            beliefs = _beliefs(own, here)
+            beliefs = [each for _, each in last_said(own.begin, own.end, here)]
             known = [each for each in beliefs if each is not None]
             others = [each for each in known if not is_same(key, each.content, own.content)]
             against = [each for each in others if each.number not in merges]
             # What is said of just this period here is not said again.
             if others or None in beliefs or any(each[4:] != own[4:] for each in known):
                 yield own, max(against, key=attrgetter("number"), default=None)
-
-
-def _beliefs(own: MergeSaying, ours: Iterable[MergeSaying]) -> list[MergeSaying | None]:
-    """Return what was said here last of each part of a period; None: nothing."""
-    # The last first, of those that cover a time.
-    known = [(-n, one) for n, one in enumerate(ours) if one.begin < own.end and own.begin < one.end]
-    ends = {end for _, one in known for end in (one.begin, one.end) if own.begin < end < own.end}
-    known.sort(key=lambda each: each[1].begin, reverse=True)
-    active: list[tuple[int, MergeSaying]] = []
-    found = []
-    for at in sorted({own.begin, *ends}):
-        while known and known[-1][1].begin <= at:
-            heappush(active, known.pop())
-        while active and active[0][1].end <= at:
-            heappop(active)
-        found.append(active[0][1] if active else None)
-    return found
 
 
 def say_all(transaction: Transaction, sayings: Iterable[MergeSaying]) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime
-from typing import NamedTuple
+from heapq import heappop, heappush
+from typing import NamedTuple, Protocol, TypeVar
 
 from ..errors import InvalidArgumentError
 from .canonical import in_utc, time_text
@@ -32,6 +34,40 @@ class Period(NamedTuple):
         """Write a saying: that a fact or a value held, or that a fact or fluent did not."""
         begin, end = map(time_text, self[:2])
         return f'(:{"held" if holds else "not-held"} {said} :from "{begin}" :until "{end}")'
+
+
+class OfPeriod(Protocol):
+    """What was said of the time from its beginning to its end."""
+
+    @property
+    def begin(self) -> datetime:
+        """The first time."""
+
+    @property
+    def end(self) -> datetime:
+        """Where it is over."""
+
+
+S = TypeVar("S", bound=OfPeriod)
+
+
+def last_said(begin: datetime, end: datetime, said: Iterable[S]) -> list[tuple[datetime, S | None]]:
+    """Return what counts in each part of a period, with where that begins; None: nothing.
+
+    Of what covers a time, the last counts.
+    """
+    rest = [(-n, one) for n, one in enumerate(said) if one.begin < end and begin < one.end]
+    ends = {at for _, one in rest for at in (one.begin, one.end) if begin < at < end}
+    rest.sort(key=lambda each: each[1].begin, reverse=True)
+    active: list[tuple[int, S]] = []
+    found: list[tuple[datetime, S | None]] = []
+    for at in sorted({begin, *ends}):
+        while rest and rest[-1][1].begin <= at:
+            heappush(active, rest.pop())
+        while active and active[0][1].end <= at:
+            heappop(active)
+        found.append((at, active[0][1] if active else None))
+    return found
 
 
 def make_period(given: Given, now: datetime, is_observed: bool = False) -> Period | None:
