@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import Any, NamedTuple, TypedDict, TypeVar
+from typing import NamedTuple, TypedDict, TypeVar
 
 from typing_extensions import override
 
@@ -34,6 +34,7 @@ from .problem import InitialStateReader, metric_of
 from .symbols import ANY, BoundVariable, Entity, SymbolTable, Types
 
 T = TypeVar("T")
+N = TypeVar("N", bound=f.Node)
 _TOKEN = re.compile(r"[()]|[^\s()]+")
 
 
@@ -233,12 +234,15 @@ def read_derived(text: str, *, symbols: SymbolTable) -> f.Derived:
     return rule
 
 
-def _read_initial(text: str, symbols: SymbolTable, part: str, expected: str) -> Any:
-    """Read one element of a part of an initial state."""
+def _initial_reader(text: str, symbols: SymbolTable) -> InitialStateReader:
     section = _section(text, "the initial state")
     reader = InitialStateReader(Diagnostics(strict=False), section, symbols)
     _refuse_unclosed(reader)
-    found = reader.one()[part]
+    return reader
+
+
+def _only(reader: InitialStateReader, found: tuple[N, ...], expected: str) -> N:
+    """Return the only element of a part of an initial state."""
     if not found:
         reader.fail(expected, at=0)
     _refuse_more(reader)
@@ -248,15 +252,15 @@ def _read_initial(text: str, symbols: SymbolTable, part: str, expected: str) -> 
 def read_initial_literal(text: str, *, symbols: SymbolTable) -> f.Not | f.Equal:
     """Read a literal of the initial state that is not a fact, such as `(not (open door1))`."""
     expected = "a literal such as (not (open door1)); kb.propositions takes facts"
-    found: f.Not | f.Equal = _read_initial(text, symbols, "literals", expected)
-    return found
+    reader = _initial_reader(text, symbols)
+    return _only(reader, reader.one()["literals"], expected)
 
 
 def read_timed_literal(text: str, *, symbols: SymbolTable) -> f.TimedLiteral:
     """Read a timed initial literal such as `(at 10 (open door1))`."""
     expected = "a timed literal such as (at 10 (open door1))"
-    found: f.TimedLiteral = _read_initial(text, symbols, "timed", expected)
-    return found
+    reader = _initial_reader(text, symbols)
+    return _only(reader, reader.one()["timed"], expected)
 
 
 def read_value(text: str, *, symbols: SymbolTable) -> ReadValue:

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass, field
 from decimal import Decimal
 from operator import getitem
-from typing import Any, Final
+from typing import Final, TypedDict
 
 from ..arguments import shown
 from ..dto import formulas as f
@@ -124,6 +124,15 @@ _FOREIGN: Final = {
 _TokenIndex = tuple[Section, int]
 
 
+class InitialState(TypedDict):
+    """The parts of an initial state, by their names in `Problem`."""
+
+    facts: tuple[f.Atom, ...]
+    literals: tuple[f.Not | f.Equal, ...]
+    values: tuple[FunctionValue, ...]
+    timed: tuple[f.TimedLiteral, ...]
+
+
 class InitialStateReader(FormulaReader):
     """A reader of an initial state of one or several sections."""
 
@@ -157,20 +166,24 @@ class InitialStateReader(FormulaReader):
         self.at += 1
         self.tokens[self._count :] = self._blocks.rest() + self._ends
 
-    def one(self) -> dict[str, tuple[Any, ...]]:
+    def one(self) -> InitialState:
         """Read one element."""
         self._lists = 0
         self._element()
         return self.state()
 
-    def state(self) -> dict[str, tuple[Any, ...]]:
-        """Return the parts of the initial state, by their names in `Problem`."""
+    def state(self) -> InitialState:
+        """Return the parts of the initial state."""
         literals = [one for one, place in self._literals.items() if self._agrees(one, place)]
         values = self._values
         if self._replaced:
             values = [one for number, one in enumerate(values) if number not in self._replaced]
-        whole = {"facts": tuple(self._facts), "timed": tuple(self._timed)}
-        return {**whole, "literals": tuple(literals), "values": tuple(values)}
+        return {
+            "facts": tuple(self._facts),
+            "literals": tuple(literals),
+            "values": tuple(values),
+            "timed": tuple(self._timed),
+        }
 
     def _agrees(self, literal: f.Not | f.Equal, place: _TokenIndex) -> bool:
         """Return whether a literal contradicts no fact; otherwise the fact holds, as in VAL."""
@@ -498,7 +511,7 @@ class ProblemReader:
         found = f"the constant '{name}' again"
         reader.deviate("objects that are not constants", "left out", found, at)
 
-    def _read_initial_state(self) -> dict[str, tuple[Any, ...]]:
+    def _read_initial_state(self) -> InitialState:
         sections = self._sections(":init")
         if not sections:
             self._head().deviate("(:init ...)", "read as (:init)", "no initial state", 0)
