@@ -405,8 +405,12 @@ class UpActions(UpConverter):
             if timing == [None]:
                 reason = "an effect of a durative action is at start or at end"
                 raise self._unsupported(change, reason)
-        kind = "effect" if operator == "assign" else f"{operator}_effect"
-        getattr(made, f"add_{kind}")(*timing, target, value, condition, effect.variables)
+        add = {
+            "assign": made.add_effect,
+            "increase": made.add_increase_effect,
+            "decrease": made.add_decrease_effect,
+        }[operator]
+        add(*timing, target, value, condition, effect.variables)
 
     def _point(self, time: str | None) -> Timing | None:
         from unified_planning import model
@@ -435,7 +439,10 @@ class UpActions(UpConverter):
             if effect.time is not None:
                 raise self._unsupported(change, "it has a time of its own")
             interval = [model.ClosedTimeInterval(model.StartTiming(), model.EndTiming())]
-        getattr(made, f"add_{change.operator}_continuous_effect")(*interval, target, rate)
+        if change.operator == "decrease":
+            made.add_decrease_continuous_effect(*interval, target, rate)
+        else:
+            made.add_increase_continuous_effect(*interval, target, rate)
 
 
 def _is_cost(change: f.Atom | f.Not | f.Assign | None) -> bool:
