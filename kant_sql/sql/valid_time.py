@@ -9,9 +9,10 @@ They are open and of fork 0, so a statement about any revision from the known on
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from datetime import datetime
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import Dialect, text
 
@@ -29,6 +30,8 @@ from .tables import TABLES
 _DEFINED = "type", "object", "predicate", "function"
 # Of what something may be said, and what owns it: the first columns of an index.
 _OWNERS = {"proposition": "predicate", "function_value": "function"}
+# Which ids a version and a saying must not be of.
+_LISTS = {"v": "replaced", "s": "misfit"}
 # What a statement calls the versions of one proposition, of which it gives the id.
 OWN = "own_version"
 _TEXT = (
@@ -53,15 +56,18 @@ def _held(table: str, rows: str, at: str, forks: str) -> str:
     return f"FROM {versions} AND v.kb_id = :kb AND v.since + 0 <= :{at} AND {until}"
 
 
-def _decides(words: Words, table: str, row: str, newer: str = "") -> str:
-    """Write that nothing else was said of an element that covers the time, and that it fits."""
-    id_ = f"{row}.{table}_id"
-    is_misfit = words.in_list.format(id_, f":misfit_{table}")
+def _fits(words: Words, table: str, row: str) -> str:
+    """Write that an element fits what is known; one of a version, that nothing replaces it."""
+    is_listed = words.in_list.format(f"{row}.{table}_id", f":{_LISTS[row]}_{table}")
+    return f"({is_listed}) IS NOT TRUE"
+
+
+def _decides(table: str, row: str, newer: str = "") -> str:
+    """Write that nothing else was said of an element that covers the time."""
     # With an offset, PostgreSQL makes no join of it, which without statistics it orders badly.
     return (
-        f"({is_misfit}) IS NOT TRUE AND NOT EXISTS "
-        f"(SELECT 1 FROM {table}_saying AS l WHERE {COVERS.format('l')} AND "
-        f"l.{table}_id = {id_}{newer} LIMIT 1 OFFSET 0)"
+        f"NOT EXISTS (SELECT 1 FROM {table}_saying AS l WHERE {COVERS.format('l')} AND "
+        f"l.{table}_id = {row}.{table}_id{newer} LIMIT 1 OFFSET 0)"
     )
 
 
@@ -79,8 +85,8 @@ def _said(words: Words, table: str, is_found: bool) -> str:
         own["is_goal"], holds = "CAST(0 AS BOOLEAN)", words.is_true.format("s.holds")
     else:
         own["text"], holds = _TEXT, "(s.number IS NOT NULL OR s.object_id IS NOT NULL)"
-    last = _decides(words, table, "s", " AND l.since + 0 > s.since")
-    where = f"{COVERS.format('s')} AND {holds} AND {last}"
+    last = _decides(table, "s", " AND l.since + 0 > s.since")
+    where = f"{COVERS.format('s')} AND {holds} AND {_fits(words, table, 's')} AND {last}"
     return f"SELECT {_columns(table, 's', **own)} FROM {rows} {where}"
 
 
@@ -88,11 +94,19 @@ def _said(words: Words, table: str, is_found: bool) -> str:
 _BY_KEY = "{table} AS v WHERE TRUE"
 
 
-def _overlaid(words: Words, table: str, rows: str, has_goals: bool = False) -> str:
+# How much was said of a time, of facts or of values: nothing, what is listed once, or more, so that
+# each version looks for its own.
+_Amount = Literal["nothing", "few", "many"]
+FEW = 1_000
+
+
+def _overlaid(said: _Amount, words: Words, table: str, rows: str, has_goals: bool = False) -> str:
     """Write what held of facts or values; goals are those of what is known."""
     is_found = rows == _BY_KEY
     own = {"since": "CAST(v.since + 0 AS BIGINT)"}
-    held = f"{_held(table, rows, 'valid_state', 'valid_forks')} AND {_decides(words, table, 'v')}"
+    held = f"{_held(table, rows, 'valid_state', 'valid_forks')} AND {_fits(words, table, 'v')}"
+    if said == "many":
+        held = f"{held} AND {_decides(table, 'v')}"
     if table == "proposition":
         held = f"{held} AND {words.is_fact.format('v')}"
     parts = [f"SELECT {_columns(table, 'v', **({} if is_found else own))} {held}"]
@@ -101,7 +115,9 @@ def _overlaid(words: Words, table: str, rows: str, has_goals: bool = False) -> s
         goals = _held(table, rows, "valid_known", "valid_goals")
         is_goal = words.is_true.format("v.is_goal")
         parts.append(f"SELECT {_columns(table, 'v', **own)} {goals} AND {is_goal}")
-    return " UNION ALL ".join([*parts, _said(words, table, is_found)])
+    if said != "nothing":
+        parts.append(_said(words, table, is_found))
+    return " UNION ALL ".join(parts)
 
 
 def _definitions(kind: str) -> str:
@@ -118,17 +134,17 @@ def _definitions(kind: str) -> str:
 
 
 @cache
-def _subqueries(words: Words) -> dict[str, Query]:
+def _subqueries(words: Words, facts: _Amount, values: _Amount) -> dict[str, Query]:
     """Return what takes the place of each table."""
     found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
     all_, by_object = words.held
     found |= {
-        "proposition_version": _overlaid(words, "proposition", all_, has_goals=True),
-        "proposition_held": _overlaid(words, "proposition", all_),
-        "proposition_found": _overlaid(words, "proposition", by_object),
-        OWN: _overlaid(words, "proposition", _BY_KEY, has_goals=True),
-        "function_value_version": _overlaid(words, "function_value", all_),
-        "function_value_found": _overlaid(words, "function_value", _BY_KEY),
+        "proposition_version": _overlaid(facts, words, "proposition", all_, has_goals=True),
+        "proposition_held": _overlaid(facts, words, "proposition", all_),
+        "proposition_found": _overlaid(facts, words, "proposition", by_object),
+        OWN: _overlaid(facts, words, "proposition", _BY_KEY, has_goals=True),
+        "function_value_version": _overlaid(values, words, "function_value", all_),
+        "function_value_found": _overlaid(values, words, "function_value", _BY_KEY),
     }
     return {name: Query(text(sql)) for name, sql in found.items()}
 
@@ -151,7 +167,7 @@ _NAMED = re.compile(
     rf"(?:{'|'.join(_OWNERS)})_(?:held|found))(?![\w.'])(?: AS (\w+))?"
 )
 # The statements that were written, by dialect; conditions are of any form.
-_WRITTEN: dict[tuple[str, str], str] = {}
+_WRITTEN: dict[tuple[str, tuple[_Amount, _Amount], str], str] = {}
 _KEPT = 2_000
 
 
@@ -165,12 +181,17 @@ class ValidTime:
         kb_id: the knowledge base; None before it has been written to.
         misfits: the ids of facts and of fluents that were so at the time, and do not fit what is
             known of their predicates, functions, types and objects; None before they are found.
+        said: the ids of those of which something was said that covers the time, by table; empty
+            where they are more than a few, and None before they are found.
+        forks: where these sayings are kept.
     """
 
     def __init__(self, moment: datetime, known: int, state: int) -> None:
         self.moment, self.known, self.state = moment, known, state
         self.kb_id: int | None = None
         self.misfits: dict[str, list[int]] | None = None
+        self.said: dict[str, list[int]] | None = None
+        self.forks = forks_at_time(moment)
         self._parameters: dict[str, Any] = {}
 
     def __str__(self) -> str:
@@ -178,7 +199,9 @@ class ValidTime:
 
     def text(self, sql: str, dialect: Dialect, words: Words) -> str:
         """Put it in the place of the tables that a statement names."""
-        made = _WRITTEN.get((dialect.name, sql))
+        amounts = self._amount("proposition"), self._amount("function_value")
+        key = dialect.name, amounts, sql
+        made = _WRITTEN.get(key)
         if made is None:
             if len(_WRITTEN) > _KEPT:
                 _WRITTEN.clear()
@@ -186,31 +209,54 @@ class ValidTime:
             def written(found: re.Match[str]) -> str:
                 name, alias = found.groups()
                 name = OWN if alias == OWN else name
-                return f"({_subqueries(words)[name].text(dialect)}) AS {alias or name}"
+                return f"({_subqueries(words, *amounts)[name].text(dialect)}) AS {alias or name}"
 
-            made = _WRITTEN[dialect.name, sql] = _NAMED.sub(written, sql)
+            made = _WRITTEN[key] = _NAMED.sub(written, sql)
         return made
+
+    def _amount(self, table: str) -> _Amount:
+        """Return how much was said."""
+        ids = (self.said or {}).get(table)
+        return "many" if ids is None else "few" if ids else "nothing"
+
+    def covered(self, session: Session) -> dict[str, Any]:
+        """Return the parameters by which sayings that cover the time are found."""
+        return {
+            "valid_known": self.known,
+            "valid_moment": session.from_time(self.moment),
+            "valid_periods": session.list_value(self.forks),
+        }
 
     def parameters(self, session: Session) -> dict[str, Any]:
         """Return the parameters that this adds to those of a statement."""
         if self._parameters:
             return self._parameters
+        misfits, said = self.misfits or {}, self.said or {}
         made = {
+            **self.covered(session),
             "kb": self.kb_id,
-            "valid_known": self.known,
             "valid_state": self.state,
-            "valid_moment": session.from_time(self.moment),
             "valid_forks": session.list_value(forks_at(self.state)),
             "valid_goals": session.list_value(forks_at(self.known)),
-            "valid_periods": session.list_value(forks_at_time(self.moment)),
-            **{
-                f"misfit_{table}": session.list_value((self.misfits or {}).get(table, ()))
-                for table in _OWNERS
-            },
         }
+        for table in _OWNERS:
+            unfit = misfits.get(table, [])
+            made[f"misfit_{table}"] = session.list_value(unfit)
+            made[f"replaced_{table}"] = session.list_value(unfit + said.get(table, []))
         if self.misfits is not None:
             self._parameters = made
         return made
+
+    def find_said(self, session: Session) -> None:
+        """Find of what something was said, and where that is kept."""
+        given = self.covered(session)
+        rows = session.rows(_of_what(session.words), **given, kb=self.kb_id, limit=FEW + 1)
+        if len(rows) <= FEW:
+            said = {table: [row[1] for row in rows if row[0] == table] for table in _OWNERS}
+            self.said, self.forks = said, sorted({fork for _, _, fork in rows})
+        else:
+            self.said = {}
+        self._parameters = {}
 
     def find_misfits(self, session: Session, definitions: Definitions) -> bool:
         """Find what does not fit, in the tables and in what was true.
@@ -242,23 +288,38 @@ class ValidTime:
         return bool(lost)
 
 
+def _covering(words: Words, columns: Callable[[str], str]) -> str:
+    """Select something of what was said of the time, by the name of the table."""
+    parts = []
+    for table, owner in _OWNERS.items():
+        table_ = f"{table}_saying"
+        rows = words.of_owners[0].format(owner=owner, table=table_, forks=":valid_periods")
+        parts.append(f"SELECT {columns(table)} FROM {rows} AND {COVERS.format('s')}")
+    return " UNION ALL ".join(parts)
+
+
 @cache
-def _covering(words: Words) -> Query:
+def _of_what(words: Words) -> Query:
+    """Select of what something was said, and where it is kept, of so many sayings at most."""
+    rows = _covering(words, lambda table: f"'{table}' AS kind, s.{table}_id AS id, s.fork AS fork")
+    return Query(text(f"{rows} LIMIT :limit"))
+
+
+@cache
+def _texts(words: Words) -> Query:
     """Select what was said of the time: the element, when, and the text of what held."""
     atom = "SELECT a.text FROM proposition AS a WHERE a.kb_id = :kb AND a.id = s.proposition_id"
     held = f"CASE WHEN {words.is_true.format('s.holds')} THEN ({atom}) END"
-    parts = []
-    for table, kind, shown in (("proposition", FACT, held), ("function_value", VALUE, _TEXT)):
-        owner, among = _OWNERS[table], words.of_owners[0]
-        rows = among.format(owner=owner, table=f"{table}_saying", forks=":valid_periods")
-        columns = f"'{kind}' AS kind, s.{table}_id AS id, s.since + 0 AS since, {shown} AS text"
-        parts.append(f"SELECT {columns} FROM {rows} AND {COVERS.format('s')}")
-    return Query(text(f"{' UNION ALL '.join(parts)} ORDER BY since"))
+    shown = {"proposition": (FACT, held), "function_value": (VALUE, _TEXT)}
+
+    def columns(table: str) -> str:
+        kind, held = shown[table]
+        return f"'{kind}' AS kind, s.{table}_id AS id, s.since + 0 AS since, {held} AS text"
+
+    return Query(text(f"{_covering(words, columns)} ORDER BY since"))
 
 
 def read_said(session: Session, kb_id: int, valid: ValidTime) -> dict[tuple[str, int], str | None]:
     """Read what was last said of a time, by kind and id: a text, or None for what did not hold."""
-    names = "valid_known", "valid_moment", "valid_periods"
-    given = valid.parameters(session)
-    rows = session.rows(_covering(session.words), **{name: given[name] for name in names}, kb=kb_id)
+    rows = session.rows(_texts(session.words), **valid.covered(session), kb=kb_id)
     return {(kind, id_): said for kind, id_, _, said in rows}

@@ -204,6 +204,7 @@ class DefinitionCache:
         # By the revision that last changed them.
         self._epochs: dict[int, Definitions] = {}
         self._erased: int | None = None
+        self._moved = 0  # the last change of definitions that a reader of the past has met
         self.forgotten = 0  # how often all of it was forgotten
 
     def forget(self) -> None:
@@ -220,6 +221,9 @@ class DefinitionCache:
     def adopt(self, other: DefinitionCache, revision: int, definitions: Definitions) -> None:
         """Keep definitions that another cache has, for a past revision."""
         self._erased, self._past = other._erased, {revision: definitions}
+        guess = other.guess(revision)
+        if guess is not None and guess.definitions is definitions:
+            self.snapshot = guess
 
     def load(self, session: Session, kb_id: int) -> Definitions:
         """Read the definitions of the head, in one statement."""
@@ -248,9 +252,9 @@ class DefinitionCache:
     def guess(self, revision: int | None) -> Snapshot | None:
         """Return definitions that are right unless another process has changed some meanwhile."""
         known = self.snapshot
-        if revision is None or known is None or revision >= known.definition_revision:
+        if known is None or revision is None:
             return known
-        return None
+        return known if revision >= max(known.definition_revision, self._moved) else None
 
     def known(self, revision: int | None) -> Definitions | None:
         """Return definitions that are in memory: those of a past revision never change."""
@@ -268,6 +272,7 @@ class DefinitionCache:
         archived: int,
     ) -> Definitions:
         """Return the definitions of a past revision, reading no more than has to be read."""
+        self._moved = max(self._moved, definition_revision)
         kept = self._past.get(revision)
         if kept is not None:
             return kept

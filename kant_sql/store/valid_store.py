@@ -16,6 +16,10 @@ from .store import Store
 
 T = TypeVar("T")
 
+# A first question asks for definitions, then for answers. Only a second is worth it to list what
+# was said of the time.
+FIRST_USES = 1
+
 
 class ValidStore(Store):
     """Reads what held at a time, as it is known at a revision, on the connections of a store."""
@@ -26,6 +30,7 @@ class ValidStore(Store):
         self.valid = valid  # the time and the revision
         # Definitions are others, also under the number of the same revision.
         self._definitions = DefinitionCache()
+        self._uses = 0  # since it is prepared
 
     @property
     @override
@@ -48,6 +53,10 @@ class ValidStore(Store):
         def overlaid(session: Session) -> T:
             if self.valid.misfits is None:
                 self._prepare(session)
+            elif self.valid.said is None and self.valid.kb_id is not None:
+                self._uses += 1
+                if self._uses > FIRST_USES:
+                    self.valid.find_said(session)
             with session.overlaid(self.valid):
                 return work(session)
 

@@ -275,6 +275,22 @@ def test_questions_of_valid_time_take_as_many_statements_however_much_was_said(
     assert all(few >= many and few <= most[name] for name, (few, many) in taken.items()), taken
 
 
+def test_a_view_of_valid_time_answers_by_one_statement_after_its_first_answers(
+    kb: KnowledgeBase,
+) -> None:
+    fill(kb, 20)
+    with kb.transaction(valid_from=LATE[0], valid_until=LATE[1]):
+        kb.propositions.save_all(map(fact, range(20)))
+    for moment in (*LATE, kb.store.revisions()[-1].committed_at):
+        view = kb.at(valid=moment)
+        for _ in range(3):
+            view.holds("(robot_at rb1 wp1)")
+        assert count(lambda: view.holds("(robot_at rb1 wp1)")) == 1  # noqa: B023
+    kb.types.save("another")
+    view.holds("(robot_at rb1 wp1)")
+    assert count(lambda: view.holds("(robot_at rb1 wp1)")) <= 2
+
+
 # By names, the versions and their revisions; of facts, also who confirmed them, and of which acts
 # they are effects. Of a formula, first all texts. The log is read in pages.
 PAST: dict[str, tuple[int, Call]] = {

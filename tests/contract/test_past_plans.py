@@ -120,6 +120,24 @@ def test_an_answer_of_a_valid_time_visits_about_as_much_as_one_of_a_revision(
     assert true <= 6 * visited(url, partial(answers, text, at))
 
 
+@pytest.mark.more
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_further_answers_of_a_view_of_valid_time_visit_about_as_much_as_those_of_a_revision(
+    url: str, name: str
+) -> None:
+    text, at = CONDITIONS[name], LAST // 2
+    views: list[kant_sql.KnowledgeBase] = []
+
+    def further(kb: kant_sql.KnowledgeBase) -> object:
+        if not views:
+            moment = START + (at - LONGEST // 2) * STEP
+            views.append(kb.at(known=LAST, valid=moment))
+            list(views[0].query(text))
+        return list(views[0].query(text))
+
+    assert visited(url, further) <= 3 * visited(url, partial(answers, text, at))
+
+
 def test_facts_of_an_object_at_a_valid_time_visit_about_as_much_as_at_a_revision(url: str) -> None:
     def visited_in(view: Callable[[kant_sql.KnowledgeBase], kant_sql.KnowledgeBase]) -> float:
         return visited(url, lambda kb: view(kb).propositions.get_by_object("b7"))

@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 
 import kant_sql
 from kant_sql import KnowledgeBase
+from kant_sql.sql import valid_time
+from kant_sql.store import valid_store
 from tests.support.profile import hunting
 from tests.support.two_clocks import FACTS, FLUENTS, OBJECTS, Content, Model, Plain, Writer
 
@@ -23,7 +25,12 @@ READS = 10
 AFTER = datetime.max.replace(tzinfo=UTC)
 
 
-def test_every_read_says_what_was_said_last(fresh_kb: KnowledgeBase) -> None:
+@pytest.mark.parametrize("few", [valid_time.FEW, 0], ids=["listed", "looked up"])
+def test_every_read_says_what_was_said_last(
+    fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, few: int
+) -> None:
+    monkeypatch.setattr(valid_time, "FEW", few)
+    monkeypatch.setattr(valid_store, "FIRST_USES", 0)
     writer = Writer(fresh_kb, seed=7)
     writer.run(30)
 
