@@ -109,6 +109,16 @@ def test_it_is_erased_in_both_and_in_replicas(
     assert kb.store.push(any_archive_url).revisions == 1
 
 
+def test_a_preview_lists_archives_that_are_called_so(
+    shared_url: str, connect: Connect, tmp_path: Path
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago", actor="test")
+    url = target_url(tmp_path, f"of {NAME}.db")
+    kb.store.archive(live(kb), to=url)
+    mention = kb.erasure_preview(NAME, archive=url).mentions[-1]
+    assert (mention.place, NAME in mention.text) == ("archive", True)
+
+
 def test_what_revisions_say_is_erased_by_rules(
     archived: KnowledgeBase, any_archive_url: str
 ) -> None:

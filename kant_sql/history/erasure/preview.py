@@ -26,8 +26,9 @@ LISTED = 100
 # How much two names have in common that are similar, from 0 to 1.
 _SIMILAR = 0.8
 _DOCUMENT = t.TABLES["document_version"]
+_Place = tuple[str, Any, str, str | None]
 # Texts that people and planners wrote, and that are not written again from rows.
-_PLACES: tuple[tuple[str, Any, str, str | None], ...] = (
+_PLACES: tuple[_Place, ...] = (
     ("actor", table_of(t.RevisionRow), "actor", "number"),
     ("reason", table_of(t.RevisionRow), "reason", "number"),
     ("source", table_of(t.RevisionRow), "source", "number"),
@@ -40,6 +41,11 @@ _PLACES: tuple[tuple[str, Any, str, str | None], ...] = (
     ("plan's domain", table_of(t.PlanRow), "domain_pddl", "since"),
     ("plan's problem", table_of(t.PlanRow), "problem_pddl", "since"),
     ("document's title", _DOCUMENT, "title", "since"),
+)
+# Where other stores are: of this store alone, also where an archive has the history.
+_URLS: tuple[_Place, ...] = (
+    ("archive", table_of(t.ArchiveRow), "target", "revision"),
+    ("origin", table_of(t.PromotionRow), "origin", "revision"),
 )
 
 
@@ -87,8 +93,7 @@ class ErasurePreview(NamedTuple):
 
 
 @cache
-def _mentions(number: int) -> Query:
-    _, table, column, revision = _PLACES[number]
+def _mentions(table: Any, column: str, revision: str | None) -> Query:
     said = cast(table.c[column], Text)
     at = null() if revision is None else table.c[revision]
     rows = select(at, said).where(table.c.kb_id == KB, contains(said))
@@ -138,7 +143,8 @@ def erasure_preview(
         done = Eraser(transaction, wanted, True, moved).run()
         own = transaction.session, transaction.kb_id
         name = wanted.name or ""
-        mentions = tuple(_mentioned(*(own if moved is None else moved.stores[:2]), name))
+        history = own if moved is None else moved.stores[:2]
+        mentions = (*_mentioned(*history, name, _PLACES), *_mentioned(*own, name, _URLS))
         similar = tuple(sorted(_similar(*own, name)))
         found = ErasurePreview(*done[1:6], mentions, similar)
         raise NothingErasedError
@@ -146,10 +152,13 @@ def erasure_preview(
     return found
 
 
-def _mentioned(session: Session, kb_id: int, name: str) -> Iterator[Mention]:
+def _mentioned(
+    session: Session, kb_id: int, name: str, places: tuple[_Place, ...]
+) -> Iterator[Mention]:
     patterns = patterns_of(session, name)
-    for number, (place, *_) in enumerate(_PLACES):
-        found = (session.rows(_mentions(number), kb=kb_id, pattern=each) for each in patterns)
+    for place, *column in places:
+        query = _mentions(*column)
+        found = (session.rows(query, kb=kb_id, pattern=each) for each in patterns)
         yield from (Mention(place, *row) for row in sorted({row for rows in found for row in rows}))
 
 
