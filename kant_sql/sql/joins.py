@@ -10,7 +10,7 @@ from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
 from ..knowledge.trees import ParameterDefinition
 from .condition_writer import ARGUMENT_COLUMNS, ConditionWriter, JoinedTables, Places
-from .estimates import domain_size
+from .estimates import COUNTED_OF_MANY, domain_size
 
 # How many rows a relation gives for each one that is joined with it, where nothing is counted.
 SOME = 100.0
@@ -195,7 +195,7 @@ class _Join:
         writer = self._writer
         if isinstance(fact, r.FluentIs) or writer.is_derived(fact):
             return 0
-        found = writer.facts_of(fact.predicate)
+        found = writer.facts_of(fact.predicate, COUNTED_OF_MANY if writer.is_past else 0)
         parameters = writer.definitions.predicates.live(fact.predicate).parameters
         for term, parameter in zip(fact.terms, parameters, strict=True):
             if self._is_bound(term):

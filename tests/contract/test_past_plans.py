@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import kant_sql
+from kant_sql.sql import estimates
 from tests.benchmarks.drivers import bare
 from tests.benchmarks.past import CONDITIONS, NAME, PERIODS, fill
 from tests.benchmarks.two_clocks import LATE, LONGEST, say_late
@@ -98,6 +99,15 @@ def check_visits(url: str, name: str, at: int) -> None:
 
 def test_facts_of_two_objects_are_looked_up_and_not_compared(url: str) -> None:
     check_visits(url, "places of two articles", LAST // 2)
+
+
+def test_a_join_of_the_past_goes_by_how_many_facts_hold_also_where_these_are_many(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = partial(answers, CONDITIONS["articles with one at p7"], LAST // 2)
+    counted = visited(url, call)
+    monkeypatch.setattr(estimates, "COUNTED", 10)
+    assert visited(url, call) == counted
 
 
 @pytest.mark.more
