@@ -7,8 +7,9 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
 from concurrent.futures import CancelledError
+from contextlib import asynccontextmanager
 from multiprocessing import get_context
 from threading import Event
 from typing import Any
@@ -354,20 +355,18 @@ def test_what_cannot_be_executed_is_refused_before_anything_is_written(kb: Knowl
         kb.execute("(switch room)", do_nothing)
 
 
-def run(url: str, test: Callable[[aio.AsyncKnowledgeBase], Awaitable[None]]) -> None:
-    async def main() -> None:
-        async with aio.connect(url, actor="executive") as kb:
-            await kb.load_domain(DOMAIN)
-            await kb.load_problem(PROBLEM)
-            await asyncio.wait_for(test(kb), LONG)
-
-    asyncio.run(main())
+@asynccontextmanager
+async def opened(url: str) -> AsyncIterator[aio.AsyncKnowledgeBase]:
+    async with aio.connect(url, actor="executive") as kb, asyncio.timeout(LONG):
+        await kb.load_domain(DOMAIN)
+        await kb.load_problem(PROBLEM)
+        yield kb
 
 
-def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
+async def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
     ended: list[str] = []
 
-    async def test(kb: aio.AsyncKnowledgeBase) -> None:
+    async with opened(url) as kb:
         moving = asyncio.Event()
 
         async def dispatch(step: Execution) -> None:
@@ -385,11 +384,9 @@ def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
         assert outcomes(found) == ["succeeded", "aborted", "failed", None]
         assert ended == ["(switch room)", "(clean hall)", "(move r1 hall room)"]
 
-    run(url, test)
 
-
-def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
-    async def test(kb: aio.AsyncKnowledgeBase) -> None:
+async def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
+    async with opened(url) as kb:
         running = asyncio.Event()
 
         async def dispatch(step: Execution) -> None:
@@ -404,5 +401,3 @@ def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
         [plan] = await kb.plans.get_all()
         assert [step.outcome for step in plan.steps] == ["aborted", None]
         assert plan.steps[0].text == "the plan was cancelled"
-
-    run(url, test)

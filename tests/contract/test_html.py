@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from functools import partial
 from itertools import islice
@@ -169,17 +168,12 @@ def test_hostile_texts_are_data(shared_url: str, connect: Connect) -> None:
         shown(value)
 
 
-def test_the_asynchronous_front_door_says_which_it_is() -> None:
-    async def main() -> tuple[str, bool, str]:
-        async with aio.connect("sqlite://", knowledge_base="tiago") as kb:
-            made = repr(kb), hasattr(kb, "_repr_html_")
-            return *made, repr(await kb.at(0))
-
-    now, is_shown, past = asyncio.run(main())
-    assert now == "<AsyncKnowledgeBase 'tiago' of sqlite://>"
-    assert past == "<AsyncKnowledgeBase 'tiago' of sqlite:// at revision 0>"
-    # It would have to read, and a notebook does not wait for a coroutine.
-    assert not is_shown
+async def test_the_asynchronous_front_door_says_which_it_is() -> None:
+    async with aio.connect("sqlite://", knowledge_base="tiago") as kb:
+        assert repr(kb) == "<AsyncKnowledgeBase 'tiago' of sqlite://>"
+        assert repr(await kb.at(0)) == "<AsyncKnowledgeBase 'tiago' of sqlite:// at revision 0>"
+        # It would have to read, and a notebook does not wait for a coroutine.
+        assert not hasattr(kb, "_repr_html_")
 
 
 def test_repr_of_a_knowledge_base_reads_nothing(kb: KnowledgeBase) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import sqlite3
 import tempfile
@@ -432,16 +431,13 @@ def test_a_knowledge_base_that_was_never_written_is_empty(
     assert (reader.revision, reader.propositions.get_all()) == (0, [])
 
 
-def test_it_is_the_same_for_asyncio(shared_url: str, connect: Connect) -> None:
+async def test_it_is_the_same_for_asyncio(shared_url: str, connect: Connect) -> None:
     connect(shared_url).propositions.save(robot_at())
 
-    async def main() -> None:
-        async with aio.connect(shared_url, read_only=True) as kb:
-            assert await kb.propositions.get_all() == [robot_at()]
-            with pytest.raises(ReadOnlyError):
-                await kb.propositions.save(robot_at(place=WP2))
-
-    asyncio.run(main())
+    async with aio.connect(shared_url, read_only=True) as kb:
+        assert await kb.propositions.get_all() == [robot_at()]
+        with pytest.raises(ReadOnlyError):
+            await kb.propositions.save(robot_at(place=WP2))
 
 
 @pytest.mark.parametrize("junk", [None, 1, "yes"])

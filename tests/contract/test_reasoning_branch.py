@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -396,30 +395,27 @@ def test_it_takes_one_statement_each(fresh_kb: KnowledgeBase) -> None:
 # With asyncio.
 
 
-def test_the_asynchronous_front_door_branches_compares_and_merges(url: str) -> None:
-    async def main() -> None:
-        async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
-            await kb.propositions.save(robot_at())
-            async with kb.branch() as trial:
-                await trial.propositions.save(robot_at(RB1, WP2))
-                changes = await kb.diff(kb, trial)
-                assert [" ".join(change) for change in changes] == [
-                    "+ fact (robot_at rb1 wp2)",
-                    "+ object wp2 - wp",
-                ]
-                assert len((await kb.merge_preview(trial)).changes) == 2
-                assert (await kb.merge(trial, expected_revision=1)).revision == 2
-            assert await kb.holds("(robot_at rb1 wp2)")
-            past = await kb.at(0)
-            trial = await past.branch()
-            assert await trial.revision() == 0
-            assert len(await trial.diff(trial, kb)) == 8
-            await trial.close()
-            async with kb.transaction():
-                with pytest.raises(ReadOnlyError, match="end it first"):
-                    await kb.branch()
-
-    asyncio.run(main())
+async def test_the_asynchronous_front_door_branches_compares_and_merges(url: str) -> None:
+    async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
+        await kb.propositions.save(robot_at())
+        async with kb.branch() as trial:
+            await trial.propositions.save(robot_at(RB1, WP2))
+            changes = await kb.diff(kb, trial)
+            assert [" ".join(change) for change in changes] == [
+                "+ fact (robot_at rb1 wp2)",
+                "+ object wp2 - wp",
+            ]
+            assert len((await kb.merge_preview(trial)).changes) == 2
+            assert (await kb.merge(trial, expected_revision=1)).revision == 2
+        assert await kb.holds("(robot_at rb1 wp2)")
+        past = await kb.at(0)
+        trial = await past.branch()
+        assert await trial.revision() == 0
+        assert len(await trial.diff(trial, kb)) == 8
+        await trial.close()
+        async with kb.transaction():
+            with pytest.raises(ReadOnlyError, match="end it first"):
+                await kb.branch()
 
 
 @needs_corpus

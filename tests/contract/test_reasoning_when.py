@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -447,14 +446,11 @@ def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: C
 # With asyncio.
 
 
-def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:
-    async def main() -> None:
-        async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
-            await kb.propositions.save(at(RB1, HALL))
-            await kb.propositions.delete(at(RB1, HALL))
-            found = [held async for held in kb.when("(robot_at ?r hall)")]
-            assert numbers(found) == [("rb1", 1, 2)]
-            verdicts = await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")
-            assert [one.revision and one.revision.number for one in verdicts] == [1]
-
-    asyncio.run(main())
+async def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:
+    async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
+        await kb.propositions.save(at(RB1, HALL))
+        await kb.propositions.delete(at(RB1, HALL))
+        found = [held async for held in kb.when("(robot_at ?r hall)")]
+        assert numbers(found) == [("rb1", 1, 2)]
+        verdicts = await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")
+        assert [one.revision and one.revision.number for one in verdicts] == [1]
