@@ -48,13 +48,9 @@ def test_what_was_done_is_shown_newest_first(url: str) -> None:
 @pytest.mark.parametrize(
     ("words", "count"),
     [
-        (["--outcome", "refused"], 1),
-        (["--action", "UNLOCK"], 2),
-        (["--action", "dock"], 1),
-        (["--object", "front", "-n", "1"], 1),
-        (["--actor", "executive"], 3),
-        (["--since", "4"], 2),
-        (["--until", "3"], 1),
+        *((["--outcome", "refused"], 1), (["--action", "UNLOCK"], 2), (["--action", "dock"], 1)),
+        *((["--object", "front", "-n", "1"], 1), (["--actor", "executive"], 3)),
+        *((["--since", "4"], 2), (["--until", "3"], 1)),
     ],
 )
 def test_filters(url: str, words: list[str], count: int) -> None:

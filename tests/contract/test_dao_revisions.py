@@ -165,10 +165,7 @@ def test_the_log_is_newest_first_and_in_the_order_of_the_hash(fresh_kb: Knowledg
         fresh_kb.types.save(PddlTypeDto("zebra"))
         fresh_kb.types.save(PddlTypeDto("Zebra2"))
     assert last_changes(fresh_kb) == [
-        "+ goal (robot_at rb1 wp1)",
-        "+ type Zebra2",
-        "+ type zebra",
-        "+ type ärger",
+        *("+ goal (robot_at rb1 wp1)", "+ type Zebra2", "+ type zebra", "+ type ärger"),
         "- fact (robot_at rb1 wp1)",
     ]
     entries = list(fresh_kb.log())

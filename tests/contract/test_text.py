@@ -464,10 +464,7 @@ def test_the_metric_is_given_as_text(world: KnowledgeBase) -> None:
     assert str(metric.get()) == "(:metric maximize (battery rb1))"
     assert metric.set("( :METRIC MAXIMIZE (Battery RB1))") is False
     for wrong in (
-        "(battery rb1)",
-        "(:metric maximize (batery rb1))",
-        "(:metric maximize 1) x",
-        "(",
+        *("(battery rb1)", "(:metric maximize (batery rb1))", "(:metric maximize 1) x", "("),
     ):
         refuses(world, PddlError, metric.set, wrong)
     assert metric.set(None) is True

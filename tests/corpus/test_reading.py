@@ -9,13 +9,8 @@ from kant_sql.pddl import read_domain, read_problem, write
 from tests.support.corpus import PAIRS, Pair, each_pair, needs_corpus
 
 VIOLATIONS = {
-    "odd:-type-no-space",
-    "odd:action-name-clash",
-    "odd:dup-pred-params",
-    "odd:name-chars",
-    "odd:object=type-name",
-    "odd:section-order",
-    "odd:several-toplevel",
+    *("odd:-type-no-space", "odd:action-name-clash", "odd:dup-pred-params", "odd:name-chars"),
+    *("odd:object=type-name", "odd:section-order", "odd:several-toplevel"),
     "odd:type=predicate-name",
 }
 

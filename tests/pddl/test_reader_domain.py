@@ -363,12 +363,9 @@ def test_one_source_may_use_what_another_declares() -> None:
 @pytest.mark.parametrize(
     "second",
     [
-        "(:predicates (free ?x))",
-        "(:predicates (at ?x - crate ?p - place))",
-        "(:functions (load ?t - truck) - place)",
-        "(:types truck - place)",
-        "(:constants hub - crate)",
-        "(:action a :parameters ())",
+        *("(:predicates (free ?x))", "(:predicates (at ?x - crate ?p - place))"),
+        *("(:functions (load ?t - truck) - place)", "(:types truck - place)"),
+        *("(:constants hub - crate)", "(:action a :parameters ())"),
     ],
 )
 def test_sources_that_contradict_each_other(second: str) -> None:

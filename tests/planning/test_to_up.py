@@ -21,10 +21,7 @@ def test_classical() -> None:
     made = convert()
     assert made.name == "morning"
     assert [str(type_) for type_ in made.user_types] == [
-        "vehicle",
-        "place",
-        "truck - vehicle",
-        "van - vehicle",
+        *("vehicle", "place", "truck - vehicle", "van - vehicle"),
     ]
     assert [item.name for item in made.all_objects] == ["t1", "t2", "v1", "p", "q"]
     action = made.action("move")

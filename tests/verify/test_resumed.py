@@ -383,10 +383,7 @@ def test_an_intact_one_is_told_though_another_writer_holds_the_store(
 
 
 NOT_KEPT = [
-    StatementTimeoutError,
-    ConnectionLostError,
-    StoreFullError,
-    StoreUnreachableError,
+    *(StatementTimeoutError, ConnectionLostError, StoreFullError, StoreUnreachableError),
     TransactionOpenError,
 ]
 

@@ -216,15 +216,10 @@ def test_two_terms_of_one_name_are_not_taken_for_each_other(bare: Bare) -> None:
     ("table", "column"),
     [
         ("function_value_version", "function_value_id"),
-        ("proposition_version", "proposition_id"),
-        ("proposition_argument", "proposition_id"),
-        ("execution_version", "plan_id"),
-        ("action_node", "action_id"),
-        ("object_version", "object_id"),
-        ("revision", "number"),
-        ("archive", "revision"),
-        ("head", "next_id"),
-        ("head", "archived_revision"),
+        *(("proposition_version", "proposition_id"), ("proposition_argument", "proposition_id")),
+        *(("execution_version", "plan_id"), ("action_node", "action_id")),
+        *(("object_version", "object_id"), ("revision", "number"), ("archive", "revision")),
+        *(("head", "next_id"), ("head", "archived_revision")),
     ],
 )
 def test_a_key_that_is_null_is_a_finding(bare: Bare, table: str, column: str) -> None:

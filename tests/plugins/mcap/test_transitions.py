@@ -115,10 +115,7 @@ def test_a_robot_is_at_one_place_after_the_other(story_url: str, tmp_path: Path)
         (at("14:10"), "t4"),
     ]
     assert of(found, BATTERY_RB1) == [
-        (at("08:05:01"), 100.0),
-        (at("12:00"), 75.5),
-        (at("13:30"), 40.0),
-        (at("15:00"), 100.0),
+        *((at("08:05:01"), 100.0), (at("12:00"), 75.5), (at("13:30"), 40.0), (at("15:00"), 100.0)),
     ]
     assert of(found, "/courier/fact/waiting/t1") == [
         (at("08:59:59"), True),

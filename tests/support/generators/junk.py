@@ -48,12 +48,7 @@ from tests.support.parts import PATHS, part
 from tests.support.worlds import depot
 from tests.support.worlds.robots import assigned
 
-MODULES = (
-    kant_sql,
-    kant_sql.pddl,
-    kant_sql.planning,
-    kant_sql.compat,
-)
+MODULES = (*(kant_sql, kant_sql.pddl, kant_sql.planning, kant_sql.compat),)
 
 
 class Hostile(Exception):
