@@ -62,10 +62,6 @@ def test_the_environment_gives_the_default_url(store: str, words: list[str]) -> 
     assert result.stdout == commands.run(*words, store).stdout
 
 
-def test_a_url_that_is_given_comes_before_the_environment(store: str) -> None:
-    assert commands.run("show", store, url="sqlite:///missing.db").exit_code == 0
-
-
 @pytest.mark.parametrize(
     "words",
     [

@@ -15,7 +15,6 @@ from sqlalchemy import select
 import kant_sql
 from kant_sql import (
     InvalidArgumentError,
-    KantSqlError,
     KnowledgeBase,
     ReadOnlyError,
     StoreError,
@@ -27,7 +26,6 @@ from kant_sql.errors import (
     ReadOnlyStoreError,
     SchemaMissingError,
     SchemaOutdatedError,
-    SchemaTooNewError,
 )
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.sql import schema
@@ -90,16 +88,6 @@ def test_outdated_tables_are_refused_with_the_command_that_updates_them(
 
 
 @migrates
-def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect) -> None:
-    connect(shared_url).close()
-    rows_of(shared_url, "UPDATE kant_sql_version SET version_num = '9999'")
-    with pytest.raises(SchemaTooNewError, match=r"version 9999.*install a newer kant-sql"):
-        connect(shared_url)
-    with pytest.raises(KantSqlError, match="9999"):
-        kant_sql.upgrade(shared_url)
-
-
-@migrates
 @pytest.mark.parametrize("is_there", [False, True], ids=["new", "empty"])
 def test_a_new_or_empty_file_becomes_a_store(
     tmp_path: Path, connect: Connect, is_there: bool
@@ -141,25 +129,6 @@ def test_a_database_of_somebody_else_is_refused_and_left_as_it_is(
     with pytest.raises(SchemaMissingError, match="no kant_sql tables"):
         connect(url)
     assert contents(tmp_path) == before
-
-
-@migrates
-@pytest.mark.more
-def test_the_version_table_of_the_users_own_alembic_is_left_alone(
-    shared_url: str, server: Server, tmp_path: Path
-) -> None:
-    is_file = shared_url.startswith("sqlite")
-    url = sqlite_url(tmp_path / "both.db") if is_file else server.new_database()
-    rows_of(url, "CREATE TABLE alembic_version (version_num VARCHAR(32) PRIMARY KEY)")
-    rows_of(url, "INSERT INTO alembic_version VALUES ('theirs')")
-    for step in (
-        kant_sql.upgrade,
-        lambda at: kant_sql.operations.downgrade(at, revision="base"),
-        kant_sql.upgrade,
-    ):
-        step(url)
-        assert rows_of(url, "SELECT version_num FROM alembic_version") == [("theirs",)]
-    kant_sql.connect(url).close()
 
 
 # Files.

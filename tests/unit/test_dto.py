@@ -175,14 +175,6 @@ def test_what_is_left_out_has_the_documented_default() -> None:
     assert (PddlActionDto("a").durative, PddlActionDto("a").duration) == (True, 10)
 
 
-def test_the_times_of_a_literal_are_pddls() -> None:
-    assert (Literal.AT_START, Literal.AT_END, Literal.OVER_ALL) == (
-        "at start",
-        "at end",
-        "over all",
-    )
-
-
 def test_parent_and_duration_are_given_by_keyword_only() -> None:
     make_type: Callable[..., PddlTypeDto] = PddlTypeDto
     make_action: Callable[..., PddlActionDto] = PddlActionDto

@@ -6,13 +6,12 @@ import copy
 import json
 import pickle
 from datetime import UTC, datetime
-from typing import Any
 
 import pytest
 
 from kant_sql import Plan, PlanStep
 from kant_sql.errors import ClosedError
-from kant_sql.html import LENGTH, ROWS, Feed, Listing, cut, fields, guarded, table, visible
+from kant_sql.html import LENGTH, ROWS, Listing, cut, fields, guarded, table, visible
 from kant_sql.html import lines as html_lines
 from kant_sql.operations import Finding, Verification
 from kant_sql.sql.changes import Change
@@ -86,25 +85,6 @@ def test_a_listing_shows_its_first_items_and_how_many_there_are() -> None:
     assert made.count("<tr>") == ROWS + 1
     assert "1 change<" in Listing(CHANGES[:1], "change")._repr_html_()
     assert Listing[Change]([], "change")._repr_html_().count("<table") == 0
-
-
-def test_a_feed_shows_its_first_page_without_being_consumed() -> None:
-    read: list[int | None] = []
-
-    def first(most: int | None) -> Any:
-        read.append(most)
-        return iter(CHANGES if most is None else (CHANGES * 100)[:most])
-
-    feed = Feed(first, None, noun="change")
-    assert iter(feed) is feed
-    assert next(feed) == CHANGES[0]
-    made = feed._repr_html_()
-    assert made.count("<tr>") == ROWS + 1
-    assert "and more" in made
-    assert read == [None, ROWS + 1]
-    assert [*feed] == CHANGES[1:]
-    with pytest.raises(StopIteration):
-        next(feed)
 
 
 def test_an_error_of_the_library_is_shown_and_no_other_is_hidden() -> None:
