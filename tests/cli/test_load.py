@@ -104,7 +104,7 @@ def test_several_files_are_one_domain(url: str, write: Callable[[str, str], str]
     with kant_sql.connect(url) as kb:
         assert kb.revision == 1
         assert [each.name for each in kb.pddl.domain().predicates] == [
-            *("at", "lies", "holds", "shut"),
+            *("at", "lies", "holds", "shut")
         ]
 
 

@@ -59,11 +59,7 @@ def test_a_plan_is_found_in_a_process_of_its_own(url: str) -> None:
     pytest.importorskip("up_pyperplan", reason="needs the extra planning")
     done = child("plan", url, "--at", "1", "--engine", "pyperplan", "--timeout", "50")
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [
-        "; revision 1",
-        "; solved_satisficing by pyperplan",
-        *STEPS,
-    ]
+    assert done.stdout.splitlines() == ["; revision 1", "; solved_satisficing by pyperplan", *STEPS]
 
 
 def test_no_plan_is_one_line(url: str) -> None:

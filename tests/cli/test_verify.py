@@ -260,8 +260,7 @@ def test_one_alone_continues_when_asked_to(own_file: str) -> None:
 def test_complete_since_begins_again_where_it_was_long_ago(fleet: str) -> None:
     verify_all(fleet)
     change(
-        fleet,
-        "UPDATE verification SET complete_at = '2020-01-01T00:00:00.000000Z' WHERE kb_id < 3",
+        fleet, "UPDATE verification SET complete_at = '2020-01-01T00:00:00.000000Z' WHERE kb_id < 3"
     )
     assert verify_all(fleet, "--complete-since", "7 days ago")[-1].endswith("3 continued")
     # What was begun again is complete now, so that a run that was ended goes on.

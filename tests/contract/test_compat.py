@@ -310,7 +310,7 @@ def test_a_mission_begins_anew_with_the_constants_and_actions_of_its_domain(
     assert objects.delete(home)
     # As in `:types`: what is of no type comes last, else it would be of the type that follows.
     assert [str(each) for each in types.get_all()] == [
-        *("dock - place", "room - place", "place", "robot"),
+        *("dock - place", "room - place", "place", "robot")
     ]
 
 

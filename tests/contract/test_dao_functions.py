@@ -604,7 +604,7 @@ BETWEEN: dict[str, list[Any]] = {
 BLOCKS = {
     "set back": [("set", ONE, 2), ("set", ONE, 0), ("set", ONE, 1)],
     "set back beside another change": [
-        *(("set", ONE, 2), ("unset", TWO, 0), ("set", ONE, 1), ("set", TWO, 1), ("set", TWO, 0)),
+        *(("set", ONE, 2), ("unset", TWO, 0), ("set", ONE, 1), ("set", TWO, 1), ("set", TWO, 0))
     ],
     "unset and set otherwise": [("unset", ONE, 0), ("set", ONE, 2), ("unset", TWO, 0)],
     "increased often": [("increase", ONE, 1), ("increase", ONE, 2), ("increase", TWO, 1)],

@@ -214,7 +214,7 @@ def test_an_equation_may_be_a_value_and_a_goal(depot_kb: KnowledgeBase) -> None:
 
 
 UNKNOWN = [
-    *("nobody", "(robot_at rb1 nowhere)", "(nothing)", "(nothing ?x - place)", "nobody - robot"),
+    *("nobody", "(robot_at rb1 nowhere)", "(nothing)", "(nothing ?x - place)", "nobody - robot")
 ]
 NEVER: list[Any] = [
     *("(robot_at \ud800 wp1)", "(robot_at wp1 rb1)", "(robot_at rb1)", "(robot_at)"),

@@ -340,10 +340,7 @@ def test_a_thousand_in_tasks(shared_url: str) -> None:
 
 @on_server
 def test_writers_who_read_the_past_do_not_wait_for_each_other(shared_url: str) -> None:
-    with (
-        kant_sql.open_store(shared_url, connections=2) as store,
-        ThreadPoolExecutor(16) as pool,
-    ):
+    with kant_sql.open_store(shared_url, connections=2) as store, ThreadPoolExecutor(16) as pool:
         began = time.monotonic()
         list(pool.map(lambda number: work_on(store, number), range(32)))
         assert time.monotonic() - began < dialect_base.RETRY_FOR
@@ -356,10 +353,7 @@ def test_writers_of_a_held_knowledge_base_hold_up_no_other(shared_url: str) -> N
         held, other = store.knowledge_base("held"), store.knowledge_base("other")
         for kb in (held, other):
             kb.objects.save(RB1)
-        with (
-            psycopg.connect(shared_url) as elsewhere,
-            ThreadPoolExecutor(8) as pool,
-        ):
+        with psycopg.connect(shared_url) as elsewhere, ThreadPoolExecutor(8) as pool:
             elsewhere.execute("SELECT * FROM head WHERE kb_id = 1 FOR UPDATE")
             waiting = [pool.submit(held.objects.save, waypoint(number)) for number in range(8)]
             time.sleep(0.2)

@@ -68,7 +68,7 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert made.status == "solved_satisficing"
     # Names are those of the store, in their first spelling.
     assert [str(one) for one in made.steps] == [
-        *("(Move rb1 Wp1 wp2)", "(Move rb1 wp2 Home)", "(charge rb1 Home)", "(rest)"),
+        *("(Move rb1 Wp1 wp2)", "(Move rb1 wp2 Home)", "(charge rb1 Home)", "(rest)")
     ]
     assert [str(one.start) for one in made.steps] == ["0.000", "5.010", "10.1", "11"]
     assert [one.duration and str(one.duration) for one in made.steps] == ["5.000"] * 2 + [None] * 2

@@ -102,10 +102,7 @@ def test_the_parts_of_a_condition_that_fail_are_named_in_order(kb: KnowledgeBase
         FailedCondition("(at h2 c0)", "does not hold"),
         FailedCondition("(not (at h1 c0))", "does not hold"),
         FailedCondition(
-            "(> (fuel p1) (* 4 (dist c0 c1)))",
-            "the sides are 10 and 14",
-            Decimal(10),
-            Decimal(14),
+            "(> (fuel p1) (* 4 (dist c0 c1)))", "the sides are 10 and 14", Decimal(10), Decimal(14)
         ),
         FailedCondition(
             "(< (fuel p1) (dist c0 c0))", "the sides are 10 and no value", Decimal(10), None

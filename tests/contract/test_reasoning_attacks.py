@@ -91,10 +91,7 @@ ANSWERS: dict[str, tuple[str, Rows]] = {
     "other letters": ("(p ÜNÏCÖDÉ ?x)", [("名前",)]),
     "a variable with a colon": ("(p ?a:kb b)", [("a",)]),
     "a hidden variable": ("(and (at r1 ?x) (exists (?X - wp) (at r2 ?X)))", [("a",)]),
-    "hidden by another type": (
-        "(and (exists (?x - robot) (at ?x b)) (link ?x b))",
-        [("a",)],
-    ),
+    "hidden by another type": ("(and (exists (?x - robot) (at ?x b)) (link ?x b))", [("a",)]),
     "bound twice": ("(exists (?y) (p ?x ?y))", [("a",), ("r1",), ("Ünïcödé",)]),
     "no goal": ("(at r1 ?w)", [("a",)]),
     "equal to a constant": ("(= ?x DOCK)", [("Dock",)]),

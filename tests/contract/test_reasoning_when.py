@@ -140,7 +140,7 @@ def test_nodes_are_conditions_too(day: KnowledgeBase) -> None:
     assert numbers(day.when(where)) == [("rb2", 2, 4), ("rb1", 5, None)]
     assert numbers(day.when(And((where, Not(Atom("child_in", (Constant("kitchen"),))))))) == [
         # `child_in` is defined from revision 3 on.
-        ("rb1", 6, 7),
+        ("rb1", 6, 7)
     ]
 
 

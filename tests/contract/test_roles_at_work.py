@@ -189,7 +189,7 @@ def test_what_only_others_may_revoke_is_left_to_them_by_name(
             assert not {*roles.statements} & {*roles.remaining}
             is_public = admin.info.server_version < 150_000
             assert [sql.split(" FROM ")[0] for sql in roles.remaining] == [
-                *(["REVOKE CREATE ON SCHEMA public"] if is_public else []),
+                *(["REVOKE CREATE ON SCHEMA public"] if is_public else [])
             ] + [
                 f"REVOKE EXECUTE ON FUNCTION lo_creat{arguments}"
                 for arguments in ("(integer)", "e(oid)")

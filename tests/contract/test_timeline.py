@@ -529,7 +529,7 @@ def test_plans_have_their_steps_and_outcomes(kb: KnowledgeBase) -> None:
     assert (bar.id, bar.recorded_in, bar.recorded_at) == (plan.id, 2, times[2])
     assert [step.text for step in bar.steps] == [str(step) for step in plan.steps]
     assert [(step.status, step.since, step.until) for step in bar.steps] == [
-        *(("failed", 3, 4), ("running", 5, None), ("aborted", None, 6), (None, None, None)),
+        *(("failed", 3, 4), ("running", 5, None), ("aborted", None, 6), (None, None, None))
     ]
     failed = bar.steps[0]
     assert (failed.since_at, failed.until_at) == (times[3], times[4])

@@ -67,10 +67,7 @@ def check_copy(copy: KnowledgeBase, original: KnowledgeBase, at_least: int) -> N
 
 
 def backup(source: Path, copy: Path) -> None:
-    with (
-        closing(sqlite3.connect(source)) as store,
-        closing(sqlite3.connect(copy)) as target,
-    ):
+    with closing(sqlite3.connect(source)) as store, closing(sqlite3.connect(copy)) as target:
         # Some pages at a time, between which others write.
         store.backup(target, pages=5)
 

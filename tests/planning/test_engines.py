@@ -257,10 +257,7 @@ async def test_a_task_that_is_cancelled_ends_its_planners(
 
 
 def test_engines_have_names_in_a_file(
-    kb: KnowledgeBase,
-    fake: Callable[[str], str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    kb: KnowledgeBase, fake: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "engines.toml"
     monkeypatch.setenv("KANT_SQL_ENGINES", str(file))

@@ -439,8 +439,7 @@ def test_an_engine_is_refused_for_what_it_lacks_although_a_preference_cannot_be_
 @pytest.mark.usefixtures("quick_start")
 def test_the_error_of_an_engine_has_its_reason() -> None:
     given = documents(
-        predicates="(lit ?w - wp)",
-        effect="(when (and (lit ?b) (path ?b ?a)) (at ?r ?a))",
+        predicates="(lit ?w - wp)", effect="(when (and (lit ?b) (path ?b ?a)) (at ?r ?a))"
     )
     with pytest.raises(NoPlanError, match=r"aries: internal_error \(\w+") as caught:
         solve_pair(given, engine="aries", timeout=60)

@@ -236,10 +236,7 @@ def test_each_revision_of_a_story_is_made_again_as_it_was(tmp_path: Path) -> Non
         found = [{each for each in entry.changes if each.kind in kinds} for entry in kb.changes()]
         return [each for each in found if each]
 
-    with (
-        kant_sql.connect("sqlite://") as robot,
-        kant_sql.connect("sqlite://") as kb,
-    ):
+    with kant_sql.connect("sqlite://") as robot, kant_sql.connect("sqlite://") as kb:
         story.record(robot)
         for entry in robot.changes():
             message = write_revision(entry, made)

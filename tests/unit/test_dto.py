@@ -91,9 +91,7 @@ NEVER_NONE = [case for case in LIST_CASES if case[1] != "parameter_names"]
 
 
 @pytest.mark.parametrize("dto_class", FIELDS)
-def test_a_dto_is_a_dataclass_with_its_fields_in_the_documented_order(
-    dto_class: type[Any],
-) -> None:
+def test_a_dto_is_a_dataclass_with_its_fields_in_the_documented_order(dto_class: type[Any]) -> None:
     assert [field.name for field in dataclasses.fields(dto_class)] == list(FIELDS[dto_class])
     assert list(inspect.signature(dto_class).parameters) == list(FIELDS[dto_class])
     assert issubclass(dto_class, Dto)

@@ -274,9 +274,7 @@ def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
     shared.close()
 
 
-def test_closing_just_when_it_looks_whom_to_forget_ends_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_closing_just_when_it_looks_whom_to_forget_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "LINGER", MOMENT)
     line = Line()
     shared, [listener] = listeners_on(line)

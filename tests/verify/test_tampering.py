@@ -124,21 +124,13 @@ def seal_from(bare: Bare, low: int) -> None:
             15,
             "its contents differ from what was hashed: actor, reason",
         ),
-        (
-            "UPDATE revision SET form = 1 WHERE number = 21",
-            21,
-            "it is of form 1, and has a seed",
-        ),
+        ("UPDATE revision SET form = 1 WHERE number = 21", 21, "it is of form 1, and has a seed"),
         (
             "UPDATE revision SET seed = NULL WHERE number = 21",
             21,
             "its seed is missing, and nothing of it was erased",
         ),
-        (
-            "UPDATE revision SET form = 9 WHERE number = 20",
-            20,
-            "form 9 is unknown",
-        ),
+        ("UPDATE revision SET form = 9 WHERE number = 20", 20, "form 9 is unknown"),
         (
             "UPDATE type_version SET until = NULL WHERE until IS NOT NULL",
             15,
@@ -163,11 +155,7 @@ def seal_from(bare: Bare, low: int) -> None:
             None,
             "differs from its action and arguments",
         ),
-        (
-            "INSERT INTO revision_execution VALUES (1, 99, 99, 0)",
-            99,
-            "and one of them is missing",
-        ),
+        ("INSERT INTO revision_execution VALUES (1, 99, 99, 0)", 99, "and one of them is missing"),
         (
             "UPDATE proposition_argument SET kb_id = 7",
             None,

@@ -99,9 +99,7 @@ def test_the_standing_of_rules_follows_the_revisions(busy: Filled) -> None:
     )
 
 
-def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(
-    busy: Filled,
-) -> None:
+def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(busy: Filled) -> None:
     kb, client = busy
     moved, docking = client.get("/api/overview?kb=courier").json()["unconfirmed"]
     assert (moved["text"], docking["text"]) == ("(at rb1 room)", "(docking rb1)")

@@ -63,9 +63,7 @@ def test_only_the_names_of_this_machine_are_known(
     assert (answer.status_code, "courier" in answer.text) == (status, status == 200)
 
 
-def test_a_server_for_others_knows_addresses_and_its_names(
-    guarded: TestClient,
-) -> None:
+def test_a_server_for_others_knows_addresses_and_its_names(guarded: TestClient) -> None:
     bearer = {"authorization": f"Bearer {TOKEN}"}
     for host, status in {"10.1.2.3:80": 200, "Robots.example": 200, "evil.example": 400}.items():
         assert guarded.get("/", headers={**bearer, "host": host}).status_code == status

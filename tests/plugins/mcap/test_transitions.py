@@ -115,7 +115,7 @@ def test_a_robot_is_at_one_place_after_the_other(story_url: str, tmp_path: Path)
         (at("14:10"), "t4"),
     ]
     assert of(found, BATTERY_RB1) == [
-        *((at("08:05:01"), 100.0), (at("12:00"), 75.5), (at("13:30"), 40.0), (at("15:00"), 100.0)),
+        *((at("08:05:01"), 100.0), (at("12:00"), 75.5), (at("13:30"), 40.0), (at("15:00"), 100.0))
     ]
     assert of(found, "/courier/fact/waiting/t1") == [
         (at("08:59:59"), True),
@@ -323,7 +323,7 @@ def test_what_was_archived_is_the_state_that_the_file_begins_with(tmp_path: Path
     ]
     export(old, tmp_path / "old", knowledge_base="tiago")
     assert [v for _, v in of(messages(tmp_path / "old", "tiago"), "/tiago/fact/robot_at/rb1")] == [
-        *("wp1", "wp2", "wp1"),
+        *("wp1", "wp2", "wp1")
     ]
 
 
@@ -476,7 +476,7 @@ def test_an_export_takes_the_place_of_another_of_any_format(
     kant_sql.export.export_store(sqlite_story, to=tmp_path)
     export(sqlite_story, tmp_path, replace=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        *("_export.json", "knowledge_base=courier"),
+        *("_export.json", "knowledge_base=courier")
     ]
     assert ROBOT_AT.name in {each.topic.split("/")[3] for each in messages(tmp_path)}
 
