@@ -165,6 +165,12 @@ def shared_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return make_store_url(request, request.param, tmp_path)
 
 
+@pytest.fixture
+def file_url(tmp_path: Path) -> str:
+    """The URL of a file that is not there yet."""
+    return f"sqlite:///{tmp_path / 'file.db'}"
+
+
 @pytest.fixture(scope="session")
 def sqlite_story(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The URL of a store with a robot's day in it, on SQLite; it is only read."""

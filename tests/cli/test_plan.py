@@ -25,16 +25,15 @@ STEPS = [
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
+def url(file_url: str) -> str:
     """The URL of a store of two revisions: from the second no plan leads to the goal."""
-    url = f"sqlite:///{tmp_path / 'robot.db'}"
-    with kant_sql.connect(url) as kb:
+    with kant_sql.connect(file_url) as kb:
         with kb.transaction():
             kb.load_domain(FILES / "delivery.pddl")
             kb.load_problem(FILES / "coffee.pddl")
         lies = next(fact for fact in kb.propositions.get_all() if fact.predicate.name == "lies")
         kb.propositions.delete(lies)
-    return url
+    return file_url
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import psycopg
@@ -500,11 +499,10 @@ def work_on(kb: KnowledgeBase) -> None:
     kb.propositions.save_all(fact(number) for number in range(10, 100))
 
 
-def test_on_sqlite_the_log_has_what_the_database_runs(tmp_path: Path, connect: Connect) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    fill_all(connect(url), 10)
+def test_on_sqlite_the_log_has_what_the_database_runs(file_url: str, connect: Connect) -> None:
+    fill_all(connect(file_url), 10)
     with seen_by_sqlite() as seen, recorded() as logged:
-        work_on(connect(url))
+        work_on(connect(file_url))
     # A connection's own settings.
     seen = [sql for sql in seen if not sql.startswith("PRAGMA")]
     assert len(logged) > 30

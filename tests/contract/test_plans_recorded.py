@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -331,7 +330,7 @@ def test_writing_takes_as_many_statements_however_long_the_plan_is(fresh_kb: Kno
 
 
 def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
-    kb: KnowledgeBase, tmp_path: Path, connect: Connect
+    kb: KnowledgeBase, file_url: str, connect: Connect
 ) -> None:
     made = recorded(kb)
     texts = made.domain_pddl(), made.problem_pddl()
@@ -340,14 +339,13 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
         kb.propositions.delete_all()
         kb.actions.delete_all()
     arrive(kb, "wp2")
-    url = f"sqlite:///{tmp_path / 'archive.db'}"
-    kb.store.archive(kb.revision, to=url)
+    kb.store.archive(kb.revision, to=file_url)
     assert kb.plans.get_all() == [made, kept]
     assert kept.problem_pddl() == "b"
     with pytest.raises(ArchivedError, match=r"archive\.db"):
         made.problem_pddl()
     refuses(kb, plan_of(revision=1), error=ArchivedError)
-    moved = present(connect(url, knowledge_base="tiago").plans.get(made.id))
+    moved = present(connect(file_url, knowledge_base="tiago").plans.get(made.id))
     assert moved == made
     assert (moved.domain_pddl(), moved.problem_pddl()) == texts
 

@@ -522,12 +522,11 @@ PLANS = {
 }
 
 
-def test_sqlite_answers_by_indexes(tmp_path: Path, connect: Connect) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    connect(url).propositions.save(robot_at())
-    update_views(url)
+def test_sqlite_answers_by_indexes(file_url: str, connect: Connect) -> None:
+    connect(file_url).propositions.save(robot_at())
+    update_views(file_url)
     for question, index in PLANS.items():
-        plan = [str(row[3]) for row in rows_of(url, f"EXPLAIN QUERY PLAN {question}")]
+        plan = [str(row[3]) for row in rows_of(file_url, f"EXPLAIN QUERY PLAN {question}")]
         assert f"INDEX ix_proposition_version_{index}" in plan[0], question
         steps = [step for step in plan if step.startswith(("SCAN", "SEARCH"))]
         assert len(steps) > 1

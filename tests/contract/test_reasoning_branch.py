@@ -230,14 +230,13 @@ def test_a_scratch_branch_is_in_memory_and_gone_when_closed(
 
 
 def test_another_store_on_another_dialect(
-    shared_url: str, tmp_path: Path, connect: Connect, branch_of: Branch
+    shared_url: str, file_url: str, connect: Connect, branch_of: Branch
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     everything(kb)
-    there = f"sqlite:///{tmp_path / 'new.db'}"
-    made = branch_of(kb, url=there)
+    made = branch_of(kb, url=file_url)
     assert documents(made) == documents(kb)
-    back = branch_of(connect(there, knowledge_base="tiago"), "back", url=shared_url)
+    back = branch_of(connect(file_url, knowledge_base="tiago"), "back", url=shared_url)
     assert documents(back) == documents(kb)
     assert back.diff(back, kb) == []
     assert back.store.verify().findings == made.store.verify().findings == ()
@@ -319,12 +318,12 @@ def test_a_pending_state_has_no_revision_to_name(depot: KnowledgeBase) -> None:
     depot.branch().close()
 
 
-def test_an_archived_state_is_refused(shared_url: str, tmp_path: Path, connect: Connect) -> None:
+def test_an_archived_state_is_refused(shared_url: str, file_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     kb.propositions.save(robot_at())
     kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at(RB1, WP2))
-    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(3, to=file_url)
     with pytest.raises(ArchivedError):
         kb.branch(at=1)
     with kb.branch() as trial:

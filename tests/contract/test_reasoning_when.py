@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -427,13 +426,13 @@ def test_definitions_that_matter_as_now_are_not_read_again(day: KnowledgeBase) -
 # Archives.
 
 
-def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: Connect) -> None:
+def test_an_archived_past_is_refused(shared_url: str, file_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     step(kb, "a", ("+", at(RB1, HALL)), ("+", child(HALL)))
     step(kb, "b", ("-", at(RB1, HALL)), ("+", at(RB1, KITCHEN)))
     step(kb, "c", ("-", at(RB1, KITCHEN)), ("+", at(RB1, HALL)))
     step(kb, "d", ("-", child(HALL)))
-    kb.store.archive(4, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(4, to=file_url)
     for text in ("(robot_at rb1 hall)", "(not (robot_at rb1 hall))"):
         for since in (None, 1, 2):
             with pytest.raises(ArchivedError, match=r"old\.db"):
