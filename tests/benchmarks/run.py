@@ -11,7 +11,7 @@ from pathlib import Path
 
 BENCHMARKS = (
     *("coffee_shop", "asof", "past", "verifying", "documents", "answering"),
-    *("two_clocks", "timeline", "sizing", "pushing", "knowledge_bases", "adding", "causing", "ros"),
+    *("timeline", "sizing", "pushing", "knowledge_bases", "adding", "causing", "ros"),
     "successors",
 )
 

@@ -22,7 +22,6 @@ SMALL = {
     "sizing": ["--revisions", "120", "--backend", "sqlite"],
     "successors": ["--pairs", "ipc1998-gripper-round-1-strips", "--successors", "200"],
     "timeline": ["--intervals", "500", "--backend", "sqlite"],
-    "two_clocks": ["--boxes", "20", "--revisions", "240", "--backend", "sqlite"],
     "verifying": ["200", "sqlite"],
 }
 

@@ -7,30 +7,69 @@ statement visits is counted, in steps of SQLite's virtual machine or rows of Pos
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
+from random import Random
 from typing import Any
 
 import pytest
 
 import kant_sql
-from tests.benchmarks.drivers import bare
+from kant_sql.sql.intervals import fork_of_period
+from tests.benchmarks.drivers import Driver, Row, bare
 from tests.benchmarks.past import CONDITIONS, NAME, PERIODS, fill
-from tests.benchmarks.two_clocks import LATE, LONGEST, say_late
-from tests.benchmarks.years import START, STEP
+from tests.benchmarks.years import START, STEP, ids_of
 from tests.contract.test_plans import keep_without_statistics
 from tests.support.servers import Server
 from tests.support.statements import Statement, is_bracket, seen, work
 
-BOXES, FACTS, REVISIONS, SAYINGS = 1_200, 3_000, 600, 300
+BOXES, FACTS, REVISIONS = 1_200, 3_000, 600
+# How often something is said late, and of how many revisions at most.
+SAYINGS, LONGEST = 300, 200
 ALL = CONDITIONS["all boxes"]
 LAST = REVISIONS + 3
 FILTERED = "beside a sealed box"
 
 
+def late(store: Driver, kb: int, last: int) -> Iterator[Row]:
+    """Give what was said at a later revision of where a box had been, or had not been."""
+    random = Random(SAYINGS)
+    predicate = ids_of(store, kb)["predicate", "at"]
+    query = "SELECT id, arguments FROM proposition WHERE kb_id = ? AND predicate_id = ?"
+    atoms = store.execute(query, (kb, predicate))
+    said = set()
+    for _ in range(SAYINGS):
+        (id_, arguments), number = random.choice(atoms), random.randrange(LONGEST, last)
+        if (id_, number) in said:
+            continue
+        said.add((id_, number))
+        begin = number - random.randrange(2, LONGEST)
+        end = random.randrange(begin + 1, number)
+        period = [START + each * STEP for each in (begin, end)]
+        moments = [store.moment(f"{each:%Y-%m-%dT%H:%M:%S}.000000Z") for each in period]
+        objects = map(int, arguments.split())
+        held = random.random() < 0.5
+        yield (
+            *(kb, id_, number, *moments, predicate, held, *objects),
+            *(fork_of_period(*period), '(:held (at b s) :from "" :until "")'),
+        )
+
+
+def say_late(url: str, last: int) -> None:
+    """Add what was said late to a filled store."""
+    store = bare(url)
+    ((kb,),) = store.execute("SELECT id FROM knowledge_base WHERE name = ?", (NAME,))
+    rows = [*late(store, kb, last)]
+    store.without_checks()
+    store.execute("BEGIN")
+    store.insert("proposition_saying", len(rows[0]), rows)
+    store.execute("COMMIT")
+    store.close()
+
+
 def filled(url: str) -> str:
-    say_late(url, SAYINGS * LATE, fill(url, BOXES, FACTS, REVISIONS))
+    say_late(url, fill(url, BOXES, FACTS, REVISIONS))
     return url
 
 
