@@ -110,18 +110,8 @@ def test_a_tuple_is_read_back_as_the_list_that_it_is_in_json(fresh_kb: Knowledge
 
 @pytest.mark.parametrize(
     "options",
-    [
-        {"source": {1, 2}},
-        {"source": float("nan")},
-        {"source": 2**53},
-        {"source": {1: "x"}},
-        {"source": "\ud800"},
-        {"source": b"x"},
-        {"actor": 5},
-        {"actor": "a\0b"},
-        {"reason": "\ud800"},
-        {"reason": ["because"]},
-    ],
+    # `tests/unit/test_canonical.py` has all that a source, an actor and a reason cannot be.
+    [{"source": {1, 2}}, {"source": float("nan")}, {"actor": 5}, {"reason": "\ud800"}],
     ids=str,
 )
 def test_what_cannot_be_kept_is_refused_before_anything_is_done(

@@ -102,7 +102,7 @@ def test_each_predicate_has_a_view_of_its_facts_and_one_of_its_goals(story_url: 
     ]
 
 
-def test_times_are_those_of_the_revisions(story_url: str) -> None:
+def test_times_are_those_of_the_revisions_and_seconds_those_of_the_audit(story_url: str) -> None:
     update_views(story_url)
     times = dict(rows_of(story_url, "SELECT number, committed_at FROM revision"))
     assert rows_of(story_url, "SELECT since_at, until_at FROM fact_robot_at ORDER BY since") == [
@@ -111,10 +111,6 @@ def test_times_are_those_of_the_revisions(story_url: str) -> None:
     ]
     later = f"SELECT since FROM fact_robot_at WHERE since_at > '{times[1]}'"
     assert rows_of(story_url, later) == [(2,)]
-
-
-def test_seconds_are_those_of_the_audit(story_url: str) -> None:
-    update_views(story_url)
     columns = "since, since_epoch, until_epoch, duration"
     rows = rows_of(story_url, f"SELECT {columns} FROM fact_robot_at ORDER BY since")
     question = f"SELECT {columns} FROM audit_fact WHERE kind = 'fact' ORDER BY since"
@@ -168,16 +164,14 @@ def forget_last_columns(url: str, name: str) -> None:
             store.execute(f"COMMENT ON VIEW {name} IS '{said}'", {})
 
 
-def test_to_make_them_is_no_revision(story_url: str, connect: Connect) -> None:
-    update_views(story_url)
-    assert connect(story_url, knowledge_base="tiago").revision == 3
-
-
-def test_the_views_are_relations_of_the_columns_told(story_url: str) -> None:
+def test_the_views_are_relations_of_the_columns_told_and_no_revision(
+    story_url: str, connect: Connect
+) -> None:
     for view in update_views(story_url):
         with opened(story_url) as store:
             rows = store.execute(f"SELECT {', '.join(view.columns)} FROM {view.name}", {})
             assert store.execute(f"SELECT * FROM {view.name}", {}) == rows
+    assert connect(story_url, knowledge_base="tiago").revision == 3
 
 
 def test_what_is_up_to_date_is_left_alone(story_url: str, connect: Connect) -> None:
