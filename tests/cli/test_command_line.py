@@ -65,14 +65,9 @@ def test_the_environment_gives_the_default_url(store: str, words: list[str]) -> 
 @pytest.mark.parametrize(
     "words",
     [
-        ["show"],
-        ["log", "-n1"],
-        ["history", "rb1"],
-        ["diff", "1"],
-        ["restore", "1", "--actor", "me"],
-        ["load", str(FILES / "kitchen.pddl")],
-        ["db", "check"],
-        ["verify"],
+        *(["show"], ["log", "-n1"], ["history", "rb1"], ["diff", "1"]),
+        *(["restore", "1", "--actor", "me"], ["load", str(FILES / "kitchen.pddl")]),
+        *(["db", "check"], ["verify"]),
     ],
 )
 def test_the_path_of_a_file_is_its_url(

@@ -136,25 +136,11 @@ def test_hostile_texts_are_data(shared_url: str, connect: Connect) -> None:
     fact, name = NAMES[3], NAMES[0]
     plans = kb.plans.get_all()
     values: list[Any] = [
-        kb,
-        kb.at(3),
-        kb.log(),
-        kb.changes(),
-        *kb.log(),
-        kb.store.revisions(),
-        kb.diff(0, kb.revision),
-        kb.diff(kb, kb.at(0)),
-        kb.history(name),
-        kb.history(f"({fact} {name})"),
-        plans,
-        *plans,
-        *plans[0].steps,
-        kb.query(f"({fact} ?x)"),
-        kb.when(f"({fact} ?x)"),
-        *kb.when(f"({fact} ?x)"),
-        kb.pddl.check_rules(),
-        kb.store.verify(structure=False),
-        kb.store.anchor(),
+        *(kb, kb.at(3), kb.log(), kb.changes(), *kb.log(), kb.store.revisions()),
+        *(kb.diff(0, kb.revision), kb.diff(kb, kb.at(0)), kb.history(name)),
+        *(kb.history(f"({fact} {name})"), plans, *plans, *plans[0].steps),
+        *(kb.query(f"({fact} ?x)"), kb.when(f"({fact} ?x)"), *kb.when(f"({fact} ?x)")),
+        *(kb.pddl.check_rules(), kb.store.verify(structure=False), kb.store.anchor()),
         kb.validate(plans[0]),
     ]
     for value in values:

@@ -422,18 +422,9 @@ def test_what_never_was_is_refused(kb: KnowledgeBase) -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"kinds": ["facts"]},
-        {"kinds": "fact"},
-        {"lanes": 0},
-        {"lanes": 1_001},
-        {"unchanged": 1},
-        {"slices": 0},
-        {"slices": 10_001},
-        {"after": "fact:1"},
-        {"after": "plan:1:2"},
-        {"predicate": 3},
-        {"text": "a\0b"},
-        {"object": "\ud800"},
+        *({"kinds": ["facts"]}, {"kinds": "fact"}, {"lanes": 0}, {"lanes": 1_001}),
+        *({"unchanged": 1}, {"slices": 0}, {"slices": 10_001}, {"after": "fact:1"}),
+        *({"after": "plan:1:2"}, {"predicate": 3}, {"text": "a\0b"}, {"object": "\ud800"}),
     ],
     ids=str,
 )

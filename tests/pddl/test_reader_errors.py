@@ -290,13 +290,8 @@ def test_forms(text: str, place: tuple[int, int], found: str, expected: str) -> 
 @pytest.mark.parametrize(
     "body",
     [
-        '(:init (p "a"))',
-        "(:init (p ?x))",
-        "(:init (= (= a) 3))",
-        "(:init (= (not a) 3))",
-        "(:init (it's))",
-        "(:objects a - it's)",
-        "(:metric minimize (is-violated it's))",
+        *('(:init (p "a"))', "(:init (p ?x))", "(:init (= (= a) 3))", "(:init (= (not a) 3))"),
+        *("(:init (it's))", "(:objects a - it's)", "(:metric minimize (is-violated it's))"),
         "(:goal (p ?x))",
     ],
 )

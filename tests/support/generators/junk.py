@@ -187,14 +187,8 @@ OWN_ERRORS = {"raising generator", "bad __call__"}
 SLOW = {"10 MB"}
 # Other records are made by the library: their constructors take what they are given.
 CHECKED = (
-    Plan,
-    PlanStep,
-    f.TypedName,
-    kant_sql.pddl.Action,
-    kant_sql.pddl.Domain,
-    kant_sql.pddl.Function,
-    kant_sql.pddl.Predicate,
-    kant_sql.pddl.Problem,
+    *(Plan, PlanStep, f.TypedName, kant_sql.pddl.Action, kant_sql.pddl.Domain),
+    *(kant_sql.pddl.Function, kant_sql.pddl.Predicate, kant_sql.pddl.Problem),
 )
 _COUNT = re.compile(
     r"missing \d+ required|positional argument|unexpected keyword|multiple values|takes no arg"
