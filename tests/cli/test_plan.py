@@ -68,9 +68,7 @@ def test_no_plan_is_one_line(url: str) -> None:
     assert (result.exit_code, result.stdout) == (1, "")
 
 
-def test_the_plan_is_in_the_format_of_the_validator(
-    url: str, asked: list[dict[str, object]]
-) -> None:
+def test_the_plan_has_the_format_of_the_validator(url: str, asked: list[dict[str, object]]) -> None:
     result = run("plan", url)
     assert result.stdout == (
         "; revision 2\n; solved_optimally by aries\n0.000: (move rb1 kitchen) [2.50]\n10: (wait)\n"
@@ -167,9 +165,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
     assert run("plans", url, "--at", "2").stdout == "\nplans (0)\n"
 
 
-def test_what_the_planner_was_not_given_is_printed(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_planner_was_not_given_is_printed(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
 
     def plan(kb: KnowledgeBase, **words: object) -> Plan:

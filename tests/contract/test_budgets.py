@@ -130,9 +130,7 @@ def test_the_record_of_an_act_takes_three_statements_and_none_of_a_server(
     assert count(lambda: kb.apply("(go a b)")) == (5 if "postgresql" in request.node.name else 9)
 
 
-def test_a_transaction_writes_many_changes_in_as_many_statements_as_one(
-    warm: KnowledgeBase,
-) -> None:
+def test_a_transaction_writes_many_changes_in_the_statements_of_one(warm: KnowledgeBase) -> None:
     def delete(numbers: range) -> None:
         with warm.transaction():
             for number in numbers:
@@ -172,9 +170,7 @@ def test_deleting_an_object_takes_as_many_statements_however_much_mentions_it(
 # Reads.
 
 
-def test_a_warm_read_takes_two_statements_at_most_however_many_rows_it_gives(
-    kb: KnowledgeBase,
-) -> None:
+def test_a_warm_read_takes_two_statements_however_many_rows_it_gives(kb: KnowledgeBase) -> None:
     taken: dict[str, set[int]] = {name: set() for name in ALL_READS}
     for size in SIZES:
         fill_all(kb, size)
@@ -228,9 +224,7 @@ def test_new_definitions_of_another_writer_cost_two_statements_once(
 
 
 @pytest.mark.parametrize("size", SIZES[:2])
-def test_reads_within_a_transaction_take_two_statements_at_most(
-    kb: KnowledgeBase, size: int
-) -> None:
+def test_reads_in_a_transaction_take_two_statements_at_most(kb: KnowledgeBase, size: int) -> None:
     fill_all(kb, size)
     with kb.transaction():
         kb.propositions.delete(fact(0))
@@ -295,9 +289,7 @@ PAST: dict[str, tuple[int, Call]] = {
 }
 
 
-def test_questions_of_the_past_take_as_many_statements_however_much_happened(
-    kb: KnowledgeBase,
-) -> None:
+def test_questions_of_the_past_take_as_many_statements_whatever_happened(kb: KnowledgeBase) -> None:
     taken: dict[str, set[int]] = {name: set() for name in PAST}
     for size in (1, 30):
         fill_all(kb, size)

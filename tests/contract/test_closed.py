@@ -195,9 +195,7 @@ def test_other_knowledge_bases_go_on(shared_url: str, connect: Connect) -> None:
         kb.propositions.get_all()
 
 
-def test_a_view_of_the_past_closes_nothing_but_is_closed_with_the_rest(
-    open_kb: KnowledgeBase,
-) -> None:
+def test_a_view_of_the_past_closes_nothing_and_closes_with_the_rest(open_kb: KnowledgeBase) -> None:
     open_kb.propositions.save(robot_at())
     with open_kb.at(1) as past:
         assert past.propositions.get_all() == [robot_at()]

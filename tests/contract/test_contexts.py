@@ -205,9 +205,7 @@ def test_two_connections_to_one_store_do_not_block_each_other_in_one_thread(
     assert [actor for actor, _ in written(kb)] == ["one", "two"]
 
 
-def test_blocks_of_two_stores_are_open_at_once_in_any_order(
-    shared_url: str, connect: Connect
-) -> None:
+def test_blocks_of_two_stores_are_open_in_any_order(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, actor="one")
     with kant_sql.connect("sqlite://", actor="two") as other:
         first, second = kb.transaction(), other.transaction()

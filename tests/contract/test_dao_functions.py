@@ -196,9 +196,7 @@ def test_a_function_that_is_not_well_formed_is_refused(
     assert declared(fresh_kb) == []
 
 
-def test_names_and_number_of_parameters_are_checked_of_predicates_too(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_parameters_of_predicates_are_checked_too(fresh_kb: KnowledgeBase) -> None:
     one = PddlPredicateDto("p", [ROBOT], parameter_names=["x", "y"])
     refuses(fresh_kb, ArityError, fresh_kb.predicates.save, one)
     other = PddlPredicateDto("p", [ROBOT], parameter_names=["x)"])

@@ -106,9 +106,7 @@ def ways_to_save(kb: KnowledgeBase, name: str) -> list[Callable[[], object]]:
     ]
 
 
-def test_a_name_that_pddl_cannot_carry_is_refused_wherever_it_stands(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_name_pddl_cannot_carry_is_refused_wherever_it_stands(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.types.save(ROBOT)
     wrong = ("", "a b", "(", "?x", "a;b", "it's", "a\0b", "\ud800", "a\u200b", "-", ":a")
     for name in (*wrong, "x" * 256, "😀" * 256):

@@ -27,9 +27,7 @@ SOURCES: list[Any] = [
 ]
 
 
-def test_revisions_are_numbered_without_gaps_and_time_does_not_go_back(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_revisions_have_no_gaps_and_time_does_not_go_back(fresh_kb: KnowledgeBase) -> None:
     before = datetime.now(UTC) - timedelta(seconds=5)
     for number in range(6):
         fresh_kb.objects.save(waypoint(number))

@@ -69,9 +69,7 @@ def test_nothing_can_be_deleted_from_or_updated_in_an_empty_knowledge_base(
         fresh_kb.propositions.save(robots.robot_at())
 
 
-def test_two_knowledge_bases_do_not_see_each_other(
-    pair: tuple[KnowledgeBase, KnowledgeBase],
-) -> None:
+def test_knowledge_bases_do_not_see_each_other(pair: tuple[KnowledgeBase, KnowledgeBase]) -> None:
     one, other = pair
     one.propositions.save(robots.robot_at())
     one.actions.save(robots.navigation())

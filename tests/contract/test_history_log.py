@@ -340,7 +340,7 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
         assert numbers(kb.log(limit=len(complete), **whole)) == complete
         entries = kb.log(**whole)
         assert numbers(islice(entries, len(complete))) == complete
-        with pytest.raises(ArchivedError, match=r"ask the one in sqlite:///.*archive\.db$"):
+        with pytest.raises(ArchivedError, match=r"ask the one in sqlite:///.*file\.db$"):
             next(entries)
     with pytest.raises(UnknownNameError, match="has no revision by actor 'nobody'"):
         list(kb.log(actor="nobody"))

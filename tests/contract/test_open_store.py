@@ -198,9 +198,7 @@ def test_a_branch_in_the_store_is_one_of_its_knowledge_bases(store: KnowledgeSto
     assert [one.name for one in store.knowledge_bases()] == ["tiago", "trial"]
 
 
-def test_two_transactions_at_once_are_refused_where_there_is_one_writer(
-    store: KnowledgeStore,
-) -> None:
+def test_two_transactions_at_once_are_refused_where_one_may_write(store: KnowledgeStore) -> None:
     tiago, pepper = store.knowledge_base("tiago"), store.knowledge_base("pepper")
     with tiago.transaction():
         tiago.objects.save(RB1)

@@ -66,9 +66,7 @@ def stored(tmp_path: Path) -> Path:
 
 
 @migrates
-def test_a_database_without_tables_is_refused_with_the_command_that_makes_them(
-    server: Server,
-) -> None:
+def test_a_database_without_tables_is_refused_with_what_makes_them(server: Server) -> None:
     url = server.new_database()
     for _ in range(2):
         with pytest.raises(SchemaMissingError, match="kant-sql db upgrade 'postgresql://"):
@@ -393,9 +391,7 @@ def test_a_store_in_memory_is_new_and_has_nothing_to_read() -> None:
         kant_sql.connect("sqlite://", read_only=True)
 
 
-def test_a_knowledge_base_that_was_never_written_is_empty(
-    shared_url: str, connect: Connect
-) -> None:
+def test_a_knowledge_base_never_written_is_empty(shared_url: str, connect: Connect) -> None:
     reader = connect(shared_url, knowledge_base="nobody", read_only=True)
     assert (reader.revision, reader.propositions.get_all()) == (0, [])
 

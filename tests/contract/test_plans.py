@@ -215,9 +215,7 @@ def whole_tables(plan: list[str]) -> list[str]:
 
 @pytest.mark.parametrize("name", [*READS, *WRITES])
 @pytest.mark.more
-def test_each_call_finds_rows_by_the_index_that_is_there_for_it(
-    subject: Subject, name: str
-) -> None:
+def test_each_call_finds_rows_by_the_index_made_for_it(subject: Subject, name: str) -> None:
     call, expected = (READS | WRITES)[name]
     plans = [explain(subject.url, statement) for statement in subject.ask(call)]
     steps = [step for plan in plans for step in plan]

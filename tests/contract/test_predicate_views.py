@@ -325,9 +325,7 @@ def test_the_sql_of_a_dry_run_makes_the_same_views(story_url: str) -> None:
     assert len(drop_views(story_url, dry_run=True)) == len(drop_views(story_url)) == 2
 
 
-def test_the_number_of_reads_does_not_grow_with_predicates(
-    shared_url: str, connect: Connect
-) -> None:
+def test_reads_do_not_grow_with_predicates(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url)
     counted = []
     for size in (1, 50):

@@ -216,7 +216,7 @@ def test_the_name_of_an_empty_knowledge_base_is_free(
     assert facts(branch_of(kb, "trial")) == facts(kb)
 
 
-def test_a_scratch_branch_is_in_memory_and_gone_when_closed(
+def test_a_scratch_branch_is_in_memory_until_it_is_closed(
     shared_url: str, connect: Connect
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")

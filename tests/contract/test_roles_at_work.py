@@ -174,9 +174,7 @@ def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> Non
             owner.execute(block.replace(" fleet ", f' "{owner.info.dbname}" ').encode())
 
 
-def test_what_only_others_may_revoke_is_left_to_them_by_name(
-    server: Server, connect: Connect
-) -> None:
+def test_what_others_may_revoke_is_left_to_them_by_name(server: Server, connect: Connect) -> None:
     url = server.new_database()
     user = f"maker_{os.getpid()}"
     with psycopg.connect(url, autocommit=True) as admin:

@@ -191,9 +191,7 @@ FAILING = {
 
 
 @pytest.mark.parametrize("failure", FAILING)
-def test_a_migration_that_fails_half_way_changes_nothing(
-    old_url: str, add: Add, failure: str
-) -> None:
+def test_a_migration_failing_half_way_changes_nothing(old_url: str, add: Add, failure: str) -> None:
     statement, error = FAILING[failure]
     work = f"""
     op.create_table("half", sa.Column("done", sa.Integer()))

@@ -544,9 +544,7 @@ def test_time_is_up_and_nothing_stays_behind(
 
 @pytest.mark.more
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
-def test_a_killed_parent_leaves_nothing_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_parent_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     call = "t.solve_pair(t._hard(), engine='fast-downward-opt')"
     code = f"import tests.planning.test_plan as t\n{call}\n"

@@ -98,9 +98,7 @@ def test_a_dto_is_a_dataclass_with_its_fields_in_the_documented_order(dto_class:
 
 
 @pytest.mark.parametrize(("dto_class", "name"), FIELD_CASES)
-def test_each_field_is_public_and_has_a_getter_and_a_setter(
-    dto_class: type[Dto], name: str
-) -> None:
+def test_each_field_is_public_with_a_getter_and_a_setter(dto_class: type[Dto], name: str) -> None:
     dto: Any = copy.deepcopy(SAMPLES[dto_class])
     value = FIELDS[dto_class][name]
     assert getattr(dto, f"get_{name}")() is getattr(dto, name)

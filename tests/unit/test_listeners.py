@@ -247,9 +247,7 @@ def test_what_somebody_watches_again_is_kept(monkeypatch: pytest.MonkeyPatch) ->
 # Beginning and end.
 
 
-def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_thread_that_cannot_start_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     line = Line()
     shared, [first, second] = listeners_on(line, 2)
     made: list[ListenerThread] = []

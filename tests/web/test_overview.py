@@ -59,9 +59,7 @@ def step_of(kb: KnowledgeBase) -> Execution:
     return kb.plans.record(Plan((step,), "by hand", "unknown")).steps[0]
 
 
-def test_goals_that_take_too_long_are_left_out(
-    busy: Filled, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_goals_that_take_long_are_left_out(busy: Filled, monkeypatch: pytest.MonkeyPatch) -> None:
     _, client = busy
 
     def slow(*_: object) -> None:

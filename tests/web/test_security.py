@@ -56,9 +56,7 @@ def test_every_answer_has_a_policy_without_inline_scripts(client: TestClient, pa
         (200, "[::1]:8765"),
     ],
 )
-def test_only_the_names_of_this_machine_are_known(
-    client: TestClient, host: str, status: int
-) -> None:
+def test_only_names_of_this_machine_are_known(client: TestClient, host: str, status: int) -> None:
     answer = client.get("/", headers={"host": host})
     assert (answer.status_code, "courier" in answer.text) == (status, status == 200)
 

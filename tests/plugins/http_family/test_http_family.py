@@ -317,9 +317,7 @@ def test_writes_whose_connections_are_cut_are_written_once(
     assert direct.revision == 102
 
 
-def test_a_transaction_is_one_revision_that_nobody_else_sees(
-    server: Served, connect: Connect
-) -> None:
+def test_a_transaction_is_one_revision_nobody_else_sees(server: Served, connect: Connect) -> None:
     kb, other = connect(server.at("tiago")), connect(server.at("tiago"))
     with kb.transaction(reason="moved in", source={"from": [1, 2.5]}):
         assert kb.types.save("robot")

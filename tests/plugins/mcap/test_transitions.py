@@ -375,9 +375,7 @@ def test_a_window_of_valid_times_begins_with_what_was_true_before(
     assert exported.clock == "valid"
 
 
-def test_what_nothing_was_said_of_was_true_from_its_commit_on(
-    story_url: str, tmp_path: Path
-) -> None:
+def test_what_nothing_was_said_of_was_true_from_its_commit(story_url: str, tmp_path: Path) -> None:
     export(story_url, tmp_path / "valid", clock="valid")
     export(story_url, tmp_path / "known")
     ours, theirs = messages(tmp_path / "valid"), messages(tmp_path / "known")
@@ -470,9 +468,7 @@ def test_without_mcap_the_extra_is_named(
         export(sqlite_story, tmp_path / "out")
 
 
-def test_an_export_takes_the_place_of_another_of_any_format(
-    sqlite_story: str, tmp_path: Path
-) -> None:
+def test_an_export_replaces_another_of_any_format(sqlite_story: str, tmp_path: Path) -> None:
     kant_sql.export.export_store(sqlite_story, to=tmp_path)
     export(sqlite_story, tmp_path, replace=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
