@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+from collections.abc import Iterator
 from datetime import UTC, datetime
 
 import pytest
 
 from kant_sql import Plan, PlanStep
 from kant_sql.errors import ClosedError
-from kant_sql.html import LENGTH, ROWS, Listing, cut, fields, guarded, table, visible
+from kant_sql.html import LENGTH, ROWS, Feed, Listing, cut, fields, guarded, table, visible
 from kant_sql.html import lines as html_lines
 from kant_sql.operations import Finding, Verification
 from kant_sql.sql.changes import Change
@@ -85,6 +86,17 @@ def test_a_listing_shows_its_first_items_and_how_many_there_are() -> None:
     assert made.count("<tr>") == ROWS + 1
     assert "1 change<" in Listing(CHANGES[:1], "change")._repr_html_()
     assert Listing[Change]([], "change")._repr_html_().count("<table") == 0
+
+
+def test_a_feed_reads_no_more_than_it_shows() -> None:
+    read: list[int | None] = []
+
+    def first(most: int | None) -> Iterator[Change]:
+        read.append(most)
+        return iter(CHANGES)
+
+    Feed(first, None, noun="change")._repr_html_()
+    assert read == [None, ROWS + 1]
 
 
 def test_an_error_of_the_library_is_shown_and_no_other_is_hidden() -> None:
