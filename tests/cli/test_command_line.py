@@ -230,9 +230,7 @@ def test_help_is_short_to_ask_for_and_has_no_python_in_it(words: list[str]) -> N
 @pytest.mark.parametrize(
     "words", [["show"], ["show", "--json"], ["log"], ["log", "--json"], ["dump"]]
 )
-def test_a_reader_that_stops_reading_ends_the_command_quietly(
-    words: list[str], sqlite_store: str
-) -> None:
+def test_a_reader_that_stops_ends_the_command_quietly(words: list[str], sqlite_store: str) -> None:
     process = commands.start(*words, sqlite_store)
     assert process.stdout is not None
     assert process.stderr is not None

@@ -41,9 +41,7 @@ def test_one_of_them_can_be_had_alone(url: str) -> None:
     assert dumped(url) == dumped(url, "--domain", "--problem") == f"{domain}\n{problem}"
 
 
-def test_what_is_dumped_and_loaded_elsewhere_is_the_same(
-    url: str, new_url: str, tmp_path: Path
-) -> None:
+def test_what_is_dumped_and_loaded_is_the_same(url: str, new_url: str, tmp_path: Path) -> None:
     path = tmp_path / "all.pddl"
     path.write_bytes(child("dump", url).stdout.encode())
     kant_sql.upgrade(new_url)

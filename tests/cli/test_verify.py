@@ -145,9 +145,7 @@ def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", ["'a' || char(10)", "x'00ff'"])
-def test_what_cannot_be_a_name_is_a_finding_and_the_others_are_verified(
-    own_file: str, name: str
-) -> None:
+def test_what_is_no_name_is_a_finding_and_the_others_are_verified(own_file: str, name: str) -> None:
     save_more(own_file, "newer", 7)
     change(own_file, f"UPDATE knowledge_base SET name = {name} WHERE name = 'tiago'")
     result = run("verify", own_file, "--all")

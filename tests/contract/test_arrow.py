@@ -174,9 +174,7 @@ def test_answers_are_columns_of_names(kb: KnowledgeBase) -> None:
 @pytest.mark.parametrize(
     ("condition", "rows"), [("(robot_at rb1 wp2)", 1), ("(robot_at rb1 wp1)", 0)]
 )
-def test_answers_without_columns_have_their_number(
-    kb: KnowledgeBase, condition: str, rows: int
-) -> None:
+def test_answers_without_columns_are_counted(kb: KnowledgeBase, condition: str, rows: int) -> None:
     fill(kb)
     kb.propositions.delete(robot_at())
     table = kb.query(condition).to_arrow()

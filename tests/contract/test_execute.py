@@ -278,9 +278,7 @@ def die(url: str) -> None:
         kb.execute(kb.plans.get_all()[0], dispatch)
 
 
-def test_a_killed_process_leaves_what_ran_and_another_goes_on(
-    shared_url: str, connect: Connect
-) -> None:
+def test_a_killed_process_leaves_what_ran_to_another(shared_url: str, connect: Connect) -> None:
     kb = loaded(connect(shared_url, actor="operator"), DOMAIN, PROBLEM)
     plan = kb.plans.record(Plan.read("(switch room)\n(move r1 hall room)\n(clean room)\n"))
     process = get_context("spawn").Process(target=die, args=(shared_url,))

@@ -150,9 +150,7 @@ def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
 
 @pytest.mark.more
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_an_answer_of_a_valid_time_visits_about_as_much_as_one_of_a_revision(
-    url: str, name: str
-) -> None:
+def test_an_answer_of_a_time_visits_about_as_much_as_one_of_a_revision(url: str, name: str) -> None:
     text, at = CONDITIONS[name], LAST // 2
     moment = START + (at - LONGEST // 2) * STEP
     true = visited(url, lambda kb: list(kb.at(known=LAST, valid=moment).query(text)))

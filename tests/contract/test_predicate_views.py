@@ -121,9 +121,7 @@ def test_times_are_those_of_the_revisions_and_seconds_those_of_the_audit(story_u
     assert second[2:] == (None, None)
 
 
-def test_an_argument_keeps_the_name_of_a_column_that_came_later(
-    shared_url: str, connect: Connect
-) -> None:
+def test_an_argument_keeps_the_name_of_a_later_column(shared_url: str, connect: Connect) -> None:
     predicate = PddlPredicateDto(
         "held", [WAYPOINT] * 3, parameter_names=["duration", "Since_Epoch", "duration_2"]
     )
@@ -236,9 +234,7 @@ def test_a_predicate_of_very_many_parameters(shared_url: str, connect: Connect) 
     assert rows_of(shared_url, "SELECT wp, wp_89, wp_90 FROM fact_wide") == [("wp1", "wp1", "wp2")]
 
 
-def test_the_first_knowledge_base_has_the_plain_names_for_ever(
-    shared_url: str, connect: Connect
-) -> None:
+def test_the_first_knowledge_base_keeps_plain_names(shared_url: str, connect: Connect) -> None:
     for name, place in (("tiago", WP1), ("T-2", WP2), ("T 2", WP1)):
         connect(shared_url, knowledge_base=name).propositions.save(robot_at(place=place))
         update_views(shared_url)

@@ -164,9 +164,7 @@ def test_new_elements_of_a_branch_come_after_those_it_began_with(
     assert documents(made) == documents(depot)
 
 
-def test_a_name_that_came_back_keeps_its_first_place(
-    fresh_kb: KnowledgeBase, branch_of: Branch
-) -> None:
+def test_a_name_that_is_back_keeps_its_place(fresh_kb: KnowledgeBase, branch_of: Branch) -> None:
     kb = fresh_kb
     kb.propositions.save_all([robot_at(RB1, WP2), robot_at()])
     kb.propositions.delete_all()

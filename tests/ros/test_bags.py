@@ -274,9 +274,7 @@ def test_one_of_several_robots_is_chosen(tmp_path: Path) -> None:
         assert told(kb) == [(later(1), ["+ rb2"])]
 
 
-def test_an_import_that_was_interrupted_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_import_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = Bag()
     bag.revision(0, 1, ("+", "predicate", "(idle)"))
     for number in range(2, 9):

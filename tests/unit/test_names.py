@@ -112,9 +112,7 @@ def test_a_type_may_not_be_called_either() -> None:
         *(("1e9", "as a number"), ("#T", "as a number")),
     ],
 )
-def test_what_stands_alone_in_text_is_neither_a_dash_nor_a_number(
-    kind: str, name: str, why: str
-) -> None:
+def test_what_stands_alone_is_neither_a_dash_nor_a_number(kind: str, name: str, why: str) -> None:
     with pytest.raises(InvalidNameError, match=why):
         check_name(kind, name)
     for other in ("predicate", "function", "action", "parameter", "preference", "problem"):

@@ -156,9 +156,7 @@ def flips(path: Path, index: str, count: int) -> Iterator[bytes]:
 
 
 @pytest.mark.more
-def test_a_flipped_bit_in_a_page_of_an_index_does_not_hide_a_fact(
-    tmp_path: Path, connect: Connect
-) -> None:
+def test_a_flipped_bit_in_an_index_does_not_hide_a_fact(tmp_path: Path, connect: Connect) -> None:
     path = tmp_path / "store.db"
     url = f"sqlite:///{path}"
     with connect(url, knowledge_base="tiago") as kb:
@@ -280,9 +278,7 @@ def test_what_the_migrations_have_not_made_is_a_finding_on_postgresql(
     server.drop_database(url)
 
 
-def test_a_generated_view_that_says_something_else_is_a_finding(
-    file_url: str, connect: Connect
-) -> None:
+def test_a_generated_view_of_something_else_is_a_finding(file_url: str, connect: Connect) -> None:
     with connect(file_url, knowledge_base="tiago") as kb:
         kb.propositions.save(FACT)
     kant_sql.operations.update_views(file_url)

@@ -379,9 +379,7 @@ def test_a_store_that_was_written_over_is_reported(tmp_path: Path) -> None:
     assert True in told
 
 
-def test_what_is_wrong_is_refused_before_anything_is_read(
-    sqlite_kb: KnowledgeBase, tmp_path: Path
-) -> None:
+def test_what_is_wrong_is_refused_before_reading(sqlite_kb: KnowledgeBase, tmp_path: Path) -> None:
     path = tmp_path / "day.html"
     with pytest.raises(UnknownNameError, match="nobody"):
         write_report(sqlite_kb, path, objects=["nobody"])

@@ -263,9 +263,7 @@ def test_a_window_begins_with_the_state_before(story_url: str, tmp_path: Path) -
     assert of(found, "/courier/fact/waiting/t1") == []
 
 
-def test_all_knowledge_bases_have_a_file_and_topics_of_their_own(
-    story_url: str, tmp_path: Path
-) -> None:
+def test_knowledge_bases_have_files_and_topics_of_their_own(story_url: str, tmp_path: Path) -> None:
     exported = export_transitions(story_url, to=tmp_path)
     assert [file.knowledge_base for file in exported.files] == ["other", "courier"]
     assert {each.topic for each in messages(tmp_path, "other")} == {"/other/fact/robot_at/rb1"}
