@@ -13,9 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parent
 # Who judge, measure, kill or drive browsers for long: only a test marked `smoke` is in `make test`.
-MORE_FOLDERS = {
-    *("benchmarks", "browser", "corpus", "meaning", "operation", "plugins", "pooler"),
-}
+MORE_FOLDERS = {*("benchmarks", "browser", "corpus", "meaning", "operation", "plugins", "pooler")}
 MAIN = re.compile(r"(sqlite(-file|-memory)?|postgresql)( .*)?")
 OTHER = re.compile(r"aio-.*|http-.*|citus|extra-\d+")
 # What takes longer than so many seconds, as `make slow` found: a ninth of the tests takes half of

@@ -27,12 +27,6 @@ def archive_url(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def file_url(tmp_path: Path) -> str:
-    """The URL of a file that can become a store."""
-    return target_url(tmp_path, "store.db")
-
-
-@pytest.fixture
 def file_kb(file_url: str, connect: Connect) -> KnowledgeBase:
     """An empty knowledge base in a file: what does not depend on the backend is tested there."""
     return connect(file_url, knowledge_base="tiago")

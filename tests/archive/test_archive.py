@@ -209,10 +209,7 @@ def test_atoms_of_objects_that_are_gone_go_and_come_back(
 
 
 def test_much_leaves_in_several_revisions(
-    file_kb: KnowledgeBase,
-    file_url: str,
-    archive_url: str,
-    monkeypatch: pytest.MonkeyPatch,
+    file_kb: KnowledgeBase, file_url: str, archive_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(archiving, "AT_ONCE", 5)
     count(file_kb, 21)

@@ -125,15 +125,10 @@ def backends(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 @pytest.mark.more
 @pytest.mark.parametrize(
-    ("here", "there", "examples"),
-    [(0, 1, PROFILE.archived), (0, 2, FEWER), (2, 1, FEWER)],
+    ("here", "there", "examples"), [(0, 1, PROFILE.archived), (0, 2, FEWER), (2, 1, FEWER)]
 )
 def test_nothing_reads_otherwise(
-    backends: list[Backend],
-    here: int,
-    there: int,
-    examples: int,
-    monkeypatch: pytest.MonkeyPatch,
+    backends: list[Backend], here: int, there: int, examples: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     moved = returned = 0
     recognise = Identities._recognise

@@ -21,14 +21,9 @@ D1, D2, PASSED = "(open d1)", "(open d2)", "(passed r1 d3)"
 OBJECTS = {D1: ["d1 - door"], D2: ["d2 - door"], PASSED: ["r1 - robot", "d3 - door"]}
 # When, who, whether it began, and what.
 SEEN = (
-    ("09:00", "tiago", True, D1),
-    ("09:05", "rosie", True, D2),
-    ("09:10", "pepper", True, D1),
-    ("09:20", "pepper", True, D2),
-    ("10:30", "tiago", True, D2),
-    ("11:00", "pepper", False, D1),
-    ("12:30", "tiago", True, PASSED),
-    ("13:30", "rosie", True, PASSED),
+    *(("09:00", "tiago", True, D1), ("09:05", "rosie", True, D2), ("09:10", "pepper", True, D1)),
+    *(("09:20", "pepper", True, D2), ("10:30", "tiago", True, D2), ("11:00", "pepper", False, D1)),
+    *(("12:30", "tiago", True, PASSED), ("13:30", "rosie", True, PASSED)),
 )
 
 

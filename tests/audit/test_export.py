@@ -393,9 +393,7 @@ def test_a_reader_gives_all_knowledge_bases_or_one(story_url: str) -> None:
             pass
 
 
-def test_a_reader_that_is_left_early_leaves_the_store_free(
-    sqlite_story: str, tmp_path: Path
-) -> None:
+def test_a_reader_left_early_leaves_the_store_free(sqlite_story: str, tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'store.db'}"
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         kb.propositions.save(robot_at())

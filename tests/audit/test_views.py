@@ -129,9 +129,7 @@ def test_a_view_says_the_same_of_the_same_story_on_both_databases(
 
 
 @pytest.mark.usefixtures("server")
-def test_acts_and_confirmations_are_the_same_on_both_databases(
-    scratch: Callable[[str], str],
-) -> None:
+def test_acts_and_confirmations_are_alike_on_both_databases(scratch: Callable[[str], str]) -> None:
     urls = [record_ward(scratch(dialect)) for dialect in ("sqlite", "postgresql")]
     for view in ("audit_confirmation", "audit_effect", "audit_execution", "audit_statistics"):
         # Each store has ids of its own for knowledge bases.

@@ -173,8 +173,7 @@ def compare_writing(new: NewStore, problem: str, repeat: int) -> list[str]:
 
         assert text.count("\n    (", text.index("(:init"), text.index("(:goal")) == fetch()
         writing, fetching = map(
-            median,
-            alternate(repeat, lambda _: kb.problem_pddl, lambda _: fetch, clean=True),
+            median, alternate(repeat, lambda _: kb.problem_pddl, lambda _: fetch, clean=True)
         )
         store.close()
     seconds = [f"{each:.2f} s" for each in (writing, fetching)]

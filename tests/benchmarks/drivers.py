@@ -43,10 +43,6 @@ class Driver(ABC):
         """Do what the database would do by itself in time: statistics, clean-up, checkpoint."""
 
     @abstractmethod
-    def do_not_wait(self) -> None:
-        """Let no commit in this store wait for the disk: that would hide what it costs itself."""
-
-    @abstractmethod
     def without_checks(self) -> None:
         """Let rows in without looking up what they refer to: to load what is known to be right."""
 
@@ -93,10 +89,6 @@ class SqliteDriver(Driver):
     def settle(self) -> None:
         self.run("PRAGMA wal_checkpoint(TRUNCATE)")
 
-    def do_not_wait(self) -> None:
-        # In WAL mode, as the library sets it, none does.
-        pass
-
     def without_checks(self) -> None:
         self.run("PRAGMA foreign_keys=OFF")
         self.run("PRAGMA cache_size=-1000000")
@@ -129,10 +121,6 @@ class PsycopgDriver(Driver):
     def settle(self) -> None:
         self.run("VACUUM ANALYZE")
         self.run("CHECKPOINT")
-
-    def do_not_wait(self) -> None:
-        name = self.connection.info.dbname
-        self.run(f'ALTER DATABASE "{name}" SET synchronous_commit = off')
 
     def without_checks(self) -> None:
         self.run("SET session_replication_role = replica")

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 BENCHMARKS = (
-    *("coffee_shop", "history", "asof", "past", "verifying", "documents", "answering"),
+    *("coffee_shop", "asof", "past", "verifying", "documents", "answering"),
     *("two_clocks", "timeline", "sizing", "pushing", "knowledge_bases", "adding", "causing", "ros"),
     "successors",
 )

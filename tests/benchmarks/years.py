@@ -86,7 +86,6 @@ def ids_of(store: Driver, kb: int) -> dict[tuple[str, str], int]:
 class Writer:
     """Writes one knowledge base's past with the bare driver: the library would take hours."""
 
-    is_goal = False  # whether it writes goals
     level_of = "robot"  # what has levels
 
     def __init__(self, store: Driver, name: str) -> None:
@@ -152,7 +151,7 @@ class Writer:
             since,
             until,
             self.ids["predicate", predicate],
-            self.is_goal,
+            False,
             fork(since, until),
             *objects[:2],
         )
@@ -185,7 +184,7 @@ class Writer:
             objects = [self.ids["object", name] for name in names]
             text = f"({' '.join([predicate, *names])})"
             ids = " ".join(map(str, objects))
-            own = self.ids["predicate", predicate], self.is_goal, ids, text
+            own = self.ids["predicate", predicate], False, ids, text
             propositions.append((self.kb, id_, *own))
             arguments += [(self.kb, id_, n, object_) for n, object_ in enumerate(objects)]
         self.store.insert("proposition", 6, propositions)

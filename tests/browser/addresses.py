@@ -29,10 +29,7 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
     "/action": (address("/action", name="move"),),
     "/corrections": (address("/corrections"), address("/corrections", since=9, until=30)),
     "/difference": (address("/difference", a=9, b=30), address("/difference")),
-    "/fact": (
-        address("/fact", text="(robot_at rb1 t1)"),
-        address("/fact", text="(battery rb1)"),
-    ),
+    "/fact": (address("/fact", text="(robot_at rb1 t1)"), address("/fact", text="(battery rb1)")),
     "/function": (address("/function", name="battery"),),
     "/given": (address("/given", id=PLAN),),
     "/log": (
@@ -66,10 +63,7 @@ ADDRESSES: dict[str, tuple[str, ...]] = {
         address("/state", kind="fact", text="rb"),
         address("/state", at="2026-03-02 14:03"),
     ),
-    "/statistics": (
-        address("/statistics"),
-        address("/statistics", by="arguments", since=9),
-    ),
+    "/statistics": (address("/statistics"), address("/statistics", by="arguments", since=9)),
     "/type": (address("/type", name="table"),),
     "/verify": (address("/verify"),),
 }

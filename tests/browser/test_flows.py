@@ -64,9 +64,7 @@ def test_a_condition_is_asked_in_a_state_and_over_time(served: Serving, visit: V
     expect(answers).to_be_visible()
 
 
-def test_an_answer_that_comes_late_does_not_undo_a_choice(
-    sqlite_served: Serving, visit: Visit
-) -> None:
+def test_a_late_answer_does_not_undo_a_choice(sqlite_served: Serving, visit: Visit) -> None:
     visitor = visit(sqlite_served.address)
     visitor.open("/ask?kb=courier")
     page = visitor.page

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -18,9 +17,8 @@ PROBLEM = "(define (problem home) (:domain doors) (:objects front back - door))"
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
-    made = f"sqlite:///{tmp_path / 'doors.db'}"
-    with kant_sql.connect(made, knowledge_base="home", actor="executive") as kb:
+def url(file_url: str) -> str:
+    with kant_sql.connect(file_url, knowledge_base="home", actor="executive") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
         kb.apply("(unlock front)", reason="the bell rang")
@@ -29,7 +27,7 @@ def url(tmp_path: Path) -> str:
         dock = kb.executions.report("dock", outcome="running", arguments=["bay 4"])
         with kb.transaction(actor="safety"):
             kb.fail(dock, code="E4", text="no charger")
-    return made
+    return file_url
 
 
 def test_what_was_done_is_shown_newest_first(url: str) -> None:
@@ -48,13 +46,9 @@ def test_what_was_done_is_shown_newest_first(url: str) -> None:
 @pytest.mark.parametrize(
     ("words", "count"),
     [
-        (["--outcome", "refused"], 1),
-        (["--action", "UNLOCK"], 2),
-        (["--action", "dock"], 1),
-        (["--object", "front", "-n", "1"], 1),
-        (["--actor", "executive"], 3),
-        (["--since", "4"], 2),
-        (["--until", "3"], 1),
+        *((["--outcome", "refused"], 1), (["--action", "UNLOCK"], 2), (["--action", "dock"], 1)),
+        *((["--object", "front", "-n", "1"], 1), (["--actor", "executive"], 3)),
+        *((["--since", "4"], 2), (["--until", "3"], 1)),
     ],
 )
 def test_filters(url: str, words: list[str], count: int) -> None:

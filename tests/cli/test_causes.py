@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 import kant_sql
@@ -19,16 +17,15 @@ PROBLEM = "(define (problem home) (:domain doors) (:objects front - door))"
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
-    made = f"sqlite:///{tmp_path / 'doors.db'}"
-    with kant_sql.connect(made, knowledge_base="home", actor="executive") as kb:
+def url(file_url: str) -> str:
+    with kant_sql.connect(file_url, knowledge_base="home", actor="executive") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
         with kb.transaction(actor="camera", reason="frame\n8"):
             kb.propositions.save_all(["(open front)"])
         for _ in range(2):
             kb.apply("(look front)", reason="the bell rang")
-    return made
+    return file_url
 
 
 def test_what_a_fact_led_to(url: str) -> None:

@@ -258,17 +258,16 @@ def test_rules_are_judged_in_a_range(breakfast: str) -> None:
     assert "clock" in complaint("rules", breakfast, RULE, "--clock", "sun")
 
 
-def test_a_rule_that_is_not_judged_has_an_exit_code(tmp_path: Path) -> None:
-    later = f"sqlite:///{tmp_path / 'later.db'}"
-    write_breakfast(later)
-    with kant_sql.connect(later) as kb:
+def test_a_rule_that_is_not_judged_has_an_exit_code(file_url: str) -> None:
+    write_breakfast(file_url)
+    with kant_sql.connect(file_url) as kb:
         kb.propositions.delete_all()
         kb.objects.delete_all()
         since = kb.revision
     rule = "(sometime (at rb1 kitchen))"
-    result = run("rules", later, rule, "--since", str(since))
+    result = run("rules", file_url, rule, "--since", str(since))
     assert (result.exit_code, result.stdout) == (3, f"not judged rule: {rule}\n")
-    found = document("rules", later, rule, "--since", str(since), code=3)
+    found = document("rules", file_url, rule, "--since", str(since), code=3)
     assert (found["is_satisfied"], found["rules"][0]["verdict"]) == (False, "not judged")
 
 
@@ -295,13 +294,12 @@ def test_rules_come_from_the_store_or_a_file(breakfast: str, tmp_path: Path) -> 
     assert "no rule 'calm' is kept" in complaint("rules", none, "--delete", "calm")
 
 
-def test_rules_come_from_standard_input(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'kitchen.db'}"
-    write_breakfast(url)
+def test_rules_come_from_standard_input(file_url: str) -> None:
+    write_breakfast(file_url)
     for rules, code, said in (
         (f"\n{RULE}\n", 1, f"violated rule: {RULE}\n"),
         ("(always (at rb1))", 1, "kant-sql: <stdin>:1:"),
     ):
-        done = child("rules", url, "-", given=rules)
+        done = child("rules", file_url, "-", given=rules)
         assert done.returncode == code
         assert (done.stdout or done.stderr).startswith(said)

@@ -71,11 +71,7 @@ def test_tables_of_a_newer_version_are_refused(new_url: str) -> None:
     commands.run("db", "upgrade", new_url)
     run_sql(new_url, f"UPDATE {VERSION_TABLE} SET version_num = '9999'")
     for words in (
-        ["show"],
-        ["log"],
-        ["db", "check"],
-        ["db", "upgrade"],
-        ["db", "downgrade", "base"],
+        *(["show"], ["log"], ["db", "check"], ["db", "upgrade"], ["db", "downgrade", "base"]),
     ):
         result = commands.run(*words, url=new_url)
         assert "version 9999" in commands.one_line(result.stderr)

@@ -17,13 +17,12 @@ DOMAIN, PROBLEM = FILES / "watering.pddl", FILES / "balcony.pddl"
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
+def url(file_url: str) -> str:
     """The URL of a store with a domain and a problem."""
-    url = f"sqlite:///{tmp_path / 'robot.db'}"
-    with kant_sql.connect(url) as kb:
+    with kant_sql.connect(file_url) as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
-    return url
+    return file_url
 
 
 def dumped(*words: str) -> str:
@@ -42,9 +41,7 @@ def test_one_of_them_can_be_had_alone(url: str) -> None:
     assert dumped(url) == dumped(url, "--domain", "--problem") == f"{domain}\n{problem}"
 
 
-def test_what_is_dumped_and_loaded_elsewhere_is_the_same(
-    url: str, new_url: str, tmp_path: Path
-) -> None:
+def test_what_is_dumped_and_loaded_is_the_same(url: str, new_url: str, tmp_path: Path) -> None:
     path = tmp_path / "all.pddl"
     path.write_bytes(child("dump", url).stdout.encode())
     kant_sql.upgrade(new_url)
@@ -85,12 +82,11 @@ def test_both_are_of_one_state_whatever_is_written_meanwhile(
 
 
 @pytest.mark.more
-def test_pddl_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'names.db'}"
-    with kant_sql.connect(url) as kb:
+def test_pddl_is_utf_8_whatever_the_locale(file_url: str) -> None:
+    with kant_sql.connect(file_url) as kb:
         kb.types.save(kant_sql.PddlTypeDto("机器人"))
     done = child(
-        *("dump", url, "--domain"),
+        *("dump", file_url, "--domain"),
         program=PROGRAM,
         PYTHONIOENCODING="ascii",
         PYTHONUTF8="0",

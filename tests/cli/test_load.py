@@ -104,10 +104,7 @@ def test_several_files_are_one_domain(url: str, write: Callable[[str, str], str]
     with kant_sql.connect(url) as kb:
         assert kb.revision == 1
         assert [each.name for each in kb.pddl.domain().predicates] == [
-            "at",
-            "lies",
-            "holds",
-            "shut",
+            *("at", "lies", "holds", "shut")
         ]
 
 
@@ -156,9 +153,7 @@ def test_a_problem_alone_is_of_the_domain_that_is_stored(url: str) -> None:
     assert revision(url) == 2
 
 
-def test_a_problem_alone_creates_neither_a_store_nor_a_knowledge_base(
-    url: str, tmp_path: Path
-) -> None:
+def test_a_problem_alone_creates_no_store_and_no_knowledge_base(url: str, tmp_path: Path) -> None:
     result = commands.run("load", url, PROBLEM)
     line = commands.one_line(result.stderr)
     assert "no such file" in line

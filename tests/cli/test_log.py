@@ -54,11 +54,6 @@ def test_json_lines_say_all_of_each_revision(store: str) -> None:
     assert [entry.revision.number for entry in entries] == [3, 2, 1]
 
 
-@pytest.mark.parametrize(("limit", "expected"), [("1", [3]), ("2", [3, 2]), ("9", [3, 2, 1])])
-def test_a_limit_keeps_the_newest(store: str, limit: str, expected: list[int]) -> None:
-    assert [entry["number"] for entry in documents("log", store, "--limit", limit)] == expected
-
-
 def test_metadata_can_neither_break_lines_nor_steer_a_terminal(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'odd.db'}"
     odd = "a\nb\x1b[31m\x9b\x7f\u2028\u202eé[bold]"

@@ -64,10 +64,7 @@ def test_with_yes_it_merges_what_is_decided(trial: str) -> None:
 
 def test_of_another_store_and_a_past_state(own_store: str, tmp_path: Path) -> None:
     other = f"sqlite:///{tmp_path}/other.db"
-    with (
-        kant_sql.connect(own_store, knowledge_base="tiago") as kb,
-        kb.branch(url=other) as branch,
-    ):
+    with kant_sql.connect(own_store, knowledge_base="tiago") as kb, kb.branch(url=other) as branch:
         branch.propositions.delete(AT_WP2)
         branch.propositions.save(AT_WP2)
         branch.propositions.delete(AT_WP2)

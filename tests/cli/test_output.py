@@ -54,14 +54,8 @@ def tampered(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.mark.parametrize(
     "words",
     [
-        ["show"],
-        ["log"],
-        ["diff", "0", "2"],
-        ["history", AT_WP1],
-        ["blame", "wp1"],
-        ["verify"],
-        ["watch", "--after", "0", "--timeout", "0"],
-        ["log", "--json"],
+        *(["show"], ["log"], ["diff", "0", "2"], ["history", AT_WP1], ["blame", "wp1"]),
+        *(["verify"], ["watch", "--after", "0", "--timeout", "0"], ["log", "--json"]),
     ],
 )
 def test_what_tampering_left_does_not_steer_the_terminal(tampered: str, words: list[str]) -> None:

@@ -25,16 +25,15 @@ STEPS = [
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
+def url(file_url: str) -> str:
     """The URL of a store of two revisions: from the second no plan leads to the goal."""
-    url = f"sqlite:///{tmp_path / 'robot.db'}"
-    with kant_sql.connect(url) as kb:
+    with kant_sql.connect(file_url) as kb:
         with kb.transaction():
             kb.load_domain(FILES / "delivery.pddl")
             kb.load_problem(FILES / "coffee.pddl")
         lies = next(fact for fact in kb.propositions.get_all() if fact.predicate.name == "lies")
         kb.propositions.delete(lies)
-    return url
+    return file_url
 
 
 @pytest.fixture
@@ -59,11 +58,7 @@ def test_a_plan_is_found_in_a_process_of_its_own(url: str) -> None:
     pytest.importorskip("up_pyperplan", reason="needs the extra planning")
     done = child("plan", url, "--at", "1", "--engine", "pyperplan", "--timeout", "50")
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [
-        "; revision 1",
-        "; solved_satisficing by pyperplan",
-        *STEPS,
-    ]
+    assert done.stdout.splitlines() == ["; revision 1", "; solved_satisficing by pyperplan", *STEPS]
 
 
 def test_no_plan_is_one_line(url: str) -> None:
@@ -73,9 +68,7 @@ def test_no_plan_is_one_line(url: str) -> None:
     assert (result.exit_code, result.stdout) == (1, "")
 
 
-def test_the_plan_is_in_the_format_of_the_validator(
-    url: str, asked: list[dict[str, object]]
-) -> None:
+def test_the_plan_has_the_format_of_the_validator(url: str, asked: list[dict[str, object]]) -> None:
     result = run("plan", url)
     assert result.stdout == (
         "; revision 2\n; solved_optimally by aries\n0.000: (move rb1 kitchen) [2.50]\n10: (wait)\n"
@@ -172,9 +165,7 @@ def test_a_plan_is_recorded_and_listed_with_what_became_of_its_steps(
     assert run("plans", url, "--at", "2").stdout == "\nplans (0)\n"
 
 
-def test_what_the_planner_was_not_given_is_printed(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_planner_was_not_given_is_printed(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
 
     def plan(kb: KnowledgeBase, **words: object) -> Plan:

@@ -89,16 +89,15 @@ def test_a_step_that_is_not_applicable_writes_nothing(breakfast: str) -> None:
         assert kb.revision == 2
 
 
-def test_a_step_that_changes_nothing_is_a_revision(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'doors.db'}"
-    with kant_sql.connect(url) as kb:
+def test_a_step_that_changes_nothing_is_a_revision(file_url: str) -> None:
+    with kant_sql.connect(file_url) as kb:
         kb.load_domain(
             "(define (domain doors) (:predicates (open)) (:constants front - object)"
             "(:action close :parameters () :effect (not (open))))"
         )
     said = "knowledge base default, revision 2: (close) changes nothing\n"
-    assert run("apply", url, "(close)").stdout == said
-    found = document("apply", url, "(close)")
+    assert run("apply", file_url, "(close)").stdout == said
+    found = document("apply", file_url, "(close)")
     assert (found["revision"], found["changes"]) == (3, [])
 
 
@@ -153,18 +152,17 @@ def test_a_recorded_plan_is_validated(own_breakfast: str, tmp_path: Path) -> Non
     assert "No such file" in complaint("validate", own_breakfast, missing)
 
 
-def test_a_plan_comes_from_standard_input(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'kitchen.db'}"
-    write_breakfast(url)
+def test_a_plan_comes_from_standard_input(file_url: str) -> None:
+    write_breakfast(file_url)
     for plan, code, said in (
         (TAKE, 0, "the plan is valid\n"),
         ("", 1, "the plan is not valid\n"),
         ("take", 1, "kant-sql: <string>:1:1: in the plan: "),
     ):
-        done = child("validate", url, "-", given=plan)
+        done = child("validate", file_url, "-", given=plan)
         assert done.returncode == code
         assert (done.stdout or done.stderr).startswith(said)
-    done = child("plan", url, "--read", "-", given=TAKE)
+    done = child("plan", file_url, "--read", "-", given=TAKE)
     assert done.stdout.splitlines()[-1] == TAKE
 
 

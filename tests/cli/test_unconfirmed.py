@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -13,16 +12,15 @@ from tests.support.processes.commands import run
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
-    made = f"sqlite:///{tmp_path / 'doors.db'}"
-    with kant_sql.connect(made, knowledge_base="home", actor="executive") as kb:
+def url(file_url: str) -> str:
+    with kant_sql.connect(file_url, knowledge_base="home", actor="executive") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
         kb.apply("(unlock front)")
         kb.apply("(unlock back)")
         with kb.transaction(actor="camera"):
             kb.propositions.confirm("(open front)")
-    return made
+    return file_url
 
 
 def test_what_nobody_has_seen_and_what_was_wrong(url: str) -> None:

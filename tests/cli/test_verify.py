@@ -145,9 +145,7 @@ def test_what_an_anchor_says_nothing_of_is_said(own_file: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", ["'a' || char(10)", "x'00ff'"])
-def test_what_cannot_be_a_name_is_a_finding_and_the_others_are_verified(
-    own_file: str, name: str
-) -> None:
+def test_what_is_no_name_is_a_finding_and_the_others_are_verified(own_file: str, name: str) -> None:
     save_more(own_file, "newer", 7)
     change(own_file, f"UPDATE knowledge_base SET name = {name} WHERE name = 'tiago'")
     result = run("verify", own_file, "--all")
@@ -260,8 +258,7 @@ def test_one_alone_continues_when_asked_to(own_file: str) -> None:
 def test_complete_since_begins_again_where_it_was_long_ago(fleet: str) -> None:
     verify_all(fleet)
     change(
-        fleet,
-        "UPDATE verification SET complete_at = '2020-01-01T00:00:00.000000Z' WHERE kb_id < 3",
+        fleet, "UPDATE verification SET complete_at = '2020-01-01T00:00:00.000000Z' WHERE kb_id < 3"
     )
     assert verify_all(fleet, "--complete-since", "7 days ago")[-1].endswith("3 continued")
     # What was begun again is complete now, so that a run that was ended goes on.

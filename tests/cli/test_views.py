@@ -21,11 +21,7 @@ def relations(url: str) -> list[str]:
 
 
 def test_what_became_of_each_view_is_told(own_store: str) -> None:
-    for words, change in (
-        ([], "created"),
-        ([], "unchanged"),
-        (["--drop"], "dropped"),
-    ):
+    for words, change in (([], "created"), ([], "unchanged"), (["--drop"], "dropped")):
         lines = run("views", own_store, *words).stdout.splitlines()
         assert lines[1] == "views (2)"
         assert lines[2].split() == ["view", "change", "knowledge", "base", "predicate"]

@@ -59,9 +59,7 @@ def test_a_pipe_gets_each_revision_at_once(own_store: str) -> None:
             save(own_store, number)
             entry = next_document(process)
             assert (entry["number"], entry["actor"]) == (number, "elsewhere")
-            assert entry["changes"] == [
-                {"sign": "+", "kind": "object", "text": f"wp{number} - wp"},
-            ]
+            assert entry["changes"] == [{"sign": "+", "kind": "object", "text": f"wp{number} - wp"}]
         assert process.poll() is None
 
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -38,22 +38,23 @@ from tests.support.profile import PROFILE, hunting
 from tests.support.reading import Undone
 from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
-Test = Callable[[AsyncKnowledgeBase], Awaitable[None]]
 
-
-def run(url: str, test: Test) -> None:
-    """Run a test with a knowledge base, whose threads are all gone afterwards."""
-    before = {thread for thread in threading.enumerate() if thread.name.startswith("kant_sql")}
-
-    async def main() -> None:
-        async with kant_sql.aio.connect(url, knowledge_base="tiago", actor="base") as kb:
-            await asyncio.wait_for(test(kb), 60)
-
-    asyncio.run(main(), debug=False)
-    after = {thread for thread in threading.enumerate() if thread.name.startswith("kant_sql")}
-    for thread in after - before:
-        thread.join(5)
+@asynccontextmanager
+async def opened(url: str) -> AsyncIterator[AsyncKnowledgeBase]:
+    """A knowledge base for a minute at most, whose threads are all gone afterwards."""
+    before = own_threads()
+    async with (
+        kant_sql.aio.connect(url, knowledge_base="tiago", actor="base") as kb,
+        asyncio.timeout(60),
+    ):
+        yield kb
+    for thread in own_threads() - before:
+        await asyncio.to_thread(thread.join, 5)
         assert not thread.is_alive()
+
+
+def own_threads() -> set[threading.Thread]:
+    return {thread for thread in threading.enumerate() if thread.name.startswith("kant_sql")}
 
 
 async def written(kb: AsyncKnowledgeBase) -> list[tuple[str | None, list[str]]]:
@@ -81,21 +82,19 @@ async def free_loop() -> AsyncIterator[None]:
     assert longest < Backend.patience / 2
 
 
-def test_it_can_do_all_that_the_synchronous_front_door_can() -> None:
+async def test_it_can_do_all_that_the_synchronous_front_door_can() -> None:
     def names(cls: type) -> set[str]:
         return {name for name in dir(cls) if not name.startswith("_")}
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened("sqlite://") as kb:
         for path, cls in {**FRONTS, **DAOS}.items():
             assert names(cls) <= {name for name in dir(part(kb, path)) if name[0] != "_"}, path
 
-    run("sqlite://", test)
 
-
-def test_types_are_those_of_the_synchronous_methods() -> None:
+async def test_types_are_those_of_the_synchronous_methods() -> None:
     """The type checker judges this: what it does not refuse here is an unused `ignore`."""
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened("sqlite://") as kb:
         await kb.types.save(ROBOT, cascade=True)
         assert_type(await kb.types.get("robot"), kant_sql.PddlTypeDto | None)
         assert_type(await kb.propositions.get_all(), list[kant_sql.PddlPropositionDto])
@@ -110,11 +109,9 @@ def test_types_are_those_of_the_synchronous_methods() -> None:
             await kb.transaction("actor").__aenter__()  # type: ignore[call-arg]
         await kb.propositions.save(robot_at())
 
-    run("sqlite://", test)
 
-
-def test_each_transaction_is_its_own_tasks(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_each_transaction_is_its_own_tasks(url: str) -> None:
+    async with opened(url) as kb:
         is_open, may_end = asyncio.Event(), asyncio.Event()
 
         async def well() -> None:
@@ -136,11 +133,10 @@ def test_each_transaction_is_its_own_tasks(url: str) -> None:
         assert [type(end) for end in ends] == [type(None), Undone]
         assert await written(kb) == [("well", ["(robot_at rb1 wp1)"])]
 
-    run(url, test)
 
+async def test_independent_tasks_queue_without_blocking_the_loop(url: str) -> None:
+    async with opened(url) as kb:
 
-def test_independent_tasks_queue_without_blocking_the_loop(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
         async def writer(number: int) -> None:
             async with kb.transaction(actor=f"t{number}"):
                 await kb.propositions.save(robot_at(place=waypoint(2 * number)))
@@ -156,11 +152,9 @@ def test_independent_tasks_queue_without_blocking_the_loop(url: str) -> None:
         assert sorted(len(facts) for _, facts in found) == [1] * 20 + [2] * 20
         assert len({actor for actor, facts in found if len(facts) == 2}) == 20
 
-    run(url, test)
 
-
-def test_the_seconds_of_the_url_bound_the_wait_for_a_turn(tmp_path: Path) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_the_seconds_of_the_url_bound_the_wait_for_a_turn(tmp_path: Path) -> None:
+    async with opened(f"sqlite:///{tmp_path / 'robot.db'}?timeout=0.2") as kb:
         is_open = asyncio.Event()
 
         async def hold() -> None:
@@ -174,11 +168,10 @@ def test_the_seconds_of_the_url_bound_the_wait_for_a_turn(tmp_path: Path) -> Non
             await kb.objects.save(RB1)
         holding.cancel()
 
-    run(f"sqlite:///{tmp_path / 'robot.db'}?timeout=0.2", test)
 
+async def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
+    async with opened(url) as kb:
 
-def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
         async def opens() -> None:
             async with kb.transaction():
                 raise AssertionError
@@ -197,11 +190,9 @@ def test_a_task_started_in_a_block_is_refused_at_once(url: str) -> None:
         assert await kb.propositions.get_all() == [robot_at()]
         assert await kb.goals.get_propositions() == [robot_at(is_goal=True)]
 
-    run(url, test)
 
-
-def test_what_a_child_reads_is_committed_or_refused(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_what_a_child_reads_is_committed_or_refused(url: str) -> None:
+    async with opened(url) as kb:
         await kb.objects.save(RB1)
         async with kb.transaction():
             await kb.propositions.save(robot_at())
@@ -212,11 +203,9 @@ def test_what_a_child_reads_is_committed_or_refused(url: str) -> None:
             else:
                 assert await reading == []
 
-    run(url, test)
 
-
-def test_an_inner_block_that_fails_is_undone_alone(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_an_inner_block_that_fails_is_undone_alone(url: str) -> None:
+    async with opened(url) as kb:
         async with kb.transaction():
             await kb.propositions.save(robot_at())
             with suppress(Undone):
@@ -229,12 +218,11 @@ def test_an_inner_block_that_fails_is_undone_alone(url: str) -> None:
                 raise AssertionError
         await kb.propositions.save(robot_at(place=WP2))
 
-    run(url, test)
-
 
 @pytest.mark.parametrize("where", ["call", "pause", "swallowed"])
-def test_cancellation_rolls_back(url: str, where: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_cancellation_rolls_back(url: str, where: str) -> None:
+    async with opened(url) as kb:
+
         async def block() -> None:
             async with kb.transaction():
                 await kb.propositions.save(robot_at())
@@ -260,10 +248,8 @@ def test_cancellation_rolls_back(url: str, where: str) -> None:
         await kb.propositions.save(robot_at(place=WP2))
         assert await kb.propositions.get_all() == [robot_at(place=WP2)]
 
-    run(url, test)
 
-
-def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     commit, has_begun = Store.commit, threading.Event()
 
     def slow(self: Store, *arguments: Any) -> None:
@@ -271,7 +257,8 @@ def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPa
         time.sleep(0.2)
         commit(self, *arguments)
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened(url) as kb:
+
         async def block() -> None:
             async with kb.transaction(actor="block"):
                 await kb.propositions.save(robot_at())
@@ -285,11 +272,10 @@ def test_a_commit_under_way_is_waited_for(url: str, monkeypatch: pytest.MonkeyPa
         assert "was committed" in caught.value.__notes__[0]
         assert [actor for actor, _ in await written(kb)] == ["block"]
 
-    run(url, test)
 
+async def test_closed_within_an_inner_block(url: str) -> None:
+    async with opened(url) as kb:
 
-def test_closed_within_an_inner_block(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
         async def nested() -> None:
             async with kb.transaction(), kb.transaction():
                 await kb.propositions.save(robot_at())
@@ -298,14 +284,12 @@ def test_closed_within_an_inner_block(url: str) -> None:
         with pytest.raises(ClosedError):
             await nested()
 
-    run(url, test)
 
-
-def test_who_waits_for_a_turn_can_be_cancelled(shared_url: str) -> None:
+async def test_who_waits_for_a_turn_can_be_cancelled(shared_url: str) -> None:
     with kant_sql.connect(shared_url, knowledge_base="tiago") as other:
         other.objects.save(RB1)
+        async with opened(shared_url) as kb:
 
-        async def test(kb: AsyncKnowledgeBase) -> None:
             async def write() -> None:
                 async with kb.transaction():
                     await kb.propositions.save(robot_at())
@@ -320,74 +304,68 @@ def test_who_waits_for_a_turn_can_be_cancelled(shared_url: str) -> None:
             await write()
             assert [actor for actor, _ in await written(kb)] == [None, "thread", "base"]
 
-        run(shared_url, test)
-
 
 @hunting(PROFILE.tasks)
 @given(seed=st.integers(0, 2**32))
 def test_cancelled_anywhere_nothing_acknowledged_is_lost(seed: int) -> None:
     """Tasks write pairs of facts in blocks, and are cancelled at any moment."""
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
-        chance = random.Random(seed)
-        acknowledged: set[int] = set()
-
-        async def writer(number: int) -> None:
-            async with kb.transaction(actor=f"t{number}"):
-                await kb.propositions.save(robot_at(place=waypoint(2 * number)))
-                await asyncio.sleep(chance.random() / 500)
-                await kb.propositions.save(robot_at(place=waypoint(2 * number + 1)))
-            acknowledged.add(number)
-
-        tasks = [asyncio.create_task(writer(number)) for number in range(12)]
-        for task in chance.sample(tasks, 8):
-            await asyncio.sleep(chance.random() / 200)
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-        there = {proposition.objects[1].name for proposition in await kb.propositions.get_all()}
-        for number in range(12):
-            pair = {f"wp{2 * number}", f"wp{2 * number + 1}"}
-            # Whole or not at all; and whole when its writer went on.
-            assert pair <= there or (not pair & there and number not in acknowledged)
-        async with kb.transaction():
-            await kb.propositions.delete_all()
-
-    run("sqlite://", test)
-
-
-def test_a_write_that_has_not_begun_is_dropped_when_cancelled(shared_url: str) -> None:
     async def main() -> None:
-        is_over, begun = threading.Event(), threading.Barrier(3)
+        async with opened("sqlite://") as kb:
+            chance = random.Random(seed)
+            acknowledged: set[int] = set()
 
-        def busy(_: object) -> bool:
-            begun.wait(20)
-            return is_over.wait(20)
+            async def writer(number: int) -> None:
+                async with kb.transaction(actor=f"t{number}"):
+                    await kb.propositions.save(robot_at(place=waypoint(2 * number)))
+                    await asyncio.sleep(chance.random() / 500)
+                    await kb.propositions.save(robot_at(place=waypoint(2 * number + 1)))
+                acknowledged.add(number)
 
-        async with kant_sql.aio.open_store(shared_url, connections=2) as store:
-            kb, other = store.knowledge_base("tiago"), store.knowledge_base("pepper")
-            await kb.objects.save(RB1)
-            slow = [
-                asyncio.create_task(other._door.read(partial(busy, number))) for number in range(2)
-            ]
-            await asyncio.to_thread(begun.wait, 20)
-            late = asyncio.create_task(kb.propositions.save(robot_at()))
-            await asyncio.sleep(0.05)
-            late.cancel()
-            done, _ = await asyncio.wait([late], timeout=5)
-            is_over.set()
-            assert done == {late}
-            assert late.cancelled()
-            await asyncio.gather(*slow)
-            assert await kb.propositions.get_all() == []
-            # Its place and its turn are free.
-            await kb.propositions.save(robot_at(place=WP2))
-            assert await kb.revision() == 2
+            tasks = [asyncio.create_task(writer(number)) for number in range(12)]
+            for task in chance.sample(tasks, 8):
+                await asyncio.sleep(chance.random() / 200)
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            there = {proposition.objects[1].name for proposition in await kb.propositions.get_all()}
+            for number in range(12):
+                pair = {f"wp{2 * number}", f"wp{2 * number + 1}"}
+                # Whole or not at all; and whole when its writer went on.
+                assert pair <= there or (not pair & there and number not in acknowledged)
+            async with kb.transaction():
+                await kb.propositions.delete_all()
 
     asyncio.run(main())
 
 
+async def test_a_write_that_has_not_begun_is_dropped_when_cancelled(shared_url: str) -> None:
+    is_over, begun = threading.Event(), threading.Barrier(3)
+
+    def busy(_: object) -> bool:
+        begun.wait(20)
+        return is_over.wait(20)
+
+    async with kant_sql.aio.open_store(shared_url, connections=2) as store:
+        kb, other = store.knowledge_base("tiago"), store.knowledge_base("pepper")
+        await kb.objects.save(RB1)
+        slow = [asyncio.create_task(other._door.read(partial(busy, number))) for number in range(2)]
+        await asyncio.to_thread(begun.wait, 20)
+        late = asyncio.create_task(kb.propositions.save(robot_at()))
+        await asyncio.sleep(0.05)
+        late.cancel()
+        done, _ = await asyncio.wait([late], timeout=5)
+        is_over.set()
+        assert done == {late}
+        assert late.cancelled()
+        await asyncio.gather(*slow)
+        assert await kb.propositions.get_all() == []
+        # Its place and its turn are free.
+        await kb.propositions.save(robot_at(place=WP2))
+        assert await kb.revision() == 2
+
+
 @pytest.mark.parametrize("where", ["task", "callback", "begun"])
-def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
+async def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
     shared_url: str, where: str
 ) -> None:
     def write(kb: kant_sql.KnowledgeBase) -> None:
@@ -397,7 +375,7 @@ def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
             kb.propositions.save(robot_at(place=WP2))
         assert kb.propositions.get_all() == []
 
-    async def main(kb: kant_sql.KnowledgeBase) -> None:
+    with kant_sql.connect(shared_url) as kb:
         async with kant_sql.aio.connect(shared_url) as door:
             await door.objects.save_all([RB1, WP2])
             entered, leave, done = asyncio.Event(), asyncio.Event(), asyncio.Event()
@@ -428,11 +406,8 @@ def test_a_synchronous_write_does_not_stop_the_loop_of_an_open_block(
             assert kb.propositions.save(robot_at(place=WP2))
             assert await door.revision() == 4
 
-    with kant_sql.connect(shared_url) as kb:
-        asyncio.run(main(kb))
 
-
-def test_no_task_waits_for_a_block_of_its_own_by_another_door(shared_url: str) -> None:
+async def test_no_task_waits_for_a_block_of_its_own_by_another_door(shared_url: str) -> None:
     async def check(one: AsyncKnowledgeBase, other: AsyncKnowledgeBase) -> None:
         await one.objects.save(RB1)
         began = time.monotonic()
@@ -450,20 +425,17 @@ def test_no_task_waits_for_a_block_of_its_own_by_another_door(shared_url: str) -
         await other.propositions.save(robot_at(place=WP2))
         assert len(await one.propositions.get_all()) == 2
 
-    async def main() -> None:
-        async with kant_sql.aio.open_store(shared_url, connections=3) as store:
-            await check(store.knowledge_base("tiago"), store.knowledge_base("tiago"))
-        async with (
-            kant_sql.aio.connect(shared_url, knowledge_base="pepper") as one,
-            kant_sql.aio.connect(shared_url, knowledge_base="pepper") as other,
-        ):
-            await check(one, other)
-
-    asyncio.run(main())
+    async with kant_sql.aio.open_store(shared_url, connections=3) as store:
+        await check(store.knowledge_base("tiago"), store.knowledge_base("tiago"))
+    async with (
+        kant_sql.aio.connect(shared_url, knowledge_base="pepper") as one,
+        kant_sql.aio.connect(shared_url, knowledge_base="pepper") as other,
+    ):
+        await check(one, other)
 
 
-def test_a_branch_begun_in_a_block_is_refused_after_it(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_a_branch_begun_in_a_block_is_refused_after_it(url: str) -> None:
+    async with opened(url) as kb:
         async with kb.transaction():
             await kb.propositions.save(robot_at())
             late = kb.branch(url="sqlite://")
@@ -472,11 +444,9 @@ def test_a_branch_begun_in_a_block_is_refused_after_it(url: str) -> None:
         async with kb.branch(url="sqlite://") as trial:
             assert await trial.propositions.get_all() == [robot_at()]
 
-    run(url, test)
 
-
-def test_changes_and_log_are_followed(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_changes_and_log_are_followed(url: str) -> None:
+    async with opened(url) as kb:
         for number in range(5):
             await kb.function_values.set(kant_sql.PddlFunctionDto("n"), objects=(), value=number)
         assert [entry.revision.number async for entry in kb.changes(2)] == [3, 4, 5]
@@ -490,11 +460,9 @@ def test_changes_and_log_are_followed(url: str) -> None:
         assert await kb.function_values.get("n") == 4
         assert [one.number for one in await kb.store.revisions(limit=1)] == [1]
 
-    run(url, test)
 
-
-def test_watch_hears_of_others_and_can_be_cancelled(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_watch_hears_of_others_and_can_be_cancelled(url: str) -> None:
+    async with opened(url) as kb:
         watching = [asyncio.create_task(kb.watch(0)) for _ in range(12)]
         await asyncio.sleep(0.3)
         # More wait than the pool has threads, and the others go on.
@@ -513,11 +481,9 @@ def test_watch_hears_of_others_and_can_be_cancelled(url: str) -> None:
         with pytest.raises(ClosedError):
             await last
 
-    run(url, test)
-
 
 @pytest.mark.more
-def test_a_watch_outlasts_what_other_calls_do_not(
+async def test_a_watch_outlasts_what_other_calls_do_not(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(retry, "RETRY_FOR", 0.1)
@@ -530,7 +496,7 @@ def test_a_watch_outlasts_what_other_calls_do_not(
 
     monkeypatch.setattr(Store, "_take_session", lost)
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened(url) as kb:
         await kb.propositions.save(robot_at())
         endless, long = (asyncio.create_task(kb.watch(1, timeout=most)) for most in (None, 30))
         cancelled = asyncio.create_task(kb.watch(1))
@@ -544,11 +510,9 @@ def test_a_watch_outlasts_what_other_calls_do_not(
         with pytest.raises(asyncio.CancelledError):
             await cancelled
 
-    run(url, test)
 
-
-def test_closed_within_a_block_nothing_of_it_is_written(url: str) -> None:
-    async def test(kb: AsyncKnowledgeBase) -> None:
+async def test_closed_within_a_block_nothing_of_it_is_written(url: str) -> None:
+    async with opened(url) as kb:
         await kb.propositions.save(robot_at())
         past, begun = await kb.at(1), kb.changes()
 
@@ -565,14 +529,12 @@ def test_closed_within_a_block_nothing_of_it_is_written(url: str) -> None:
         for call in (past.propositions.get_all, past.revision, lambda: anext(begun)):
             with pytest.raises(ClosedError):
                 await call()
-
-    run(url, test)
     if url != "sqlite://":
         with kant_sql.connect(url, knowledge_base="tiago") as later:
             assert later.revision == 1
 
 
-def test_several_loops_share_it(shared_url: str) -> None:
+async def test_several_loops_share_it(shared_url: str) -> None:
     shared: list[AsyncKnowledgeBase] = []
 
     async def write(number: int) -> None:
@@ -580,7 +542,7 @@ def test_several_loops_share_it(shared_url: str) -> None:
             async with shared[0].transaction(actor=f"loop {number}"):
                 await shared[0].propositions.save(robot_at(place=waypoint(10 * number + step)))
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened(shared_url) as kb:
         shared.append(kb)
         threads = [threading.Thread(target=lambda n=n: asyncio.run(write(n))) for n in range(3)]
         for thread in threads:
@@ -590,32 +552,27 @@ def test_several_loops_share_it(shared_url: str) -> None:
             await asyncio.to_thread(thread.join)
         assert await kb.revision() == 16
 
-    run(shared_url, test)
 
-
-def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
-    async def main() -> None:
-        with pytest.raises(kant_sql.errors.InvalidUrlError):
-            await kant_sql.aio.connect("nonsense")
-        kb = await kant_sql.aio.connect("sqlite://")
-        assert await kb.revision() == 0
-        await kb.close()
-
-    asyncio.run(main())
+async def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
+    with pytest.raises(kant_sql.errors.InvalidUrlError):
+        await kant_sql.aio.connect("nonsense")
+    kb = await kant_sql.aio.connect("sqlite://")
+    assert await kb.revision() == 0
+    await kb.close()
     assert (
         inspect.signature(kant_sql.aio.connect).parameters["actor"].kind
         is inspect.Parameter.KEYWORD_ONLY
     )
 
 
-def test_every_call_after_close_is_refused(shared_url: str, tmp_path: Path) -> None:
+async def test_every_call_after_close_is_refused(shared_url: str, tmp_path: Path) -> None:
     pytest.importorskip("unified_planning")
     with kant_sql.connect(shared_url, knowledge_base="tiago", actor="test") as kb:
         made = [
             call for call in calls(World(kb, tmp_path)) if call.owner.split(".")[-1] != "factory"
         ]
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened(shared_url) as kb:
         views = {"kb": kb, "past": await kb.at(1)}
         await kb.close()
         wrong = {}
@@ -631,8 +588,6 @@ def test_every_call_after_close_is_refused(shared_url: str, tmp_path: Path) -> N
         assert len(made) > 200
         assert wrong == {}
 
-    run(shared_url, test)
-
 
 async def used(made: Any) -> None:
     """Use what a call returns."""
@@ -645,11 +600,11 @@ async def used(made: Any) -> None:
 
 
 @pytest.mark.parametrize("where", ["read", "write", "block"])
-def test_stop_iteration_of_the_callers_code_is_no_endless_wait(url: str, where: str) -> None:
+async def test_stop_iteration_of_the_callers_code_is_no_endless_wait(url: str, where: str) -> None:
     def progress(*_: object) -> None:
         raise StopIteration("of the caller")
 
-    async def test(kb: AsyncKnowledgeBase) -> None:
+    async with opened(url) as kb:
         await kb.propositions.save(robot_at())
 
         async def load() -> None:
@@ -663,8 +618,6 @@ def test_stop_iteration_of_the_callers_code_is_no_endless_wait(url: str, where: 
         with pytest.raises(RuntimeError, match="StopIteration"):
             await calls[where]()
         assert await kb.revision() == 1
-
-    run(url, test)
 
 
 INTERRUPTED = """

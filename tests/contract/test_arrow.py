@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -175,24 +174,20 @@ def test_answers_are_columns_of_names(kb: KnowledgeBase) -> None:
 @pytest.mark.parametrize(
     ("condition", "rows"), [("(robot_at rb1 wp2)", 1), ("(robot_at rb1 wp1)", 0)]
 )
-def test_answers_without_columns_have_their_number(
-    kb: KnowledgeBase, condition: str, rows: int
-) -> None:
+def test_answers_without_columns_are_counted(kb: KnowledgeBase, condition: str, rows: int) -> None:
     fill(kb)
     kb.propositions.delete(robot_at())
     table = kb.query(condition).to_arrow()
     assert (table.num_rows, table.num_columns) == (rows, 0)
 
 
-def test_tasks_await_tables(url: str) -> None:
-    async def ask() -> pyarrow.Table:
-        async with aio.connect(url, knowledge_base="tiago") as kb:
-            await kb.propositions.save(robot_at())
-            answers = await kb.query("(robot_at ?r ?w)")
-            assert answers.to_arrow().num_rows == 1
-            return await kb.store.to_arrow("fact")
-
-    assert asyncio.run(ask())["text"].to_pylist() == ["(robot_at rb1 wp1)"]
+async def test_tasks_await_tables(url: str) -> None:
+    async with aio.connect(url, knowledge_base="tiago") as kb:
+        await kb.propositions.save(robot_at())
+        answers = await kb.query("(robot_at ?r ?w)")
+        assert answers.to_arrow().num_rows == 1
+        table = await kb.store.to_arrow("fact")
+    assert table["text"].to_pylist() == ["(robot_at rb1 wp1)"]
 
 
 def test_a_time_that_is_none_is_found(url: str, connect: Connect) -> None:

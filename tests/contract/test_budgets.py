@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import psycopg
@@ -131,9 +130,7 @@ def test_the_record_of_an_act_takes_three_statements_and_none_of_a_server(
     assert count(lambda: kb.apply("(go a b)")) == (5 if "postgresql" in request.node.name else 9)
 
 
-def test_a_transaction_writes_many_changes_in_as_many_statements_as_one(
-    warm: KnowledgeBase,
-) -> None:
+def test_a_transaction_writes_many_changes_in_the_statements_of_one(warm: KnowledgeBase) -> None:
     def delete(numbers: range) -> None:
         with warm.transaction():
             for number in numbers:
@@ -173,9 +170,7 @@ def test_deleting_an_object_takes_as_many_statements_however_much_mentions_it(
 # Reads.
 
 
-def test_a_warm_read_takes_two_statements_at_most_however_many_rows_it_gives(
-    kb: KnowledgeBase,
-) -> None:
+def test_a_warm_read_takes_two_statements_however_many_rows_it_gives(kb: KnowledgeBase) -> None:
     taken: dict[str, set[int]] = {name: set() for name in ALL_READS}
     for size in SIZES:
         fill_all(kb, size)
@@ -229,9 +224,7 @@ def test_new_definitions_of_another_writer_cost_two_statements_once(
 
 
 @pytest.mark.parametrize("size", SIZES[:2])
-def test_reads_within_a_transaction_take_two_statements_at_most(
-    kb: KnowledgeBase, size: int
-) -> None:
+def test_reads_in_a_transaction_take_two_statements_at_most(kb: KnowledgeBase, size: int) -> None:
     fill_all(kb, size)
     with kb.transaction():
         kb.propositions.delete(fact(0))
@@ -312,9 +305,7 @@ PAST: dict[str, tuple[int, Call]] = {
 }
 
 
-def test_questions_of_the_past_take_as_many_statements_however_much_happened(
-    kb: KnowledgeBase,
-) -> None:
+def test_questions_of_the_past_take_as_many_statements_whatever_happened(kb: KnowledgeBase) -> None:
     taken: dict[str, set[int]] = {name: set() for name in PAST}
     for size in (1, 30):
         fill_all(kb, size)
@@ -516,11 +507,10 @@ def work_on(kb: KnowledgeBase) -> None:
     kb.propositions.save_all(fact(number) for number in range(10, 100))
 
 
-def test_on_sqlite_the_log_has_what_the_database_runs(tmp_path: Path, connect: Connect) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    fill_all(connect(url), 10)
+def test_on_sqlite_the_log_has_what_the_database_runs(file_url: str, connect: Connect) -> None:
+    fill_all(connect(file_url), 10)
     with seen_by_sqlite() as seen, recorded() as logged:
-        work_on(connect(url))
+        work_on(connect(file_url))
     # A connection's own settings.
     seen = [sql for sql in seen if not sql.startswith("PRAGMA")]
     assert len(logged) > 30

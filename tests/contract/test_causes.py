@@ -174,9 +174,7 @@ def test_of_many_acts_the_newest_are_searched(
     assert acts(kb.at(found.searched), "(lit lab)")
 
 
-def test_facts_of_an_arity_that_is_not_that_of_the_predicate_led_to_nothing(
-    kb: KnowledgeBase,
-) -> None:
+def test_facts_of_another_arity_than_the_predicate_s_led_to_nothing(kb: KnowledgeBase) -> None:
     for element in ("(at rb1)", "(way hall)", "(battery)", "(not (at rb1))"):
         assert kb.consequences(element, depth=2).links == kb.origins(element).links == ()
 

@@ -195,9 +195,7 @@ def test_other_knowledge_bases_go_on(shared_url: str, connect: Connect) -> None:
         kb.propositions.get_all()
 
 
-def test_a_view_of_the_past_closes_nothing_but_is_closed_with_the_rest(
-    open_kb: KnowledgeBase,
-) -> None:
+def test_a_view_of_the_past_closes_nothing_and_closes_with_the_rest(open_kb: KnowledgeBase) -> None:
     open_kb.propositions.save(robot_at())
     with open_kb.at(1) as past:
         assert past.propositions.get_all() == [robot_at()]
@@ -226,37 +224,34 @@ def census() -> Counter[str]:
     )
 
 
-def test_a_task_keeps_none_of_its_ended_blocks(common_url: str) -> None:
+async def test_a_task_keeps_none_of_its_ended_blocks(common_url: str) -> None:
     async def child(kb: aio.AsyncKnowledgeBase, begun: asyncio.Event, go: asyncio.Event) -> None:
         # Its context is a copy of that of the block that it was started in.
         begun.set()
         await go.wait()
         await kb.types.save(PddlTypeDto("late"))
 
-    async def work() -> None:
-        async with aio.connect(common_url, knowledge_base="soak") as kb:
-            go = asyncio.Event()
+    async with aio.connect(common_url, knowledge_base="soak") as kb:
+        go = asyncio.Event()
 
-            async def block(number: int) -> None:
-                async with kb.transaction():
-                    await kb.types.save(PddlTypeDto(f"type{number}"))
-                    async with kb.transaction():
-                        await kb.types.get("type0")
-
-            await block(0)
-            begun = asyncio.Event()
+        async def block(number: int) -> None:
             async with kb.transaction():
-                late = asyncio.create_task(child(kb, begun, go))
-                await begun.wait()
-            before = census()
-            for number in range(BLOCKS):
-                await block(number)
-            grown = census() - before
-            go.set()
-            await late
-            assert sum(grown.values()) < BLOCKS // 2, grown
+                await kb.types.save(PddlTypeDto(f"type{number}"))
+                async with kb.transaction():
+                    await kb.types.get("type0")
 
-    asyncio.run(work())
+        await block(0)
+        begun = asyncio.Event()
+        async with kb.transaction():
+            late = asyncio.create_task(child(kb, begun, go))
+            await begun.wait()
+        before = census()
+        for number in range(BLOCKS):
+            await block(number)
+        grown = census() - before
+        go.set()
+        await late
+        assert sum(grown.values()) < BLOCKS // 2, grown
 
 
 def opened(url: str) -> KnowledgeBase:

@@ -337,9 +337,8 @@ def test_writers_at_once_of_one_actor_confirm_once(kb: KnowledgeBase) -> None:
     assert kb.store.verify().is_intact
 
 
-def test_verification_finds_which_fact_was_confirmed(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'shelf.db'}"
-    with kant_sql.connect(url, knowledge_base="shelf") as kb:
+def test_verification_finds_which_fact_was_confirmed(file_url: str) -> None:
+    with kant_sql.connect(file_url, knowledge_base="shelf") as kb:
         loaded(kb, DOMAIN, PROBLEM)
         kb.propositions.save_all([AT_ROOM, "(clean hall)"])
         confirm(kb, AT_ROOM)
@@ -348,8 +347,8 @@ def test_verification_finds_which_fact_was_confirmed(tmp_path: Path) -> None:
     # Only its kind tells a goal from a fact: the text is the same.
     for which in ("text = '(at rb2 hall)'", "text = '(at rb1 room)' AND is_goal"):
         one = f"(SELECT id FROM proposition WHERE {which})"
-        damage(url, f"UPDATE confirmation SET proposition_id = {one}")
-        with kant_sql.connect(url, knowledge_base="shelf") as kb:
+        damage(file_url, f"UPDATE confirmation SET proposition_id = {one}")
+        with kant_sql.connect(file_url, knowledge_base="shelf") as kb:
             assert not kb.store.verify(structure=False).is_intact
 
 

@@ -78,19 +78,16 @@ def test_a_task_never_joins_the_block_of_another(kb: KnowledgeBase) -> None:
     assert written(kb) == [("well", ["(robot_at rb1 wp1)"])]
 
 
-def test_a_task_started_in_a_block_does_not_inherit_it(kb: KnowledgeBase) -> None:
+async def test_a_task_started_in_a_block_does_not_inherit_it(kb: KnowledgeBase) -> None:
     kb.objects.save(RB1)
 
     async def child() -> None:
         refused_at_once(lambda: kb.propositions.save(robot_at(place=WP2)))
 
-    async def main() -> None:
-        with kb.transaction(actor="parent"):
-            kb.propositions.save(robot_at())
-            await asyncio.gather(child(), asyncio.create_task(child()))
-            kb.goals.save(robot_at(is_goal=True))
-
-    asyncio.run(main())
+    with kb.transaction(actor="parent"):
+        kb.propositions.save(robot_at())
+        await asyncio.gather(child(), asyncio.create_task(child()))
+        kb.goals.save(robot_at(is_goal=True))
     assert len(written(kb)[-1][1]) == 2
     kb.propositions.delete(robot_at())
 
@@ -145,27 +142,21 @@ def test_a_copied_context_does_not_join_and_its_own_does(kb: KnowledgeBase) -> N
     assert kb.propositions.delete(robot_at())
 
 
-def test_a_thread_that_inherits_the_context_waits_as_any_other(
+async def test_a_thread_that_inherits_the_context_waits_as_any_other(
     shared_url: str, connect: Connect
 ) -> None:
     kb = connect(shared_url, actor="base")
-
-    async def main() -> None:
-        with kb.transaction(actor="block"):
-            kb.propositions.save(robot_at())
-            assert await asyncio.to_thread(kb.propositions.get_all) == []
-            waiting = asyncio.create_task(
-                asyncio.to_thread(kb.propositions.save, robot_at(place=WP2))
-            )
-            await asyncio.sleep(0.05)
-            assert not waiting.done()
-        await waiting
-
-    asyncio.run(main())
+    with kb.transaction(actor="block"):
+        kb.propositions.save(robot_at())
+        assert await asyncio.to_thread(kb.propositions.get_all) == []
+        waiting = asyncio.create_task(asyncio.to_thread(kb.propositions.save, robot_at(place=WP2)))
+        await asyncio.sleep(0.05)
+        assert not waiting.done()
+    await waiting
     assert [actor for actor, _ in written(kb)] == ["block", "base"]
 
 
-def test_what_others_of_the_thread_read_meanwhile_is_committed(
+async def test_what_others_of_the_thread_read_meanwhile_is_committed(
     shared_url: str, connect: Connect
 ) -> None:
     kb = connect(shared_url)
@@ -174,14 +165,11 @@ def test_what_others_of_the_thread_read_meanwhile_is_committed(
     async def reader() -> list[Any]:
         return [kb.propositions.get_all(), kb.revision, kb.at(1).objects.get("rb1")]
 
-    async def main() -> None:
-        with kb.transaction():
-            kb.propositions.delete(robot_at())
-            kb.objects.delete(RB1)
-            assert kb.propositions.get_all() == []
-            assert await asyncio.create_task(reader()) == [[robot_at()], 1, RB1]
-
-    asyncio.run(main())
+    with kb.transaction():
+        kb.propositions.delete(robot_at())
+        kb.objects.delete(RB1)
+        assert kb.propositions.get_all() == []
+        assert await asyncio.create_task(reader()) == [[robot_at()], 1, RB1]
 
 
 def test_in_memory_a_read_that_would_see_what_is_not_committed_is_refused() -> None:
@@ -217,9 +205,7 @@ def test_two_connections_to_one_store_do_not_block_each_other_in_one_thread(
     assert [actor for actor, _ in written(kb)] == ["one", "two"]
 
 
-def test_blocks_of_two_stores_are_open_at_once_in_any_order(
-    shared_url: str, connect: Connect
-) -> None:
+def test_blocks_of_two_stores_are_open_in_any_order(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, actor="one")
     with kant_sql.connect("sqlite://", actor="two") as other:
         first, second = kb.transaction(), other.transaction()
@@ -234,19 +220,16 @@ def test_blocks_of_two_stores_are_open_at_once_in_any_order(
         assert len(written(other)[0][1]) == 2
 
 
-def test_a_generator_that_another_task_closes_rolls_back(kb: KnowledgeBase) -> None:
+async def test_a_generator_that_another_task_closes_rolls_back(kb: KnowledgeBase) -> None:
     async def writing() -> AsyncIterator[int]:
         with kb.transaction(actor="generator"):
             kb.propositions.save(robot_at())
             yield 1
 
-    async def main() -> None:
-        generator: Any = writing()
-        assert await anext(generator) == 1
-        await asyncio.create_task(generator.aclose())
-        kb.propositions.save(robot_at(place=WP2))
-
-    asyncio.run(main())
+    generator: Any = writing()
+    assert await anext(generator) == 1
+    await asyncio.create_task(generator.aclose())
+    kb.propositions.save(robot_at(place=WP2))
     assert written(kb) == [(kb.store.factory._store.actor, ["(robot_at rb1 wp2)"])]  # type: ignore[attr-defined]
 
 

@@ -76,9 +76,7 @@ def test_a_duration_that_is_no_number_of_0_or_more_is_refused(fresh_kb: Knowledg
         assert "expected a number of 0 or more" in str(caught.value)
 
 
-def test_the_duration_of_an_action_that_is_not_durative_does_not_matter(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_the_duration_of_an_instantaneous_action_does_not_matter(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.actions.save(Action("a", durative=False, duration=-1))
     found = present(fresh_kb.actions.get("a"))
     assert (found.durative, found.duration) == (False, 10)

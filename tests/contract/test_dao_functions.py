@@ -196,9 +196,7 @@ def test_a_function_that_is_not_well_formed_is_refused(
     assert declared(fresh_kb) == []
 
 
-def test_names_and_number_of_parameters_are_checked_of_predicates_too(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_parameters_of_predicates_are_checked_too(fresh_kb: KnowledgeBase) -> None:
     one = PddlPredicateDto("p", [ROBOT], parameter_names=["x", "y"])
     refuses(fresh_kb, ArityError, fresh_kb.predicates.save, one)
     other = PddlPredicateDto("p", [ROBOT], parameter_names=["x)"])
@@ -604,7 +602,7 @@ BETWEEN: dict[str, list[Any]] = {
 BLOCKS = {
     "set back": [("set", ONE, 2), ("set", ONE, 0), ("set", ONE, 1)],
     "set back beside another change": [
-        *(("set", ONE, 2), ("unset", TWO, 0), ("set", ONE, 1), ("set", TWO, 1), ("set", TWO, 0)),
+        *(("set", ONE, 2), ("unset", TWO, 0), ("set", ONE, 1), ("set", TWO, 1), ("set", TWO, 0))
     ],
     "unset and set otherwise": [("unset", ONE, 0), ("set", ONE, 2), ("unset", TWO, 0)],
     "increased often": [("increase", ONE, 1), ("increase", ONE, 2), ("increase", TWO, 1)],

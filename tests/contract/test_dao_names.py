@@ -76,14 +76,6 @@ def test_strange_names_are_found_again_one_by_one_and_deleted(fresh_kb: Knowledg
     assert facts(fresh_kb) == sorted(f"({name} {name})" for name in STRANGE)
 
 
-@pytest.mark.parametrize("name", ["x" * 256, "😀" * 256])
-def test_a_name_of_256_characters_is_refused(fresh_kb: KnowledgeBase, name: str) -> None:
-    fresh_kb.types.save(ROBOT)
-    for call in ways_to_save(fresh_kb, name):
-        caught = refuses(fresh_kb, InvalidNameError, call)
-        assert "it has 256 characters, 255 at most" in str(caught.value)
-
-
 def ways_to_save(kb: KnowledgeBase, name: str) -> list[Callable[[], object]]:
     """Calls that would each store a new element of a name, or something that refers to one."""
     type_ = PddlTypeDto(name)
@@ -114,11 +106,10 @@ def ways_to_save(kb: KnowledgeBase, name: str) -> list[Callable[[], object]]:
     ]
 
 
-def test_a_name_that_pddl_cannot_carry_is_refused_wherever_it_stands(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_name_pddl_cannot_carry_is_refused_wherever_it_stands(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.types.save(ROBOT)
-    for name in ("", "a b", "(", "?x", "a;b", "it's", "a\0b", "\ud800", "a\u200b", "-", ":a"):
+    wrong = ("", "a b", "(", "?x", "a;b", "it's", "a\0b", "\ud800", "a\u200b", "-", ":a")
+    for name in (*wrong, "x" * 256, "😀" * 256):
         for call in ways_to_save(fresh_kb, name):
             caught = refuses(fresh_kb, InvalidNameError, call)
             assert "cannot name a" in str(caught.value)
@@ -141,12 +132,8 @@ def test_asking_for_a_name_that_cannot_be_finds_nothing(fresh_kb: KnowledgeBase)
 
 
 SPELLINGS = [
-    ("Robot", "rOBOT"),
-    ("Straße", "STRASSE"),
-    ("ẞ", "ss"),
-    ("K\u00fcche", "KU\u0308CHE"),
-    ("ЖУК", "жук"),
-    ("\u212b", "\u00e5"),
+    *(("Robot", "rOBOT"), ("Straße", "STRASSE"), ("ẞ", "ss"), ("K\u00fcche", "KU\u0308CHE")),
+    *(("ЖУК", "жук"), ("\u212b", "\u00e5")),
 ]
 
 

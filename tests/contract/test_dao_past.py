@@ -85,9 +85,7 @@ def test_each_revision_reads_as_it_did_when_it_was_the_head(
             assert fresh_kb.at(number).revision == number
 
 
-def test_each_question_is_answered_as_it_was_when_that_was_the_head(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_each_question_is_answered_as_when_that_was_the_head(fresh_kb: KnowledgeBase) -> None:
     recorded = []
     for step in STORY:
         step(fresh_kb)
@@ -144,9 +142,7 @@ def test_each_dao_reads_the_past(fresh_kb: KnowledgeBase, states: list[State]) -
     assert fresh_kb.at(0).propositions.get_by_predicate("robot_at") == []
 
 
-def test_the_past_can_be_looked_at_from_the_past(
-    fresh_kb: KnowledgeBase, states: list[State]
-) -> None:
+def test_the_past_is_looked_at_from_the_past(fresh_kb: KnowledgeBase, states: list[State]) -> None:
     assert state(fresh_kb.at(3).at(1)) == states[1]
     assert fresh_kb.at(3).at(fresh_kb.store.revisions()[-1].committed_at).revision == 3
 

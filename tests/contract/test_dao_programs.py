@@ -129,8 +129,7 @@ NEAR, NARROW = (PddlPredicateDto("near", [WAYPOINT] * arity) for arity in (2, 1)
 RAINING = PddlPropositionDto(PddlPredicateDto("raining"))
 LOUD_AT = PddlPredicateDto("ROBOT_AT", [PddlTypeDto("Robot"), PddlTypeDto("WP")])
 LOUD = PddlPropositionDto(
-    LOUD_AT,
-    [PddlObjectDto(PddlTypeDto("ROBOT"), "RB1"), PddlObjectDto(PddlTypeDto("Wp"), "Wp1")],
+    LOUD_AT, [PddlObjectDto(PddlTypeDto("ROBOT"), "RB1"), PddlObjectDto(PddlTypeDto("Wp"), "Wp1")]
 )
 TURNED = PddlPropositionDto(SWAPPED, [RB1, WP1])
 NO_ONE = PddlPropositionDto(PddlPredicateDto("unknown"))
@@ -291,13 +290,13 @@ PROGRAMS: dict[str, list[Step]] = {
     ],
     "the root": [save(*(PddlPropositionDto(SEEN, [each]) for each in (thing(TAXI, "t1"), RB1)))],
     "far below the root": [
-        on("objects", "save_all", [thing(PddlTypeDto(name, parent=DEEP), name) for name in "ab"]),
+        on("objects", "save_all", [thing(PddlTypeDto(name, parent=DEEP), name) for name in "ab"])
     ],
     "another type of an object": [
-        *(on("objects", "save", RB1), on("objects", "save", thing(WAYPOINT, "rb1"))),
+        *(on("objects", "save", RB1), on("objects", "save", thing(WAYPOINT, "rb1")))
     ],
     "a deleted object": [
-        *(save(HERE), on("objects", "delete", WP1), on("objects", "save", WP1), save(HERE)),
+        *(save(HERE), on("objects", "delete", WP1), on("objects", "save", WP1), save(HERE))
     ],
     "parameters": [on("predicates", "save_all", [RAINING.predicate, WIDE, NEAR, SEEN])],
     "the same definition": [
@@ -335,12 +334,12 @@ PROGRAMS: dict[str, list[Step]] = {
     ],
     "actions of every shape": [save(HERE), *(on("actions", "save", each) for each in SHAPES)],
     "actions of every shape together": [
-        *(save(HERE), on("actions", "save_all", SHAPES[:-1]), on("actions", "delete_all")),
+        *(save(HERE), on("actions", "save_all", SHAPES[:-1]), on("actions", "delete_all"))
     ],
     "times of literals": [on("actions", "save", action) for action in TIMES],
     "names of parameters": [on("actions", "save", renamed(name)) for name in ("r", "bot")],
     "what changes in an action": [
-        *(on("actions", "save_all", [each]) for other in OTHERS for each in (navigation(), other)),
+        *(on("actions", "save_all", [each]) for other in OTHERS for each in (navigation(), other))
     ],
     "a parameter called like an object": [
         *(on("objects", "save", thing(WAYPOINT, "r")), NAVIGATION),
@@ -425,7 +424,7 @@ PROGRAMS: dict[str, list[Step]] = {
         ),
     ],
     "facts and goals": [
-        *(save(*MIXED), on("predicates", "delete", PddlPredicateDto("p0")), save(*MIXED[::-1])),
+        *(save(*MIXED), on("predicates", "delete", PddlPredicateDto("p0")), save(*MIXED[::-1]))
     ],
     "one bad fact": [
         save(HERE, ONE),

@@ -27,9 +27,7 @@ SOURCES: list[Any] = [
 ]
 
 
-def test_revisions_are_numbered_without_gaps_and_time_does_not_go_back(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_revisions_have_no_gaps_and_time_does_not_go_back(fresh_kb: KnowledgeBase) -> None:
     before = datetime.now(UTC) - timedelta(seconds=5)
     for number in range(6):
         fresh_kb.objects.save(waypoint(number))
@@ -110,18 +108,8 @@ def test_a_tuple_is_read_back_as_the_list_that_it_is_in_json(fresh_kb: Knowledge
 
 @pytest.mark.parametrize(
     "options",
-    [
-        {"source": {1, 2}},
-        {"source": float("nan")},
-        {"source": 2**53},
-        {"source": {1: "x"}},
-        {"source": "\ud800"},
-        {"source": b"x"},
-        {"actor": 5},
-        {"actor": "a\0b"},
-        {"reason": "\ud800"},
-        {"reason": ["because"]},
-    ],
+    # `tests/unit/test_canonical.py` has all that a source, an actor and a reason cannot be.
+    [{"source": {1, 2}}, {"source": float("nan")}, {"actor": 5}, {"reason": "\ud800"}],
     ids=str,
 )
 def test_what_cannot_be_kept_is_refused_before_anything_is_done(
@@ -165,10 +153,7 @@ def test_the_log_is_newest_first_and_in_the_order_of_the_hash(fresh_kb: Knowledg
         fresh_kb.types.save(PddlTypeDto("zebra"))
         fresh_kb.types.save(PddlTypeDto("Zebra2"))
     assert last_changes(fresh_kb) == [
-        "+ goal (robot_at rb1 wp1)",
-        "+ type Zebra2",
-        "+ type zebra",
-        "+ type ärger",
+        *("+ goal (robot_at rb1 wp1)", "+ type Zebra2", "+ type zebra", "+ type ärger"),
         "- fact (robot_at rb1 wp1)",
     ]
     entries = list(fresh_kb.log())

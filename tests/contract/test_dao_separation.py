@@ -55,9 +55,7 @@ def test_an_empty_knowledge_base_answers_every_question(fresh_kb: KnowledgeBase)
     assert fresh_kb.revision == 0
 
 
-def test_nothing_can_be_deleted_from_or_updated_in_an_empty_knowledge_base(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_an_empty_knowledge_base_has_nothing_to_delete_or_update(fresh_kb: KnowledgeBase) -> None:
     with nothing_changes(fresh_kb):
         for kind, element in robots.ELEMENTS.items():
             dao = dao_of(fresh_kb, kind)
@@ -69,9 +67,7 @@ def test_nothing_can_be_deleted_from_or_updated_in_an_empty_knowledge_base(
         fresh_kb.propositions.save(robots.robot_at())
 
 
-def test_two_knowledge_bases_do_not_see_each_other(
-    pair: tuple[KnowledgeBase, KnowledgeBase],
-) -> None:
+def test_knowledge_bases_do_not_see_each_other(pair: tuple[KnowledgeBase, KnowledgeBase]) -> None:
     one, other = pair
     one.propositions.save(robots.robot_at())
     one.actions.save(robots.navigation())

@@ -7,8 +7,9 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
 from concurrent.futures import CancelledError
+from contextlib import asynccontextmanager
 from multiprocessing import get_context
 from threading import Event
 from typing import Any
@@ -277,9 +278,7 @@ def die(url: str) -> None:
         kb.execute(kb.plans.get_all()[0], dispatch)
 
 
-def test_a_killed_process_leaves_what_ran_and_another_goes_on(
-    shared_url: str, connect: Connect
-) -> None:
+def test_a_killed_process_leaves_what_ran_to_another(shared_url: str, connect: Connect) -> None:
     kb = loaded(connect(shared_url, actor="operator"), DOMAIN, PROBLEM)
     plan = kb.plans.record(Plan.read("(switch room)\n(move r1 hall room)\n(clean room)\n"))
     process = get_context("spawn").Process(target=die, args=(shared_url,))
@@ -354,20 +353,18 @@ def test_what_cannot_be_executed_is_refused_before_anything_is_written(kb: Knowl
         kb.execute("(switch room)", do_nothing)
 
 
-def run(url: str, test: Callable[[aio.AsyncKnowledgeBase], Awaitable[None]]) -> None:
-    async def main() -> None:
-        async with aio.connect(url, actor="executive") as kb:
-            await kb.load_domain(DOMAIN)
-            await kb.load_problem(PROBLEM)
-            await asyncio.wait_for(test(kb), LONG)
-
-    asyncio.run(main())
+@asynccontextmanager
+async def opened(url: str) -> AsyncIterator[aio.AsyncKnowledgeBase]:
+    async with aio.connect(url, actor="executive") as kb, asyncio.timeout(LONG):
+        await kb.load_domain(DOMAIN)
+        await kb.load_problem(PROBLEM)
+        yield kb
 
 
-def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
+async def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
     ended: list[str] = []
 
-    async def test(kb: aio.AsyncKnowledgeBase) -> None:
+    async with opened(url) as kb:
         moving = asyncio.Event()
 
         async def dispatch(step: Execution) -> None:
@@ -385,11 +382,9 @@ def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) -> None:
         assert outcomes(found) == ["succeeded", "aborted", "failed", None]
         assert ended == ["(switch room)", "(clean hall)", "(move r1 hall room)"]
 
-    run(url, test)
 
-
-def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
-    async def test(kb: aio.AsyncKnowledgeBase) -> None:
+async def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
+    async with opened(url) as kb:
         running = asyncio.Event()
 
         async def dispatch(step: Execution) -> None:
@@ -404,5 +399,3 @@ def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
         [plan] = await kb.plans.get_all()
         assert [step.outcome for step in plan.steps] == ["aborted", None]
         assert plan.steps[0].text == "the plan was cancelled"
-
-    run(url, test)

@@ -152,9 +152,7 @@ def test_the_program_accepts_no_other_form(shared_url: str, connect: Connect) ->
         last_hash(shared_url)
 
 
-def test_each_knowledge_base_of_a_store_has_a_chain_of_its_own(
-    shared_url: str, connect: Connect
-) -> None:
+def test_each_knowledge_base_has_a_chain_of_its_own(shared_url: str, connect: Connect) -> None:
     for name in ("tiago", "Küche 🤖"):
         kb = connect(shared_url, knowledge_base=name)
         kb.propositions.save(robot_at())

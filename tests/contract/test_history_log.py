@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from itertools import islice, pairwise, product
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -322,14 +321,14 @@ def test_the_log_of_an_object_has_every_change_that_involves_it(
 
 
 def test_it_ends_where_versions_were_moved_to_an_archive(
-    shared_url: str, connect: Connect, tmp_path: Path
+    shared_url: str, connect: Connect, file_url: str
 ) -> None:
     kb = connect(shared_url, actor="test")
     for _ in range(2):
         kb.propositions.save(robot_at())
         kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at(RB1, WP2))
-    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.store.archive(3, to=file_url)
     whole: dict[str, Any]
     for whole, complete in (
         ({"until": 5}, [5, 4, 3]),
@@ -341,7 +340,7 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
         assert numbers(kb.log(limit=len(complete), **whole)) == complete
         entries = kb.log(**whole)
         assert numbers(islice(entries, len(complete))) == complete
-        with pytest.raises(ArchivedError, match=r"ask the one in sqlite:///.*archive\.db$"):
+        with pytest.raises(ArchivedError, match=r"ask the one in sqlite:///.*file\.db$"):
             next(entries)
     with pytest.raises(UnknownNameError, match="has no revision by actor 'nobody'"):
         list(kb.log(actor="nobody"))
@@ -356,7 +355,7 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
     "asked", [{}, {"actor": "test"}, {"element": "(robot_at rb1 wp1)"}, {"element": "rb1"}], ids=str
 )
 def test_its_pages_are_of_one_history_although_others_write_and_archive(
-    shared_url: str, connect: Connect, tmp_path: Path, asked: dict[str, Any]
+    shared_url: str, connect: Connect, file_url: str, asked: dict[str, Any]
 ) -> None:
     kb, other = connect(shared_url, actor="test"), connect(shared_url, actor="test")
 
@@ -370,7 +369,7 @@ def test_its_pages_are_of_one_history_although_others_write_and_archive(
     found = lines(islice(entries, 2))
     move(2)
     found += lines(islice(entries, 2))
-    other.store.archive(8, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    other.store.archive(8, to=file_url)
     move(1)
     is_refused = True
     with suppress(ArchivedError):

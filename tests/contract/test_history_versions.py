@@ -145,10 +145,7 @@ def test_a_name_stands_for_all_definitions_of_it(fresh_kb: KnowledgeBase) -> Non
     fresh_kb.actions.save(PddlActionDto("home", durative=False))
     fresh_kb.objects.delete(PddlObjectDto(robots.ROBOT, "home"))
     assert [entry[0:1] + entry[2:] for entry in told(fresh_kb, "hOmE")] == [
-        ("type", 1, None),
-        ("object", 2, 6),
-        ("predicate", 3, None),
-        ("function", 4, None),
+        *(("type", 1, None), ("object", 2, 6), ("predicate", 3, None), ("function", 4, None)),
         ("action", 5, None),
     ]
 
@@ -217,11 +214,7 @@ def test_an_equation_may_be_a_value_and_a_goal(depot_kb: KnowledgeBase) -> None:
 
 
 UNKNOWN = [
-    "nobody",
-    "(robot_at rb1 nowhere)",
-    "(nothing)",
-    "(nothing ?x - place)",
-    "nobody - robot",
+    *("nobody", "(robot_at rb1 nowhere)", "(nothing)", "(nothing ?x - place)", "nobody - robot")
 ]
 NEVER: list[Any] = [
     *("(robot_at \ud800 wp1)", "(robot_at wp1 rb1)", "(robot_at rb1)", "(robot_at)"),

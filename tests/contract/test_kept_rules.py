@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -410,14 +409,12 @@ def test_standing_goes_on_from_the_last_call(kb: KnowledgeBase) -> None:
     assert kb.rules.standing() == []
 
 
-def test_asyncio_follows_rules(url: str) -> None:
-    async def follow() -> list[str]:
-        async with await aio.connect(url) as kb:
-            await kb.load_domain(DOMAIN)
-            await kb.rules.save("calm", "(always (not (alarm)))")
-            begin = await kb.watch(0)
-            await kb.propositions.save("(alarm)")
-            assert [each.name for each in await kb.rules.get_all()] == ["calm"]
-            return [str(each.verdict) async for each in kb.watch_rules(after=begin, timeout=0)]
-
-    assert asyncio.run(follow()) == ["violated"]
+async def test_asyncio_follows_rules(url: str) -> None:
+    async with await aio.connect(url) as kb:
+        await kb.load_domain(DOMAIN)
+        await kb.rules.save("calm", "(always (not (alarm)))")
+        begin = await kb.watch(0)
+        await kb.propositions.save("(alarm)")
+        assert [each.name for each in await kb.rules.get_all()] == ["calm"]
+        followed = [each.verdict async for each in kb.watch_rules(after=begin, timeout=0)]
+        assert followed == ["violated"]

@@ -469,9 +469,7 @@ def test_which_actions_can_make_an_atom_false_is_one_join(depot_kb: KnowledgeBas
     assert [name for (name,) in rows(depot_kb, sql)] == ["delete", "forall", "full"]
 
 
-def test_an_object_that_an_action_mentions_is_a_constant_of_the_domain(
-    depot_kb: KnowledgeBase,
-) -> None:
+def test_an_object_an_action_mentions_is_a_constant_of_the_domain(depot_kb: KnowledgeBase) -> None:
     depot_kb.actions.save(PddlActionDto("act", [], [at(T2, P2)], [], durative=False))
     assert [part.name for part in depot_kb.pddl.domain().constants] == ["hub", "t2", "p2"]
     assert [part.name for part in depot_kb.pddl.problem().objects] == ["t1", "c1", "p1"]

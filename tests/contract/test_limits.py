@@ -265,20 +265,17 @@ def test_waiting_is_not_limited_and_can_be_cancelled(filled: KnowledgeBase) -> N
     assert works(filled)
 
 
-def test_limits_reach_the_threads_of_asyncio(shared_url: str, connect: Connect) -> None:
+async def test_limits_reach_the_threads_of_asyncio(shared_url: str, connect: Connect) -> None:
     connect(shared_url).propositions.save(robot_at())
 
-    async def main() -> None:
-        async with aio.connect(shared_url) as kb:
-            with limited() as limit:
-                limit.cancel()
-                with pytest.raises(QuestionCancelledError):
-                    await kb.propositions.get_all()
-                with pytest.raises(QuestionCancelledError):
-                    await asyncio.to_thread(connect(shared_url).propositions.get_all)
-            assert await kb.propositions.get_all() == [robot_at()]
-
-    asyncio.run(main())
+    async with aio.connect(shared_url) as kb:
+        with limited() as limit:
+            limit.cancel()
+            with pytest.raises(QuestionCancelledError):
+                await kb.propositions.get_all()
+            with pytest.raises(QuestionCancelledError):
+                await asyncio.to_thread(connect(shared_url).propositions.get_all)
+        assert await kb.propositions.get_all() == [robot_at()]
 
 
 @pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)

@@ -56,9 +56,7 @@ def test_links_name_the_steps_that_made_conditions_true(home: KnowledgeBase) -> 
     assert str(links[-1]).startswith("the goal needs ")
 
 
-def test_a_recorded_plan_is_linked_from_the_state_that_it_was_made_from(
-    home: KnowledgeBase,
-) -> None:
+def test_a_recorded_plan_is_linked_from_the_state_it_was_made_from(home: KnowledgeBase) -> None:
     recorded = home.plans.get(home.plans.record(PLAN).id)
     assert recorded is not None
     before = home.pddl.causal_links(PLAN)

@@ -59,13 +59,12 @@ def test_opening_is_told(url: str, connect: Connect, log: pytest.LogCaptureFixtu
 
 @pytest.mark.more
 @pytest.mark.usefixtures("real_migrations")
-def test_migrations_are_told(tmp_path: Path, log: pytest.LogCaptureFixture) -> None:
-    url = f"sqlite:///{tmp_path / 'new.db'}"
-    kant_sql.upgrade(url)
-    kant_sql.operations.downgrade(url, revision="0001")
+def test_migrations_are_told(file_url: str, log: pytest.LogCaptureFixture) -> None:
+    kant_sql.upgrade(file_url)
+    kant_sql.operations.downgrade(file_url, revision="0001")
     way = ["no tables", *VERSIONS, *VERSIONS[-2::-1]]
     assert said(log, "schema", logging.INFO) == [
-        f"{url}: migrating from {old} to {new}" for old, new in pairwise(way)
+        f"{file_url}: migrating from {old} to {new}" for old, new in pairwise(way)
     ]
 
 
@@ -85,12 +84,12 @@ def test_a_load_is_told_with_its_warnings(
 
 
 def test_restore_and_archive_are_told(
-    shared_url: str, connect: Connect, tmp_path: Path, log: pytest.LogCaptureFixture
+    shared_url: str, connect: Connect, file_url: str, log: pytest.LogCaptureFixture
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     fill(kb, 3)
     kb.restore(1)
-    moved = kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    moved = kb.store.archive(kb.revision, to=file_url)
     restored, archived = said(log, "history", logging.INFO)
     assert restored == "knowledge base 'tiago': revision 1 restored, by revision 3"
     assert archived == (

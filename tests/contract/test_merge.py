@@ -88,9 +88,7 @@ def test_of_an_unchanged_original_it_makes_the_branch(kb: KnowledgeBase, branch_
     assert kb.store.verify().is_intact
 
 
-def test_of_an_unchanged_branch_it_makes_no_revision(
-    rooms: KnowledgeBase, branch_of: Branch
-) -> None:
+def test_an_unchanged_branch_makes_no_revision(rooms: KnowledgeBase, branch_of: Branch) -> None:
     trial = branch_of(rooms)
     rooms.propositions.save("(open p3)")
     found = rooms.merge(trial)

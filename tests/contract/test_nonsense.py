@@ -83,7 +83,9 @@ async def use(made: Any) -> None:
         await anext(made, None)
 
 
-def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path, connect: Connect) -> None:
+async def test_the_asynchronous_front_door_refuses_nonsense(
+    tmp_path: Path, connect: Connect
+) -> None:
     where: dict[str, Any] = {"knowledge_base": "tiago", "actor": "test"}
     url = f"sqlite:///{tmp_path / 'nonsense.db'}"
     world = World(connect(url, **where), tmp_path)
@@ -95,7 +97,7 @@ def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path, connect: C
         path = case.owner.removeprefix("kb").lstrip(".")
         await use(getattr(part(kb, path), case.method)(*positional, **keywords))
 
-    async def main() -> None:
+    with mock.patch.object(solving, "_race", side_effect=NoPlanError("none", "internal_error")):
         async with aio.connect(url, **where) as kb:
             found = asynchronous_cases(world)
             assert len(found) > 300
@@ -108,9 +110,6 @@ def test_the_asynchronous_front_door_refuses_nonsense(tmp_path: Path, connect: C
                 except Exception as error:
                     calling._judge_other(case, error)
                 calling._check_store(case, before)
-
-    with mock.patch.object(solving, "_race", side_effect=NoPlanError("none", "internal_error")):
-        asyncio.run(main())
     assert calling.faults == [], "\n".join(calling.faults)
 
 

@@ -198,9 +198,7 @@ def test_a_branch_in_the_store_is_one_of_its_knowledge_bases(store: KnowledgeSto
     assert [one.name for one in store.knowledge_bases()] == ["tiago", "trial"]
 
 
-def test_two_transactions_at_once_are_refused_where_there_is_one_writer(
-    store: KnowledgeStore,
-) -> None:
+def test_two_transactions_at_once_are_refused_where_one_may_write(store: KnowledgeStore) -> None:
     tiago, pepper = store.knowledge_base("tiago"), store.knowledge_base("pepper")
     with tiago.transaction():
         tiago.objects.save(RB1)
@@ -340,10 +338,7 @@ def test_a_thousand_in_tasks(shared_url: str) -> None:
 
 @on_server
 def test_writers_who_read_the_past_do_not_wait_for_each_other(shared_url: str) -> None:
-    with (
-        kant_sql.open_store(shared_url, connections=2) as store,
-        ThreadPoolExecutor(16) as pool,
-    ):
+    with kant_sql.open_store(shared_url, connections=2) as store, ThreadPoolExecutor(16) as pool:
         began = time.monotonic()
         list(pool.map(lambda number: work_on(store, number), range(32)))
         assert time.monotonic() - began < dialect_base.RETRY_FOR
@@ -356,10 +351,7 @@ def test_writers_of_a_held_knowledge_base_hold_up_no_other(shared_url: str) -> N
         held, other = store.knowledge_base("held"), store.knowledge_base("other")
         for kb in (held, other):
             kb.objects.save(RB1)
-        with (
-            psycopg.connect(shared_url) as elsewhere,
-            ThreadPoolExecutor(8) as pool,
-        ):
+        with psycopg.connect(shared_url) as elsewhere, ThreadPoolExecutor(8) as pool:
             elsewhere.execute("SELECT * FROM head WHERE kb_id = 1 FOR UPDATE")
             waiting = [pool.submit(held.objects.save, waypoint(number)) for number in range(8)]
             time.sleep(0.2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import sqlite3
 import tempfile
@@ -16,7 +15,6 @@ from sqlalchemy import select
 import kant_sql
 from kant_sql import (
     InvalidArgumentError,
-    KantSqlError,
     KnowledgeBase,
     ReadOnlyError,
     StoreError,
@@ -28,7 +26,6 @@ from kant_sql.errors import (
     ReadOnlyStoreError,
     SchemaMissingError,
     SchemaOutdatedError,
-    SchemaTooNewError,
 )
 from kant_sql.factory import SqlDaoFactory
 from kant_sql.sql import schema
@@ -69,9 +66,7 @@ def stored(tmp_path: Path) -> Path:
 
 
 @migrates
-def test_a_database_without_tables_is_refused_with_the_command_that_makes_them(
-    server: Server,
-) -> None:
+def test_a_database_without_tables_is_refused_with_what_makes_them(server: Server) -> None:
     url = server.new_database()
     for _ in range(2):
         with pytest.raises(SchemaMissingError, match="kant-sql db upgrade 'postgresql://"):
@@ -88,16 +83,6 @@ def test_outdated_tables_are_refused_with_the_command_that_updates_them(
     monkeypatch.setattr(schema, "VERSIONS", (*schema.VERSIONS, "9999"))
     with pytest.raises(SchemaOutdatedError, match=r"needs 9999; .*: kant-sql db upgrade '"):
         connect(shared_url)
-
-
-@migrates
-def test_tables_of_a_later_version_are_refused(shared_url: str, connect: Connect) -> None:
-    connect(shared_url).close()
-    rows_of(shared_url, "UPDATE kant_sql_version SET version_num = '9999'")
-    with pytest.raises(SchemaTooNewError, match=r"version 9999.*install a newer kant-sql"):
-        connect(shared_url)
-    with pytest.raises(KantSqlError, match="9999"):
-        kant_sql.upgrade(shared_url)
 
 
 @migrates
@@ -142,25 +127,6 @@ def test_a_database_of_somebody_else_is_refused_and_left_as_it_is(
     with pytest.raises(SchemaMissingError, match="no kant_sql tables"):
         connect(url)
     assert contents(tmp_path) == before
-
-
-@migrates
-@pytest.mark.more
-def test_the_version_table_of_the_users_own_alembic_is_left_alone(
-    shared_url: str, server: Server, tmp_path: Path
-) -> None:
-    is_file = shared_url.startswith("sqlite")
-    url = sqlite_url(tmp_path / "both.db") if is_file else server.new_database()
-    rows_of(url, "CREATE TABLE alembic_version (version_num VARCHAR(32) PRIMARY KEY)")
-    rows_of(url, "INSERT INTO alembic_version VALUES ('theirs')")
-    for step in (
-        kant_sql.upgrade,
-        lambda at: kant_sql.operations.downgrade(at, revision="base"),
-        kant_sql.upgrade,
-    ):
-        step(url)
-        assert rows_of(url, "SELECT version_num FROM alembic_version") == [("theirs",)]
-    kant_sql.connect(url).close()
 
 
 # Files.
@@ -425,23 +391,18 @@ def test_a_store_in_memory_is_new_and_has_nothing_to_read() -> None:
         kant_sql.connect("sqlite://", read_only=True)
 
 
-def test_a_knowledge_base_that_was_never_written_is_empty(
-    shared_url: str, connect: Connect
-) -> None:
+def test_a_knowledge_base_never_written_is_empty(shared_url: str, connect: Connect) -> None:
     reader = connect(shared_url, knowledge_base="nobody", read_only=True)
     assert (reader.revision, reader.propositions.get_all()) == (0, [])
 
 
-def test_it_is_the_same_for_asyncio(shared_url: str, connect: Connect) -> None:
+async def test_it_is_the_same_for_asyncio(shared_url: str, connect: Connect) -> None:
     connect(shared_url).propositions.save(robot_at())
 
-    async def main() -> None:
-        async with aio.connect(shared_url, read_only=True) as kb:
-            assert await kb.propositions.get_all() == [robot_at()]
-            with pytest.raises(ReadOnlyError):
-                await kb.propositions.save(robot_at(place=WP2))
-
-    asyncio.run(main())
+    async with aio.connect(shared_url, read_only=True) as kb:
+        assert await kb.propositions.get_all() == [robot_at()]
+        with pytest.raises(ReadOnlyError):
+            await kb.propositions.save(robot_at(place=WP2))
 
 
 @pytest.mark.parametrize("junk", [None, 1, "yes"])

@@ -127,9 +127,7 @@ def test_a_plan_knows_what_it_was_made_from(fresh_kb: KnowledgeBase) -> None:
 
 
 @pytest.mark.usefixtures("planner")
-def test_a_plan_of_what_is_not_committed_is_recorded_with_its_texts(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_a_plan_of_what_is_pending_is_recorded_with_its_texts(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
     with fresh_kb.transaction():
         arrive(fresh_kb, "wp2")

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -68,10 +67,7 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert made.status == "solved_satisficing"
     # Names are those of the store, in their first spelling.
     assert [str(one) for one in made.steps] == [
-        "(Move rb1 Wp1 wp2)",
-        "(Move rb1 wp2 Home)",
-        "(charge rb1 Home)",
-        "(rest)",
+        *("(Move rb1 Wp1 wp2)", "(Move rb1 wp2 Home)", "(charge rb1 Home)", "(rest)")
     ]
     assert [str(one.start) for one in made.steps] == ["0.000", "5.010", "10.1", "11"]
     assert [one.duration and str(one.duration) for one in made.steps] == ["5.000"] * 2 + [None] * 2
@@ -292,9 +288,7 @@ def test_the_hash_covers_a_plan_in_a_transaction_that_is_too_large_to_keep(
 READ = 6
 
 
-def test_reading_takes_as_many_statements_however_many_plans_there_are(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_reading_takes_as_many_statements_for_any_number_of_plans(fresh_kb: KnowledgeBase) -> None:
     kb = fresh_kb
     made = recorded(kb)
     kb.plans.set_status(made.steps[0], status="running")
@@ -334,7 +328,7 @@ def test_writing_takes_as_many_statements_however_long_the_plan_is(fresh_kb: Kno
 
 
 def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
-    kb: KnowledgeBase, tmp_path: Path, connect: Connect
+    kb: KnowledgeBase, file_url: str, connect: Connect
 ) -> None:
     made = recorded(kb)
     texts = made.domain_pddl(), made.problem_pddl()
@@ -343,14 +337,13 @@ def test_a_plan_stays_when_the_state_that_it_was_made_from_is_archived(
         kb.propositions.delete_all()
         kb.actions.delete_all()
     arrive(kb, "wp2")
-    url = f"sqlite:///{tmp_path / 'archive.db'}"
-    kb.store.archive(kb.revision, to=url)
+    kb.store.archive(kb.revision, to=file_url)
     assert kb.plans.get_all() == [made, kept]
     assert kept.problem_pddl() == "b"
-    with pytest.raises(ArchivedError, match=r"archive\.db"):
+    with pytest.raises(ArchivedError, match=r"file\.db"):
         made.problem_pddl()
     refuses(kb, plan_of(revision=1), error=ArchivedError)
-    moved = present(connect(url, knowledge_base="tiago").plans.get(made.id))
+    moved = present(connect(file_url, knowledge_base="tiago").plans.get(made.id))
     assert moved == made
     assert (moved.domain_pddl(), moved.problem_pddl()) == texts
 

@@ -102,7 +102,7 @@ def test_each_predicate_has_a_view_of_its_facts_and_one_of_its_goals(story_url: 
     ]
 
 
-def test_times_are_those_of_the_revisions(story_url: str) -> None:
+def test_times_are_those_of_the_revisions_and_seconds_those_of_the_audit(story_url: str) -> None:
     update_views(story_url)
     times = dict(rows_of(story_url, "SELECT number, committed_at FROM revision"))
     assert rows_of(story_url, "SELECT since_at, until_at FROM fact_robot_at ORDER BY since") == [
@@ -111,10 +111,6 @@ def test_times_are_those_of_the_revisions(story_url: str) -> None:
     ]
     later = f"SELECT since FROM fact_robot_at WHERE since_at > '{times[1]}'"
     assert rows_of(story_url, later) == [(2,)]
-
-
-def test_seconds_are_those_of_the_audit(story_url: str) -> None:
-    update_views(story_url)
     columns = "since, since_epoch, until_epoch, duration"
     rows = rows_of(story_url, f"SELECT {columns} FROM fact_robot_at ORDER BY since")
     question = f"SELECT {columns} FROM audit_fact WHERE kind = 'fact' ORDER BY since"
@@ -125,9 +121,7 @@ def test_seconds_are_those_of_the_audit(story_url: str) -> None:
     assert second[2:] == (None, None)
 
 
-def test_an_argument_keeps_the_name_of_a_column_that_came_later(
-    shared_url: str, connect: Connect
-) -> None:
+def test_an_argument_keeps_the_name_of_a_later_column(shared_url: str, connect: Connect) -> None:
     predicate = PddlPredicateDto(
         "held", [WAYPOINT] * 3, parameter_names=["duration", "Since_Epoch", "duration_2"]
     )
@@ -168,16 +162,14 @@ def forget_last_columns(url: str, name: str) -> None:
             store.execute(f"COMMENT ON VIEW {name} IS '{said}'", {})
 
 
-def test_to_make_them_is_no_revision(story_url: str, connect: Connect) -> None:
-    update_views(story_url)
-    assert connect(story_url, knowledge_base="tiago").revision == 3
-
-
-def test_the_views_are_relations_of_the_columns_told(story_url: str) -> None:
+def test_the_views_are_relations_of_the_columns_told_and_no_revision(
+    story_url: str, connect: Connect
+) -> None:
     for view in update_views(story_url):
         with opened(story_url) as store:
             rows = store.execute(f"SELECT {', '.join(view.columns)} FROM {view.name}", {})
             assert store.execute(f"SELECT * FROM {view.name}", {}) == rows
+    assert connect(story_url, knowledge_base="tiago").revision == 3
 
 
 def test_what_is_up_to_date_is_left_alone(story_url: str, connect: Connect) -> None:
@@ -242,9 +234,7 @@ def test_a_predicate_of_very_many_parameters(shared_url: str, connect: Connect) 
     assert rows_of(shared_url, "SELECT wp, wp_89, wp_90 FROM fact_wide") == [("wp1", "wp1", "wp2")]
 
 
-def test_the_first_knowledge_base_has_the_plain_names_for_ever(
-    shared_url: str, connect: Connect
-) -> None:
+def test_the_first_knowledge_base_keeps_plain_names(shared_url: str, connect: Connect) -> None:
     for name, place in (("tiago", WP1), ("T-2", WP2), ("T 2", WP1)):
         connect(shared_url, knowledge_base=name).propositions.save(robot_at(place=place))
         update_views(shared_url)
@@ -331,9 +321,7 @@ def test_the_sql_of_a_dry_run_makes_the_same_views(story_url: str) -> None:
     assert len(drop_views(story_url, dry_run=True)) == len(drop_views(story_url)) == 2
 
 
-def test_the_number_of_reads_does_not_grow_with_predicates(
-    shared_url: str, connect: Connect
-) -> None:
+def test_reads_do_not_grow_with_predicates(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url)
     counted = []
     for size in (1, 50):
@@ -522,12 +510,11 @@ PLANS = {
 }
 
 
-def test_sqlite_answers_by_indexes(tmp_path: Path, connect: Connect) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    connect(url).propositions.save(robot_at())
-    update_views(url)
+def test_sqlite_answers_by_indexes(file_url: str, connect: Connect) -> None:
+    connect(file_url).propositions.save(robot_at())
+    update_views(file_url)
     for question, index in PLANS.items():
-        plan = [str(row[3]) for row in rows_of(url, f"EXPLAIN QUERY PLAN {question}")]
+        plan = [str(row[3]) for row in rows_of(file_url, f"EXPLAIN QUERY PLAN {question}")]
         assert f"INDEX ix_proposition_version_{index}" in plan[0], question
         steps = [step for step in plan if step.startswith(("SCAN", "SEARCH"))]
         assert len(steps) > 1

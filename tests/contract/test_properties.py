@@ -105,7 +105,7 @@ REGRESSIONS: dict[str, list[Step]] = {
         on("objects", "save", PddlObjectDto(UNKNOWN_ABOVE, "wp1")),
     ],
     "a term's type with a parent that is not the stored one": [
-        on("actions", "save", PddlActionDto("stay", [WP1], [NEAR_IT])),
+        on("actions", "save", PddlActionDto("stay", [WP1], [NEAR_IT]))
     ],
     "what holds, with another definition of its predicate": [
         save(HERE),

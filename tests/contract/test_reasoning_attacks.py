@@ -91,10 +91,7 @@ ANSWERS: dict[str, tuple[str, Rows]] = {
     "other letters": ("(p ÜNÏCÖDÉ ?x)", [("名前",)]),
     "a variable with a colon": ("(p ?a:kb b)", [("a",)]),
     "a hidden variable": ("(and (at r1 ?x) (exists (?X - wp) (at r2 ?X)))", [("a",)]),
-    "hidden by another type": (
-        "(and (exists (?x - robot) (at ?x b)) (link ?x b))",
-        [("a",)],
-    ),
+    "hidden by another type": ("(and (exists (?x - robot) (at ?x b)) (link ?x b))", [("a",)]),
     "bound twice": ("(exists (?y) (p ?x ?y))", [("a",), ("r1",), ("Ünïcödé",)]),
     "no goal": ("(at r1 ?w)", [("a",)]),
     "equal to a constant": ("(= ?x DOCK)", [("Dock",)]),
@@ -422,29 +419,26 @@ def test_a_store_that_is_opened_for_reading_answers(tmp_path: Path, connect: Con
     assert kb.holds("(at w0)")
 
 
-def test_tasks_ask_and_act(shared_url: str) -> None:
-    async def work() -> None:
-        async with await aio.connect(shared_url) as kb:
-            async with kb.transaction():
-                await kb.load_domain(LINE)
-                await kb.load_problem(line(4))
-            async with kb.transaction():
-                await kb.propositions.save("(at w3)")
-                assert await kb.holds("(at w3)")
-                # Another task is not within the transaction.
-                assert not await asyncio.create_task(elsewhere(kb))
-            assert len(await kb.query("(at ?w)")) == 2
-            assert [str(step) async for step in kb.applicable_actions()] == ["(go w0)", "(go w3)"]
-            await kb.apply("(go w3)")
-            with pytest.raises(NotApplicableError):
-                await kb.apply("(go w3)")
-            assert await kb.why_not("(go w3)")
-
-    async def elsewhere(kb: aio.AsyncKnowledgeBase) -> bool:
+async def test_tasks_ask_and_act(shared_url: str) -> None:
+    async def elsewhere() -> bool:
         async with await aio.connect(shared_url) as other:
             return await other.holds("(at w3)")
 
-    asyncio.run(work())
+    async with await aio.connect(shared_url) as kb:
+        async with kb.transaction():
+            await kb.load_domain(LINE)
+            await kb.load_problem(line(4))
+        async with kb.transaction():
+            await kb.propositions.save("(at w3)")
+            assert await kb.holds("(at w3)")
+            # Another task is not within the transaction.
+            assert not await asyncio.create_task(elsewhere())
+        assert len(await kb.query("(at ?w)")) == 2
+        assert [str(step) async for step in kb.applicable_actions()] == ["(go w0)", "(go w3)"]
+        await kb.apply("(go w3)")
+        with pytest.raises(NotApplicableError):
+            await kb.apply("(go w3)")
+        assert await kb.why_not("(go w3)")
 
 
 TEXTS = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -165,9 +164,7 @@ def test_new_elements_of_a_branch_come_after_those_it_began_with(
     assert documents(made) == documents(depot)
 
 
-def test_a_name_that_came_back_keeps_its_first_place(
-    fresh_kb: KnowledgeBase, branch_of: Branch
-) -> None:
+def test_a_name_that_is_back_keeps_its_place(fresh_kb: KnowledgeBase, branch_of: Branch) -> None:
     kb = fresh_kb
     kb.propositions.save_all([robot_at(RB1, WP2), robot_at()])
     kb.propositions.delete_all()
@@ -217,7 +214,7 @@ def test_the_name_of_an_empty_knowledge_base_is_free(
     assert facts(branch_of(kb, "trial")) == facts(kb)
 
 
-def test_a_scratch_branch_is_in_memory_and_gone_when_closed(
+def test_a_scratch_branch_is_in_memory_until_it_is_closed(
     shared_url: str, connect: Connect
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
@@ -231,14 +228,13 @@ def test_a_scratch_branch_is_in_memory_and_gone_when_closed(
 
 
 def test_another_store_on_another_dialect(
-    shared_url: str, tmp_path: Path, connect: Connect, branch_of: Branch
+    shared_url: str, file_url: str, connect: Connect, branch_of: Branch
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     everything(kb)
-    there = f"sqlite:///{tmp_path / 'new.db'}"
-    made = branch_of(kb, url=there)
+    made = branch_of(kb, url=file_url)
     assert documents(made) == documents(kb)
-    back = branch_of(connect(there, knowledge_base="tiago"), "back", url=shared_url)
+    back = branch_of(connect(file_url, knowledge_base="tiago"), "back", url=shared_url)
     assert documents(back) == documents(kb)
     assert back.diff(back, kb) == []
     assert back.store.verify().findings == made.store.verify().findings == ()
@@ -320,12 +316,12 @@ def test_a_pending_state_has_no_revision_to_name(depot: KnowledgeBase) -> None:
     depot.branch().close()
 
 
-def test_an_archived_state_is_refused(shared_url: str, tmp_path: Path, connect: Connect) -> None:
+def test_an_archived_state_is_refused(shared_url: str, file_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     kb.propositions.save(robot_at())
     kb.propositions.delete(robot_at())
     kb.propositions.save(robot_at(RB1, WP2))
-    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(3, to=file_url)
     with pytest.raises(ArchivedError):
         kb.branch(at=1)
     with kb.branch() as trial:
@@ -396,30 +392,27 @@ def test_it_takes_one_statement_each(fresh_kb: KnowledgeBase) -> None:
 # With asyncio.
 
 
-def test_the_asynchronous_front_door_branches_compares_and_merges(url: str) -> None:
-    async def main() -> None:
-        async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
-            await kb.propositions.save(robot_at())
-            async with kb.branch() as trial:
-                await trial.propositions.save(robot_at(RB1, WP2))
-                changes = await kb.diff(kb, trial)
-                assert [" ".join(change) for change in changes] == [
-                    "+ fact (robot_at rb1 wp2)",
-                    "+ object wp2 - wp",
-                ]
-                assert len((await kb.merge_preview(trial)).changes) == 2
-                assert (await kb.merge(trial, expected_revision=1)).revision == 2
-            assert await kb.holds("(robot_at rb1 wp2)")
-            past = await kb.at(0)
-            trial = await past.branch()
-            assert await trial.revision() == 0
-            assert len(await trial.diff(trial, kb)) == 8
-            await trial.close()
-            async with kb.transaction():
-                with pytest.raises(ReadOnlyError, match="end it first"):
-                    await kb.branch()
-
-    asyncio.run(main())
+async def test_the_asynchronous_front_door_branches_compares_and_merges(url: str) -> None:
+    async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
+        await kb.propositions.save(robot_at())
+        async with kb.branch() as trial:
+            await trial.propositions.save(robot_at(RB1, WP2))
+            changes = await kb.diff(kb, trial)
+            assert [" ".join(change) for change in changes] == [
+                "+ fact (robot_at rb1 wp2)",
+                "+ object wp2 - wp",
+            ]
+            assert len((await kb.merge_preview(trial)).changes) == 2
+            assert (await kb.merge(trial, expected_revision=1)).revision == 2
+        assert await kb.holds("(robot_at rb1 wp2)")
+        past = await kb.at(0)
+        trial = await past.branch()
+        assert await trial.revision() == 0
+        assert len(await trial.diff(trial, kb)) == 8
+        await trial.close()
+        async with kb.transaction():
+            with pytest.raises(ReadOnlyError, match="end it first"):
+                await kb.branch()
 
 
 @needs_corpus

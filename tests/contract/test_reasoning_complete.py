@@ -22,12 +22,8 @@ def test_names_that_begin_so_come_before_those_that_contain_it(kb: KnowledgeBase
           (:action rob_move :parameters (?r - robot) :precondition () :effect ()))
     """)
     assert found(kb, "ROB") == [
-        ("predicate", "robot_at"),
-        ("function", "rob_battery"),
-        ("object", "Rob1"),
-        ("action", "rob_move"),
-        ("type", "robot"),
-        ("object", "at_rob"),
+        *(("predicate", "robot_at"), ("function", "rob_battery"), ("object", "Rob1")),
+        *(("action", "rob_move"), ("type", "robot"), ("object", "at_rob")),
         ("predicate", "near_robot"),
     ]
     assert found(kb, "rob", limit=2) == [("predicate", "robot_at"), ("function", "rob_battery")]

@@ -225,12 +225,8 @@ def test_files_nodes_and_constraints_sections(day: KnowledgeBase, tmp_path: Path
 
 def test_what_is_no_rule_is_refused(day: KnowledgeBase) -> None:
     for text in (
-        "(child_in kitchen)",
-        "(always (child_in ?w))",
-        "(always (child_in kitchen)",
-        "()x",
-        "(within -1 (child_in kitchen))",
-        "(hold-during 5 1 (child_in kitchen))",
+        *("(child_in kitchen)", "(always (child_in ?w))", "(always (child_in kitchen)", "()x"),
+        *("(within -1 (child_in kitchen))", "(hold-during 5 1 (child_in kitchen))"),
     ):
         with pytest.raises(PddlError):
             day.pddl.check_rules(text)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -141,7 +139,7 @@ def test_nodes_are_conditions_too(day: KnowledgeBase) -> None:
     assert numbers(day.when(where)) == [("rb2", 2, 4), ("rb1", 5, None)]
     assert numbers(day.when(And((where, Not(Atom("child_in", (Constant("kitchen"),))))))) == [
         # `child_in` is defined from revision 3 on.
-        ("rb1", 6, 7),
+        ("rb1", 6, 7)
     ]
 
 
@@ -428,16 +426,16 @@ def test_definitions_that_matter_as_now_are_not_read_again(day: KnowledgeBase) -
 # Archives.
 
 
-def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: Connect) -> None:
+def test_an_archived_past_is_refused(shared_url: str, file_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     step(kb, "a", ("+", at(RB1, HALL)), ("+", child(HALL)))
     step(kb, "b", ("-", at(RB1, HALL)), ("+", at(RB1, KITCHEN)))
     step(kb, "c", ("-", at(RB1, KITCHEN)), ("+", at(RB1, HALL)))
     step(kb, "d", ("-", child(HALL)))
-    kb.store.archive(4, to=f"sqlite:///{tmp_path / 'old.db'}")
+    kb.store.archive(4, to=file_url)
     for text in ("(robot_at rb1 hall)", "(not (robot_at rb1 hall))"):
         for since in (None, 1, 2):
-            with pytest.raises(ArchivedError, match=r"old\.db"):
+            with pytest.raises(ArchivedError, match=r"file\.db"):
                 kb.when(text, since=since)
     assert numbers(kb.when("(robot_at rb1 ?w)", since=3)) == [("hall", 3, None)]
     assert numbers(kb.when("(not (robot_at rb1 kitchen))", since=3)) == [(None, None)]
@@ -447,14 +445,11 @@ def test_an_archived_past_is_refused(shared_url: str, tmp_path: Path, connect: C
 # With asyncio.
 
 
-def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:
-    async def main() -> None:
-        async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
-            await kb.propositions.save(at(RB1, HALL))
-            await kb.propositions.delete(at(RB1, HALL))
-            found = [held async for held in kb.when("(robot_at ?r hall)")]
-            assert numbers(found) == [("rb1", 1, 2)]
-            verdicts = await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")
-            assert [one.revision and one.revision.number for one in verdicts] == [1]
-
-    asyncio.run(main())
+async def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:
+    async with aio.connect(url, knowledge_base="tiago", actor="test") as kb:
+        await kb.propositions.save(at(RB1, HALL))
+        await kb.propositions.delete(at(RB1, HALL))
+        found = [held async for held in kb.when("(robot_at ?r hall)")]
+        assert numbers(found) == [("rb1", 1, 2)]
+        verdicts = await kb.pddl.check_rules("(always (not (robot_at rb1 hall)))")
+        assert [one.revision and one.revision.number for one in verdicts] == [1]

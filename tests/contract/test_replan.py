@@ -309,31 +309,28 @@ def test_without_replan_nothing_is_planned(kb: KnowledgeBase) -> None:
     assert (found.outcome, found.broken) == ("refused", ())
 
 
-def test_tasks_replan_too_and_cancel_planners(
+async def test_tasks_replan_too_and_cancel_planners(
     common_url: str, knows: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    async def work() -> None:
-        async with aio.connect(common_url, knowledge_base="replanning") as kb:
-            await kb.load_domain(HOUSE)
-            await kb.load_problem(TEA)
-            await kb.propositions.delete("(open d1)")
-            await kb.plans.record(Plan.read(NEAR))
-            found = await kb.replan(engines=knows(FAR))
-            assert found.plan.id == 2
+    async with aio.connect(common_url, knowledge_base="replanning") as kb:
+        await kb.load_domain(HOUSE)
+        await kb.load_problem(TEA)
+        await kb.propositions.delete("(open d1)")
+        await kb.plans.record(Plan.read(NEAR))
+        found = await kb.replan(engines=knows(FAR))
+        assert found.plan.id == 2
 
-            async def drive(step: Execution) -> None:
-                await kb.propositions.delete("(open d4)")
+        async def drive(step: Execution) -> None:
+            await kb.propositions.delete("(open d4)")
 
-            sign = tmp_path / "plans"
-            slow = f"slow: sh -c 'touch {sign}; sleep 600' {{domain}} {{problem}}"
-            task = asyncio.create_task(kb.execute(2, drive, replan={"engine": slow}))
-            while not sign.exists():
-                await asyncio.sleep(0.01)
-            task.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await task
-
-    asyncio.run(work())
+        sign = tmp_path / "plans"
+        slow = f"slow: sh -c 'touch {sign}; sleep 600' {{domain}} {{problem}}"
+        task = asyncio.create_task(kb.execute(2, drive, replan={"engine": slow}))
+        while not sign.exists():
+            await asyncio.sleep(0.01)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
 
 
 # What is remembered is never wrong.

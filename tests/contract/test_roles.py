@@ -295,11 +295,7 @@ def test_what_is_committed_while_a_statement_runs_is_out_of_its_reach(
     kb = connect(role_store, knowledge_base=OTHER)
     kb.propositions.save(robot_at())
     before = len(kb.store.verify().findings)
-    values = {
-        "kb": OTHER_ID,
-        "next": kb.revision + 1,
-        "late": WAIT,
-    }
+    values = {"kb": OTHER_ID, "next": kb.revision + 1, "late": WAIT}
     with (
         psycopg.connect(role_store, autocommit=True) as owner,
         psycopg.connect(role_users.writer, autocommit=True) as writer,
@@ -331,10 +327,7 @@ def test_nobody_else_adds_the_revision_of_rows_that_are_not_committed(
 ) -> None:
     """Else the head could be moved to it before these rows are seen."""
     connect(role_store, knowledge_base=OTHER).propositions.save(robot_at())
-    with (
-        psycopg.connect(role_users.writer) as first,
-        psycopg.connect(role_users.writer) as second,
-    ):
+    with psycopg.connect(role_users.writer) as first, psycopg.connect(role_users.writer) as second:
         assert first.execute(END.format(kb=OTHER_ID).encode()).rowcount > 0
         second.execute("SET lock_timeout = '200ms'")
         with pytest.raises(psycopg.errors.LockNotAvailable):

@@ -174,9 +174,7 @@ def test_the_statements_of_the_page_run(server: Server, connect: Connect) -> Non
             owner.execute(block.replace(" fleet ", f' "{owner.info.dbname}" ').encode())
 
 
-def test_what_only_others_may_revoke_is_left_to_them_by_name(
-    server: Server, connect: Connect
-) -> None:
+def test_what_others_may_revoke_is_left_to_them_by_name(server: Server, connect: Connect) -> None:
     url = server.new_database()
     user = f"maker_{os.getpid()}"
     with psycopg.connect(url, autocommit=True) as admin:
@@ -189,7 +187,7 @@ def test_what_only_others_may_revoke_is_left_to_them_by_name(
             assert not {*roles.statements} & {*roles.remaining}
             is_public = admin.info.server_version < 150_000
             assert [sql.split(" FROM ")[0] for sql in roles.remaining] == [
-                *(["REVOKE CREATE ON SCHEMA public"] if is_public else []),
+                *(["REVOKE CREATE ON SCHEMA public"] if is_public else [])
             ] + [
                 f"REVOKE EXECUTE ON FUNCTION lo_creat{arguments}"
                 for arguments in ("(integer)", "e(oid)")

@@ -99,10 +99,7 @@ def locked_by(user: str) -> psycopg.Connection[tuple[object, ...]]:
     connection.execute(ADVISORY.encode())
     connection.execute("SELECT FROM kant_sql_version")
     for mode in ("ROW SHARE", "SHARE UPDATE EXCLUSIVE", "SHARE", "EXCLUSIVE", "ACCESS EXCLUSIVE"):
-        with (
-            pytest.raises(psycopg.errors.InsufficientPrivilege),
-            connection.transaction(),
-        ):
+        with pytest.raises(psycopg.errors.InsufficientPrivilege), connection.transaction():
             connection.execute(f"LOCK TABLE kant_sql_version IN {mode} MODE NOWAIT".encode())
     return connection
 

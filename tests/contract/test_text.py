@@ -133,9 +133,7 @@ def test_what_is_no_fact_is_refused(
             call(given)
 
 
-def test_what_names_something_deleted_is_not_there_and_cannot_be_saved(
-    world: KnowledgeBase,
-) -> None:
+def test_what_names_something_deleted_is_gone_and_cannot_be_saved(world: KnowledgeBase) -> None:
     world.propositions.save("(robot_at rb1 dock1)")
     world.function_values.save("(= (home rb2) dock1)")
     world.goals.save("(or (idle) (robot_at rb1 dock1))")
@@ -464,10 +462,7 @@ def test_the_metric_is_given_as_text(world: KnowledgeBase) -> None:
     assert str(metric.get()) == "(:metric maximize (battery rb1))"
     assert metric.set("( :METRIC MAXIMIZE (Battery RB1))") is False
     for wrong in (
-        "(battery rb1)",
-        "(:metric maximize (batery rb1))",
-        "(:metric maximize 1) x",
-        "(",
+        *("(battery rb1)", "(:metric maximize (batery rb1))", "(:metric maximize 1) x", "("),
     ):
         refuses(world, PddlError, metric.set, wrong)
     assert metric.set(None) is True

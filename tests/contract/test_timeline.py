@@ -422,18 +422,9 @@ def test_what_never_was_is_refused(kb: KnowledgeBase) -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"kinds": ["facts"]},
-        {"kinds": "fact"},
-        {"lanes": 0},
-        {"lanes": 1_001},
-        {"unchanged": 1},
-        {"slices": 0},
-        {"slices": 10_001},
-        {"after": "fact:1"},
-        {"after": "plan:1:2"},
-        {"predicate": 3},
-        {"text": "a\0b"},
-        {"object": "\ud800"},
+        *({"kinds": ["facts"]}, {"kinds": "fact"}, {"lanes": 0}, {"lanes": 1_001}),
+        *({"unchanged": 1}, {"slices": 0}, {"slices": 10_001}, {"after": "fact:1"}),
+        *({"after": "plan:1:2"}, {"predicate": 3}, {"text": "a\0b"}, {"object": "\ud800"}),
     ],
     ids=str,
 )
@@ -529,10 +520,7 @@ def test_plans_have_their_steps_and_outcomes(kb: KnowledgeBase) -> None:
     assert (bar.id, bar.recorded_in, bar.recorded_at) == (plan.id, 2, times[2])
     assert [step.text for step in bar.steps] == [str(step) for step in plan.steps]
     assert [(step.status, step.since, step.until) for step in bar.steps] == [
-        ("failed", 3, 4),
-        ("running", 5, None),
-        ("aborted", None, 6),
-        (None, None, None),
+        *(("failed", 3, 4), ("running", 5, None), ("aborted", None, 6), (None, None, None))
     ]
     failed = bar.steps[0]
     assert (failed.since_at, failed.until_at) == (times[3], times[4])

@@ -51,9 +51,7 @@ def test_what_nothing_was_said_of_is_what_was_known_at_that_time(fresh_kb: Knowl
     assert fresh_kb.diff(fresh_kb.at(valid="now"), fresh_kb) == []
 
 
-def test_definitions_are_those_of_the_revision_unless_some_were_lost(
-    fresh_kb: KnowledgeBase,
-) -> None:
+def test_definitions_are_of_the_revision_unless_some_were_lost(fresh_kb: KnowledgeBase) -> None:
     def are_read() -> bool:
         with recorded() as statements:
             assert rooms(fresh_kb.at(valid=between)) == ["hall"]

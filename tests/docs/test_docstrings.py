@@ -146,10 +146,7 @@ def test_a_method_is_the_question_that_it_binds(cls: type, name: str) -> None:
 def test_help_shows_signature_and_docstring() -> None:
     with kant_sql.connect("sqlite://") as kb:
         for method, words in (
-            (
-                kb.propositions.save,
-                ("save(dto: 'FactLike | Sequence[FactLike]')", "Save a fact."),
-            ),
+            (kb.propositions.save, ("save(dto: 'FactLike | Sequence[FactLike]')", "Save a fact.")),
             (kb.log, ("log(since: 'When | None' = None", "Read revisions and their changes")),
             (kb.load_domain, ("load_domain(*sources: 'Source'", "Load a domain")),
             (kb.transaction, ("transaction(*, actor: 'str | None' = None", "Make many calls")),

@@ -120,11 +120,7 @@ def test_killed_followers_and_writers(
 
 @pytest.mark.parametrize("is_target", [True, False])
 def test_killed_servers(
-    mortal_server: MortalServer,
-    mortal_url: str,
-    tmp_path: Path,
-    connect: Connect,
-    is_target: bool,
+    mortal_server: MortalServer, mortal_url: str, tmp_path: Path, connect: Connect, is_target: bool
 ) -> None:
     file = target_url(tmp_path, "file.db")
     kant_sql.upgrade(file)

@@ -22,9 +22,7 @@ KILLS = 8
 CREATIONS = 4
 
 
-def test_a_killed_writer_loses_nothing_that_was_acknowledged(
-    shared_url: str, connect: Connect
-) -> None:
+def test_a_killed_writer_loses_nothing_acknowledged(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     counter.start(kb)
     acknowledged: list[Acknowledged] = []

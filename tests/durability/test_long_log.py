@@ -104,10 +104,7 @@ def test_a_large_transaction_does_not_leave_a_long_log(kb: KnowledgeBase, path: 
 
 @pytest.mark.more
 def test_the_reader_is_warned_of_once_for_each_doubling(
-    kb: KnowledgeBase,
-    path: Path,
-    reader: sqlite3.Connection,
-    caplog: pytest.LogCaptureFixture,
+    kb: KnowledgeBase, path: Path, reader: sqlite3.Connection, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "kant_sql")
     write_much(kb, path, LIMIT + 1)
@@ -124,10 +121,7 @@ def test_the_reader_is_warned_of_once_for_each_doubling(
 
 
 def test_while_the_reader_stays_it_is_not_tried_at_each_call(
-    kb: KnowledgeBase,
-    path: Path,
-    reader: sqlite3.Connection,
-    monkeypatch: pytest.MonkeyPatch,
+    kb: KnowledgeBase, path: Path, reader: sqlite3.Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_much(kb, path, 2 * LIMIT)
     monkeypatch.setattr(sqlite_file, "WAL_PATIENCE", 3600)

@@ -192,9 +192,7 @@ def test_who_connects_again_goes_on_with_what_is_there(
     assert fact(1) in again.propositions.get_all()
 
 
-def test_the_file_put_back_does_not_bring_the_connections_back(
-    kb: KnowledgeBase, path: Path
-) -> None:
+def test_the_file_put_back_does_not_bring_connections_back(kb: KnowledgeBase, path: Path) -> None:
     away = path.with_suffix(".away")
     path.rename(away)
     with pytest.raises(StoreReplacedError):

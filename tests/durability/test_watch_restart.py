@@ -93,10 +93,7 @@ def test_who_waits_survives_a_server_that_is_killed_and_restarted(
 
 
 def test_a_server_that_is_gone_when_time_is_over_is_an_error(
-    mortal_server: MortalServer,
-    mortal_url: str,
-    connect: Connect,
-    monkeypatch: pytest.MonkeyPatch,
+    mortal_server: MortalServer, mortal_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(retry, "RETRY_FOR", 0.2)
     kb = connect(mortal_url, knowledge_base="tiago")

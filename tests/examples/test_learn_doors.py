@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from pathlib import Path
 
 import pytest
 
@@ -15,15 +14,14 @@ from tests.support.processes.commands import run_example
 @pytest.mark.skipif(
     importlib.util.find_spec("up_fast_downward") is None, reason="Fast Downward is not installed"
 )
-def test_the_choice_changes_and_success_rises(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'building.db'}"
-    done = run_example("learn_doors.py", url, "40")
+def test_the_choice_changes_and_success_rises(file_url: str) -> None:
+    done = run_example("learn_doors.py", file_url, "40")
     assert (done.returncode, done.stderr) == (0, "")
     before, after, *_, last = done.stdout.splitlines()
     assert before.startswith("40 missions by front fire_door: ")
     assert after.startswith("40 missions by gate arch side: ")
     assert last == "Learning helped."
-    with kant_sql.connect(url, knowledge_base="building") as kb:
+    with kant_sql.connect(file_url, knowledge_base="building") as kb:
         shortest, learned = kb.plans.get_all()
         assert "cost-of-pass" not in shortest.problem_pddl()
         assert "(= (cost-of-pass fire_door hall store) " in learned.problem_pddl()

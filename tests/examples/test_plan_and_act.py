@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib.util
 import shutil
 from decimal import Decimal
-from pathlib import Path
 
 import pytest
 
@@ -52,16 +51,15 @@ def missing(module: str) -> bool:
 
 
 @pytest.mark.more
-def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'delivery.db'}"
-    done = run_example("plan_and_act.py", url)
+def test_it_delivers_the_letter_in_spite_of_the_surprise(file_url: str) -> None:
+    done = run_example("plan_and_act.py", file_url)
     assert (done.returncode, done.stderr) == (0, "")
     assert "Plan of revision 1, by " in done.stdout
     assert "Plan of revision 3, by " in done.stdout
     assert "(pick letter hall) cannot be applied: (parcel_at letter hall): " in done.stdout
     assert "The goals are reached." in done.stdout
     assert done.stdout.endswith(STORY)
-    with kant_sql.connect(url, knowledge_base="delivery") as kb:
+    with kant_sql.connect(file_url, knowledge_base="delivery") as kb:
         before = {str(fact) for fact in kb.at(1).propositions.get_all()}
         assert "(parcel_at letter hall)" in before
         now = {str(fact) for fact in kb.propositions.get_all()}
@@ -70,13 +68,12 @@ def test_it_delivers_the_letter_in_spite_of_the_surprise(tmp_path: Path) -> None
 
 @pytest.mark.more
 @pytest.mark.skipif(missing("up_aries"), reason="aries is not installed")
-def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'ward.db'}"
-    done = run_example("plan_and_act_temporal.py", url)
+def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(file_url: str) -> None:
+    done = run_example("plan_and_act_temporal.py", file_url)
     assert (done.returncode, done.stderr) == (0, "")
     assert "(open hall room): does not hold, since revision 5 by camera" in done.stdout
     assert "The goals are reached." in done.stdout
-    with kant_sql.connect(url, knowledge_base="ward") as kb:
+    with kant_sql.connect(file_url, knowledge_base="ward") as kb:
         first, second = kb.plans.get_all()
         # The drive is lost, the robot at the door goes on holding it, and nothing else begins.
         assert {step.action: step.outcome for step in first.steps} == {
@@ -99,14 +96,13 @@ def test_a_door_that_slips_breaks_an_invariant_and_is_planned_for_anew(tmp_path:
     reason="ENHSP, or the Java that runs it, is not installed",
 )
 @pytest.mark.more
-def test_a_leaking_tank_is_noticed_and_refilled_on_the_way(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'courier.db'}"
-    done = run_example("plan_and_act_numeric.py", url)
+def test_a_leaking_tank_is_noticed_and_refilled_on_the_way(file_url: str) -> None:
+    done = run_example("plan_and_act_numeric.py", file_url)
     assert (done.returncode, done.stderr) == (0, "")
     needed = "(drive blue village farm) needs (>= (fuel blue) (length village farm)), "
     assert f"{needed}which is 3.5 and 8.\n" in done.stdout
     assert "The goals are reached.\n" in done.stdout
     assert done.stdout.endswith(FUEL)
-    with kant_sql.connect(url, knowledge_base="courier") as kb:
+    with kant_sql.connect(file_url, knowledge_base="courier") as kb:
         values = [kb.at(number).function_values.get("fuel", objects=["blue"]) for number in (2, 3)]
         assert values == [Decimal("13.5"), Decimal("3.5")]

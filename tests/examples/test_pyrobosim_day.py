@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +12,8 @@ pytest.importorskip("pyrobosim", reason="needs pyrobosim: pip install pyrobosim"
 pytestmark = pytest.mark.more
 
 
-def test_sixty_navigations_are_done_seen_and_counted(tmp_path: Path) -> None:
-    done = run_example("pyrobosim_day.py", f"sqlite:///{tmp_path / 'day.db'}")
+def test_sixty_navigations_are_done_seen_and_counted(file_url: str) -> None:
+    done = run_example("pyrobosim_day.py", file_url)
     assert done.returncode == 0, done.stderr
     said = done.stdout
     went, failed = map(int, re.findall(r"went (\d+), failed (\d+)", said)[0])

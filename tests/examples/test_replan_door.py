@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from pathlib import Path
 
 import pytest
 
@@ -28,10 +27,9 @@ plan 2 succeeded, 4 of 4 steps done
 @pytest.mark.skipif(
     importlib.util.find_spec("up_pyperplan") is None, reason="pyperplan is not installed"
 )
-def test_the_robot_goes_around(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'house.db'}"
-    done = run_example("replan_door.py", url)
+def test_the_robot_goes_around(file_url: str) -> None:
+    done = run_example("replan_door.py", file_url)
     assert (done.returncode, done.stderr, done.stdout) == (0, "", DONE)
-    with kant_sql.connect(url, knowledge_base="house") as kb:
+    with kant_sql.connect(file_url, knowledge_base="house") as kb:
         assert kb.holds("(at kitchen)")
         assert kb.store.verify().is_intact

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import kant_sql
 from tests.support.chain import check_chain
 from tests.support.processes.commands import run_example
@@ -26,15 +24,14 @@ REPLAYED = """\
 """
 
 
-def test_it_tells_what_the_planner_was_given_and_what_each_step_caused(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'rounds.db'}"
-    done = run_example("replay.py", url)
+def test_it_tells_what_the_planner_was_given_and_what_each_step_caused(file_url: str) -> None:
+    done = run_example("replay.py", file_url)
     assert (done.returncode, done.stderr) == (0, "")
     first, given = done.stdout.split("\n", 1)
     assert first.endswith("was made from revision 1 by the night planner. It was given")
     assert given.endswith(REPLAYED)
-    assert check_chain(url) == {"rounds": 8}
-    with kant_sql.connect(url, knowledge_base="rounds") as kb:
+    assert check_chain(file_url) == {"rounds": 8}
+    with kant_sql.connect(file_url, knowledge_base="rounds") as kb:
         (plan,) = kb.plans.get_all()
         assert given.startswith(plan.problem_pddl())
         assert kb.at(1).problem_pddl() == plan.problem_pddl() != kb.problem_pddl()

@@ -53,9 +53,8 @@ def test_without_a_url_it_runs_in_memory() -> None:
 
 
 @pytest.mark.parametrize("end", [8, 9])
-def test_the_day_was_safe_until_the_child_came(tmp_path: Path, end: int) -> None:
-    url = f"sqlite:///{tmp_path / 'house.db'}"
-    run_example("safety_audit.py", url)
+def test_the_day_was_safe_until_the_child_came(file_url: str, end: int) -> None:
+    run_example("safety_audit.py", file_url)
     rule = "(always (not (and (robot_at rb1 kitchen) (child_in kitchen))))"
-    with kant_sql.connect(url, knowledge_base="house") as kb:
+    with kant_sql.connect(file_url, knowledge_base="house") as kb:
         assert kb.at(end).pddl.check_rules(rule).is_satisfied is (end < 9)

@@ -117,12 +117,7 @@ def walk(judge: Any, steps: int, seed: int) -> Iterator[dict[str, object]]:
     for number in range(steps + 1):
         facts, values, applicable = judge.look(state)
         taken = random.choice(sorted(applicable)) if applicable and number < steps else None
-        yield {
-            "facts": facts,
-            "values": values,
-            "applicable": sorted(applicable),
-            "taken": taken,
-        }
+        yield {"facts": facts, "values": values, "applicable": sorted(applicable), "taken": taken}
         if taken is None:
             return
         state = judge.next(state, applicable[taken])

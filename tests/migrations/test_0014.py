@@ -9,9 +9,7 @@ from tests.migrations.test_golden import digest_of
 from tests.support.pages import ask
 
 
-def test_sayings_are_found_by_their_arguments_until_the_version_before_comes_back(
-    make: Make,
-) -> None:
+def test_sayings_are_found_by_their_arguments_until_the_version_before_is_back(make: Make) -> None:
     url = make(write_0010)
     kant_sql.upgrade(url, revision="0013")
     before, periods = rows_of(url), ask(url, RECTANGLES)

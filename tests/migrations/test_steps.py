@@ -191,9 +191,7 @@ FAILING = {
 
 
 @pytest.mark.parametrize("failure", FAILING)
-def test_a_migration_that_fails_half_way_changes_nothing(
-    old_url: str, add: Add, failure: str
-) -> None:
+def test_a_migration_failing_half_way_changes_nothing(old_url: str, add: Add, failure: str) -> None:
     statement, error = FAILING[failure]
     work = f"""
     op.create_table("half", sa.Column("done", sa.Integer()))
@@ -232,12 +230,11 @@ def test_a_migration_that_fails_half_way_down_changes_nothing(
         assert current(old_url) == VERSION
 
 
-def test_rows_that_would_refer_to_nothing_are_counted_on_sqlite(tmp_path: Path, add: Add) -> None:
+def test_rows_that_would_refer_to_nothing_are_counted_on_sqlite(file_url: str, add: Add) -> None:
     """SQLite checks no foreign key while it migrates: all of them are checked in the end."""
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    stores.write_story(url)
-    kant_sql.upgrade(url)
+    stores.write_story(file_url)
+    kant_sql.upgrade(file_url)
     delete = "DELETE FROM formula_node WHERE operator = '>'"
     add(f'def upgrade():\n    op.execute("{delete}")\n\n\ndef downgrade():\n    pass\n')
     with pytest.raises(StoreIntegrityError, match="would leave 2 rows that refer to nothing"):
-        kant_sql.upgrade(url)
+        kant_sql.upgrade(file_url)

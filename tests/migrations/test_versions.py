@@ -57,24 +57,18 @@ def test_a_migration_imports_nothing_that_changes_with_the_library(path: Path) -
     assert [name for name in modules if name.partition(".")[0] == "kant_sql"] == []
 
 
-def test_base_leaves_nothing_but_the_tables_of_others(empty_url: str, connect: Connect) -> None:
+def test_base_leaves_the_tables_of_others_and_the_way_up_makes_a_new_store(
+    empty_url: str, connect: Connect
+) -> None:
     add_other_tables(empty_url)
     kant_sql.upgrade(empty_url)
     fill(empty_url, connect)
     kant_sql.operations.downgrade(empty_url, revision="base")
     assert tables(empty_url) == {"alembic_version", "battery"}
+    kant_sql.upgrade(empty_url)
     with connected(empty_url) as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "theirs"
         assert connection.scalar(text("SELECT charge FROM battery")) == 80
-
-
-def test_a_store_that_went_down_to_base_and_up_again_is_a_new_one(
-    empty_url: str, connect: Connect
-) -> None:
-    kant_sql.upgrade(empty_url)
-    fill(empty_url, connect)
-    kant_sql.operations.downgrade(empty_url, revision="base")
-    kant_sql.upgrade(empty_url)
     assert connect(empty_url, knowledge_base="tiago").revision == 0
     fill(empty_url, connect)
     kb = connect(empty_url, knowledge_base="tiago")

@@ -67,10 +67,7 @@ def check_copy(copy: KnowledgeBase, original: KnowledgeBase, at_least: int) -> N
 
 
 def backup(source: Path, copy: Path) -> None:
-    with (
-        closing(sqlite3.connect(source)) as store,
-        closing(sqlite3.connect(copy)) as target,
-    ):
+    with closing(sqlite3.connect(source)) as store, closing(sqlite3.connect(copy)) as target:
         # Some pages at a time, between which others write.
         store.backup(target, pages=5)
 
@@ -99,9 +96,7 @@ def test_a_copy_of_a_file_that_is_written_to_is_whole(
     assert later.is_intact is (restored.revision == kb.revision)
 
 
-def test_a_robot_that_was_restored_gets_the_rest_from_the_server(
-    tmp_path: Path, connect: Connect
-) -> None:
+def test_a_restored_robot_gets_the_rest_from_the_server(tmp_path: Path, connect: Connect) -> None:
     path, copy = tmp_path / "robot.db", tmp_path / "copy.db"
     server = f"sqlite:///{tmp_path / 'server.db'}"
     with kant_sql.connect(f"sqlite:///{path}", knowledge_base="tiago") as kb:

@@ -137,8 +137,7 @@ def test_conjunctions_at_the_top_are_flat() -> None:
                 "<",
                 f.Arithmetic("-", (f.Fluent("load", (T,)),)),
                 f.Arithmetic(
-                    "+",
-                    (number("1"), number("2"), f.Arithmetic("*", (number("3"), number("4")))),
+                    "+", (number("1"), number("2"), f.Arithmetic("*", (number("3"), number("4"))))
                 ),
             ),
         ),
@@ -146,10 +145,7 @@ def test_conjunctions_at_the_top_are_flat() -> None:
             "(forall (?y - crate) (in ?y ?t))",
             f.Forall((f.TypedName("y", ("Crate",)),), f.Atom("in", (f.Variable("y"), T))),
         ),
-        (
-            "(exists (?X - truck ?z - (either place crate)) (in ?y ?x))".replace("?y", "?t"),
-            None,
-        ),
+        ("(exists (?X - truck ?z - (either place crate)) (in ?y ?x))".replace("?y", "?t"), None),
         (
             "(exists (?X - crate) (and (in ?x ?t)))",
             f.Exists((f.TypedName("X", ("Crate",)),), f.And((f.Atom("in", (f.Variable("X"), T)),))),
@@ -220,9 +216,7 @@ def test_times() -> None:
         f.Timed("at end", f.Assign("increase", f.Fluent("load", (T,)), f.Variable("duration"))),
         f.Forall((f.TypedName("y", ("Crate",)),), f.Timed("at start", FREE)),
         f.Assign(
-            "increase",
-            f.Fluent("load", (T,)),
-            f.Arithmetic("*", (f.ContinuousTime(), number("2"))),
+            "increase", f.Fluent("load", (T,)), f.Arithmetic("*", (f.ContinuousTime(), number("2")))
         ),
     )
 
@@ -363,12 +357,9 @@ def test_one_source_may_use_what_another_declares() -> None:
 @pytest.mark.parametrize(
     "second",
     [
-        "(:predicates (free ?x))",
-        "(:predicates (at ?x - crate ?p - place))",
-        "(:functions (load ?t - truck) - place)",
-        "(:types truck - place)",
-        "(:constants hub - crate)",
-        "(:action a :parameters ())",
+        *("(:predicates (free ?x))", "(:predicates (at ?x - crate ?p - place))"),
+        *("(:functions (load ?t - truck) - place)", "(:types truck - place)"),
+        *("(:constants hub - crate)", "(:action a :parameters ())"),
     ],
 )
 def test_sources_that_contradict_each_other(second: str) -> None:

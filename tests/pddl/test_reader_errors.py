@@ -290,13 +290,8 @@ def test_forms(text: str, place: tuple[int, int], found: str, expected: str) -> 
 @pytest.mark.parametrize(
     "body",
     [
-        '(:init (p "a"))',
-        "(:init (p ?x))",
-        "(:init (= (= a) 3))",
-        "(:init (= (not a) 3))",
-        "(:init (it's))",
-        "(:objects a - it's)",
-        "(:metric minimize (is-violated it's))",
+        *('(:init (p "a"))', "(:init (p ?x))", "(:init (= (= a) 3))", "(:init (= (not a) 3))"),
+        *("(:init (it's))", "(:objects a - it's)", "(:metric minimize (is-violated it's))"),
         "(:goal (p ?x))",
     ],
 )
@@ -422,11 +417,7 @@ assert time.process_time() - start < 10
     [
         ("read_domain", "'(' * 100_000_000", "found '(', expected (define"),
         ("read_domain", "'(define (domain d)' + '(' * 100_000_000", "expected 100000001 more"),
-        (
-            "read_problem",
-            "'(define (problem d) (:init ' + '(' * 10**8",
-            "expected 100000002 more",
-        ),
+        ("read_problem", "'(define (problem d) (:init ' + '(' * 10**8", "expected 100000002 more"),
         ("read_domain", "'(define (domain d))' + ')' * 100_000_000", "')' that closes nothing"),
         ("read_domain", "'(define (domain d' + 'd' * 10**8 + '))'", "found 'ddddd"),
         ("read_domain", "'(define (domain d) ; ' + '(' * 10**8", "found the end of the text"),

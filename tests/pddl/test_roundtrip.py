@@ -34,9 +34,7 @@ def check(domain: Domain, problem: Problem, strict: bool) -> tuple[Warnings, War
 @hunting(PROFILE.texts)
 @given(domains_and_problems())
 @example((Domain("d", (":strips",)), Problem("p", "d")))
-def test_what_is_well_formed_round_trips_without_a_warning(
-    documents: tuple[Domain, Problem],
-) -> None:
+def test_what_is_well_formed_round_trips_without_warning(documents: tuple[Domain, Problem]) -> None:
     domain, problem = documents
     check(domain, problem, strict=True)
     assert check(domain, problem, strict=False) == ((), ())

@@ -241,29 +241,23 @@ def test_a_keyboard_interrupt_ends_the_planners(
     nothing_stays(tmp_path)
 
 
-def test_a_task_that_is_cancelled_ends_its_planners(
+async def test_a_task_that_is_cancelled_ends_its_planners(
     fake: Callable[[str], str], tmp_path: Path
 ) -> None:
-    async def ask() -> None:
-        async with aio.connect("sqlite://") as kb:
-            await kb.load_domain(DOMAIN)
-            await kb.load_problem(PROBLEM)
-            assert (await kb.plan(fake("valid"))).engine == "valid"
-            task = asyncio.create_task(kb.plan(fake("forks")))
-            await asyncio.to_thread(wait_for, sign(tmp_path).exists)
-            task.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await task
-            nothing_stays(tmp_path)
-
-    asyncio.run(ask())
+    async with aio.connect("sqlite://") as kb:
+        await kb.load_domain(DOMAIN)
+        await kb.load_problem(PROBLEM)
+        assert (await kb.plan(fake("valid"))).engine == "valid"
+        task = asyncio.create_task(kb.plan(fake("forks")))
+        await asyncio.to_thread(wait_for, sign(tmp_path).exists)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        nothing_stays(tmp_path)
 
 
 def test_engines_have_names_in_a_file(
-    kb: KnowledgeBase,
-    fake: Callable[[str], str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    kb: KnowledgeBase, fake: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "engines.toml"
     monkeypatch.setenv("KANT_SQL_ENGINES", str(file))

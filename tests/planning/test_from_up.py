@@ -56,10 +56,7 @@ def test_a_whole_problem(problem: model.Problem) -> None:
     assert [(str(fluent), str(value)) for fluent, value in asked.values] == [("(battery)", "10")]
     (action,) = domain.actions
     assert [str(node) for node in action.condition] == ["(<= 1 (battery))"]
-    assert [str(node) for node in action.effect] == [
-        "(robot_at ?to)",
-        "(decrease (battery) 2.5)",
-    ]
+    assert [str(node) for node in action.effect] == ["(robot_at ?to)", "(decrease (battery) 2.5)"]
 
 
 def test_what_is_written_is_read_strictly(problem: model.Problem) -> None:
@@ -131,11 +128,7 @@ def test_intervals_of_a_durative_action(problem: model.Problem) -> None:
     problem.add_action(action)
     made = from_unified_planning(problem)[0].actions[-1]
     assert list(map(str, made.duration)) == ["(> ?duration 1)", "(<= ?duration 4)"]
-    assert list(map(str, made.condition)) == [
-        "(at start (on))",
-        "(over all (on))",
-        "(at end (on))",
-    ]
+    assert list(map(str, made.condition)) == ["(at start (on))", "(over all (on))", "(at end (on))"]
     assert list(map(str, made.effect)) == ["(when (at end (on)) (at end (not (on))))"]
 
 

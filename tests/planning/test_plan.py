@@ -52,6 +52,10 @@ ASKED = """
 STEPS = (PlanStep(None, "walk", ("rb", "a", "b")), PlanStep(None, "walk", ("rb", "b", "c")))
 
 
+# Who starts a process of its own after all undoes this.
+pytestmark = pytest.mark.usefixtures("quick_start")
+
+
 def documents(
     actions: str | None = None,
     *,
@@ -98,7 +102,6 @@ def test_the_text_is_vals() -> None:
     assert str(Plan(STEPS[:1], "pyperplan", "solved_satisficing")) == "(walk rb a b)\n"
 
 
-@pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", ["fast-downward", "pyperplan", "aries"])
 def test_engines_by_name(engine: str) -> None:
     plan = solve_pair(documents(), engine=engine, timeout=60)
@@ -109,7 +112,6 @@ def test_engines_by_name(engine: str) -> None:
 JAVA = pytest.mark.skipif(shutil.which("java") is None, reason="ENHSP needs Java")
 
 
-@pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", ["pyperplan", pytest.param("enhsp", marks=JAVA)])
 def test_engines_read_what_they_can_without_unified_planning(
     engine: str, monkeypatch: pytest.MonkeyPatch
@@ -122,7 +124,6 @@ def test_engines_read_what_they_can_without_unified_planning(
             solve_pair(documents(more=more), engine="pyperplan", timeout=60)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_classical_plan(tmp_path: Path) -> None:
     given = documents(
         precondition="(forall (?x - wp) (or (at ?r ?x) (not (at ?r ?x))))",
@@ -135,7 +136,6 @@ def test_classical_plan(tmp_path: Path) -> None:
     check_valid(tmp_path, given, plan)
 
 
-@pytest.mark.usefixtures("quick_start")
 @JAVA
 def test_numeric_plan(tmp_path: Path) -> None:
     given = documents(
@@ -149,7 +149,6 @@ def test_numeric_plan(tmp_path: Path) -> None:
     check_valid(tmp_path, given, plan)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_temporal_plan(tmp_path: Path) -> None:
     plan = solve_pair(TEMPORAL, timeout=60)
     assert plan.engine == "aries"
@@ -157,7 +156,6 @@ def test_temporal_plan(tmp_path: Path) -> None:
     check_valid(tmp_path, TEMPORAL, plan)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_what_an_engine_does_not_know_is_compiled_away(tmp_path: Path) -> None:
     given = documents(
         predicates="(seen ?w - wp)",
@@ -172,7 +170,6 @@ def test_what_an_engine_does_not_know_is_compiled_away(tmp_path: Path) -> None:
     check_valid(tmp_path, given, plan)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_either_in_an_action_keeps_its_name() -> None:
     domain = read_domain(
         """
@@ -185,7 +182,6 @@ def test_either_in_an_action_keeps_its_name() -> None:
     assert plan.steps == (PlanStep(None, "mark", ("y",)),)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_preferred_goals() -> None:
     given = documents(
         goal="(and (at rb b) (preference p (at rb c)))",
@@ -205,7 +201,6 @@ PAID = documents(
 )
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_costs_time_and_preferences_reach_a_planner(caplog: pytest.LogCaptureFixture) -> None:
     plan = solve_pair(PAID, engine="fast-downward-opt", timeout=60)
     assert [step.arguments for step in plan.steps] == [("rb", "a", "c")]
@@ -213,7 +208,6 @@ def test_costs_time_and_preferences_reach_a_planner(caplog: pytest.LogCaptureFix
     assert not caplog.records
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_what_a_planner_is_not_given_is_named(caplog: pytest.LogCaptureFixture) -> None:
     plan = solve_pair(PAID, engine="pyperplan", timeout=60)
     assert plan.ignored == (
@@ -234,7 +228,6 @@ def test_what_a_planner_is_not_given_is_named(caplog: pytest.LogCaptureFixture) 
 
 
 @pytest.mark.more
-@pytest.mark.usefixtures("quick_start")
 def test_durations_of_plans_are_no_costs() -> None:
     given = documents(
         TAKE_TIME,
@@ -265,7 +258,6 @@ def test_durations_of_plans_are_no_costs() -> None:
     assert "(minimize (total-cost))" in plan.problem_pddl.replace(":metric minimize", "(minimize")
 
 
-@pytest.mark.usefixtures("quick_start")
 @JAVA
 def test_soft_goals_of_a_numeric_problem(tmp_path: Path) -> None:
     given = documents(
@@ -322,6 +314,7 @@ solve, FastDownwardPDDLPlanner._solve = FastDownwardPDDLPlanner._solve, fail
 def test_a_metric_with_which_there_is_no_plan_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.undo()
     (tmp_path / "sitecustomize.py").write_text(BROKEN_BY_COSTS)
     monkeypatch.syspath_prepend(str(tmp_path))
     plan = solve_pair(PAID, engine="fast-downward", timeout=60)
@@ -333,6 +326,7 @@ def test_a_metric_with_which_there_is_no_plan_is_named(
 def test_who_was_asked_in_place_of_another_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    monkeypatch.undo()
     (tmp_path / "sitecustomize.py").write_text(BROKEN_ENGINE)
     monkeypatch.syspath_prepend(str(tmp_path))
     plan = solve_pair(documents(), timeout=60)
@@ -345,7 +339,6 @@ def test_who_was_asked_in_place_of_another_is_told(
     )
 
 
-@pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize("engine", [None, "pyperplan"])
 def test_no_plan(engine: str | None) -> None:
     with pytest.raises(NoPlanError, match="no plan was found") as caught:
@@ -354,7 +347,6 @@ def test_no_plan(engine: str | None) -> None:
     assert "in a branch, kb.branch(), you can relax the goal" in str(caught.value)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_does_not_suit() -> None:
     with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
         solve_pair(TEMPORAL, engine="pyperplan", timeout=60)
@@ -365,7 +357,6 @@ def test_an_engine_that_does_not_suit() -> None:
     assert "kb.branch()" in str(caught.value)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_only_what_no_compilation_removes_is_called_unknown() -> None:
     given = documents(
         TAKE_TIME.replace("(path ?a ?b))", "(path ?a ?b))\n(at start (not (at ?r ?b)))"),
@@ -377,7 +368,6 @@ def test_only_what_no_compilation_removes_is_called_unknown() -> None:
     assert "negative_conditions" not in str(caught.value)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_quantifiers_are_compiled_away_though_a_number_has_no_value_yet() -> None:
     given = documents(
         """
@@ -394,7 +384,6 @@ def test_quantifiers_are_compiled_away_though_a_number_has_no_value_yet() -> Non
     assert [step.arguments for step in plan.steps] == [("rb", "a", "b"), ("rb", "b", "c")]
 
 
-@pytest.mark.usefixtures("quick_start")
 @pytest.mark.parametrize(
     ("said", "status"),
     [
@@ -415,7 +404,6 @@ def test_a_crash_of_enhsp_is_not_taken_for_its_answer(
     assert caught.value.status == status
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_constraints_are_compiled_away_where_two_static_conditions_exclude_one_object() -> None:
     given = documents(
         predicates="(open ?w - wp) (lit ?w - wp)",
@@ -426,7 +414,6 @@ def test_constraints_are_compiled_away_where_two_static_conditions_exclude_one_o
     assert solve_pair(given, engine="fast-downward", timeout=60).steps == STEPS
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_an_engine_is_refused_for_what_it_lacks_although_a_preference_cannot_be_given() -> None:
     given = documents(
         TAKE_TIME.replace("(length ?a ?b)", "5"),
@@ -436,18 +423,15 @@ def test_an_engine_is_refused_for_what_it_lacks_although_a_preference_cannot_be_
         solve_pair(given, engine="pyperplan", timeout=60)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_the_error_of_an_engine_has_its_reason() -> None:
     given = documents(
-        predicates="(lit ?w - wp)",
-        effect="(when (and (lit ?b) (path ?b ?a)) (at ?r ?a))",
+        predicates="(lit ?w - wp)", effect="(when (and (lit ?b) (path ?b ?a)) (at ?r ?a))"
     )
     with pytest.raises(NoPlanError, match=r"aries: internal_error \(\w+") as caught:
         solve_pair(given, engine="aries", timeout=60)
     assert caught.value.status == "internal_error"
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_another_engine_is_asked_where_a_plan_is_not_valid() -> None:
     asked: list[str] = []
 
@@ -469,6 +453,7 @@ def test_another_engine_is_asked_where_a_plan_is_not_valid() -> None:
 def test_an_engine_that_cannot_be_imported_is_not_called_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.undo()
     (tmp_path / "up_tamer").mkdir()
     (tmp_path / "up_tamer" / "__init__.py").write_text("")
     (tmp_path / "up_tamer" / "engine.py").write_text("import tamer_without_its_library")
@@ -479,7 +464,6 @@ def test_an_engine_that_cannot_be_imported_is_not_called_missing(
         assert "No module named 'tamer_without_its_library'" in str(caught.value)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_an_engine_that_is_not_there() -> None:
     with pytest.raises(
         PlannerMissingError, match=r"hal9000 is not installed; install it.*pyperplan"
@@ -487,7 +471,6 @@ def test_an_engine_that_is_not_there() -> None:
         solve_pair(documents(), engine="hal9000", timeout=60)
 
 
-@pytest.mark.usefixtures("quick_start")
 def test_what_has_no_counterpart() -> None:
     with pytest.raises(UnsupportedConstructError, match="within"):
         solve_pair(documents(more="(:constraints (within 3 (at rb c)))"), timeout=60)
@@ -548,6 +531,7 @@ def _until(condition: Callable[[], bool], seconds: float = 30) -> bool:
 def test_time_is_up_and_nothing_stays_behind(
     engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.undo()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     started = time.monotonic()
     with pytest.raises(NoPlanError, match="no plan was found within 4 seconds") as caught:
@@ -560,7 +544,8 @@ def test_time_is_up_and_nothing_stays_behind(
 
 @pytest.mark.more
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
-def test_a_killed_parent_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_killed_parent_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
     call = "t.solve_pair(t._hard(), engine='fast-downward-opt')"
     code = f"import tests.planning.test_plan as t\n{call}\n"
     root, environment = Path(__file__).parents[2], {**os.environ, "TMPDIR": str(tmp_path)}

@@ -114,37 +114,19 @@ def test_what_a_search_by_enhsp_waits_for_is_no_step() -> None:
     ("text", "message"),
     [
         ("(walk a b)\nwalk a b", "<string>:2:1: in the plan: found 'walk a b', expected a step as"),
-        (
-            "\n  (walk a b",
-            "<string>:2:3: in the plan: found '(walk a b', expected a step as",
-        ),
-        (
-            "(walk a b) 5]",
-            "<string>:1:12: in the plan: found '5]', expected a duration as '[5]'",
-        ),
-        (
-            "1: (walk) [x]",
-            "1:11: in the plan: found '[x]', expected a duration as '[5]'",
-        ),
+        ("\n  (walk a b", "<string>:2:3: in the plan: found '(walk a b', expected a step as"),
+        ("(walk a b) 5]", "<string>:1:12: in the plan: found '5]', expected a duration as '[5]'"),
+        ("1: (walk) [x]", "1:11: in the plan: found '[x]', expected a duration as '[5]'"),
         ("1: (walk) [5] [6]", "1:15: in the plan: found '[6]', expected the end of the line"),
         ("\n1: () [5]", "<string>:2:5: in the plan: found an empty step, expected the name of an"),
         ("-1: (walk)\n", "<string>:1:1: in the plan: found '-1: (walk)', expected a step as"),
-        (
-            "(walk :a)",
-            "<string>:1:7: in the plan: found ':a', expected the name of an action",
-        ),
+        ("(walk :a)", "<string>:1:7: in the plan: found ':a', expected the name of an action"),
         ("(walk a\0)", "<string>:1:7: in the plan: found 'a\\x00', expected the name of an action"),
         (f"1e{'9' * 30}: (walk)", "expected a number of at most 400 digits"),
         ("SequentialPlan:\n  walk(a, b", "2:3: in the plan: found 'walk(a, b', expected a step as"),
         ("SequentialPlan:\n  walk(a,, b)", "found '', expected the name of an action or an object"),
-        (
-            "Solution found!\nwalk a b\n",
-            "2:1: in the plan: found 'walk a b', expected a step as",
-        ),
-        (
-            "Solution found!\nwalk a b (1)",
-            "found the end of the text, expected the line",
-        ),
+        ("Solution found!\nwalk a b\n", "2:1: in the plan: found 'walk a b', expected a step as"),
+        ("Solution found!\nwalk a b (1)", "found the end of the text, expected the line"),
         (";;;; Solution Found\n0.0: walk a [5]\n", "2:1: in the plan: found '0.0: walk a [5]'"),
     ],
 )

@@ -21,10 +21,7 @@ def test_classical() -> None:
     made = convert()
     assert made.name == "morning"
     assert [str(type_) for type_ in made.user_types] == [
-        "vehicle",
-        "place",
-        "truck - vehicle",
-        "van - vehicle",
+        *("vehicle", "place", "truck - vehicle", "van - vehicle")
     ]
     assert [item.name for item in made.all_objects] == ["t1", "t2", "v1", "p", "q"]
     action = made.action("move")
@@ -175,10 +172,7 @@ def test_a_duration_from_the_state_is_kept_for_the_end() -> None:
     action = made.action("wash")
     assert str(action.duration) == "[(2 * fuel(v)), (2 * fuel(v))]"
     assert {str(time): list(map(str, found)) for time, found in action.effects.items()} == {
-        "start": [
-            "duration-of-wash(v, p) := (2 * fuel(v))",
-            "rate -= (2 * fuel(v))",
-        ],
+        "start": ["duration-of-wash(v, p) := (2 * fuel(v))", "rate -= (2 * fuel(v))"],
         "end": ["if at(v, p) then fuel(v) += (duration-of-wash(v, p) / 4)"],
     }
     kept = made.fluent("duration-of-wash")

@@ -226,11 +226,7 @@ def test_a_killed_pooler_loses_nothing(
 
 
 def test_a_read_waits_for_a_locked_table_as_long_as_the_database_says(
-    wide: str,
-    wide_pooler: Pooler,
-    direct: str,
-    connect: Connect,
-    monkeypatch: pytest.MonkeyPatch,
+    wide: str, wide_pooler: Pooler, direct: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(retry, "RETRY_FOR", 0.3)
     kb = connect(wide, knowledge_base="tiago")

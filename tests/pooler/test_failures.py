@@ -19,10 +19,7 @@ from tests.support.stores import Connect
 
 
 def test_clients_survive_a_killed_server_and_do_everything_once(
-    mortal_server: MortalServer,
-    mortal_url: str,
-    connect: Connect,
-    monkeypatch: pytest.MonkeyPatch,
+    mortal_server: MortalServer, mortal_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
     pooler = Pooler(mortal_server, default_pool_size="4", server_login_retry="1")

@@ -214,9 +214,7 @@ def session_of(kb: KnowledgeBase) -> Iterator[Session]:
         yield session
 
 
-def test_who_may_only_read_writes_nothing_and_hinders_no_writer(
-    narrow: str, connect: Connect
-) -> None:
+def test_who_only_reads_writes_nothing_and_hinders_no_writer(narrow: str, connect: Connect) -> None:
     writer = connect(narrow, knowledge_base="tiago")
     reader = connect(narrow, knowledge_base="tiago", read_only=True)
     for place in (WP1, WP2) * OFTEN:

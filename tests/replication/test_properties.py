@@ -69,11 +69,7 @@ def _check(kb: KnowledgeBase, replica: KnowledgeBase, name: str, is_whole: bool)
     ids=["file to file", "file to server", "server to file", "server to server"],
 )
 def test_a_replica_is_what_its_source_is(
-    backends: list[Backend],
-    here: int,
-    there: int,
-    examples: int,
-    monkeypatch: pytest.MonkeyPatch,
+    backends: list[Backend], here: int, there: int, examples: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent = 0
 

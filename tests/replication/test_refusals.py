@@ -332,9 +332,7 @@ def test_tables_of_another_version_are_refused(file_kb: KnowledgeBase, replica_u
         file_kb.store.push(replica_url)
 
 
-def test_the_past_and_an_open_transaction_are_not_pushed(
-    file_kb: KnowledgeBase, tmp_path: Path
-) -> None:
+def test_pasts_and_open_transactions_are_not_pushed(file_kb: KnowledgeBase, tmp_path: Path) -> None:
     count(file_kb, 3)
     url = target_url(tmp_path)
     with pytest.raises(ReadOnlyError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -147,17 +146,14 @@ def test_a_write_costs_no_statement_more(file_kb: KnowledgeBase) -> None:
     assert len(statements) == 4
 
 
-def test_tasks_push_and_promote(file_url: str, replica_url: str) -> None:
-    async def work() -> None:
-        async with aio.connect(file_url, knowledge_base="tiago") as kb:
-            await kb.propositions.save(robot_at())
-            assert (await kb.store.push(replica_url)).revisions == 1
-        async with aio.connect(replica_url, knowledge_base="tiago") as replica:
-            with pytest.raises(ReplicaError):
-                await replica.propositions.delete_all()
-            assert await replica.store.promote() == 2
-
-    asyncio.run(work())
+async def test_tasks_push_and_promote(file_url: str, replica_url: str) -> None:
+    async with aio.connect(file_url, knowledge_base="tiago") as kb:
+        await kb.propositions.save(robot_at())
+        assert (await kb.store.push(replica_url)).revisions == 1
+    async with aio.connect(replica_url, knowledge_base="tiago") as replica:
+        with pytest.raises(ReplicaError):
+            await replica.propositions.delete_all()
+        assert await replica.store.promote() == 2
 
 
 def test_an_altered_head_is_not_promoted(replica: KnowledgeBase, shared_url: str) -> None:

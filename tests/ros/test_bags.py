@@ -236,10 +236,7 @@ def test_each_revision_of_a_story_is_made_again_as_it_was(tmp_path: Path) -> Non
         found = [{each for each in entry.changes if each.kind in kinds} for entry in kb.changes()]
         return [each for each in found if each]
 
-    with (
-        kant_sql.connect("sqlite://") as robot,
-        kant_sql.connect("sqlite://") as kb,
-    ):
+    with kant_sql.connect("sqlite://") as robot, kant_sql.connect("sqlite://") as kb:
         story.record(robot)
         for entry in robot.changes():
             message = write_revision(entry, made)
@@ -277,9 +274,7 @@ def test_one_of_several_robots_is_chosen(tmp_path: Path) -> None:
         assert told(kb) == [(later(1), ["+ rb2"])]
 
 
-def test_an_import_that_was_interrupted_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_import_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = Bag()
     bag.revision(0, 1, ("+", "predicate", "(idle)"))
     for number in range(2, 9):

@@ -23,11 +23,6 @@ pytestmark = [needs_ros, pytest.mark.more]
 CLIENTS, BURST = 8, 2000
 
 
-@pytest.fixture
-def file_url(tmp_path: Path) -> str:
-    return f"sqlite:///{tmp_path / 'robot.db'}"
-
-
 def wait_for_state(name: str, state: str) -> None:
     def is_so() -> bool:
         return name in ros2("node", "list") and state in ros2("lifecycle", "get", name)

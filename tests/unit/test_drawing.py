@@ -124,7 +124,7 @@ def test_facts_goals_values_and_plans_are_apart() -> None:
     )
     said = texts(made)
     assert [one for one in said if one in ("Facts", "Goals", "Values", "Plans")] == [
-        *("Facts", "Goals", "Values", "Plans"),
+        *("Facts", "Goals", "Values", "Plans")
     ]
     assert "(fuel) = 5" in said
     assert "wp1" in said

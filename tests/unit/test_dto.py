@@ -91,18 +91,14 @@ NEVER_NONE = [case for case in LIST_CASES if case[1] != "parameter_names"]
 
 
 @pytest.mark.parametrize("dto_class", FIELDS)
-def test_a_dto_is_a_dataclass_with_its_fields_in_the_documented_order(
-    dto_class: type[Any],
-) -> None:
+def test_a_dto_is_a_dataclass_with_its_fields_in_the_documented_order(dto_class: type[Any]) -> None:
     assert [field.name for field in dataclasses.fields(dto_class)] == list(FIELDS[dto_class])
     assert list(inspect.signature(dto_class).parameters) == list(FIELDS[dto_class])
     assert issubclass(dto_class, Dto)
 
 
 @pytest.mark.parametrize(("dto_class", "name"), FIELD_CASES)
-def test_each_field_is_public_and_has_a_getter_and_a_setter(
-    dto_class: type[Dto], name: str
-) -> None:
+def test_each_field_is_public_with_a_getter_and_a_setter(dto_class: type[Dto], name: str) -> None:
     dto: Any = copy.deepcopy(SAMPLES[dto_class])
     value = FIELDS[dto_class][name]
     assert getattr(dto, f"get_{name}")() is getattr(dto, name)
@@ -173,14 +169,6 @@ def test_what_is_left_out_has_the_documented_default() -> None:
     literal = PddlConditionEffectDto(ROBOT_AT)
     assert (literal.time, literal.is_negative) == (None, False)
     assert (PddlActionDto("a").durative, PddlActionDto("a").duration) == (True, 10)
-
-
-def test_the_times_of_a_literal_are_pddls() -> None:
-    assert (Literal.AT_START, Literal.AT_END, Literal.OVER_ALL) == (
-        "at start",
-        "at end",
-        "over all",
-    )
 
 
 def test_parent_and_duration_are_given_by_keyword_only() -> None:

@@ -55,10 +55,7 @@ EQUAL: list[tuple[Dto, Dto]] = [
     (robot_at(), PddlPropositionDto(SHOUTED, [RB1_SHOUTED, WP1])),
     (robot_at(is_goal=True), PddlPropositionDto(SHOUTED, [RB1, WP1], True)),
     (Literal(ROBOT_AT, [RB1]), Literal(SHOUTED, [RB1_SHOUTED])),
-    (
-        Literal(ROBOT_AT, [RB1], Literal.AT_END, True),
-        Literal(SHOUTED, [RB1], Literal.AT_END, True),
-    ),
+    (Literal(ROBOT_AT, [RB1], Literal.AT_END, True), Literal(SHOUTED, [RB1], Literal.AT_END, True)),
 ]
 DIFFERENT: list[tuple[object, object]] = [
     (ROBOT, WAYPOINT),

@@ -54,9 +54,7 @@ def check(elements: Elements[Thing], plain: Plain) -> None:
 
 
 @given(st.lists(CHANGES, max_size=8))
-def test_any_sequence_of_changes_gives_what_a_dict_has(
-    sequence: list[dict[int, Thing | None]],
-) -> None:
+def test_any_changes_give_what_a_dict_has(sequence: list[dict[int, Thing | None]]) -> None:
     elements: Elements[Thing] = Elements()
     plain: Plain = {}
     history = [(elements, plain)]

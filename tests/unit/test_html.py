@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any
 
 import pytest
 
@@ -88,23 +88,15 @@ def test_a_listing_shows_its_first_items_and_how_many_there_are() -> None:
     assert Listing[Change]([], "change")._repr_html_().count("<table") == 0
 
 
-def test_a_feed_shows_its_first_page_without_being_consumed() -> None:
+def test_a_feed_reads_no_more_than_it_shows() -> None:
     read: list[int | None] = []
 
-    def first(most: int | None) -> Any:
+    def first(most: int | None) -> Iterator[Change]:
         read.append(most)
-        return iter(CHANGES if most is None else (CHANGES * 100)[:most])
+        return iter(CHANGES)
 
-    feed = Feed(first, None, noun="change")
-    assert iter(feed) is feed
-    assert next(feed) == CHANGES[0]
-    made = feed._repr_html_()
-    assert made.count("<tr>") == ROWS + 1
-    assert "and more" in made
+    Feed(first, None, noun="change")._repr_html_()
     assert read == [None, ROWS + 1]
-    assert [*feed] == CHANGES[1:]
-    with pytest.raises(StopIteration):
-        next(feed)
 
 
 def test_an_error_of_the_library_is_shown_and_no_other_is_hidden() -> None:

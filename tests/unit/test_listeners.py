@@ -247,9 +247,7 @@ def test_what_somebody_watches_again_is_kept(monkeypatch: pytest.MonkeyPatch) ->
 # Beginning and end.
 
 
-def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_thread_that_cannot_start_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     line = Line()
     shared, [first, second] = listeners_on(line, 2)
     made: list[ListenerThread] = []
@@ -274,9 +272,7 @@ def test_a_thread_that_cannot_be_started_leaves_nothing_behind(
     shared.close()
 
 
-def test_closing_just_when_it_looks_whom_to_forget_ends_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_closing_just_when_it_looks_whom_to_forget_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "LINGER", MOMENT)
     line = Line()
     shared, [listener] = listeners_on(line)

@@ -70,10 +70,7 @@ def test_the_first_failing_step_is_named_with_values() -> None:
         2,
         "3",
         None,
-        [
-            "(door hall attic): does not hold",
-            "(>= (battery) 2): the sides are 0 and 2",
-        ],
+        ["(door hall attic): does not hold", "(>= (battery) 2): the sides are 0 and 2"],
     )
     assert (found.metric_value, found.unsatisfied_goals) == (None, ())
     assert "step 2, (go hall attic), fails at 3:\n  (door hall attic): does" in str(found)

@@ -17,13 +17,8 @@ PACKAGE = ROOT / "kant_sql"
 RECIPE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 # What names a function as a kind of element, in the order of the layers.
 OF_FUNCTIONS = {
-    "PddlFunctionDto",
-    "TABLES['function']",
-    "TABLES['function_version']",
-    "TABLES['function_type']",
-    "FunctionDefinition",
-    "PddlFunctionDao",
-    "SqlFunctionDao",
+    *("PddlFunctionDto", "TABLES['function']", "TABLES['function_version']"),
+    *("TABLES['function_type']", "FunctionDefinition", "PddlFunctionDao", "SqlFunctionDao"),
 }
 # What a function has beyond a named element: why each other module mentions one.
 BEYOND = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -248,12 +247,12 @@ def test_an_anchor_is_compared_before_and_after(written: Written) -> None:
         assert "revision 2 has another hash than the anchor" in given.findings[0].message
 
 
-def test_an_archive_begins_again_at_revision_1(kb: KnowledgeBase, tmp_path: Path) -> None:
+def test_an_archive_begins_again_at_revision_1(kb: KnowledgeBase, file_url: str) -> None:
     for place in (1, 2):
         kb.propositions.save(robot_at(place=waypoint(place)))
         kb.propositions.delete(robot_at(place=waypoint(place)))
     kb.store.verify(keep=True)
-    kb.store.archive(3, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.store.archive(3, to=file_url)
     done = kb.store.verify(resume=True, keep=True)
     assert (done.is_intact, done.continued_from, done.revisions) == (True, None, 5)
     kb.objects.save(waypoint(9))
@@ -383,10 +382,7 @@ def test_an_intact_one_is_told_though_another_writer_holds_the_store(
 
 
 NOT_KEPT = [
-    StatementTimeoutError,
-    ConnectionLostError,
-    StoreFullError,
-    StoreUnreachableError,
+    *(StatementTimeoutError, ConnectionLostError, StoreFullError, StoreUnreachableError),
     TransactionOpenError,
 ]
 

@@ -156,9 +156,7 @@ def flips(path: Path, index: str, count: int) -> Iterator[bytes]:
 
 
 @pytest.mark.more
-def test_a_flipped_bit_in_a_page_of_an_index_does_not_hide_a_fact(
-    tmp_path: Path, connect: Connect
-) -> None:
+def test_a_flipped_bit_in_an_index_does_not_hide_a_fact(tmp_path: Path, connect: Connect) -> None:
     path = tmp_path / "store.db"
     url = f"sqlite:///{path}"
     with connect(url, knowledge_base="tiago") as kb:
@@ -256,15 +254,14 @@ POSTGRESQL = {
 @pytest.mark.parametrize(("sql", "message"), [*COMMON.items(), *SQLITE.items()])
 @pytest.mark.more
 def test_what_the_migrations_have_not_made_is_a_finding_on_sqlite(
-    tmp_path: Path, connect: Connect, sql: str, message: str
+    file_url: str, connect: Connect, sql: str, message: str
 ) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    with connect(url, knowledge_base="tiago") as kb:
+    with connect(file_url, knowledge_base="tiago") as kb:
         kb.propositions.save(FACT)
-    with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:
+    with sqlite3.connect(str(make_url(file_url).database), isolation_level=None) as file:
         file.executescript(sql)
     file.close()
-    assert message in messages(url)
+    assert message in messages(file_url)
 
 
 @pytest.mark.more
@@ -281,25 +278,22 @@ def test_what_the_migrations_have_not_made_is_a_finding_on_postgresql(
     server.drop_database(url)
 
 
-def test_a_generated_view_that_says_something_else_is_a_finding(
-    tmp_path: Path, connect: Connect
-) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    with connect(url, knowledge_base="tiago") as kb:
+def test_a_generated_view_of_something_else_is_a_finding(file_url: str, connect: Connect) -> None:
+    with connect(file_url, knowledge_base="tiago") as kb:
         kb.propositions.save(FACT)
-    kant_sql.operations.update_views(url)
-    assert findings(url) == []
-    with sqlite3.connect(str(make_url(url).database), isolation_level=None) as file:
+    kant_sql.operations.update_views(file_url)
+    assert findings(file_url) == []
+    with sqlite3.connect(str(make_url(file_url).database), isolation_level=None) as file:
         ((sql,),) = file.execute("SELECT sql FROM sqlite_master WHERE name = 'fact_robot_at'")
         file.execute("DROP VIEW fact_robot_at")
         file.execute(f"{sql} AND p.id <> 1" if "WHERE" in sql else f"{sql} WHERE false")
     file.close()
-    (finding,) = findings(url)
+    (finding,) = findings(file_url)
     assert finding.table == "fact_robot_at"
     assert "'kant-sql views --drop'" in finding.message
-    kant_sql.operations.drop_views(url)
-    kant_sql.operations.update_views(url)
-    assert findings(url) == []
+    kant_sql.operations.drop_views(file_url)
+    kant_sql.operations.update_views(file_url)
+    assert findings(file_url) == []
 
 
 def test_what_had_the_name_of_a_generated_view_before_is_none(filled: str) -> None:
@@ -342,12 +336,11 @@ def test_a_view_in_place_of_a_table_is_a_finding(filled: str, table: str) -> Non
     assert f"{table}: table {table} is missing: the migrations create it" in messages(filled)
 
 
-def test_a_source_that_is_bytes_is_a_finding(tmp_path: Path, connect: Connect) -> None:
-    url = f"sqlite:///{tmp_path / 'store.db'}"
-    with connect(url, knowledge_base="tiago") as kb, kb.transaction(source={"file": "a"}):
+def test_a_source_that_is_bytes_is_a_finding(file_url: str, connect: Connect) -> None:
+    with connect(file_url, knowledge_base="tiago") as kb, kb.transaction(source={"file": "a"}):
         kb.propositions.save(FACT)
-    tamper(url, "UPDATE revision SET source = CAST(source AS BLOB)")
-    assert messages(url) == "revision: column source has 1 value that are not of its type"
+    tamper(file_url, "UPDATE revision SET source = CAST(source AS BLOB)")
+    assert messages(file_url) == "revision: column source has 1 value that are not of its type"
 
 
 @pytest.mark.more
@@ -373,12 +366,11 @@ def test_what_others_keep_in_the_same_database_is_theirs(filled: str) -> None:
 
 
 def test_a_story_with_views_an_archive_and_an_earlier_version_is_intact(
-    shared_url: str, tmp_path: Path
+    shared_url: str, file_url: str
 ) -> None:
-    archive = f"sqlite:///{tmp_path / 'archive.db'}"
-    write_story(shared_url, archive)
+    write_story(shared_url, file_url)
     kant_sql.operations.update_views(shared_url)
-    assert findings(shared_url) == findings(archive) == []
+    assert findings(shared_url) == findings(file_url) == []
     with kant_sql.connect(shared_url, knowledge_base=NAME) as kb:
         kb.restore(20)
     assert findings(shared_url) == []
@@ -421,11 +413,11 @@ def test_a_store_with_roles_is_intact_for_its_owner_and_for_who_reads(server: An
 @pytest.mark.parametrize("has_statistics", [False, True])
 @pytest.mark.more
 def test_every_index_can_be_read_by_itself(
-    server: Any, tmp_path: Path, has_statistics: bool
+    server: Any, file_url: str, has_statistics: bool
 ) -> None:
     """Whatever the server knows of the tables: else what is compared is another index."""
     url = server.new_store()
-    write_story(url, f"sqlite:///{tmp_path / 'archive.db'}")
+    write_story(url, file_url)
     if has_statistics:
         tamper(url, "VACUUM ANALYZE")
     backend = create_backend(url)

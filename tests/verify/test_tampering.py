@@ -124,21 +124,13 @@ def seal_from(bare: Bare, low: int) -> None:
             15,
             "its contents differ from what was hashed: actor, reason",
         ),
-        (
-            "UPDATE revision SET form = 1 WHERE number = 21",
-            21,
-            "it is of form 1, and has a seed",
-        ),
+        ("UPDATE revision SET form = 1 WHERE number = 21", 21, "it is of form 1, and has a seed"),
         (
             "UPDATE revision SET seed = NULL WHERE number = 21",
             21,
             "its seed is missing, and nothing of it was erased",
         ),
-        (
-            "UPDATE revision SET form = 9 WHERE number = 20",
-            20,
-            "form 9 is unknown",
-        ),
+        ("UPDATE revision SET form = 9 WHERE number = 20", 20, "form 9 is unknown"),
         (
             "UPDATE type_version SET until = NULL WHERE until IS NOT NULL",
             15,
@@ -163,11 +155,7 @@ def seal_from(bare: Bare, low: int) -> None:
             None,
             "differs from its action and arguments",
         ),
-        (
-            "INSERT INTO revision_execution VALUES (1, 99, 99, 0)",
-            99,
-            "and one of them is missing",
-        ),
+        ("INSERT INTO revision_execution VALUES (1, 99, 99, 0)", 99, "and one of them is missing"),
         (
             "UPDATE proposition_argument SET kb_id = 7",
             None,
@@ -216,15 +204,10 @@ def test_two_terms_of_one_name_are_not_taken_for_each_other(bare: Bare) -> None:
     ("table", "column"),
     [
         ("function_value_version", "function_value_id"),
-        ("proposition_version", "proposition_id"),
-        ("proposition_argument", "proposition_id"),
-        ("execution_version", "plan_id"),
-        ("action_node", "action_id"),
-        ("object_version", "object_id"),
-        ("revision", "number"),
-        ("archive", "revision"),
-        ("head", "next_id"),
-        ("head", "archived_revision"),
+        *(("proposition_version", "proposition_id"), ("proposition_argument", "proposition_id")),
+        *(("execution_version", "plan_id"), ("action_node", "action_id")),
+        *(("object_version", "object_id"), ("revision", "number"), ("archive", "revision")),
+        *(("head", "next_id"), ("head", "archived_revision")),
     ],
 )
 def test_a_key_that_is_null_is_a_finding(bare: Bare, table: str, column: str) -> None:

@@ -13,9 +13,7 @@ from tests.support.stores import Connect
 from tests.support.worlds.robots import WP2, robot_at, waypoint
 
 
-def test_a_form_that_is_unknown_is_a_finding_whatever_the_hash(
-    shared_url: str, connect: Connect
-) -> None:
+def test_an_unknown_form_is_a_finding_whatever_the_hash(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     kb.types.save(PddlTypeDto("robot"))
     (entry,) = kb.log()

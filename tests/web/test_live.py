@@ -121,9 +121,7 @@ def test_the_home_page_follows_all_knowledge_bases(
         assert event.data["message"] == "2 knowledge bases, 2 revisions"
 
 
-def test_a_knowledge_base_that_does_not_exist_is_refused(
-    shared_url: str, kb: KnowledgeBase
-) -> None:
+def test_an_unknown_knowledge_base_is_refused(shared_url: str, kb: KnowledgeBase) -> None:
     with running(shared_url) as address:
         for path in ("/live", "/api/live"):
             assert httpx2.get(f"{address}{path}?kb=nobody").status_code == 404

@@ -59,9 +59,7 @@ def step_of(kb: KnowledgeBase) -> Execution:
     return kb.plans.record(Plan((step,), "by hand", "unknown")).steps[0]
 
 
-def test_goals_that_take_too_long_are_left_out(
-    busy: Filled, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_goals_that_take_long_are_left_out(busy: Filled, monkeypatch: pytest.MonkeyPatch) -> None:
     _, client = busy
 
     def slow(*_: object) -> None:
@@ -99,9 +97,7 @@ def test_the_standing_of_rules_follows_the_revisions(busy: Filled) -> None:
     )
 
 
-def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(
-    busy: Filled,
-) -> None:
+def test_what_was_expected_and_not_seen_is_listed_until_somebody_confirms_it(busy: Filled) -> None:
     kb, client = busy
     moved, docking = client.get("/api/overview?kb=courier").json()["unconfirmed"]
     assert (moved["text"], docking["text"]) == ("(at rb1 room)", "(docking rb1)")

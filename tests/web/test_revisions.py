@@ -157,12 +157,7 @@ def test_a_revision_of_many_changes_is_read_page_by_page(
 @pytest.mark.parametrize("narrow", [20_000, 0])
 @pytest.mark.more
 def test_the_difference_is_the_librarys(
-    client: TestClient,
-    story_url: str,
-    monkeypatch: pytest.MonkeyPatch,
-    a: int,
-    b: int,
-    narrow: int,
+    client: TestClient, story_url: str, monkeypatch: pytest.MonkeyPatch, a: int, b: int, narrow: int
 ) -> None:
     monkeypatch.setattr(diff, "NARROW", narrow)
     with kant_sql.connect(story_url, knowledge_base="courier") as kb:

@@ -182,9 +182,7 @@ def test_findings_are_shown(tmp_path: Path, connect: Connect) -> None:
         assert "not intact" in client.get("/").text
 
 
-def test_a_verification_that_fails_says_why(
-    client: TestClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_verifications_say_why(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(self: Operations, *given: object, **more: object) -> None:
         raise RuntimeError("secret")
 

@@ -121,10 +121,7 @@ def test_no_row_stays_out_of_sight_on_the_coordinator(cluster: Cluster, story_ur
 def test_the_printed_sql_does_the_same(cluster: Cluster, story_url: str) -> None:
     kant_sql.operations.update_views(story_url)
     rows, dump = rows_of(story_url), dump_of(story_url)
-    for words, expected in (
-        (["--shards", str(SHARDS)], distributed()),
-        (["--undo"], {}),
-    ):
+    for words, expected in ((["--shards", str(SHARDS)], distributed()), (["--undo"], {})):
         before = places(cluster, story_url)
         printed = run("db", "distribute", story_url, *words, "--sql")
         assert printed.exit_code == 0, printed.stderr

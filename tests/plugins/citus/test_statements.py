@@ -36,10 +36,7 @@ VALUES: dict[str, Any] = {
 # In these views Citus looks up rows of other tables in all shards, or refuses to: of the last, a
 # recursive query.
 LOOKED_UP = {
-    "audit_fact_argument",
-    "audit_value_argument",
-    "audit_plan",
-    "audit_plan_step",
+    *("audit_fact_argument", "audit_value_argument", "audit_plan", "audit_plan_step"),
     "audit_action_literal",
 }
 

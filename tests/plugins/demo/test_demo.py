@@ -136,11 +136,10 @@ def test_each_command_and_each_line_of_python_answers(
             assert eval(step["python"], {"kb": kb}), step
 
 
-def test_another_knowledge_base_has_no_guide(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'own.db'}"
-    with kant_sql.connect(url, knowledge_base="own") as kb:
+def test_another_knowledge_base_has_no_guide(file_url: str) -> None:
+    with kant_sql.connect(file_url, knowledge_base="own") as kb:
         kb.types.save("robot")
-    app = create_app(url, added=[PAGES])
+    app = create_app(file_url, added=[PAGES])
     with TestClient(app, base_url="http://127.0.0.1") as client:
         answer = client.get("/guide?kb=own")
     assert answer.status_code == 404
@@ -153,12 +152,11 @@ def test_without_a_name_it_lists_the_worlds() -> None:
     assert last == f"Open one with: kant-sql demo {NAMES[0]}"
 
 
-def test_a_name_that_is_no_world_and_a_store_that_has_it_are_refused(tmp_path: Path) -> None:
+def test_a_name_that_is_no_world_and_a_store_that_has_it_are_refused(file_url: str) -> None:
     assert "there is no demo 'hospice'; choose one of: " in complaint("demo", "hospice")
-    kept = f"sqlite:///{tmp_path / 'kept.db'}"
-    with kant_sql.connect(kept, knowledge_base="hospital") as kb:
+    with kant_sql.connect(file_url, knowledge_base="hospital") as kb:
         kb.types.save("robot")
-    assert "kant-sql serve" in complaint("demo", "hospital", "--store", kept)
+    assert "kant-sql serve" in complaint("demo", "hospital", "--store", file_url)
 
 
 def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -92,13 +92,10 @@ def test_a_url_opens_the_daos_of_a_server(server: Served, connect: Connect) -> N
     assert repr(kb).endswith(", closed>")
 
 
-def test_tasks_and_threads_share_one(server: Served, connect: Connect) -> None:
-    async def work() -> int:
-        async with aio.connect(server.at("tiago")) as kb:
-            await asyncio.gather(*(kb.types.save(f"t{number}") for number in range(20)))
-            return await kb.revision()
-
-    assert asyncio.run(work()) == 20
+async def test_tasks_and_threads_share_one(server: Served, connect: Connect) -> None:
+    async with aio.connect(server.at("tiago")) as front:
+        await asyncio.gather(*(front.types.save(f"t{number}") for number in range(20)))
+        assert await front.revision() == 20
     kb = connect(server.at("tiago"))
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(lambda number: kb.types.save(f"u{number}"), range(20)))
@@ -320,9 +317,7 @@ def test_writes_whose_connections_are_cut_are_written_once(
     assert direct.revision == 102
 
 
-def test_a_transaction_is_one_revision_that_nobody_else_sees(
-    server: Served, connect: Connect
-) -> None:
+def test_a_transaction_is_one_revision_nobody_else_sees(server: Served, connect: Connect) -> None:
     kb, other = connect(server.at("tiago")), connect(server.at("tiago"))
     with kb.transaction(reason="moved in", source={"from": [1, 2.5]}):
         assert kb.types.save("robot")
@@ -355,19 +350,16 @@ def test_a_transaction_is_one_revision_that_nobody_else_sees(
     assert (stale.value.expected, stale.value.actual) == (0, 1)
 
 
-def test_tasks_have_transactions(server: Served) -> None:
-    async def work() -> int:
-        async with aio.connect(server.at("tiago")) as kb:
+async def test_tasks_have_transactions(server: Served) -> None:
+    async with aio.connect(server.at("tiago")) as kb:
 
-            async def write(number: int) -> None:
-                async with kb.transaction():
-                    await kb.types.save(f"a{number}")
-                    await kb.types.save(f"b{number}")
+        async def write(number: int) -> None:
+            async with kb.transaction():
+                await kb.types.save(f"a{number}")
+                await kb.types.save(f"b{number}")
 
-            await asyncio.gather(*(write(number) for number in range(5)))
-            return await kb.revision()
-
-    assert asyncio.run(work()) == 5
+        await asyncio.gather(*(write(number) for number in range(5)))
+        assert await kb.revision() == 5
 
 
 def test_who_leaves_a_transaction_alone_loses_it(

@@ -115,10 +115,7 @@ def test_a_robot_is_at_one_place_after_the_other(story_url: str, tmp_path: Path)
         (at("14:10"), "t4"),
     ]
     assert of(found, BATTERY_RB1) == [
-        (at("08:05:01"), 100.0),
-        (at("12:00"), 75.5),
-        (at("13:30"), 40.0),
-        (at("15:00"), 100.0),
+        *((at("08:05:01"), 100.0), (at("12:00"), 75.5), (at("13:30"), 40.0), (at("15:00"), 100.0))
     ]
     assert of(found, "/courier/fact/waiting/t1") == [
         (at("08:59:59"), True),
@@ -266,9 +263,7 @@ def test_a_window_begins_with_the_state_before(story_url: str, tmp_path: Path) -
     assert of(found, "/courier/fact/waiting/t1") == []
 
 
-def test_all_knowledge_bases_have_a_file_and_topics_of_their_own(
-    story_url: str, tmp_path: Path
-) -> None:
+def test_knowledge_bases_have_files_and_topics_of_their_own(story_url: str, tmp_path: Path) -> None:
     exported = export_transitions(story_url, to=tmp_path)
     assert [file.knowledge_base for file in exported.files] == ["other", "courier"]
     assert {each.topic for each in messages(tmp_path, "other")} == {"/other/fact/robot_at/rb1"}
@@ -326,7 +321,7 @@ def test_what_was_archived_is_the_state_that_the_file_begins_with(tmp_path: Path
     ]
     export(old, tmp_path / "old", knowledge_base="tiago")
     assert [v for _, v in of(messages(tmp_path / "old", "tiago"), "/tiago/fact/robot_at/rb1")] == [
-        *("wp1", "wp2", "wp1"),
+        *("wp1", "wp2", "wp1")
     ]
 
 
@@ -378,9 +373,7 @@ def test_a_window_of_valid_times_begins_with_what_was_true_before(
     assert exported.clock == "valid"
 
 
-def test_what_nothing_was_said_of_was_true_from_its_commit_on(
-    story_url: str, tmp_path: Path
-) -> None:
+def test_what_nothing_was_said_of_was_true_from_its_commit(story_url: str, tmp_path: Path) -> None:
     export(story_url, tmp_path / "valid", clock="valid")
     export(story_url, tmp_path / "known")
     ours, theirs = messages(tmp_path / "valid"), messages(tmp_path / "known")
@@ -473,13 +466,11 @@ def test_without_mcap_the_extra_is_named(
         export(sqlite_story, tmp_path / "out")
 
 
-def test_an_export_takes_the_place_of_another_of_any_format(
-    sqlite_story: str, tmp_path: Path
-) -> None:
+def test_an_export_replaces_another_of_any_format(sqlite_story: str, tmp_path: Path) -> None:
     kant_sql.export.export_store(sqlite_story, to=tmp_path)
     export(sqlite_story, tmp_path, replace=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        *("_export.json", "knowledge_base=courier"),
+        *("_export.json", "knowledge_base=courier")
     ]
     assert ROBOT_AT.name in {each.topic.split("/")[3] for each in messages(tmp_path)}
 

@@ -42,9 +42,7 @@ def test_the_tools_answer_over_http_as_the_pages_do(url: str) -> None:
     assert count > 20
 
 
-def test_only_who_has_the_token_of_the_server_asks(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_who_has_the_token_asks(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("KANT_SQL_TOKEN", TOKEN)
 
     async def ask(address: str) -> Any:

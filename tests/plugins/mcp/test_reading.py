@@ -190,9 +190,7 @@ def test_a_resource_that_cannot_be_read_says_why(reader: KantServer, uri: str, s
 
 
 @pytest.mark.parametrize("url", BACKENDS[:1], indirect=True)
-def test_a_store_that_cannot_be_read_says_why_and_not_where(
-    store: OpenStore, tmp_path: Path
-) -> None:
+def test_an_unreadable_store_says_why_and_not_where(store: OpenStore, tmp_path: Path) -> None:
     (tmp_path / "store.db").unlink()
     (tmp_path / "store.db").write_text("this is no database")
     server, argument = make_server(store), {"name": "kb", "value": "w"}
@@ -250,9 +248,7 @@ def test_a_wrong_prompt_is_refused_with_the_remedy(
 
 
 @pytest.mark.parametrize("mode", ["auto", "legacy"])
-def test_a_tool_that_there_is_not_is_an_error_of_the_protocol(
-    reader: KantServer, mode: Any
-) -> None:
+def test_a_tool_that_is_unknown_is_an_error_of_the_protocol(reader: KantServer, mode: Any) -> None:
     said = r"there is no tool 'nothing\\n'; these are: knowledge_bases, overview,"
     with pytest.raises(MCPError, match=said) as caught:
         asked(reader, lambda client: client.call_tool("nothing\n"), mode)

@@ -22,15 +22,14 @@ PROBLEM = "(define (problem night) (:domain ward) (:init (= (battery) 9)) (:goal
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
-    made = f"sqlite:///{tmp_path / 'ward.db'}"
-    with kant_sql.connect(made, knowledge_base="ward", actor="executive") as kb:
+def url(file_url: str) -> str:
+    with kant_sql.connect(file_url, knowledge_base="ward", actor="executive") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
         with kb.transaction(actor="camera", reason="frame 812"):
             kb.propositions.save_all(["(open)"])
         kb.apply("(look)", reason="the nurse called")
-    return made
+    return file_url
 
 
 def read(folder: Path) -> Any:

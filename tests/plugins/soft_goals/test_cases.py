@@ -151,12 +151,8 @@ def test_preferences_of_actions_that_take_time(tmp_path: Path) -> None:
     )
     made = compiled(given)
     assert sorted(made.steps) == [
-        "collect-end",
-        "drive-forgoing-day",
-        "drive-forgoing-day-known",
-        "drive-forgoing-known",
-        "end-of-plan",
-        "forgo-end",
+        *("collect-end", "drive-forgoing-day", "drive-forgoing-day-known", "drive-forgoing-known"),
+        *("end-of-plan", "forgo-end"),
     ]
     plan = solve(given[0], problem=given[1], timeout=120, strict=True)
     assert (plan.engine, plan.ignored) == ("aries", ())

@@ -48,12 +48,7 @@ from tests.support.parts import PATHS, part
 from tests.support.worlds import depot
 from tests.support.worlds.robots import assigned
 
-MODULES = (
-    kant_sql,
-    kant_sql.pddl,
-    kant_sql.planning,
-    kant_sql.compat,
-)
+MODULES = (*(kant_sql, kant_sql.pddl, kant_sql.planning, kant_sql.compat),)
 
 
 class Hostile(Exception):
@@ -110,70 +105,40 @@ def raising() -> Iterator[object]:
 ROBOT, WP = PddlTypeDto("truck"), PddlTypeDto("place")
 WP_OBJECT = PddlObjectDto(WP, "p1")
 FACT = PddlPropositionDto(PddlPredicateDto("at", [ROBOT, WP]), [PddlObjectDto(ROBOT, "t1")])
+# What never changes, called by its repr.
+CONSTANTS: tuple[Any, ...] = (
+    *(None, True, 0, -1, 2**63, 1.5, float("nan"), float("inf"), float("-inf"), 1j, "", "x", " "),
+    *(Decimal("NaN"), Decimal("sNaN"), Decimal("Infinity"), Decimal("1E+999999"), Fraction(1, 3)),
+    *("a\0b", "\ud800", "(\udfff)", "(", "a\\b'\"--;", b"x", (), frozenset(), range(3), len),
+    *(Mapping, PddlTypeDto, ..., NotImplemented, datetime(2026, 1, 31), datetime.max),
+    *(datetime.max.replace(tzinfo=UTC), datetime.min.replace(tzinfo=UTC)),
+    *(datetime(2026, 1, 31).date(), Path("/"), Path("/no/such/file.pddl"), Path("a\0b")),
+)
 # Each makes a new one: some can be used once.
 JUNK: dict[str, Callable[[], Any]] = {
-    "None": lambda: None,
-    "True": lambda: True,
-    "0": lambda: 0,
-    "-1": lambda: -1,
+    **{repr(value): lambda value=value: value for value in CONSTANTS},  # type: ignore[misc]
     "10**5000": lambda: 10**5000,
     "-10**5000": lambda: -(10**5000),
-    "2**63": lambda: 2**63,
-    "1.5": lambda: 1.5,
-    "nan": lambda: float("nan"),
-    "inf": lambda: float("inf"),
-    "-inf": lambda: float("-inf"),
-    "Decimal NaN": lambda: Decimal("NaN"),
-    "Decimal sNaN": lambda: Decimal("sNaN"),
-    "Decimal Infinity": lambda: Decimal("Infinity"),
-    "Decimal 1E+999999": lambda: Decimal("1E+999999"),
-    "complex": lambda: 1j,
-    "Fraction": lambda: Fraction(1, 3),
-    "empty": lambda: "",
-    "word": lambda: "x",
-    "blank": lambda: " ",
-    "NUL": lambda: "a\0b",
-    "surrogate": lambda: "\ud800",
-    "surrogate list": lambda: "(\udfff)",
-    "parenthesis": lambda: "(",
-    "backslash": lambda: "a\\b'\"--;",
     "letters": lambda: "x" * 10_000,
     "nested text": lambda: "(" * 5_000,
     "10 MB": lambda: "x" * 10_000_000,
-    "bytes": lambda: b"x",
     "bytearray": lambda: bytearray(b"\xff"),
     "memoryview": lambda: memoryview(b"x"),
     "list": lambda: [],
-    "tuple": lambda: (),
     "list of None": lambda: [None],
     "list of lists": lambda: [[[]]],
     "list of str": lambda: ["x"],
     "list of its own": looped_list,
     "dict": lambda: {"x": 1},
     "set": lambda: {1, "x"},
-    "frozenset": frozenset,
-    "range": lambda: range(3),
     "generator": lambda: (None for _ in range(3)),
     "exhausted": lambda: iter(()),
     "without end": bounded,
     "raising generator": raising,
     "object": object,
-    "class": lambda: PddlTypeDto,
-    "abstract class": lambda: Mapping,
-    "function": lambda: len,
     "lambda": lambda: lambda *_: None,
     "module": lambda: kant_sql,
     "exception": lambda: ValueError("x"),
-    "NotImplemented": lambda: NotImplemented,
-    "Ellipsis": lambda: ...,
-    "naive": lambda: datetime(2026, 1, 31),
-    "datetime.max": lambda: datetime.max.replace(tzinfo=UTC),
-    "datetime.min": lambda: datetime.min.replace(tzinfo=UTC),
-    "datetime.max naive": lambda: datetime.max,
-    "date": lambda: datetime(2026, 1, 31).date(),
-    "folder": lambda: Path("/"),
-    "no file": lambda: Path("/no/such/file.pddl"),
-    "NUL path": lambda: Path("a\0b"),
     "type": lambda: PddlTypeDto("wp"),
     "name that is none": lambda: PddlTypeDto("a b"),
     "object DTO": lambda: PddlObjectDto(ROBOT, "t1"),
@@ -222,14 +187,8 @@ OWN_ERRORS = {"raising generator", "bad __call__"}
 SLOW = {"10 MB"}
 # Other records are made by the library: their constructors take what they are given.
 CHECKED = (
-    Plan,
-    PlanStep,
-    f.TypedName,
-    kant_sql.pddl.Action,
-    kant_sql.pddl.Domain,
-    kant_sql.pddl.Function,
-    kant_sql.pddl.Predicate,
-    kant_sql.pddl.Problem,
+    *(Plan, PlanStep, f.TypedName, kant_sql.pddl.Action, kant_sql.pddl.Domain),
+    *(kant_sql.pddl.Function, kant_sql.pddl.Predicate, kant_sql.pddl.Problem),
 )
 _COUNT = re.compile(
     r"missing \d+ required|positional argument|unexpected keyword|multiple values|takes no arg"

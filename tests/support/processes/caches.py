@@ -151,10 +151,7 @@ CHANGES: list[tuple[list[Call], Callable[[KnowledgeBase], None]]] = [
     ),
     ([("propositions", "delete", "(robot_at rb1 wp1)")], can_save_the_fact_again),
     (
-        [
-            ("propositions", "save", "(robot_at rb1 wp2)"),
-            ("goals", "save", "(robot_at rb1 wp1)"),
-        ],
+        [("propositions", "save", "(robot_at rb1 wp2)"), ("goals", "save", "(robot_at rb1 wp1)")],
         knows_that_the_facts_hold,
     ),
 ]

@@ -157,10 +157,7 @@ DURATIONS: dict[str, tuple[f.Formula, ...]] = {
         ),
     ),
     "at most": (f.Comparison("<=", DURATION, number("3")),),
-    "between": (
-        f.Comparison(">=", DURATION, number("1")),
-        f.Comparison("<=", DURATION, fuel(T)),
-    ),
+    "between": (f.Comparison(">=", DURATION, number("1")), f.Comparison("<=", DURATION, fuel(T))),
     "at start and at end": (
         f.Timed("at start", f.Comparison(">=", DURATION, number("1"))),
         f.Timed("at end", f.Comparison("<=", DURATION, number("2"))),

@@ -18,21 +18,10 @@ BIDI = "\u202egpj.exe\u202c \u2066hidden\u2069 \u200bzero\u200e"
 LONG = "<b>" + "very-long-" * 1000
 # Each can be a name of PDDL: no space, quote, parenthesis or semicolon.
 NAMES = (
-    "<script>hacked=1</script>",
-    "</script><script>hacked=1</script>",
-    "<img/src=x/onerror=hacked=1>",
-    "<svg/onload=hacked=1>",
-    "<hostile-element/hostile=1>",
-    "<a/href=javascript:hacked=1>here</a>",
-    "javascript:hacked=1",
-    "{{7*191}}",
-    "{%raise%}",
-    "${hacked=1}",
-    "&lt&#60b&gt&amp",
-    "<!--",
-    "]]>",
-    "a&b=c#d/../e%2e+f",
-    "__proto__",
+    *("<script>hacked=1</script>", "</script><script>hacked=1</script>"),
+    *("<img/src=x/onerror=hacked=1>", "<svg/onload=hacked=1>", "<hostile-element/hostile=1>"),
+    *("<a/href=javascript:hacked=1>here</a>", "javascript:hacked=1", "{{7*191}}", "{%raise%}"),
+    *("${hacked=1}", "&lt&#60b&gt&amp", "<!--", "]]>", "a&b=c#d/../e%2e+f", "__proto__"),
     "<b>" + "n" * 252,
 )
 TEXTS = (
