@@ -21,7 +21,7 @@ from .dialects.base import Row, Session
 from .dialects.containing import pattern_of
 from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
 from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
-from .query import Query, first_rows, integer
+from .query import Query, constant, first_rows, integer
 from .rows import FACT, GOAL, KB, VALUE
 from .tables import FunctionValueVersionRow, PropositionVersionRow
 from .valid_periods import ValidRange
@@ -266,14 +266,13 @@ def _in_window(kind: str, is_changed: bool) -> Query:
     owner = version.function_value_id if kind == VALUE else version.proposition_id
     own = [version.kb_id == KB]
     if kind != VALUE:
-        own.append(version.is_goal == literal_column("TRUE" if kind == GOAL else "FALSE"))
+        own.append(version.is_goal == constant(kind == GOAL))
     held = [*own, ANY_FUNCTION if kind == VALUE else ANY_PREDICATE, held_then(version)]
     ended = [*own, version.until > integer("at"), version.until <= integer("high")]
     began = [*own, version.since > integer("begin"), version.since <= integer("high")]
-    limit: Any = literal_column(str(MOST_LISTED + 1))
     parts = (
         first_rows(
-            select(literal_column(str(n)).label("part"), owner).where(*conditions), limit
+            select(constant(n).label("part"), owner).where(*conditions), MOST_LISTED + 1
         ).subquery()
         for n, conditions in enumerate((ended if is_changed else held, began))
     )

@@ -10,7 +10,7 @@ from hashlib import sha256
 from typing import Any, NamedTuple
 from unicodedata import normalize
 
-from sqlalchemy import Table, bindparam, false, literal_column, null, or_, select, update
+from sqlalchemy import Table, bindparam, false, null, or_, select, update
 
 from ...dao.base import batches
 from ...dto.elements import atom_text, value_text
@@ -24,7 +24,7 @@ from ...sql.definition_rows import load_at
 from ...sql.dialects.base import Row, Session
 from ...sql.executions import NO_PLAN, PLAN_STEP, ExecutionDefinition, Key, outcome_text, quoted
 from ...sql.plans import PlanDefinition
-from ...sql.query import Query, in_list, integer
+from ...sql.query import Query, constant, in_list, integer
 from ...sql.rows import ATOM_TABLES, FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, table_of
 from ...store.snapshot import View
 from ..verify.definition_check import names_alone
@@ -96,7 +96,7 @@ _PLANS_WITH = Query(
 def _of(table: Table, owner: str, *names: str, **also: int) -> Query:
     """Read some columns of a table, or all but the first, by a list of ids."""
     columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
-    own = (table.c[name] == literal_column(str(value)) for name, value in also.items())
+    own = (table.c[name] == constant(value) for name, value in also.items())
     which = table.c.kb_id == KB, in_list(table.c[owner], "ids"), *own
     return Query(select(*columns).where(*which).order_by(*[*table.primary_key.columns][1:]))
 
