@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ..knowledge.definitions import Definitions
 from ..knowledge.resolved import Bound, Column, NumberOf, Part, Slot
-from ..knowledge.rules import DerivationRules
+from ..knowledge.rules import DerivationRules, rules_of
 from .dialects.base import Row, Session
 from .dialects.words import Words
 from .estimates import Size
@@ -48,10 +48,8 @@ class Question:
         rules: DerivationRules | None = None,
     ) -> None:
         self._words = words
-        self._compiler = ConditionCompiler(words, definitions, is_past, size)
-        self._compiler.known_numbers = frozenset(numbers)
-        if rules is not None:
-            self._compiler.rules = rules
+        own = size, rules_of(definitions) if rules is None else rules, frozenset(numbers)
+        self._compiler = ConditionCompiler(words, definitions, is_past, *own)
 
     def truths(self, parts: Iterable[Part], places: Mapping[Slot, str]) -> ConditionStatement:
         """Write the statement of whether parts hold, as 0 or 1."""
