@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
@@ -134,27 +135,20 @@ def _set(table: Table, key: tuple[str, ...], *names: str) -> Query:
     return Query(update(table).where(table.c.kb_id == bindparam("kb"), *own).values(values))
 
 
+@dataclass(eq=False)
 class TextWriter:
     """Renames an object in one knowledge base, in an open transaction."""
 
-    def __init__(
-        self,
-        session: Session,
-        kb_id: int,
-        name: str,
-        renaming: Renaming,
-        also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None,
-    ) -> None:
-        self._session = session
-        self._kb = kb_id
-        self._name = name
-        self._to = renaming
-        # Called with all that is set, and with the statement.
-        self._also = also
-        # The texts that changes had before, of those whose texts are others now.
-        self.old: dict[ChangeKey, str] = {}
-        # What places of documents say: of a formula its hash, of a ground goal its text.
-        self._items: dict[str, str] = {}
+    _session: Session
+    _kb: int
+    _name: str
+    _to: Renaming
+    # Called with all that is set, and with the statement.
+    _also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None
+    # The texts that changes had before, of those whose texts are others now.
+    old: dict[ChangeKey, str] = field(default_factory=dict)
+    # What places of documents say: of a formula its hash, of a ground goal its text.
+    _items: dict[str, str] = field(default_factory=dict)
 
     def run(self) -> None:
         """Rename it, and write all texts again."""
