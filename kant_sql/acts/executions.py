@@ -7,7 +7,7 @@ from datetime import datetime
 from functools import cache, partial
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, bindparam, func, literal_column, or_, select, tuple_
+from sqlalchemy import Select, bindparam, func, or_, select, tuple_
 
 from .. import html
 from ..arguments import one_of, optional_text, shown, storable_text
@@ -21,7 +21,7 @@ from ..moment_text import When, read_when
 from ..sql import tables as t
 from ..sql.definition_rows import find_id
 from ..sql.executions import FAILED, NO_PLAN, OUTCOMES, RUNNING, Key
-from ..sql.query import Query, first_rows, integer
+from ..sql.query import Query, constant, first_rows, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View
 from ..store.state import State
@@ -138,7 +138,6 @@ _NOW, _IDENTITY = table_of(t.ExecutionVersionRow).c, table_of(t.ExecutionRow).c
 _ARGUMENT, _REVISION = table_of(t.ExecutionArgumentRow).c, table_of(t.RevisionRow).c
 # With more executions of an action or an object, they are found among the newest.
 FEW = 5_000
-_ONE: Any = literal_column("1")
 _PLACE = (_NOW.since, _NOW.plan_id, _NOW.position)
 _BEFORE = ("since", "plan", "position")
 
@@ -160,7 +159,7 @@ _NAMED = {"action": _of_action, "object": _of_object}
 @cache
 def _count(what: str) -> Query:
     """Count the executions of an action or an object, up to a bound."""
-    some = first_rows(_NAMED[what](), literal_column(str(FEW + 1))).subquery()
+    some = first_rows(_NAMED[what](), FEW + 1).subquery()
     return Query(select(func.count()).select_from(some))
 
 
@@ -180,7 +179,7 @@ def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
         rows = rows.where(named.where(*same).correlate(_NOW.kb_id.table).exists())
     if RUNNING in wanted:
         # As a constant: few run, and have an index of their own.
-        rows = rows.where(_NOW.outcome == literal_column(f"'{RUNNING}'"))
+        rows = rows.where(_NOW.outcome == constant(RUNNING))
     if "outcome" in wanted:
         rows = rows.where(_NOW.outcome == bindparam("outcome"))
     return Query(first_rows(rows.order_by(*(each.desc() for each in _PLACE)), integer("size")))
@@ -199,7 +198,9 @@ def began() -> Any:
     own = first.plan_id == _NOW.plan_id, first.position == _NOW.position
     begun = select(func.min(first.since)).where(first.kb_id == KB, *own)
     recorded = select(_IDENTITY.since).where(
-        _IDENTITY.kb_id == KB, _IDENTITY.plan_id == NO_PLAN_ID, _IDENTITY.plan_id == _NOW.plan_id
+        _IDENTITY.kb_id == KB,
+        _IDENTITY.plan_id == constant(NO_PLAN),
+        _IDENTITY.plan_id == _NOW.plan_id,
     )
     recorded = recorded.where(_IDENTITY.position == _NOW.position)
     table = _NOW.kb_id.table
@@ -208,13 +209,10 @@ def began() -> Any:
 
 def _began_by() -> Any:
     """Return whether an actor made the revision that an execution began in."""
-    revision = select(_ONE).where(
+    revision = select(constant(1)).where(
         _REVISION.kb_id == KB, _REVISION.number == began(), _REVISION.actor == bindparam("actor")
     )
     return revision.correlate(_NOW.kb_id.table).exists()
-
-
-NO_PLAN_ID: Any = literal_column(str(NO_PLAN))
 
 
 def _read_all(

@@ -11,7 +11,7 @@ from datetime import datetime
 from decimal import Decimal
 from typing import Any, NamedTuple
 
-from sqlalchemy import literal_column, select
+from sqlalchemy import select
 
 from ..arguments import shown
 from ..errors import PlanError, reading_rows
@@ -31,7 +31,7 @@ from ..sql.executions import (
     id_text,
     of_execution,
 )
-from ..sql.query import Query, in_list, integer
+from ..sql.query import Query, constant, in_list, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View
 from ..store.store import Store
@@ -332,7 +332,7 @@ _ACTION = of_execution(_IDENTITY.c.action_id, VERSIONS.c)
 RUNNING_NOW = Query(
     select(VERSIONS.c.plan_id, VERSIONS.c.position, _ACTION)
     .where(VERSIONS.c.kb_id == KB, VERSIONS.c.until.is_(None))
-    .where(VERSIONS.c.outcome == literal_column(f"'{RUNNING}'"))
+    .where(VERSIONS.c.outcome == constant(RUNNING))
     .order_by(VERSIONS.c.plan_id, VERSIONS.c.position)
 )
 

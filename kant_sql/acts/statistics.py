@@ -22,7 +22,7 @@ from ..history.revisions import LARGEST, at_most
 from ..moment_text import When
 from ..sql import tables as t
 from ..sql.executions import OUTCOMES, Key, of_execution
-from ..sql.query import Query, Seconds, first_rows, integer
+from ..sql.query import Query, Seconds, constant, first_rows, integer
 from ..sql.rows import KB, looked_up, table_of
 from ..store.snapshot import View
 from ..store.state import State
@@ -269,13 +269,11 @@ def _with_each_argument(rows: Select[Any]) -> Select[Any]:
     """Repeat each execution for each of its arguments; one that is there twice counts once."""
     own, before = _ARGUMENT.c, _ARGUMENT.alias("earlier").c
     of_execution = own.plan_id == _NOW.c.plan_id, own.position == _NOW.c.position
-    earlier: Select[Any] = select(literal_column("1")).where(
+    earlier: Select[Any] = select(constant(1)).where(
         *(before[name] == value for name, value in (("kb_id", KB), ("plan_id", own.plan_id))),
         *(before.position == own.position, before.argument < own.argument),
-        func.coalesce(before.object_id, literal_column("0"))
-        == func.coalesce(own.object_id, literal_column("0")),
-        func.coalesce(before.value, literal_column("''"))
-        == func.coalesce(own.value, literal_column("''")),
+        func.coalesce(before.object_id, constant(0)) == func.coalesce(own.object_id, constant(0)),
+        func.coalesce(before.value, constant("")) == func.coalesce(own.value, constant("")),
     )
     said = func.coalesce(_name_of("object", own.object_id), own.value)
     rows = rows.add_columns(said.label("argument"))
@@ -291,7 +289,7 @@ def _measured(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
 
     begin = func.coalesce(had.started_at, committed(had.began))
     end = func.coalesce(had.ended_at, committed(had.since))
-    is_decided = had.outcome.in_([literal_column("'succeeded'"), literal_column("'failed'")])
+    is_decided = had.outcome.in_([constant("succeeded"), constant("failed")])
     names = [committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]
     labelled = [one.label(name) for one, name in zip(names, wanted, strict=True)]
     times = case((is_decided, begin)).label("begin"), case((is_decided, end)).label("end_")

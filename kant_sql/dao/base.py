@@ -12,7 +12,7 @@ from functools import lru_cache, wraps
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
 
-from sqlalchemy import ColumnElement, Select, literal_column, select, union_all
+from sqlalchemy import ColumnElement, Select, select, union_all
 from typing_extensions import override
 
 from ..arguments import expect, flag, is_many, iterate, refuse_many, shown
@@ -53,7 +53,7 @@ from ..pddl.cursor import hint
 from ..pddl.document import ACTION, EVENT, PROCESS
 from ..sql.dialects.base import Row
 from ..sql.intervals import then
-from ..sql.query import Query
+from ..sql.query import Query, constant
 from ..sql.rows import KB
 from ..sql.tables import HeadRow
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
@@ -295,7 +295,7 @@ class Reading:
         # statement of the present reads it: that of the past sorts, for which SQLite reads all
         # versions.
         head, archive = (
-            select(literal_column(str(id_)), column, *blank).where(HeadRow.kb_id == KB)
+            select(constant(id_), column, *blank).where(HeadRow.kb_id == KB)
             for id_, column in (
                 (_HEAD_ID, HeadRow.definition_revision),
                 (_ARCHIVE_ID, HeadRow.archived_revision),

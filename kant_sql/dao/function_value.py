@@ -10,16 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from decimal import Context, Decimal, Inexact, localcontext
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    ColumnElement,
-    Text,
-    bindparam,
-    cast,
-    literal_column,
-    null,
-    select,
-)
+from sqlalchemy import BigInteger, ColumnElement, Text, bindparam, cast, null, select
 from typing_extensions import override
 
 from ..arguments import expect, expect_list, shown
@@ -32,6 +23,7 @@ from ..knowledge.definitions import Definitions, FunctionDefinition
 from ..pddl.given import read_value
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, held_then
+from ..sql.query import constant
 from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
 from ..store.caches import FluentKey, FluentValue
@@ -88,7 +80,7 @@ _ROWS = select(
 def _reading(*conditions: ColumnElement[bool]) -> Reading:
     now = _ROWS.where(FunctionValueVersionRow.until.is_(None), *conditions)
     then = _ROWS.where(held_then(FunctionValueVersionRow), *(conditions or (ANY_FUNCTION,)))
-    return Reading(now, then, literal_column("''"), cast(null(), Text), cast(null(), BigInteger))
+    return Reading(now, then, constant(""), cast(null(), Text), cast(null(), BigInteger))
 
 
 _FLUENT = (

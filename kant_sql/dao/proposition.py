@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import timedelta
 from typing import Any, ClassVar, Self, TypeVar
 
-from sqlalchemy import ColumnElement, String, bindparam, case, false, literal_column, or_, select
+from sqlalchemy import ColumnElement, String, bindparam, case, false, or_, select
 from typing_extensions import override
 
 from ..arguments import expect, expect_list, flag, period
@@ -18,7 +18,7 @@ from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
 from ..pddl.given import read_fact
 from ..sql.intervals import ANY_PREDICATE, held_then
-from ..sql.query import Query, first_rows, in_list, in_rows, integer
+from ..sql.query import Query, constant, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, THEN, looked_up, table_of
 from ..sql.tables import (
     ConfirmationRow,
@@ -146,7 +146,7 @@ class PropositionReading(Reading):
             )
             for held in ((_NOW,), (_THEN, *([] if conditions else [ANY_PREDICATE])))
         )
-        return cls(now, then, literal_column("''"), false())
+        return cls(now, then, constant(""), false())
 
     @classmethod
     def of_object(cls) -> Self:
@@ -156,11 +156,11 @@ class PropositionReading(Reading):
             PropositionArgumentRow.object_id == integer("object"),
         )
         version = table_of(PropositionVersionRow).alias(OWN).c
-        holds = case((or_(version.until.is_(None), version.until > THEN), literal_column("1")))
+        holds = case((or_(version.until.is_(None), version.until > THEN), constant(1)))
         last = select(holds).where(
             version.kb_id == KB, version.proposition_id == PropositionRow.id, version.since <= THEN
         )
-        last = first_rows(last.order_by(version.since.desc()), literal_column("1"))
+        last = first_rows(last.order_by(version.since.desc()), 1)
         is_open = version.until.is_(None)
         now, then = (
             select(*_COLUMNS).where(
@@ -175,7 +175,7 @@ class PropositionReading(Reading):
                 last.scalar_subquery(),
             )
         )
-        return cls(now, then, literal_column("''"), false(), is_of_any_state=True)
+        return cls(now, then, constant(""), false(), is_of_any_state=True)
 
     def answer(self, view: View, **parameters: Any) -> list[PddlPropositionDto]:
         """Run it on a state."""
@@ -239,7 +239,7 @@ _FIRST = first_rows(
     select(_REVISION.number)
     .where(_REVISION.kb_id == KB, _REVISION.committed_at > bindparam("after"))
     .order_by(_REVISION.committed_at, _REVISION.number),
-    literal_column("1"),
+    1,
 ).scalar_subquery()
 _ACTOR = looked_up(_REVISION.actor, _REVISION.number, _CONFIRMED.since)
 # What an actor has confirmed since a moment.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
-from sqlalchemy import bindparam, literal_column, select
+from sqlalchemy import bindparam, select
 
 from ..arguments import refuse_many, shown
 from ..dto.formulas import MODALS, Node
@@ -92,7 +92,7 @@ _NAMES = {
     kind: Query(
         first_rows(
             select(tables.identity.c.name).where(tables.identity.c.kb_id == KB),
-            literal_column(str(_COMPARED)),
+            _COMPARED,
         )
     )
     for kind, tables in KIND_TABLES.items()
@@ -102,7 +102,7 @@ _OF_ACTOR = Query(
         select(RevisionRow.number).where(
             RevisionRow.kb_id == KB, RevisionRow.actor == bindparam("actor")
         ),
-        literal_column("1"),
+        1,
     )
 )
 _RECENT_ACTORS = Query(
@@ -110,7 +110,7 @@ _RECENT_ACTORS = Query(
         select(RevisionRow.actor)
         .where(RevisionRow.kb_id == KB)
         .order_by(RevisionRow.number.desc()),
-        literal_column(str(_RECENT)),
+        _RECENT,
     )
 )
 

@@ -8,6 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from hashlib import file_digest, sha256
 from itertools import accumulate, product
@@ -373,22 +374,16 @@ def export_store(
     return export.exported
 
 
+@dataclass
 class Export:
     """An export that is being written."""
 
-    exported: Exported  # what was written, once all is
-
-    def __init__(
-        self,
-        snapshot: StoreSnapshot,
-        folder: Folder,
-        windows: list[tuple[KnowledgeBaseState, Window | None]],
-        progress: Progress | None,
-    ) -> None:
-        # The store as it was, where the files go, and the knowledge bases, each with the revisions
-        # that are wanted, from first to last.
-        self.snapshot, self.folder, self.windows = snapshot, folder, windows
-        self._progress = progress
+    snapshot: StoreSnapshot  # the store as it was
+    folder: Folder  # where the files go
+    # The knowledge bases, each with the revisions that are wanted, from first to last.
+    windows: list[tuple[KnowledgeBaseState, Window | None]]
+    _progress: Progress | None
+    exported: Exported = field(init=False)  # what was written, once all is
 
     def each(self) -> Iterator[tuple[KnowledgeBaseState, Window]]:
         """Yield the knowledge bases one by one, and tell when each is done."""

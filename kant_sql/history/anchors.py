@@ -8,7 +8,7 @@ from collections import Counter
 from datetime import datetime
 from typing import TYPE_CHECKING, NamedTuple
 
-from sqlalchemy import literal_column, select
+from sqlalchemy import select
 
 from .. import html
 from ..arguments import expect, shown
@@ -17,7 +17,7 @@ from ..errors import AnchorError, ReadOnlyError, missing_revision, reading_rows
 from ..knowledge.canonical import time_text
 from ..sql.audit_views import find_audit_view, import_arrow, read_view
 from ..sql.dialects.base import Session
-from ..sql.query import Query
+from ..sql.query import Query, constant
 from ..sql.tables import HeadRow, KnowledgeBaseRow, RevisionRow
 from ..store.state import State
 
@@ -39,7 +39,7 @@ _HEADS = Query(
     .outerjoin(
         RevisionRow, (RevisionRow.kb_id == HeadRow.kb_id) & (RevisionRow.number == HeadRow.revision)
     )
-    .where(HeadRow.revision.is_distinct_from(literal_column("0")))
+    .where(HeadRow.revision.is_distinct_from(constant(0)))
     .order_by(KnowledgeBaseRow.id)
 )
 

@@ -25,7 +25,7 @@ from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.lanes import revisions_at
-from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
@@ -50,11 +50,7 @@ def _is_of_act(number: Any) -> Any:
     return or_(began.is_not(None), looked_up(_LINK.number, _LINK.number, number).is_not(None))
 
 
-_COUNT = Query(
-    select(func.count()).select_from(
-        first_rows(_acts()[0], literal_column(str(FEW + 1))).subquery()
-    )
-)
+_COUNT = Query(select(func.count()).select_from(first_rows(_acts()[0], FEW + 1).subquery()))
 
 
 @cache
@@ -73,7 +69,7 @@ def _query(which: str, is_past: bool, by_acts: bool = False) -> Query:
             # By the index of what holds: it is little beside all that ever held.
             where.append(ANY_PREDICATE)
         # An expression has no index: that of `since` would read all of the history.
-        since = _HELD.since + literal_column("0")
+        since = _HELD.since + constant(0)
         where.append(since <= integer("upto"))
         order = since, _HELD.proposition_id
     if which == "stale":

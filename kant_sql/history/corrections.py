@@ -10,7 +10,7 @@ from functools import cache
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import case, func, literal_column, or_, select, text, union_all
+from sqlalchemy import case, func, or_, select, text, union_all
 
 from .. import html
 from ..dto.lexical import is_same_number
@@ -22,7 +22,7 @@ from ..sql.dialects.base import Session
 from ..sql.dialects.words import NESTED_LOOPS, NestedLoops, Walk
 from ..sql.lanes import LANE_SOURCES, LaneSource, value_of
 from ..sql.places import Place, place_text, read_place
-from ..sql.query import Query, first_rows, integer
+from ..sql.query import Query, constant, first_rows, integer
 from ..sql.rows import FACT, KB, VALUE, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
@@ -102,14 +102,14 @@ _OBJECT = t.TABLES["object"].c
 def _content(row: Any) -> Any:
     """Select the value of a row; nothing of one without."""
     name = looked_up(_OBJECT.name, _OBJECT.id, row.object_id)
-    return func.coalesce(row.value, name, literal_column(f"'{NO_VALUE}'"))
+    return func.coalesce(row.value, name, constant(NO_VALUE))
 
 
 def _sayings() -> Any:
-    held = case((_SAID.holds, literal_column(f"'{HELD}'")), else_=literal_column(f"'{NOT_HELD}'"))
+    held = case((_SAID.holds, constant(HELD)), else_=constant(NOT_HELD))
     parts = [
         select(
-            literal_column(f"'{kind}'").label("kind"),
+            constant(kind).label("kind"),
             owner.label("owner"),
             row.since,
             row.valid_from,

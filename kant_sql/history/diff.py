@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, and_, case, func, literal_column, or_, select, union_all
+from sqlalchemy import ColumnElement, and_, case, func, or_, select, union_all
 
 from .. import html
 from ..knowledge.definitions import Definitions
@@ -30,7 +30,7 @@ from ..sql.definition_rows import last_definitions, read_ends
 from ..sql.dialects.base import Session
 from ..sql.intervals import forks_at, held_by
 from ..sql.places import Place, place_text, read_places
-from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import (
     FACT,
     GOAL,
@@ -72,10 +72,10 @@ def _text_then(name: str, owner: Any, at: ColumnElement[int]) -> ColumnElement[A
     source = VERSION_COLUMNS[name]
     other = source.version.kb_id.table.alias("other")
     holds = or_(other.c.until.is_(None), other.c.until > at)
-    said = literal_column("''") if name == PROPOSITION else other.c.text
+    said = constant("") if name == PROPOSITION else other.c.text
     same = other.c[source.owner.key] == owner
     last = select(case((holds, said))).where(other.c.kb_id == KB, same, other.c.since <= at)
-    last = first_rows(last.order_by(other.c.since.desc()), literal_column("1"))
+    last = first_rows(last.order_by(other.c.since.desc()), 1)
     return last.correlate(owner.table).scalar_subquery()
 
 
@@ -86,18 +86,18 @@ def _differs(name: str, end: ChangeEnd, is_narrow: bool) -> ColumnElement[bool]:
     version, number = end.source.version, end.revision
     at, other = (_BEFORE, _AFTER) if end.retracted else (_AFTER, _BEFORE)
     if not is_narrow:
-        number = number + literal_column("0")
+        number = number + constant(0)
     held = held_at(version, at) if is_narrow else held_by(name, version, at)
-    text = literal_column("''") if name == PROPOSITION else version.text
+    text = constant("") if name == PROPOSITION else version.text
     there = _text_then(name, end.source.owner, other)
-    changed = func.coalesce(there, literal_column("' '")) != text
+    changed = func.coalesce(there, constant(" ")) != text
     return and_(number > _BEFORE, number <= _AFTER, held, changed)
 
 
 def _whole(names: Iterable[str]) -> Query:
     # In the same statement: archived versions are missing in the rest.
-    none: ColumnElement[Any] = literal_column("''")
-    columns: tuple[Any, ...] = HeadRow.archived_revision, literal_column("0"), none, none
+    none = constant("")
+    columns: tuple[Any, ...] = HeadRow.archived_revision, constant(0), none, none
     archived = select(*columns).where(HeadRow.kb_id == KB)
     ends = ((name, end) for name in names for end in ends_of(VERSION_COLUMNS[name]))
     return Query(union_all(archived, *(end.line(_differs(name, end, True)) for name, end in ends)))
@@ -131,7 +131,7 @@ def _plain_of_ids() -> Query:
         own: Any = VERSION_COLUMNS[name].identity
         texts = [_text_then(name, own.id, at) for at in (_AFTER, _BEFORE)]
         said = [own.text.concat(text) for text in texts] if name == PROPOSITION else texts
-        columns: tuple[Any, ...] = literal_column(f"'{kind}'"), own.id, *said
+        columns: tuple[Any, ...] = constant(kind), own.id, *said
         parts.append(select(*columns).where(own.kb_id == KB, in_list(own.id, "ids")))
     return Query(union_all(*parts))
 
@@ -142,8 +142,8 @@ def _page(is_narrow: bool, side: int, key: tuple[type, ...]) -> Query:
     parts = []
     for name, source in VERSION_COLUMNS.items():
         end = ends_of(source)[side]
-        line = end.short_line(literal_column("0"), _differs(name, end, is_narrow))
-        parts.append(select(first_rows(line, literal_column(str(COMPARED))).subquery()))
+        line = end.short_line(constant(0), _differs(name, end, is_narrow))
+        parts.append(select(first_rows(line, COMPARED).subquery()))
     return paged(parts, key)
 
 

@@ -5,17 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    Text,
-    bindparam,
-    case,
-    func,
-    literal_column,
-    select,
-    union_all,
-)
+from sqlalchemy import ColumnElement, Select, Text, bindparam, case, func, select, union_all
 
 from ..arguments import shown
 from ..dao.text import refuse_unknown
@@ -25,7 +15,7 @@ from ..sql.changes import Change
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, pattern_of
-from ..sql.query import Query, first_rows, in_rows, integer
+from ..sql.query import Query, constant, first_rows, in_rows, integer
 from ..sql.rows import ATOM_TABLES, KB, KIND_TABLES, PROPOSITION, VALUE, AtomTables
 from ..sql.tables import TABLES, RevisionRow
 from ..store.state import State
@@ -164,7 +154,7 @@ def _constants() -> Query:
         term.kb_id == KB, term.object_id == integer("object")
     )
     names = select(action.name).where(action.kb_id == KB, in_rows(action.id, ids))
-    return Query(first_rows(names.order_by(action.name), literal_column("100")))
+    return Query(first_rows(names.order_by(action.name), 100))
 
 
 _CONSTANTS = _constants()
@@ -224,34 +214,28 @@ class SearchMatch(NamedTuple):
 
 # What comes first: the very name, names that begin so, what names the object, what contains it.
 _EXACT, _PREFIX, _NAMING, _CONTAINING = range(4)
-_ONE_KIND: ColumnElement[int] = literal_column("50")
-_OPEN: ColumnElement[str] = literal_column("'('")
+_ONE_KIND = 50
 
 
 def _found(kind: str, text: Any, rank: Any, rows: Select[Any]) -> Select[Any]:
     """Select some rows as matches."""
-    ranked = rank if isinstance(rank, ColumnElement) else literal_column(str(rank))
-    said: ColumnElement[str] = literal_column(f"'{kind}'")
-    return select(
-        first_rows(
-            rows.with_only_columns(said.label("kind"), text.label("text"), ranked.label("rank")),
-            _ONE_KIND,
-        ).subquery()
-    )
+    ranked = rank if isinstance(rank, ColumnElement) else constant(rank)
+    columns = constant(kind).label("kind"), text.label("text"), ranked.label("rank")
+    return select(first_rows(rows.with_only_columns(*columns), _ONE_KIND).subquery())
 
 
 def _newest(rows: Select[Any], number: Any, bound: int) -> Any:
     """Limit what is searched to the newest rows."""
-    return first_rows(rows.order_by(number.desc()), literal_column(str(bound))).subquery().c
+    return first_rows(rows.order_by(number.desc()), bound).subquery().c
 
 
 def _rank_of(text: Any) -> ColumnElement[int]:
     """Rank a text that has no key: of a fact, without its parenthesis."""
-    bare = func.ltrim(text, _OPEN)
+    bare = func.ltrim(text, constant("("))
     return case(
-        (contains(bare, "whole"), literal_column(str(_EXACT))),
-        (contains(bare, "prefix"), literal_column(str(_PREFIX))),
-        else_=literal_column(str(_CONTAINING)),
+        (contains(bare, "whole"), constant(_EXACT)),
+        (contains(bare, "prefix"), constant(_PREFIX)),
+        else_=constant(_CONTAINING),
     )
 
 
@@ -260,7 +244,7 @@ def _named_matches(kind: str) -> list[Select[Any]]:
     identity = KIND_TABLES[kind].identity.c
     folded, beyond = bindparam("folded", type_=Text), bindparam("beyond", type_=Text)
     own = identity.kb_id == KB
-    is_name = case((identity.key == folded, literal_column("0")), else_=literal_column("1"))
+    is_name = case((identity.key == folded, constant(0)), else_=constant(1))
     begun = select(identity.key).where(own, identity.key >= folded, identity.key < beyond)
     names = select(identity.id, identity.name.label("text")).where(own)
     some = _newest(names, identity.id, SEARCHED_NAMES)

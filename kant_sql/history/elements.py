@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, literal_column, select
+from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, select
 
 from ..arguments import expect, expect_list, flag, shown
 from ..dao.signatures import MAX_ARITY
@@ -26,7 +26,7 @@ from ..dto.lexical import RESERVED, fold, is_word
 from ..errors import InvalidKnowledgeError
 from ..pddl.lexer import tokenize
 from ..sql.dialects.base import Session
-from ..sql.query import Query, integer
+from ..sql.query import Query, constant, integer
 from ..sql.rows import FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..store.store import Store
 
@@ -309,7 +309,7 @@ def identity_of(lookup: Lookup) -> ColumnElement[int]:
     if lookup.source == VALUE:
         ids = ids.where(identity.function_id == _id_of("function", name), interned)
     else:
-        is_goal = identity.is_goal == literal_column("TRUE" if lookup.is_goal else "FALSE")
+        is_goal = identity.is_goal == constant(lookup.is_goal)
         ids = ids.where(is_goal, identity.predicate_id == _id_of("predicate", name), interned)
     return ids.scalar_subquery()
 
@@ -327,7 +327,7 @@ def _id_of(kind: str, parameter: str) -> ColumnElement[int]:
 def _interned(ids: Sequence[ColumnElement[str]]) -> ColumnElement[str]:
     """Write the key that arguments are interned by; NULL when an object is unknown."""
     if len(ids) < 2:
-        return ids[0] if ids else literal_column("''")
+        return ids[0] if ids else constant("")
     # By halves: databases limit the depth of an expression.
     left, right = _interned(ids[: len(ids) // 2]), _interned(ids[len(ids) // 2 :])
-    return left.concat(literal_column("' '")).concat(right)
+    return left.concat(constant(" ")).concat(right)

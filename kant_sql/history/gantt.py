@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, literal_column, select, union, union_all
+from sqlalchemy import Select, select, union, union_all
 
 from ..dto.lexical import fold
 from ..pddl.lexer import tokenize
@@ -13,7 +13,7 @@ from ..sql import tables as t
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import is_in
 from ..sql.executions import NO_PLAN, RUNNING, VERSIONS, Key
-from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, table_of
 from .revisions import Revision, why_of
 from .window import PLAN, PlanBar, StepBar, TimelineQuestion, Window
@@ -23,12 +23,12 @@ MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000
 
 
 LOW, HIGH = integer("low"), integer("high")
-_NO_PLAN: Any = literal_column(str(NO_PLAN))
+_NO_PLAN = constant(NO_PLAN)
 
 
 def _some(ids: Select[Any], order: Any) -> Select[Any]:
     """Select some rows in the order of an index, as many as are looked at."""
-    return first_rows(ids.order_by(order), literal_column(str(MOST_CHANGES)))
+    return first_rows(ids.order_by(order), MOST_CHANGES)
 
 
 def _ids() -> Query:
@@ -42,7 +42,7 @@ def _ids() -> Query:
         t.PlanRow.since.desc(),
     ).subquery()
     changed = _some(of_step.where(version.since.between(LOW, HIGH)), version.since.desc())
-    started: Any = literal_column(f"'{RUNNING}'")
+    started = constant(RUNNING)
     now = of_step.where(version.until.is_(None), version.outcome == started).subquery()
     later = _some(of_step.where(version.until > HIGH), version.until).subquery()
     steps = [
@@ -60,7 +60,7 @@ def _ids() -> Query:
     plans: Any = select(ids.c.id, _NO_PLAN.label("position")).order_by(ids.c.id.desc())
     acts = select(found).where(found.c.plan_id == _NO_PLAN).order_by(found.c.position.desc())
     newest = (
-        first_rows(rows, literal_column(str(most + 1))).subquery()
+        first_rows(rows, most + 1).subquery()
         for rows, most in ((plans, MOST_PLANS), (acts, MOST_STEPS))
     )
     return Query(union_all(*map(select, newest)))
@@ -85,7 +85,7 @@ _EXECUTION = _of_these(t.ExecutionRow, "text")
 _STEPS = Query(
     first_rows(
         select(_EXECUTION).order_by(_EXECUTION.c.plan_id.desc(), _EXECUTION.c.position),
-        literal_column(str(MOST_STEPS + 1)),
+        MOST_STEPS + 1,
     )
 )
 _STATUS = _of_these(t.ExecutionVersionRow, "since", "until", "outcome")

@@ -11,17 +11,7 @@ from itertools import islice
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    Text,
-    bindparam,
-    cast,
-    literal_column,
-    or_,
-    select,
-    union,
-)
+from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, or_, select, union
 
 from .. import html
 from ..arguments import optional_text
@@ -45,7 +35,7 @@ from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.places import place_text, read_place
-from ..sql.query import Query, first_rows, in_rows, integer
+from ..sql.query import Query, constant, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import RevisionRow
 from ..store.snapshot import archive_of
@@ -156,8 +146,8 @@ def _end_of_search() -> Query:
         version = VERSION_COLUMNS[name].version
         for end in (version.since, version.until):
             newest = select(end.label("n")).where(version.kb_id == KB, in_range(end))
-            bound: ColumnElement[int] = literal_column(str(SEARCHED_CHANGES))
-            last = newest.order_by(end.desc()).limit(literal_column("1")).offset(bound)
+            bound = constant(SEARCHED_CHANGES)
+            last = newest.order_by(end.desc()).limit(constant(1)).offset(bound)
             ends.append(select(last.subquery().c.n))
     return Query(union(*ends))
 

@@ -12,7 +12,7 @@ from itertools import groupby
 from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import literal_column, select, union_all
+from sqlalchemy import select, union_all
 
 from ..dao.function_value import FluentReferences
 from ..dao.proposition import References
@@ -23,7 +23,7 @@ from ..knowledge.canonical import time_text
 from ..knowledge.sayings import Period, last_said
 from ..sql.changes import SAYING, in_range
 from ..sql.dialects.base import Session
-from ..sql.query import Query
+from ..sql.query import Query, constant
 from ..sql.rows import ATOM_TABLES, FACT, KB, PROPOSITION, VALUE, looked_up
 from ..store.transaction import Transaction
 from .merged import NAMED
@@ -50,7 +50,7 @@ _SAYINGS = Query(
         *(
             select(
                 *own.sayings.c["since", "text", "valid_from", "valid_until"],
-                literal_column(f"'{kind}'"),
+                constant(kind),
                 looked_up(own.identity.c.text, own.identity.c.id, own.sayings.c[own.owner]),
             ).where(own.sayings.c.kb_id == KB, in_range(own.sayings.c.since))
             for kind, own in ((FACT, ATOM_TABLES[PROPOSITION]), (VALUE, ATOM_TABLES[VALUE]))

@@ -10,14 +10,14 @@ from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import literal_column, select, union_all
+from sqlalchemy import select, union_all
 
 from ..dao.text import refuse_unknown
 from ..dto.lexical import fold
 from ..knowledge.definitions import Definitions, Elements, ObjectDefinition, TypeDefinition
 from ..sql.intervals import held_then, then
 from ..sql.places import Place, place_text, read_place
-from ..sql.query import Query, first_rows, in_list, in_rows
+from ..sql.query import Query, constant, first_rows, in_list, in_rows
 from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, looked_up
 from ..store.snapshot import View
 from ..store.state import State
@@ -72,16 +72,16 @@ def _facts(is_past: bool) -> Query:
     version = ATOM_TABLES[PROPOSITION].version.c
     arguments = version.first_object_id, version.second_object_id
     parts = [
-        select(version.predicate_id, literal_column(str(place)), own, other).where(
+        select(version.predicate_id, constant(place), own, other).where(
             version.kb_id == KB,
             in_list(version.predicate_id, "heads"),
-            version.is_goal == literal_column("FALSE"),
+            version.is_goal == constant(False),
             in_list(own, "objects"),
             held_then(version) if is_past else version.until.is_(None),
         )
         for place, (own, other) in enumerate((arguments, arguments[::-1]))
     ]
-    return Query(first_rows(union_all(*parts), literal_column(str(MOST + 1))))
+    return Query(first_rows(union_all(*parts), MOST + 1))
 
 
 @cache
@@ -91,7 +91,7 @@ def _values(is_past: bool) -> Query:
     named = select(argument.function_value_id).where(
         argument.kb_id == KB,
         in_list(argument.object_id, "objects"),
-        argument.position == literal_column("0"),
+        argument.position == constant(0),
     )
     arguments = looked_up(fluent.arguments, fluent.id, version.function_value_id)
     rows = select(version.function_id, arguments, version.value, version.object_id).where(
@@ -100,7 +100,7 @@ def _values(is_past: bool) -> Query:
         in_rows(version.function_value_id, named),
         held_then(version) if is_past else version.until.is_(None),
     )
-    return Query(first_rows(rows, literal_column(str(MOST + 1))))
+    return Query(first_rows(rows, MOST + 1))
 
 
 _Key = tuple[str, int, int]

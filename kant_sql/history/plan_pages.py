@@ -7,12 +7,12 @@ from functools import cache
 from itertools import islice
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, func, literal_column, select, union_all
+from sqlalchemy import ColumnElement, Select, func, select, union_all
 
 from ..dto.lexical import fold, is_word
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
-from ..sql.query import Query, first_rows, in_list, integer
+from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, table_of
 from ..sql.tables import ExecutionArgumentRow, ExecutionRow, ExecutionVersionRow, PlanRow
 from ..store.state import State
@@ -49,8 +49,8 @@ def _named(step: Any, place: int) -> ColumnElement[bool]:
     argument = _ARGUMENT.alias(f"argument{place}").c
     own = argument.plan_id == step.plan_id, argument.position == step.position
     # An expression has no index: an object may be in many steps, a step has few arguments.
-    is_named = argument.object_id + literal_column("0") == integer(f"object{place}")
-    found: Select[Any] = select(literal_column("1")).where(argument.kb_id == KB, *own, is_named)
+    is_named = argument.object_id + constant(0) == integer(f"object{place}")
+    found: Select[Any] = select(constant(1)).where(argument.kb_id == KB, *own, is_named)
     return found.exists()
 
 
@@ -85,7 +85,7 @@ def _steps_naming(number: int, is_recent: bool) -> Query:
     if is_recent:
         newest = select(_STEP.c.plan_id, _STEP.c.position).where(_STEP.c.kb_id == KB)
         newest = newest.order_by(_STEP.c.plan_id.desc(), _STEP.c.position.desc())
-        steps: Any = first_rows(newest, literal_column(str(SEARCHED_STEPS))).subquery("newest").c
+        steps: Any = first_rows(newest, SEARCHED_STEPS).subquery("newest").c
         places = select(steps.plan_id, steps.position)
         return _shown(places.where(*(_named(steps, place) for place in range(number))))
     first = _ARGUMENT.alias("first").c
@@ -99,10 +99,10 @@ def _uses(number: int) -> Query:
     """Count the steps that name each of some objects, up to a bound."""
     counts = []
     for place in range(number):
-        named: Select[Any] = select(literal_column("1")).where(
+        named: Select[Any] = select(constant(1)).where(
             _ARGUMENT.c.kb_id == KB, _ARGUMENT.c.object_id == integer(f"object{place}")
         )
-        some = first_rows(named, literal_column(str(SEARCHED_STEPS + 1))).subquery()
+        some = first_rows(named, SEARCHED_STEPS + 1).subquery()
         counts.append(select(func.count()).select_from(some).scalar_subquery())
     return Query(select(*counts))
 
@@ -173,8 +173,7 @@ def _plans() -> Query:
 def _outcomes() -> Query:
     version = table_of(ExecutionVersionRow).c
     among, having = in_list(_STEP.c.plan_id, "plans"), in_list(version.plan_id, "plans")
-    all_: Any = literal_column("''")
-    steps = select(_STEP.c.plan_id, all_, func.count()).where(_STEP.c.kb_id == KB, among)
+    steps = select(_STEP.c.plan_id, constant(""), func.count()).where(_STEP.c.kb_id == KB, among)
     now = select(version.plan_id, version.outcome, func.count()).where(
         version.kb_id == KB, having, version.until.is_(None)
     )

@@ -12,7 +12,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, literal_column, select, union_all
+from sqlalchemy import Select, select, union_all
 
 from ..dao.base import batches
 from ..dao.dependants import atom_of, atoms_among, fluent_of
@@ -22,7 +22,7 @@ from ..moment_text import When
 from ..sql.definition_rows import load_at
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
-from ..sql.query import Query, found_rows, in_rows
+from ..sql.query import Query, constant, found_rows, in_rows
 from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, THEN, VALUE, AtomTables
 from ..store.caches import GroundAtom, HeldValue, read_value
 from ..store.head import hash_of
@@ -40,8 +40,8 @@ def _moved(atoms: AtomTables, *names: str) -> Query:
     """Select the versions that held then and ended since, and those that began since and hold."""
     version = atoms.version.c
     columns = version[atoms.owner].label("owner"), *(version[name] for name in names)
-    past: Select[Any] = select(literal_column("1").label("past"), *columns)
-    now: Select[Any] = select(literal_column("0").label("past"), *columns)
+    past: Select[Any] = select(constant(1).label("past"), *columns)
+    now: Select[Any] = select(constant(0).label("past"), *columns)
     return Query(
         union_all(
             past.where(version.kb_id == KB, version.since <= THEN, version.until > THEN),

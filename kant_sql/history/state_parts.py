@@ -32,7 +32,7 @@ from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.intervals import held_by, held_then, then
 from ..sql.places import Place, from_place, place_text, read_place
-from ..sql.query import Query, first_rows, in_rows, integer
+from ..sql.query import Query, constant, first_rows, in_rows, integer
 from ..sql.rows import (
     ATOM_TABLES,
     FACT,
@@ -178,14 +178,6 @@ _HEADS = {PROPOSITION: "predicate", VALUE: "function"}
 _SIZE, _SKIP = integer("size"), integer("skip")
 
 
-def _constant(sql: object) -> ColumnElement[Any]:
-    return literal_column(str(sql))
-
-
-def _quoted(text: str) -> ColumnElement[Any]:
-    return literal_column(f"'{text}'")
-
-
 def _lines(columns: VersionColumns) -> Select[Any]:
     since = columns.version.since
     return select(columns.kind.label("kind"), columns.text.label("text"), since.label("since"))
@@ -241,7 +233,7 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
         key = [owner, version.fork, *first, version.since, version.until, columns.owner]
         order = key
         # An expression has no index: what held then is found by its forks.
-        conditions += _after([owner + _constant(0), *key[1:]], shape)
+        conditions += _after([owner + constant(0), *key[1:]], shape)
     else:
         conditions.append(version.until.is_(None))
         arguments, is_goal = [], []
@@ -250,7 +242,7 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
             is_goal = [version.is_goal]
         key = [owner, *arguments, columns.owner]
         order = [owner, *is_goal, *arguments, columns.owner]
-        conditions += _after(key, shape, *is_goal, *[_constant("FALSE")] * len(is_goal))
+        conditions += _after(key, shape, *is_goal, *[constant(False)] * len(is_goal))
     return _keyed(_lines(columns), key).where(*conditions).order_by(*order)
 
 
@@ -261,10 +253,10 @@ def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
         is_goal: ColumnElement[Any] = version.is_goal
         return is_goal
     if shape.has_predicate or shape.is_past:
-        is_fact: ColumnElement[Any] = version.is_goal == _constant("FALSE")
+        is_fact: ColumnElement[Any] = version.is_goal == constant(False)
         return is_fact
     # SQLite takes what equals a constant out of the order, which then is not that of the index.
-    return _constant("(NOT proposition_version.is_goal)")
+    return literal_column("(NOT proposition_version.is_goal)")
 
 
 def _of_object(source: str, shape: _Shape) -> Select[Any]:
@@ -276,18 +268,20 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
         arguments.kb_id == KB, arguments.object_id == integer("object")
     )
     # In the order of an index: what is beyond the bound is always the same.
-    mentioning = first_rows(mentioning.order_by(arguments[id_]), _constant(SEARCHED))
+    mentioning = first_rows(mentioning.order_by(arguments[id_]), SEARCHED)
     own = select(version.since).where(version.kb_id == KB, version[id_] == atom.id)
     is_open: ColumnElement[bool] = version.until.is_(None)
     if shape.is_past:
         own, is_open = own.where(version.since <= THEN), or_(is_open, version.until > THEN)
     # The last one: by its end, an index of all predicates would be read without statistics.
     own = own.with_only_columns(case((is_open, version.since))).order_by(version.since.desc())
-    since = first_rows(own, _constant(1)).correlate(table).scalar_subquery()
+    since = first_rows(own, 1).correlate(table).scalar_subquery()
     conditions: list[Any] = [atom.kb_id == KB, in_rows(atom.id, mentioning)]
     if source == PROPOSITION:
         # As an expression, which has no index: SQLite would read all atoms by it.
-        conditions.append(_constant(f"({'' if shape.kind == GOAL else 'NOT '}proposition.is_goal)"))
+        conditions.append(
+            literal_column(f"({'' if shape.kind == GOAL else 'NOT '}proposition.is_goal)")
+        )
     if shape.has_predicate:
         conditions.append(atom[tables.head] == integer(_HEADS[source]))
     columns = atom.id.label("id"), atom.kb_id.label("kb_id"), since.label("since"), atom.text
@@ -300,7 +294,7 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
             version.since == held.c.since,
         )
         text = select(version.text).where(*now).correlate(held).scalar_subquery()
-    lines = select(_quoted(shape.kind).label("kind"), text.label("text"), held.c.since)
+    lines = select(constant(shape.kind).label("kind"), text.label("text"), held.c.since)
     key = [held.c.id]
     found = _keyed(lines, key).where(held.c.since.is_not(None), *_after(key, shape))
     return found.order_by(*key)
@@ -315,7 +309,7 @@ def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
     lines = _keyed(_lines(columns), key).where(version.kb_id == KB, held, *_after(key, shape))
     lines = lines.order_by(*key)
     if source == "formula":
-        lines = lines.where(version.section == _quoted(shape.kind))
+        lines = lines.where(version.section == constant(shape.kind))
         names = {"predicate_word": shape.has_predicate, "object_word": shape.has_object}
         for parameter, is_asked in names.items():
             if is_asked:
@@ -328,8 +322,8 @@ def _of_definitions(source: str, shape: _Shape) -> Select[Any]:
 def _words(text: Any) -> ColumnElement[str]:
     """Write a text as words between spaces."""
     for parenthesis in "()":
-        text = func.replace(text, _quoted(parenthesis), _quoted(" "))
-    spaced: ColumnElement[str] = _quoted(" ").concat(text).concat(_quoted(" "))
+        text = func.replace(text, constant(parenthesis), constant(" "))
+    spaced: ColumnElement[str] = constant(" ").concat(text).concat(constant(" "))
     return spaced
 
 
@@ -349,16 +343,16 @@ def _selects(shape: _Shape) -> list[Select[Any]]:
 @lru_cache(maxsize=64)
 def _counts(shapes: tuple[_Shape, ...]) -> Query:
     """Count the parts, up to a bound."""
-    selects, bound = [], _constant(COUNTED + 1)
+    selects, bound = [], constant(COUNTED + 1)
     for shape in shapes:
         parts = [
-            first_rows(each.order_by(None).with_only_columns(_constant(1)), bound)
+            first_rows(each.order_by(None).with_only_columns(constant(1)), bound)
             for each in _selects(shape)
         ]
         numbers = [
             select(func.count()).select_from(part.subquery()).scalar_subquery() for part in parts
         ]
-        selects.append(select(_quoted(shape.kind), sum(numbers[1:], start=numbers[0])))
+        selects.append(select(constant(shape.kind), sum(numbers[1:], start=numbers[0])))
     return Query(union_all(*selects))
 
 
@@ -387,7 +381,7 @@ def _indexed(shape: _Shape) -> Query:
     # whether the text is in them, and their place; the last that was searched is among them.
     (lines,) = _selects(shape)
     by_version = shape.kind == FACT and not shape.has_object
-    size = _constant(SEARCHED) if shape.has_text else _SIZE
+    size = constant(SEARCHED) if shape.has_text else _SIZE
     if by_version:
         # Texts of the page alone: PostgreSQL computes the columns of the rows before it, too.
         version = VERSION_COLUMNS[PROPOSITION].version
@@ -397,7 +391,7 @@ def _indexed(shape: _Shape) -> Query:
         atom = table_of(PropositionRow)
         own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == some.id)
         text: Any = own.correlate_except(atom).scalar_subquery()
-        lines = select(_quoted(FACT).label("kind"), text.label("text"), since, *keys)
+        lines = select(constant(FACT).label("kind"), text.label("text"), since, *keys)
     else:
         lines = first_rows(lines, size)
     if not shape.has_text:
@@ -405,14 +399,14 @@ def _indexed(shape: _Shape) -> Query:
     found = lines.subquery("found").c
     matches, place = contains(found.text).label("matches"), func.row_number().over().label("place")
     numbered = select(*found, matches, place).subquery("numbered").c
-    wanted = select(*numbered).where(or_(numbered.matches, numbered.place == _constant(SEARCHED)))
+    wanted = select(*numbered).where(or_(numbered.matches, numbered.place == constant(SEARCHED)))
     return Query(first_rows(wanted.order_by(numbered.place), _SIZE))
 
 
 def _gone_of(source: str) -> Select[Any]:
     columns = VERSION_COLUMNS[source]
     lines = _lines(columns).where(columns.version.kb_id == KB, columns.version.until == THEN)
-    return select(first_rows(lines, _constant(GONE)).subquery())
+    return select(first_rows(lines, GONE).subquery())
 
 
 _GONE = Query(union_all(*(_gone_of(name) for name in VERSION_COLUMNS if name != "document")))

@@ -25,12 +25,9 @@ from ..sql.lanes import (
     FoundLane,
     FoundVersion,
     LanePlace,
+    LaneReader,
     LaneSpan,
-    count_cells,
-    count_unchanged,
-    find_lanes,
     first_said,
-    read_spans,
     revisions_at,
 )
 from ..sql.periods import Subjects, read_names
@@ -173,8 +170,11 @@ class _Reader:
     _valid: ValidRange | None
 
     def __post_init__(self) -> None:
-        length = (self._window.until - self._window.since) // MICROSECOND
-        self._slices = max(1, min(self._question.slices, length))
+        question, window = self._question, self._window
+        length = (window.until - window.since) // MICROSECOND
+        self._slices = max(1, min(question.slices, length))
+        own = question.filter, (window.low, window.high), self._valid
+        self._lanes = LaneReader(self._session, self._kb_id, *own)
 
     def read(self, name: str) -> Timeline:
         """Read it."""
@@ -230,33 +230,18 @@ class _Reader:
         if question.after is not None:
             return rows, following, (0, False)
         kinds = [kind for kind in LANE_SOURCES if _shown_kind(kind) in question.kinds]
-        bounds = (window.low, window.high)
-        folded = count_unchanged(
-            *(self._session, self._kb_id, kinds, question.filter, bounds, settled, MOST_FOLDED),
-            self._valid,
-        )
-        return rows, following, folded
+        return rows, following, self._lanes.count_unchanged(kinds, settled, MOST_FOLDED)
 
     def _find(self, settled: int | None) -> tuple[list[_Row], str | None]:
         """Find the lanes, and the place after which the next ones come."""
-        question, window = self._question, self._window
+        question, sources = self._question, [*LANE_SOURCES]
         rows: list[_Row] = []
-        sources = [*LANE_SOURCES]
         first, place = question.after or (sources[0], LanePlace())
         for kind in sources[sources.index(first) :]:
             if _shown_kind(kind) in question.kinds and len(rows) <= question.lanes:
-                found = find_lanes(
-                    self._session,
-                    self._kb_id,
-                    kind,
-                    question.filter,
-                    place if kind == first else LanePlace(),
-                    (window.low, window.high),
-                    question.lanes + 1 - len(rows),
-                    question.slices + 1,
-                    settled,
-                    self._valid,
-                )
+                after = place if kind == first else LanePlace()
+                most, enough = question.lanes + 1 - len(rows), question.slices + 1
+                found = self._lanes.find(kind, after, most, enough, settled)
                 rows += [_Row(kind, one) for one in found]
         following = None
         if len(rows) > question.lanes:
@@ -291,14 +276,8 @@ class _Reader:
         found: dict[_Row, _Cells] = {}
         for kind in dict.fromkeys(row.kind for row in rows):
             own = [row for row in rows if row.kind == kind]
-            counted = count_cells(
-                self._session,
-                self._kb_id,
-                kind,
-                [row.found.id for row in own],
-                [(low, high) for _, low, high in slices],
-                enough,
-            )
+            ids, bounds = [row.found.id for row in own], [(low, high) for _, low, high in slices]
+            counted = self._lanes.cells(kind, ids, bounds, enough)
             for row in own:
                 found[row] = _Cells(ends, enough, [None] * self._slices)
             for cell in counted:
@@ -316,7 +295,7 @@ class _Reader:
         versions: dict[_Row, list[FoundVersion]] = {row: [] for row in spans}
         for kind in dict.fromkeys(row.kind for row in spans):
             asked = [(row, span) for row, own in spans.items() if row.kind == kind for span in own]
-            found = read_spans(self._session, self._kb_id, kind, [span for _, span in asked])
+            found = self._lanes.spans(kind, [span for _, span in asked])
             for version in found:
                 versions[asked[version.span][0]].append(version)
         return versions

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, func, literal_column, null, select, union, union_all
+from sqlalchemy import ColumnElement, Select, func, null, select, union, union_all
 
 from .. import html
 from ..arguments import shown
@@ -15,7 +15,7 @@ from ..sql import tables as t
 from ..sql.changes import EXECUTIONS, Change, ends_of, in_range, newest_of, paged
 from ..sql.dialects.base import Row, Session
 from ..sql.executions import RUNNING, SUCCEEDED, id_text
-from ..sql.query import InRange, Query, first_rows, found_rows, in_list, in_rows, integer
+from ..sql.query import InRange, Query, constant, first_rows, found_rows, in_list, in_rows, integer
 from ..sql.rows import (
     FACT,
     GOAL,
@@ -49,7 +49,6 @@ INVOLVED = 20_000
 WINDOW = 20_000
 
 _OBJECT = integer("object")
-_ONE: Any = literal_column("1")
 # Whose objects are in a table of their own, and the key that both tables share.
 _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
     (VERSION_COLUMNS[PROPOSITION], table_of(t.PropositionArgumentRow).c, ("proposition_id",)),
@@ -77,7 +76,7 @@ def involving(
         ids = select(arguments[key[0]]).where(arguments.kb_id == KB, arguments.object_id == object_)
         if most is not None:
             # In the order of an index.
-            ids = first_rows(ids.order_by(arguments[key[0]]), literal_column(str(most)))
+            ids = first_rows(ids.order_by(arguments[key[0]]), most)
         found = in_rows(columns.owner, ids, bounded=columns.version.since)
         yield columns, found if len(key) == 1 else found & named
     value, arguments, key = _NAMING[1]
@@ -92,8 +91,8 @@ def _is_named(
     version = columns.version
     own = [arguments[part] == version[part] for part in key]
     # An expression has no index: an object may be in many versions, which have few arguments.
-    is_object = arguments.object_id + literal_column("0") == object_
-    found: Select[Any] = select(_ONE).where(arguments.kb_id == KB, *own, is_object)
+    is_object = arguments.object_id + constant(0) == object_
+    found: Select[Any] = select(constant(1)).where(arguments.kb_id == KB, *own, is_object)
     return found.correlate(version.kb_id.table).exists()
 
 
@@ -102,8 +101,8 @@ def _versions_of_object() -> Query:
     """Count the versions of what involves the object, up to a bound."""
     counts = []
     for columns, which in involving(_OBJECT, INVOLVED):
-        some: Select[Any] = select(_ONE).where(columns.version.kb_id == KB, which)
-        bounded = first_rows(some, literal_column(str(INVOLVED))).subquery()
+        some: Select[Any] = select(constant(1)).where(columns.version.kb_id == KB, which)
+        bounded = first_rows(some, INVOLVED).subquery()
         counts.append(select(func.count()).select_from(bounded).scalar_subquery())
     return Query(select(sum(counts[1:], start=counts[0])))
 
@@ -116,7 +115,7 @@ def _involving(is_recent: bool) -> Query:
         for end in ends_of(columns):
             # An expression has no index: what is found by ids is not looked for by revision.
             # Nor is it read in the order of that index.
-            number = end.revision if is_recent else end.revision + literal_column("0")
+            number = end.revision if is_recent else end.revision + constant(0)
             parts.append(end.short_line(number, which, in_range(number)))
     return paged(parts)
 
@@ -320,14 +319,14 @@ def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
 
 _FACT, _SEEN = VERSION_COLUMNS[PROPOSITION].version, table_of(t.ConfirmationRow).c
 _OUTCOME, _LINK = table_of(t.ExecutionVersionRow).c, table_of(t.RevisionExecutionRow).c
-EFFECTIVE: list[Any] = [literal_column(f"'{outcome}'") for outcome in (RUNNING, SUCCEEDED)]
+EFFECTIVE: list[Any] = [constant(outcome) for outcome in (RUNNING, SUCCEEDED)]
 
 
 def had_effect() -> Any:
     """Whether an outcome is one with effects: looked up by its key, so that an index finds it."""
     own = table_of(t.ExecutionVersionRow).alias("own").c
     key = (own[name] == _OUTCOME[name] for name in ("plan_id", "position", "since"))
-    found = select(_ONE).where(own.kb_id == KB, *key, own.outcome.in_(EFFECTIVE))
+    found = select(constant(1)).where(own.kb_id == KB, *key, own.outcome.in_(EFFECTIVE))
     return found.correlate(_OUTCOME.since.table).exists()
 
 
@@ -348,14 +347,14 @@ def last_confirmation(by_others: bool) -> Any:
     )
     if by_others:
         found = found.where(actor_of(_SEEN.since).is_distinct_from(actor_of(_FACT.since)))
-    found = first_rows(found.order_by(_SEEN.since.desc()), _ONE)
+    found = first_rows(found.order_by(_SEEN.since.desc()), 1)
     return found.correlate(_FACT.since.table).scalar_subquery()
 
 
 def _evidence() -> Select[Any]:
     """Select who confirmed facts last, and the executions whose effects revisions have."""
     # These are those that the revision records, and the one that it names.
-    none: Any = literal_column("0")
+    none = constant(0)
     no_act = none.label("plan_id"), none.label("position")
     seen = last_confirmation(by_others=False).label("confirmed")
     held = select(_FACT.proposition_id, _FACT.since, seen).where(

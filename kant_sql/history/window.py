@@ -9,7 +9,7 @@ from datetime import datetime
 from itertools import islice
 from typing import Any, Literal, NamedTuple, get_args
 
-from sqlalchemy import bindparam, func, literal_column, select
+from sqlalchemy import bindparam, func, select
 
 from ..arguments import (
     flag,
@@ -27,7 +27,7 @@ from ..moment_text import Moment, When, read_when
 from ..sql.changes import last_until
 from ..sql.dialects.base import Session
 from ..sql.lanes import LaneFilter, LanePlace
-from ..sql.query import Query, StoreClock, integer
+from ..sql.query import Query, StoreClock, constant, integer
 from ..sql.rows import KB
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
@@ -261,13 +261,12 @@ def _time_of(number: Any) -> Any:
     )
 
 
-_FIRST: Any = literal_column("1")
 _WINDOW = Query(
     select(
         HeadRow.revision,
         HeadRow.archived_revision,
         StoreClock(),
-        _time_of(_FIRST),
+        _time_of(constant(1)),
         _time_of(func.coalesce(integer("upto"), HeadRow.revision)),
         _time_of(HeadRow.archived_revision),
         _time_of(integer("since")),

@@ -270,17 +270,14 @@ def revision_hash(
     if seed is None:
         lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
         said = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
-        return _hash(*link, said, lines)
+        return _hash(link, said, lines)
     actor, reason, source, *_ = metadata
-    return _hash(
-        *link,
-        (
-            _seal(seed, b"actor", actor),
-            _seal(seed, b"reason", reason),
-            _seal(seed, b"source", source),
-        ),
-        _sealed(seed, changes),
+    sealed = (
+        _seal(seed, b"actor", actor),
+        _seal(seed, b"reason", reason),
+        _seal(seed, b"source", source),
     )
+    return _hash(link, sealed, _sealed(seed, changes))
 
 
 def sealed_hash(
@@ -297,7 +294,7 @@ def sealed_hash(
     actor, reason, source = map(_json, said)
     lines = (f'["{sign}","{kind}","{commitment}"]' for sign, kind, commitment in changes)
     link = previous, knowledge_base, number, committed_at, metadata, form
-    return _hash(*link, (actor, reason, source), lines)
+    return _hash(link, (actor, reason, source), lines)
 
 
 def _seal(seed: bytes, label: bytes, text: str | None) -> str:
@@ -323,17 +320,13 @@ def _sealed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[st
         yield f'{begin}{sha256(salt + raw).hexdigest()}"]'
 
 
-def _hash(
-    previous: str | None,
-    knowledge_base: str,
-    number: int,
-    committed_at: str,
-    metadata: Metadata,
-    form: int,
-    said: tuple[str, str, str],
-    lines: Iterator[str],
-) -> str:
+# The hash before, the knowledge base, the number, the time, the metadata and the form.
+_Link = tuple[str | None, str, int, str, Metadata, int]
+
+
+def _hash(link: _Link, said: tuple[str, str, str], lines: Iterator[str]) -> str:
     """Hash the document of a revision whose texts are written as its form has them."""
+    previous, knowledge_base, number, committed_at, metadata, form = link
     actor, reason, source = said
     digest, text = sha256(), f'{{"actor":{actor},"changes":[{",".join(islice(lines, _BATCH))}'
     while batch := ",".join(islice(lines, _BATCH)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 from math import isqrt
@@ -33,6 +33,7 @@ class Definition(Protocol):
 
 
 D = TypeVar("D", bound=Definition)
+T = TypeVar("T")
 
 
 class Elements(Generic[D]):
@@ -379,6 +380,13 @@ class Definitions:
         """Return the elements of one kind."""
         elements: Elements[Any] = self._by_kind[kind]
         return elements
+
+    def derive(self, compute: Callable[[Any], T]) -> T:
+        """Return what a function computes of this snapshot, which is kept with it."""
+        if compute not in self.derived:
+            self.derived[compute] = compute(self)
+        found: T = self.derived[compute]
+        return found
 
     def arguments(self, names: Iterable[str]) -> str | None:
         """Return the key of the arguments of a proposition or a fluent."""

@@ -178,10 +178,7 @@ def strong_components(uses: Mapping[K, Iterable[K]]) -> list[list[K]]:
 
 def rules_of(definitions: Definitions) -> DerivationRules:
     """Return the rules of a state, which are kept with it."""
-    found: DerivationRules | None = definitions.derived.get(DerivationRules)
-    if found is None:
-        found = definitions.derived[DerivationRules] = DerivationRules(definitions)
-    return found
+    return definitions.derive(DerivationRules)
 
 
 def check_stratified(definitions: Definitions) -> None:

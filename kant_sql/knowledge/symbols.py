@@ -89,7 +89,4 @@ def _types_of(definitions: Definitions) -> Any:
 
 def symbols_of(definitions: Definitions) -> SymbolTable:
     """Return the names of a state, which are kept with it."""
-    found: SymbolTable | None = definitions.derived.get(StoredSymbols)
-    if found is None:
-        found = definitions.derived[StoredSymbols] = StoredSymbols(definitions)
-    return found
+    return definitions.derive(StoredSymbols)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 from ..acts import Execution
 from ..acts.recording import check_execution, key_of
@@ -80,122 +81,110 @@ def applicable_actions(
         >>> print(*kb.applicable_actions())
         (unlock front) (unlock back)
     """
-    return Feed(lambda most: _find_applicable(state, name, most, fixed), limit, noun="step")
+    search = _Search(name, fixed)
+    return Feed(lambda most: search.begin(state, most), limit, noun="step")
 
 
-def _find_applicable(
-    state: State, name: str | None, limit: int | None, fixed: Mapping[str, Binding]
-) -> Iterator[PlanStep]:
-    store, at = state
-    if limit is not None:
-        limit = count_limit(limit)
-    if name is not None:
-        expect(name, str, "the name of an action", InvalidArgumentError)
+class _Search(NamedTuple):
+    """A search for steps: of which action, by default of all, and which parameters are fixed."""
 
-    def wanted(definitions: Definitions) -> list[str]:
+    name: str | None
+    fixed: Mapping[str, Binding]
+
+    def begin(self, state: State, limit: int | None) -> Iterator[PlanStep]:
+        """Check it, and return what finds the steps."""
+        store, at = state
+        if limit is not None:
+            limit = count_limit(limit)
+        if self.name is not None:
+            expect(self.name, str, "the name of an action", InvalidArgumentError)
+        return self._steps(store, at, store.check_definitions(self._actions, at), limit)
+
+    def _actions(self, definitions: Definitions) -> list[str]:
+        """Find the actions that have all parameters that are fixed."""
+        name = self.name
         actions = executable(definitions) if name is None else [find_action(definitions, name)]
-        found = [each.name for each in actions if _fixed(definitions, each, fixed, name)]
-        if fixed and not found:
+        found = [each.name for each in actions if self._has_fixed(definitions, each)]
+        if self.fixed and not found:
             raise InvalidArgumentError(
-                f"no action has parameters named {', '.join(f'?{each}' for each in fixed)}"
+                f"no action has parameters named {', '.join(f'?{each}' for each in self.fixed)}"
             )
         return found
 
-    names = store.check_definitions(wanted, at)
-    return _applicable(store, at, names, limit, fixed)
+    def _has_fixed(self, definitions: Definitions, definition: ActionDefinition) -> bool:
+        action = prepared(definitions, definition)
+        names = [variable.name for variable in action.variables]
+        for keyword, value in self.fixed.items():
+            position = _position(names, keyword)
+            if position is None and self.name is not None:
+                raise InvalidArgumentError(
+                    f"the action {self.name!r} has no parameter ?{keyword}{hint(keyword, names)}"
+                )
+            if position is None:
+                return False
+            object_ = find_object(definitions, value)
+            if self.name is not None:
+                check_fit(definitions, object_, action.columns[position])
+        return True
 
+    def _steps(
+        self, store: Store, at: int | None, names: Sequence[str], limit: int | None
+    ) -> Iterator[PlanStep]:
+        left = limit
+        for name in names:
+            if left == 0:
+                return
+            for step in store.read(partial(self._instances, name=name, most=left), at):
+                yield step
+                left = None if left is None else left - 1
 
-def _fixed(
-    definitions: Definitions,
-    definition: ActionDefinition,
-    fixed: Mapping[str, Binding],
-    name: str | None,
-) -> bool:
-    """Return whether an action has all parameters that are fixed."""
-    action = prepared(definitions, definition)
-    names = [variable.name for variable in action.variables]
-    for keyword, value in fixed.items():
-        position = _position(names, keyword)
-        if position is None and name is not None:
-            raise InvalidArgumentError(
-                f"the action {name!r} has no parameter ?{keyword}{hint(keyword, names)}"
-            )
-        if position is None:
-            return False
-        object_ = find_object(definitions, value)
-        if name is not None:
-            check_fit(definitions, object_, action.columns[position])
-    return True
+    def _instances(self, view: View, name: str, most: int | None) -> list[PlanStep]:
+        """Return the instances of an action that can be executed."""
+        definitions, definition = view.definitions, view.definitions.actions.named(name)
+        if definition is None:
+            return []
+        action = prepared(definitions, definition)
+        promise, ids = promise_of(action), self._fixed_ids(definitions, action)
+        if ids is None or not promise.is_listed or not is_executable(action):
+            return []
+        order = [n for n in range(len(action.parameters)) if n not in ids]
+        free = [action.columns[n] for n in order]
+        is_limited = most is not None and promise.is_whole
+        key = ("instances", *sorted(ids), is_limited, *statement_key(view, ()))
+        slots = {action.parameters[n].slot: f":b{n}" for n in ids}
+        statement = action.kept(
+            key, lambda: question(view).answers(promise.listed, free, slots, is_limited)
+        )
+        given = {f"b{n}": id_ for n, id_ in ids.items()} | ({} if most is None else {"most": most})
+        live = definitions.objects.live
+        found = []
+        for row in asked(view, statement, given, OF_ANSWERS)[1:]:
+            ids |= zip(order, row[1:], strict=False)
+            arguments = [live(ids[n]).name for n in range(len(ids))]
+            step = PlanStep(None, action.name, tuple(arguments))
+            if promise.is_whole or not judge(view, ground(definitions, step))[1]:
+                found.append(step)
+            if len(found) == most:
+                break
+        return found
+
+    def _fixed_ids(self, definitions: Definitions, action: PreparedAction) -> dict[int, int] | None:
+        """Return the ids of fixed parameters, by position; None if an object does not fit."""
+        names, found = [variable.name for variable in action.variables], dict[int, int]()
+        for keyword, value in self.fixed.items():
+            position = _position(names, keyword)
+            assert position is not None
+            id_ = find_object(definitions, value).id
+            if not all(fits(definitions, id_, one) for one in action.parameters[position].types):
+                return None
+            found[position] = id_
+        return found
 
 
 def _position(names: Sequence[str], keyword: str) -> int | None:
     """Return the position of the parameter that a keyword names."""
     name = variable_of(keyword, names)
     return None if name is None else names.index(name)
-
-
-def _applicable(
-    store: Store,
-    at: int | None,
-    names: Sequence[str],
-    limit: int | None,
-    fixed: Mapping[str, Binding],
-) -> Iterator[PlanStep]:
-    left = limit
-    for name in names:
-        if left == 0:
-            return
-        for step in store.read(partial(_instances, name=name, most=left, fixed=fixed), at):
-            yield step
-            left = None if left is None else left - 1
-
-
-def _instances(
-    view: View, name: str, most: int | None, fixed: Mapping[str, Binding]
-) -> list[PlanStep]:
-    """Return the instances of an action that can be executed."""
-    definitions, definition = view.definitions, view.definitions.actions.named(name)
-    if definition is None:
-        return []
-    action = prepared(definitions, definition)
-    promise, ids = promise_of(action), _fixed_ids(definitions, action, fixed)
-    if ids is None or not promise.is_listed or not is_executable(action):
-        return []
-    order = [n for n in range(len(action.parameters)) if n not in ids]
-    free = [action.columns[n] for n in order]
-    is_limited = most is not None and promise.is_whole
-    key = ("instances", *sorted(ids), is_limited, *statement_key(view, ()))
-    slots = {action.parameters[n].slot: f":b{n}" for n in ids}
-    statement = action.kept(
-        key, lambda: question(view).answers(promise.listed, free, slots, is_limited)
-    )
-    given = {f"b{n}": id_ for n, id_ in ids.items()} | ({} if most is None else {"most": most})
-    live = definitions.objects.live
-    found = []
-    for row in asked(view, statement, given, OF_ANSWERS)[1:]:
-        ids |= zip(order, row[1:], strict=False)
-        arguments = [live(ids[n]).name for n in range(len(ids))]
-        step = PlanStep(None, action.name, tuple(arguments))
-        if promise.is_whole or not judge(view, ground(definitions, step))[1]:
-            found.append(step)
-        if len(found) == most:
-            break
-    return found
-
-
-def _fixed_ids(
-    definitions: Definitions, action: PreparedAction, fixed: Mapping[str, Binding]
-) -> dict[int, int] | None:
-    """Return the ids of fixed parameters, by position; None if an object does not fit."""
-    names, found = [variable.name for variable in action.variables], dict[int, int]()
-    for keyword, value in fixed.items():
-        position = _position(names, keyword)
-        assert position is not None
-        object_ = find_object(definitions, value)
-        if not all(fits(definitions, object_.id, one) for one in action.parameters[position].types):
-            return None
-        found[position] = object_.id
-    return found
 
 
 def why_not(state: State, step: Step) -> list[FailedCondition]:

@@ -20,7 +20,7 @@ from ..knowledge.rules import DerivationRules, rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.given import read_condition, text_of
-from ..sql.answers import GUARDS, Question, literal_values, run
+from ..sql.answers import GUARDS, Question
 from ..sql.audit_views import text_table
 from ..sql.dialects.base import Row
 from ..sql.estimates import estimates_of
@@ -199,7 +199,7 @@ def asked(
     if statement.steps and view.definition_revision is not None:
         # Several statements need one snapshot.
         raise DefinitionsMovedError
-    rows = run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+    rows = view.reader.run(statement, given)
     if not rows or view.kb_id is None:
         return rows
     definition_revision, archived = rows[0][guards]
@@ -465,7 +465,7 @@ class _Asking:
         statement = question(view).readable(
             condition.part, condition.columns, prepared.places, self.limit is not None
         )
-        values = literal_values(session, statement, kb=view.kb_id, at=view.at, given=given)
+        values = view.reader.literal_values(statement, given)
         return statement.literal(session.backend.words, values)
 
 

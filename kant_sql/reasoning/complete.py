@@ -67,7 +67,7 @@ def complete(state: State, beginning: str, *, limit: int = DEFAULT_LIMIT) -> lis
     most = count_limit(limit, "limit")
 
     def work(definitions: Definitions) -> list[Completion]:
-        found = islice(_matches(_names(definitions), wanted), most)
+        found = islice(_matches(definitions.derive(_names), wanted), most)
         return [Completion(one.kind, one.definition.name, one.definition.text) for one in found]
 
     return Listing(state.store.read_definitions(work, state.at), "name")
@@ -85,15 +85,9 @@ def _matches(names: list[_Named], wanted: str) -> Iterator[_Named]:
 
 def _names(definitions: Definitions) -> list[_Named]:
     """Return all names of a state, sorted."""
-    found: list[_Named] | None = definitions.derived.get(_Named)
-    if found is None:
-        found = sorted(
-            (
-                _Named(fold(one.name), order, kind, one)
-                for order, kind in enumerate(_KINDS)
-                for one in definitions.elements(kind)
-            ),
-            key=lambda one: one[:2],
-        )
-        definitions.derived[_Named] = found
-    return found
+    names = (
+        _Named(fold(one.name), order, kind, one)
+        for order, kind in enumerate(_KINDS)
+        for one in definitions.elements(kind)
+    )
+    return sorted(names, key=lambda one: one[:2])

@@ -19,7 +19,6 @@ from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError
 from ..knowledge.definitions import FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf, Bound, Known, NumberOf, Part, Place, Slot, closure, fits
-from ..sql.answers import run
 from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
@@ -141,7 +140,7 @@ class EffectReader:
             (*key, *statement_key(view, self.numbers)),
             lambda: question(view, self.numbers).effects(condition, bound, numbers, step.places),
         )
-        return run(view.session, statement, kb=view.kb_id, at=view.at, given=given)
+        return view.reader.run(statement, given)
 
     def _apply(
         self, item: EffectItem, objects: Mapping[Slot, int], values: Mapping[NumberOf, Decimal]

@@ -22,7 +22,7 @@ from ..knowledge.definitions import METRIC, Definitions
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.given import read_condition, text_of
-from ..sql.answers import GUARDS, run
+from ..sql.answers import GUARDS
 from ..store.snapshot import View
 from ..store.state import State
 from .after import After, weakened
@@ -118,7 +118,7 @@ class Explainer(Explaining):
         false: set[int] = set()
         for predicate, keys in groups.items():
             statement = self._question().held(predicate, keys)
-            held = {row[0] for row in self._run(statement)}
+            held = {row[0] for row in self._view.reader.run(statement, self._numbers)}
             false.update(at for key, places in keys.items() if key not in held for at in places)
         if others:
             statement = self._question().truths([parts[position] for position in others], {})
@@ -130,10 +130,6 @@ class Explainer(Explaining):
     def _question(self) -> Any:
         rules = None if self._changed is None else self._changed.rules
         return question(self._view, self._numbers, rules)
-
-    def _run(self, statement: Any) -> list[Any]:
-        view = self._view
-        return run(view.session, statement, kb=view.kb_id, at=view.at, given=self._numbers)
 
     def _key(self, part: r.Part) -> tuple[int, str] | None:
         """Return the predicate and the arguments of a ground fact that no rule derives."""
@@ -173,7 +169,8 @@ class Explainer(Explaining):
                 keys.setdefault(key[0], {})[key[1]] = position
         ends: dict[int, int] = {}
         for predicate, of_predicate in keys.items():
-            for arguments, until in self._run(self._question().ended(predicate, of_predicate)):
+            statement = self._question().ended(predicate, of_predicate)
+            for arguments, until in self._view.reader.run(statement, self._numbers):
                 if until is not None:
                     ends[of_predicate[arguments]] = until
         session, kb_id, numbers = self._view.session, self._view.kb_id, {*ends.values()}
@@ -210,7 +207,7 @@ def read_numbers(
     if not leaves and not needed.bound:
         return {}
     statement = question(view).effects(r.all_of(needed.needed), needed.bound, leaves, {})
-    rows = run(view.session, statement, kb=view.kb_id, at=view.at, given={})
+    rows = view.reader.run(statement, {})
     if len(rows) != 1:
         return None
     return decimals(leaves, rows[0][len(needed.bound) :] if leaves else ())

@@ -301,7 +301,7 @@ def state(state: State) -> KnowledgeState:
 
     origin, goals = store.read_in_snapshot(work, at)
     definitions = origin.definitions
-    changing = changing_heads(definitions)
+    changing = definitions.derive(changing_heads)
     keys = [atom.key for atom in origin.atoms if not atom.key.is_goal]
     facts = [(key.predicate_id, objects_of(key)) for key in keys]
     values: dict[FluentRow, Value] = {}

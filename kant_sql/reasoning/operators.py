@@ -481,7 +481,7 @@ class GroundedTask:
         # The actions, in their order; `timed` are the durative ones.
         self.actions = [prepared(definitions, each) for each in executable(definitions)]
         self.timed = [each for each in self.actions if each.is_durative]
-        self.changing = changing_heads(definitions)
+        self.changing = definitions.derive(changing_heads)
         for fact in facts:
             self.world.add(*fact)
         for fluent, value in values.items():
@@ -647,13 +647,8 @@ def task_of(
     values: Mapping[FluentRow, Value],
 ) -> GroundedTask:
     """Return the one task of these in this process."""
-    said: Any = definitions.derived.get(task_of)
-    if said is None:
-        every = ((kind, each) for kind in KINDS[:-1] for each in definitions.elements(kind))
-        said = tuple([(kind, each.id, each.text) for kind, each in every])
-        definitions.derived[task_of] = said
     held = frozenset(facts)
-    key = said, tuple(map(str, goals)), held, frozenset(values.items())
+    key = definitions.derive(_said), tuple(map(str, goals)), held, frozenset(values.items())
     with _LOCK:
         found = _TASKS.get(key)
         if found is None:
@@ -661,19 +656,23 @@ def task_of(
         return found
 
 
+def _said(definitions: Definitions) -> tuple[tuple[str, int, str], ...]:
+    """Return all that definitions say, as texts."""
+    every = ((kind, each) for kind in KINDS[:-1] for each in definitions.elements(kind))
+    return tuple([(kind, each.id, each.text) for kind, each in every])
+
+
 def changing_heads(definitions: Definitions) -> set[Head]:
     """Return the predicates and functions that actions have effects on."""
-    found: set[Head] | None = definitions.derived.get(changing_heads)
-    if found is None:
-        found = definitions.derived[changing_heads] = set()
-        actions = [prepared(definitions, each).node for each in executable(definitions)]
-        stack: list[f.Node] = [effect for action in actions for effect in action.effect]
-        while stack:
-            node = stack.pop()
-            if isinstance(node, f.Atom):
-                found.add((True, definitions.predicates.ids[fold(node.predicate)]))
-            elif isinstance(node, f.Assign):
-                found.add((False, definitions.functions.ids[fold(node.fluent.function)]))
-            else:
-                stack += (node.effect,) if isinstance(node, f.When) else f.children(node)
+    found = set[Head]()
+    actions = [prepared(definitions, each).node for each in executable(definitions)]
+    stack: list[f.Node] = [effect for action in actions for effect in action.effect]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, f.Atom):
+            found.add((True, definitions.predicates.ids[fold(node.predicate)]))
+        elif isinstance(node, f.Assign):
+            found.add((False, definitions.functions.ids[fold(node.fluent.function)]))
+        else:
+            stack += (node.effect,) if isinstance(node, f.When) else f.children(node)
     return found

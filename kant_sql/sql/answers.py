@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..knowledge.definitions import Definitions
 from ..knowledge.resolved import Bound, Column, NumberOf, Part, Slot
-from ..knowledge.rules import DerivationRules
+from ..knowledge.rules import DerivationRules, rules_of
 from .dialects.base import Row, Session
 from .dialects.words import Words
 from .estimates import Size
@@ -48,10 +48,8 @@ class Question:
         rules: DerivationRules | None = None,
     ) -> None:
         self._words = words
-        self._compiler = ConditionCompiler(words, definitions, is_past, size)
-        self._compiler.known_numbers = frozenset(numbers)
-        if rules is not None:
-            self._compiler.rules = rules
+        own = size, rules_of(definitions) if rules is None else rules, frozenset(numbers)
+        self._compiler = ConditionCompiler(words, definitions, is_past, *own)
 
     def truths(self, parts: Iterable[Part], places: Mapping[Slot, str]) -> ConditionStatement:
         """Write the statement of whether parts hold, as 0 or 1."""
@@ -161,81 +159,65 @@ class Question:
         return self._compiler.rows([part], [column.bound for column in columns], places)
 
 
-def run(
-    session: Session,
-    statement: ConditionStatement,
-    *,
-    kb: int | None,
-    at: int | None,
-    given: Mapping[str, Any],
-) -> list[Row]:
-    """Run a statement on a state, with what has to be computed before it."""
-    values = parameters(session, statement, kb=kb, at=at, given=given)
-    for step in statement.steps:
-        values.update(_computed(session, step, kb, at, values))
-    return session.rows(statement.query, **values)
+class Reader(NamedTuple):
+    """Runs statements on a state, each with what has to be computed before it."""
 
+    session: Session
+    kb: int | None
+    at: int | None = None  # the revision; None for now
 
-def literal_values(
-    session: Session,
-    statement: ConditionStatement,
-    *,
-    kb: int | None,
-    at: int | None,
-    given: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return the values of a statement's parameters, what is computed first included."""
-    values = {"kb": kb, **statement.values, **given}
-    if at is not None:
-        values |= {"at": at, "forks": forks_at(at)}
-    computed: dict[str, Any] = {}
-    for step in statement.steps:
-        computed |= _computed(session, step, kb, at, {**given, **computed})
-    return values | computed
+    def run(self, statement: ConditionStatement, given: Mapping[str, Any]) -> list[Row]:
+        """Run a statement with the given parameters."""
+        values = self._parameters(statement, given)
+        for step in statement.steps:
+            values.update(self._computed(step, values))
+        return self.session.rows(statement.query, **values)
 
+    def literal_values(
+        self, statement: ConditionStatement, given: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return the values of a statement's parameters, what is computed first included."""
+        values = {"kb": self.kb, **statement.values, **given}
+        if self.at is not None:
+            values |= {"at": self.at, "forks": forks_at(self.at)}
+        computed: dict[str, Any] = {}
+        for step in statement.steps:
+            computed |= self._computed(step, {**given, **computed})
+        return values | computed
 
-def parameters(
-    session: Session,
-    statement: ConditionStatement,
-    *,
-    kb: int | None,
-    at: int | None,
-    given: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return the values of a statement's parameters, in the driver's forms."""
-    values: dict[str, Any] = {"kb": kb, **given}
-    for name, value in statement.values.items():
-        values[name] = session.list_value(value) if isinstance(value, tuple) else value
-    if at is not None:
-        values["at"] = at
-        if ":forks" in statement.sql:
-            values["forks"] = session.list_value(forks_at(at))
-    return values
+    def _parameters(
+        self, statement: ConditionStatement, given: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return the values of a statement's parameters, in the driver's forms."""
+        session, at = self.session, self.at
+        values: dict[str, Any] = {"kb": self.kb, **given}
+        for name, value in statement.values.items():
+            values[name] = session.list_value(value) if isinstance(value, tuple) else value
+        if at is not None:
+            values["at"] = at
+            if ":forks" in statement.sql:
+                values["forks"] = session.list_value(forks_at(at))
+        return values
 
-
-def _computed(
-    session: Session, step: Iteration, kb: int | None, at: int | None, known: Mapping[str, Any]
-) -> dict[str, str]:
-    """Compute a recursive component round by round; return the parameters of its facts."""
-    found: dict[int, set[Row]] = {each: set() for each in step.arities}
-    newest: dict[int, set[Row]] = {each: set() for each in step.arities}
-    values = {**known, **_lists(found, newest)}
-    given = parameters(session, step.first, kb=kb, at=at, given=values)
-    rows = session.rows(step.first.query, **given)
-    while True:
-        for each in newest.values():
-            each.clear()
-        for predicate, *terms in rows:
-            fact = tuple(terms[: step.arities[predicate]])
-            if fact not in found[predicate]:
-                newest[predicate].add(fact)
-        if step.further is None or not any(newest.values()):
-            return _lists(found, {})
-        for predicate, facts in newest.items():
-            found[predicate] |= facts
-        values.update(_lists(found, newest))
-        given = parameters(session, step.further, kb=kb, at=at, given=values)
-        rows = session.rows(step.further.query, **given)
+    def _computed(self, step: Iteration, known: Mapping[str, Any]) -> dict[str, str]:
+        """Compute a recursive component round by round; return the parameters of its facts."""
+        found: dict[int, set[Row]] = {each: set() for each in step.arities}
+        newest: dict[int, set[Row]] = {each: set() for each in step.arities}
+        statement = step.first
+        while True:
+            values = self._parameters(statement, {**known, **_lists(found, newest)})
+            rows = self.session.rows(statement.query, **values)
+            for each in newest.values():
+                each.clear()
+            for predicate, *terms in rows:
+                fact = tuple(terms[: step.arities[predicate]])
+                if fact not in found[predicate]:
+                    newest[predicate].add(fact)
+            if step.further is None or not any(newest.values()):
+                return _lists(found, {})
+            for predicate, facts in newest.items():
+                found[predicate] |= facts
+            statement = step.further
 
 
 def _lists(found: Mapping[int, set[Row]], newest: Mapping[int, set[Row]]) -> dict[str, str]:

@@ -11,13 +11,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sqlalchemy import literal_column, select
+from sqlalchemy import select
 
 from ..arguments import expect, optional_call
 from ..errors import UNREADABLE, InvalidArgumentError, StoreError, printable
 from .dialects import create_backend
 from .dialects.base import Session
-from .query import Query, first_rows
+from .query import Query, constant, first_rows
 from .schema import check, current
 from .tables import HeadRow, KnowledgeBaseRow, RevisionRow, VerificationRow
 
@@ -27,7 +27,7 @@ def of_written(*columns: Any) -> Query:
     return Query(
         select(*columns)
         .join_from(KnowledgeBaseRow, HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
-        .where(HeadRow.revision > literal_column("0"))
+        .where(HeadRow.revision > constant(0))
         .order_by(KnowledgeBaseRow.id)
     )
 
@@ -35,7 +35,7 @@ def of_written(*columns: Any) -> Query:
 _EVERY_NAME = Query(select(KnowledgeBaseRow.name).order_by(KnowledgeBaseRow.id))
 # Columns that exist in every schema version: a downgrade reads them first.
 _REVISIONS = of_written(KnowledgeBaseRow.name, HeadRow.revision)
-ANY_REVISION = Query(first_rows(select(RevisionRow.number), literal_column("1")))
+ANY_REVISION = Query(first_rows(select(RevisionRow.number), 1))
 
 _STATES = of_written(
     *(KnowledgeBaseRow.id, KnowledgeBaseRow.name, HeadRow.revision, HeadRow.hash),

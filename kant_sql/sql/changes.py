@@ -30,7 +30,7 @@ from ..errors import StoreIntegrityError, unreadable
 from .dialects.base import Row, Session
 from .executions import EXECUTION
 from .places import Place, from_place
-from .query import InRange, Query, first_rows, in_list, integer
+from .query import InRange, Query, constant, first_rows, in_list, integer
 from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, looked_up, table_of
 from .tables import (
     ArchiveRow,
@@ -89,9 +89,9 @@ def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]
         .where(earlier.kb_id == KB, earlier.committed_at <= moment)
         .order_by(earlier.committed_at.desc())
     )
-    time = first_rows(times, literal_column("1")).correlate(*of).scalar_subquery()
+    time = first_rows(times, 1).correlate(*of).scalar_subquery()
     # Unlike `number`, a sum cannot be looked for by the index of numbers.
-    largest = func.max(RevisionRow.number + literal_column("0"))
+    largest = func.max(RevisionRow.number + constant(0))
     rows = RevisionRow.kb_id == KB, RevisionRow.committed_at == time
     return select(largest).where(*rows).correlate(*of).scalar_subquery()
 
@@ -149,7 +149,7 @@ class ChangeEnd(NamedTuple):
     def keyed_line(self, *conditions: Any, joined: bool = False) -> Select[Any]:
         """Select them with the ids by which rows of `commitment` know them."""
         # An outcome is of a plan's step, or of an execution of none.
-        place = self.source.version.position if self.source is EXECUTIONS else literal_column("0")
+        place = self.source.version.position if self.source is EXECUTIONS else constant(0)
         owner = self.source.owner.label("owner")
         return self.line(*conditions, joined=joined).add_columns(owner, place.label("place"))
 
@@ -160,7 +160,7 @@ class ChangeEnd(NamedTuple):
     def _line(self, revision: Any, text: Any, *conditions: Any) -> Select[Any]:
         return select(
             revision.label("revision"),
-            literal_column(str(self.retracted)).label("retracted"),
+            constant(self.retracted).label("retracted"),
             self.source.kind.label("kind"),
             text.label("text"),
         ).where(self.source.version.kb_id == KB, *conditions)
@@ -168,14 +168,13 @@ class ChangeEnd(NamedTuple):
 
 def _record(mapped: Any, kind: str) -> VersionColumns:
     table = table_of(mapped).c
-    return VersionColumns(None, table, table.id, literal_column(f"'{kind}'"), table.text)
+    return VersionColumns(None, table, table.id, constant(kind), table.text)
 
 
 def _confirmations() -> VersionColumns:
     table, atom = table_of(ConfirmationRow).c, table_of(PropositionRow).c
     text = looked_up(atom.text, atom.id, table.proposition_id)
-    kind: Any = literal_column(f"'{CONFIRMATION}'")
-    return VersionColumns(None, table, table.proposition_id, kind, text)
+    return VersionColumns(None, table, table.proposition_id, constant(CONFIRMATION), text)
 
 
 # What changes, by kind: elements, executions, and records, which are never retracted.
@@ -192,7 +191,7 @@ _OUTCOME = table_of(ExecutionVersionRow).c
 EXECUTIONS = VersionColumns(None, _OUTCOME, _OUTCOME.plan_id, _OUTCOME.kind, _OUTCOME.text)
 CONFIRMATIONS = _confirmations()
 SAYINGS = [
-    VersionColumns(None, table.c, table.c[owner], literal_column(f"'{SAYING}'"), table.c.text)
+    VersionColumns(None, table.c, table.c[owner], constant(SAYING), table.c.text)
     for table, owner in (
         (table_of(PropositionSayingRow), "proposition_id"),
         (table_of(FunctionValueSayingRow), "function_value_id"),
@@ -241,7 +240,7 @@ def _streamed(left: bool, keyed: bool, joined: bool) -> Query:
     # Sorted at once: SQLite would merge the parts of a union pair by pair, in the order of its
     # plain columns; a sum is none.
     changed = union_all(*lines).subquery("changed").c
-    order = (changed.revision + literal_column("0"), *(changed[name] for name in _ORDER))
+    order = (changed.revision + constant(0), *(changed[name] for name in _ORDER))
     return Query(select(*changed).order_by(*order))
 
 
@@ -251,9 +250,8 @@ def _among(column: Any) -> ColumnElement[bool]:
 
 _ORDER = ("retracted", "kind", "text")
 # Unsorted: SQLite would merge its parts pair by pair, which takes longer than all else.
-_FEW_AND_ONE: ColumnElement[int] = literal_column(str(FEW + 1))
 _FEW = {
-    redefined: Query(first_rows(union_all(*_lines(in_range, ends)), _FEW_AND_ONE))
+    redefined: Query(first_rows(union_all(*_lines(in_range, ends)), FEW + 1))
     for redefined, ends in ((True, _ENDS), (False, _OTHER_ENDS))
 }
 _KINDS = union_all(*_lines(in_range)).subquery("changed")
@@ -370,7 +368,6 @@ def _made(rows: Iterable[Row]) -> Iterator[tuple[int, Change]]:
 SORTED = 5_000
 # Changes of a kind that a revision is counted and shown with.
 COUNTED_CHANGES = 50_000
-_BOUND: Any = literal_column(str(COUNTED_CHANGES))
 
 
 # The types of places: sign, kind, and an id or a text.
@@ -439,7 +436,7 @@ def _counts() -> Query:
     numbers: list[Any] = []
     for end in _ENDS:
         line = end.line(end.revision == revision.c.number)
-        some = first_rows(line.with_only_columns(literal_column("1")).correlate(revision), _BOUND)
+        some = first_rows(line.with_only_columns(constant(1)).correlate(revision), COUNTED_CHANGES)
         numbers.append(select(func.count()).select_from(some.subquery()).scalar_subquery())
     total = sum(numbers[1:], start=numbers[0])
     rows = select(revision.c.number, total).where(revision.c.kb_id == KB)
@@ -454,7 +451,7 @@ def count_each(session: Session, kb_id: int, numbers: Iterable[int]) -> dict[int
 @cache
 def _of_revision(key: tuple[type, ...], by_text: bool) -> Query:
     parts = (end.short_line(end.revision, end.revision == integer("number")) for end in _ENDS)
-    bounded = (select(first_rows(part, _BOUND).subquery()) for part in parts)
+    bounded = (select(first_rows(part, COUNTED_CHANGES).subquery()) for part in parts)
     return paged(bounded, key, by_text)
 
 

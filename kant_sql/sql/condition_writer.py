@@ -15,12 +15,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
-from ..knowledge.rules import DerivationRule, DerivationRules, rules_of
+from ..knowledge.rules import DerivationRule, DerivationRules
 from .comparisons import ComparisonWriter
 from .dialects.words import COVERS, RAW, Words
 from .estimates import COUNTED, Size, domain_size, sample
@@ -198,6 +199,7 @@ def _without_repeats(parts: Sequence[r.Part]) -> Sequence[r.Part]:
     return found
 
 
+@dataclass(eq=False)
 class ConditionWriter(ABC):
     """Writes the conditions of one statement.
 
@@ -205,28 +207,21 @@ class ConditionWriter(ABC):
     evaluated, about.
     """
 
-    def __init__(
-        self,
-        words: Words,
-        definitions: Definitions,
-        is_past: bool,
-        size: Size | None = None,
-    ) -> None:
-        self.words = words
-        self.size = size
-        self.asked = 1.0
-        self.definitions = definitions
-        self.is_past = is_past
-        self.rules: DerivationRules = rules_of(definitions)
-        self.values: dict[str, Any] = {}
-        # Recursive predicates that are being computed -> the table that has them so far.
-        self.growing: dict[int, str] = {}
-        # Numbers that come with each evaluation, such as a duration: parameters of that name.
-        self.known_numbers: frozenset[str] = frozenset()
-        self._types: dict[r.Slot, tuple[r.TypeSet, ...]] = {}
-        self._parameters: dict[tuple[type[Any], Any, bool], str] = {}
-        self._aliases = 0
-        self._inlined = 0
+    words: Words
+    definitions: Definitions
+    is_past: bool
+    size: Size | None
+    rules: DerivationRules
+    # Numbers that come with each evaluation, such as a duration: parameters of that name.
+    known_numbers: frozenset[str] = frozenset()
+    asked: float = 1.0
+    values: dict[str, Any] = field(default_factory=dict)
+    # Recursive predicates that are being computed -> the table that has them so far.
+    growing: dict[int, str] = field(default_factory=dict)
+    _types: dict[r.Slot, tuple[r.TypeSet, ...]] = field(default_factory=dict)
+    _parameters: dict[tuple[type[Any], Any, bool], str] = field(default_factory=dict)
+    _aliases: int = 0
+    _inlined: int = 0
 
     # Estimates.
 

@@ -21,7 +21,6 @@ from sqlalchemy import (
     bindparam,
     cast,
     func,
-    literal_column,
     null,
     select,
     true,
@@ -32,7 +31,7 @@ from ..dto.lexical import fold, is_word
 from ..errors import UNREADABLE, check_integer, reading_rows, unreadable
 from ..knowledge.definitions import KINDS, Definitions
 from .dialects.base import Row, Session
-from .query import Query, first_rows, in_list
+from .query import Query, constant, first_rows, in_list
 from .rows import (
     KB,
     KIND_TABLES,
@@ -143,7 +142,7 @@ def _part(part: str, columns: Iterable[ColumnElement[Any]]) -> Select[Any]:
     numbers += [cast(null(), BigInteger)] * (_NUMBERS - len(numbers))
     texts += [cast(null(), Text)] * (_TEXTS - len(texts))
     return select(
-        literal_column(f"'{part}'").label("part"),
+        constant(part).label("part"),
         *(number.label(f"number_{place}") for place, number in enumerate(numbers)),
         *(text.label(f"text_{place}") for place, text in enumerate(texts)),
     )
@@ -258,7 +257,7 @@ def _last_text(version: Any) -> ColumnElement[Any]:
         later.c.since > version.since,
         later.c.since <= THEN,
     )
-    last = first_rows(texts.order_by(later.c.since.desc()), literal_column("1"))
+    last = first_rows(texts.order_by(later.c.since.desc()), 1)
     return last.correlate(table).scalar_subquery()
 
 
@@ -302,9 +301,9 @@ def _end_of(kind: str) -> Select[Any]:
     table, owner = KIND_TABLES[kind].version.table.c, KIND_TABLES[kind].version.owner
     time = looked_up(RevisionRow.committed_at, RevisionRow.number, table.until)
     last = _last_text(table)
-    columns: tuple[Any, ...] = literal_column(f"'{kind}'"), owner, table.text, time
+    columns: tuple[Any, ...] = constant(kind), owner, table.text, time
     named = select(*columns, table.until.label("ended"), last.is_(None).label("is_lost"))
-    differs = func.coalesce(last, literal_column("''")) != table.text
+    differs = func.coalesce(last, constant("")) != table.text
     return named.where(table.kb_id == KB, _ended(table), differs)
 
 

@@ -8,6 +8,7 @@ again now and then: an order that was good for few facts may be bad for many.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -135,14 +136,10 @@ def sample(definitions: Definitions, types: frozenset[int] | None) -> tuple[int,
 
 def domain_size(definitions: Definitions, types: frozenset[int] | None) -> int:
     """Return how many objects fit some types, at least 1."""
-    sizes: dict[int | None, int] | None = definitions.derived.get(domain_size)
-    if sizes is None:
-        sizes = {None: 0}
-        for object_ in definitions.objects:
-            sizes[None] += 1
-            for type_id in object_.type_ids:
-                sizes[type_id] = sizes.get(type_id, 0) + 1
-        definitions.derived[domain_size] = sizes
-    if types is None:
-        return max(sizes[None], 1)
-    return max(sum(sizes.get(type_id, 0) for type_id in types), 1)
+    sizes = definitions.derive(_sizes)
+    return max(sizes[None] if types is None else sum(map(sizes.__getitem__, types)), 1)
+
+
+def _sizes(definitions: Definitions) -> Counter[int | None]:
+    """Count the objects of each type, and all of them."""
+    return Counter(id_ for object_ in definitions.objects for id_ in (None, *object_.type_ids))

@@ -22,7 +22,6 @@ from sqlalchemy import (
     and_,
     bindparam,
     delete,
-    literal_column,
     or_,
     select,
 )
@@ -34,6 +33,7 @@ from .query import (
     Insert,
     Query,
     Unsought,
+    constant,
     each_of,
     first_rows,
     found_rows,
@@ -62,7 +62,7 @@ MOST_FORKS = _BITS + 1
 def _intervals(mapped: type[Base], owner: str) -> VersionTable:
     table = table_of(mapped)
     ended = {"fork": Fork(table.c.since, THEN)}
-    return VersionTable(owner, table, closed=ended, opened={"fork": literal_column(str(HOLDS_NOW))})
+    return VersionTable(owner, table, closed=ended, opened={"fork": constant(HOLDS_NOW)})
 
 
 def fork(since: int, until: int | None) -> int:
@@ -215,7 +215,7 @@ class SayingTable(VersionTable):
         self.new = Insert(table, *self.names)
         said = select(table.c.since).where(table.c.kb_id == KB, self.owner == _ID)
         before = said.where(table.c.since < THEN).order_by(table.c.since.desc())
-        since = first_rows(before, literal_column("1")).correlate_except(table).scalar_subquery()
+        since = first_rows(before, 1).correlate_except(table).scalar_subquery()
         last = select(_ID.label("id"), since.label("since")).subquery("last").c
         read = ("text", "value") if "value" in table.c else ("text",)
         found = (

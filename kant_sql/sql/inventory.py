@@ -13,17 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple, TypeVar
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    Text,
-    and_,
-    bindparam,
-    cast,
-    func,
-    literal_column,
-    select,
-)
+from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, func, select
 
 from ..errors import UNREADABLE, StoreError, missing_revision, reading_rows, unreadable
 from ..knowledge.canonical import read_source
@@ -31,7 +21,7 @@ from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
 from .dialects.containing import contains, pattern_of
-from .query import Query, first_rows, in_list, integer
+from .query import Query, constant, first_rows, in_list, integer
 from .schema import ensure_schema
 from .tables import (
     TABLES,
@@ -50,7 +40,7 @@ COUNTED_TOGETHER, COUNTED_EACH = 250_000, 10_000
 MOST_GOALS = 1_000
 PAGE = 50
 
-_ZERO: ColumnElement[Any] = literal_column("0")
+_ZERO = constant(0)
 
 
 # Statements are built on first use: few processes that connect list knowledge bases.
@@ -122,7 +112,7 @@ _NAMED = _page(lambda: [KnowledgeBaseRow.name == bindparam("name")])
 _TOTAL = Query(
     lambda: select(func.count(), func.coalesce(func.sum(HeadRow.revision), _ZERO)).where(
         # What no revision reaches is damaged, and might be too large for a sum.
-        HeadRow.revision.between(literal_column("1"), literal_column(str(2**40)))
+        HeadRow.revision.between(constant(1), constant(2**40))
     )
 )
 
@@ -173,7 +163,7 @@ def _reached(goals: Any) -> Any:
 def _formulas() -> Any:
     """Count the live goals that are not atoms, and the rules that may derive one."""
     version = TABLES["formula_version"]
-    section = version.c.section.in_([literal_column(f"'{s}'") for s in (GOAL, DERIVED_PREDICATE)])
+    section = version.c.section.in_([constant(s) for s in (GOAL, DERIVED_PREDICATE)])
     return (
         select(func.count())
         .where(version.c.kb_id == HeadRow.kb_id, version.c.until.is_(None), section)

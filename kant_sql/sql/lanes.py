@@ -8,7 +8,8 @@ began in a range of revisions is one range of the primary key (kb_id, owner, sin
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
 from typing import Any, NamedTuple
@@ -21,7 +22,7 @@ from .dialects.base import Row, Session
 from .dialects.containing import pattern_of
 from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
 from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
-from .query import Query, first_rows, integer
+from .query import Query, constant, first_rows, integer
 from .rows import FACT, GOAL, KB, VALUE
 from .tables import FunctionValueVersionRow, PropositionVersionRow
 from .valid_periods import ValidRange
@@ -266,139 +267,17 @@ def _in_window(kind: str, is_changed: bool) -> Query:
     owner = version.function_value_id if kind == VALUE else version.proposition_id
     own = [version.kb_id == KB]
     if kind != VALUE:
-        own.append(version.is_goal == literal_column("TRUE" if kind == GOAL else "FALSE"))
+        own.append(version.is_goal == constant(kind == GOAL))
     held = [*own, ANY_FUNCTION if kind == VALUE else ANY_PREDICATE, held_then(version)]
     ended = [*own, version.until > integer("at"), version.until <= integer("high")]
     began = [*own, version.since > integer("begin"), version.since <= integer("high")]
-    limit: Any = literal_column(str(MOST_LISTED + 1))
     parts = (
         first_rows(
-            select(literal_column(str(n)).label("part"), owner).where(*conditions), limit
+            select(constant(n).label("part"), owner).where(*conditions), MOST_LISTED + 1
         ).subquery()
         for n, conditions in enumerate((ended if is_changed else held, began))
     )
     return Query(union_all(*(select(part) for part in parts)))
-
-
-def _list_window(
-    session: Session,
-    kb_id: int,
-    kind: str,
-    bounds: tuple[int, int],
-    settled: int | None,
-    valid: dict[str, Any] | None,
-) -> Ids:
-    """List what has a version in a window of few revisions; None if it is too much."""
-    low, high = bounds
-    if kind == FORMULA or high - low > FEW_REVISIONS:
-        return None
-    is_changed = settled is not None
-    given = {"at": low} if is_changed else then(session, low)
-    # Of what there was nothing before, all that changed has ended or has begun later than that.
-    begin = settled if is_changed and not low else low
-    query = _in_window(kind, is_changed)
-    rows = session.rows(query, kb=kb_id, high=high, begin=begin, **given)
-    if valid is not None:
-        said = session.rows(_few(kind, "saying", _SAID_IN), kb=kb_id, **valid)
-        rows = [*rows, *((2, id_) for (id_,) in said)]
-    is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1, 2))
-    return None if is_much else sorted({id_ for _, id_ in rows})
-
-
-def _list_with_object(session: Session, kb_id: int, kind: str, object_: str) -> Ids:
-    """List what has an object among its arguments; None if it is too much."""
-    if kind == FORMULA:
-        return None
-    rows = session.rows(_few(kind, "argument", _WITH_OBJECT), kb=kb_id, object=object_)
-    return None if len(rows) > MOST_LISTED else [id_ for (id_,) in rows]
-
-
-def _given(session: Session, wanted: LaneFilter) -> dict[str, Any]:
-    given = {name: value for name, value in wanted._asdict().items() if value is not None}
-    if wanted.text is not None:
-        given["text"] = pattern_of(session, wanted.text)
-    return given
-
-
-def _valid(session: Session, span: ValidRange | None) -> dict[str, Any] | None:
-    if span is None:
-        return None
-    ends = session.from_time(span.since), session.from_time(span.until)
-    return {"begin": ends[0], "until": ends[1], "known": span.known}
-
-
-def _has(wanted: LaneFilter) -> LaneFilter:
-    return LaneFilter(*("" if value is not None else None for value in wanted))
-
-
-def count_unchanged(
-    session: Session,
-    kb_id: int,
-    kinds: Sequence[str],
-    wanted: LaneFilter,
-    bounds: tuple[int, int],
-    settled: int,
-    most: int,
-    valid: ValidRange | None = None,
-) -> tuple[int, bool]:
-    """Count the lanes that `settled` of `find_lanes` leaves out, in one statement.
-
-    At most `most` lanes of each kind are looked at; the flag says whether there were more.
-    """
-    dialect = session.backend.dialect.name
-    query = _unchanged(dialect, tuple(kinds), _has(wanted), valid is not None)
-    given = {**_given(session, wanted), **(_valid(session, valid) or {})}
-    row = session.first(
-        query, kb=kb_id, low=bounds[0], high=bounds[1], settled=settled, most=most + 1, **given
-    )
-    return (0, False) if row is None else (int(row[0] or 0), (row[1] or 0) > most)
-
-
-def find_lanes(
-    session: Session,
-    kb_id: int,
-    kind: str,
-    wanted: LaneFilter,
-    after: LanePlace,
-    bounds: tuple[int, int],
-    most: int,
-    enough: int,
-    settled: int | None = None,
-    valid: ValidRange | None = None,
-) -> list[FoundLane]:
-    """Find the lanes of a kind that have a version in a window, in three statements at most.
-
-    Args:
-        bounds: the state that the window begins with, and its last revision.
-        enough: how many versions of a lane are counted.
-        settled: leave out what held through the window, or was there by this revision for the
-            first time and held to the end; None for nothing.
-        valid: the window on the clock of valid times; None: on that of revisions.
-    """
-    given = _given(session, wanted)
-    if settled is not None:
-        given["settled"] = settled
-    times = _valid(session, valid) if _has_sayings(kind) else None
-    ids = _list_window(session, kb_id, kind, bounds, settled, times)
-    if ids is None and wanted.object is not None:
-        ids = _list_with_object(session, kb_id, kind, wanted.object)
-        if ids is not None:
-            wanted = wanted._replace(object=None)
-            del given["object"]
-    if ids is not None:
-        if not ids:
-            return []
-        given["ids"] = id_rows(ids)
-    shape = ids is not None, settled is not None, times is not None
-    query = _lanes(session.backend.dialect.name, kind, _has(wanted), *shape)
-    given |= times or {}
-    low, high = bounds
-    rows = session.rows(
-        query, kb=kb_id, **after._asdict(), low=low, high=high, most=most, enough=enough, **given
-    )
-    return [
-        FoundLane(id_, LanePlace(group, arguments), *rest) for id_, group, arguments, *rest in rows
-    ]
 
 
 class LaneSpan(NamedTuple):
@@ -437,15 +316,6 @@ def _spans(dialect: str, kind: str) -> Query:
     return Query(text(f"SELECT {columns} FROM {tables} WHERE {held}"))
 
 
-def read_spans(
-    session: Session, kb_id: int, kind: str, spans: Sequence[LaneSpan]
-) -> list[FoundVersion]:
-    """Read the versions of some spans, in one statement; in order within each span."""
-    query = _spans(session.backend.dialect.name, kind)
-    rows: list[Row] = session.rows(query, kb=kb_id, spans=json.dumps(spans))
-    return sorted((FoundVersion(*row) for row in rows), key=lambda found: found[:2])
-
-
 class Cell(NamedTuple):
     """What began of a lane in a slice, as far as it was counted; the last number is at its end."""
 
@@ -481,26 +351,123 @@ def _cells(dialect: str, kind: str) -> Query:
     )
 
 
-def count_cells(
-    session: Session,
-    kb_id: int,
-    kind: str,
-    lanes: Sequence[int],
-    slices: Sequence[tuple[int, int]],
-    enough: int,
-) -> list[Cell]:
-    """Count what began of some lanes in each of some slices, in one statement.
+def _has(wanted: LaneFilter) -> LaneFilter:
+    return LaneFilter(*("" if value is not None else None for value in wanted))
 
-    A slice is the revision before it, and its last one.
-    """
-    rows = session.rows(
-        _cells(session.backend.dialect.name, kind),
-        kb=kb_id,
-        lanes=id_rows(lanes),
-        slices=json.dumps(slices),
-        enough=enough,
-    )
-    return [Cell(*row) for row in rows]
+
+@dataclass(eq=False)
+class LaneReader:
+    """Reads the lanes of a window that a filter leaves, a statement or a few at a time."""
+
+    _session: Session
+    _kb_id: int
+    _wanted: LaneFilter
+    _bounds: tuple[int, int]  # the state that the window begins with, and its last revision
+    _valid: ValidRange | None = None  # the window on the clock of valid times, if that is asked for
+
+    def __post_init__(self) -> None:
+        self._dialect = self._session.backend.dialect.name
+        low, high = self._bounds
+        self._window = {"kb": self._kb_id, "low": low, "high": high}
+
+    def count_unchanged(self, kinds: Iterable[str], settled: int, most: int) -> tuple[int, bool]:
+        """Count the lanes that `settled` of `find` leaves out, in one statement.
+
+        At most `most` lanes of each kind are looked at; the flag says whether there were more.
+        """
+        query = _unchanged(self._dialect, (*kinds,), _has(self._wanted), self._valid is not None)
+        given = {**self._given(), **self._times(), "settled": settled, "most": most + 1}
+        row = self._session.first(query, **self._window, **given)
+        return (0, False) if row is None else (int(row[0] or 0), (row[1] or 0) > most)
+
+    def find(
+        self, kind: str, after: LanePlace, most: int, enough: int, settled: int | None
+    ) -> list[FoundLane]:
+        """Find the lanes of a kind that have a version in the window, in three statements at most.
+
+        Args:
+            enough: how many versions of a lane are counted.
+            settled: leave out what held through the window, or was there by this revision for the
+                first time and held to the end; None for nothing.
+        """
+        wanted, given = self._wanted, self._given()
+        if settled is not None:
+            given["settled"] = settled
+        times = self._times() if _has_sayings(kind) else {}
+        ids = self._in_window(kind, settled, times)
+        if ids is None and wanted.object is not None:
+            ids = self._with_object(kind)
+            if ids is not None:
+                wanted = wanted._replace(object=None)
+                del given["object"]
+        if ids is not None:
+            if not ids:
+                return []
+            given["ids"] = id_rows(ids)
+        shape = ids is not None, settled is not None, bool(times)
+        given |= {**times, **after._asdict(), "most": most, "enough": enough}
+        query = _lanes(self._dialect, kind, _has(wanted), *shape)
+        rows = self._session.rows(query, **self._window, **given)
+        return [
+            FoundLane(id_, LanePlace(group, arguments), *rest)
+            for id_, group, arguments, *rest in rows
+        ]
+
+    def _in_window(self, kind: str, settled: int | None, times: Mapping[str, Any]) -> Ids:
+        """List what has a version in a window of few revisions; None if it is too much."""
+        low, high = self._bounds
+        if kind == FORMULA or high - low > FEW_REVISIONS:
+            return None
+        session, kb_id, is_changed = self._session, self._kb_id, settled is not None
+        given = {"at": low} if is_changed else then(session, low)
+        # Of what there was nothing before, all that changed has ended or has begun later than that.
+        begin = settled if is_changed and not low else low
+        query = _in_window(kind, is_changed)
+        rows = session.rows(query, kb=kb_id, high=high, begin=begin, **given)
+        if times:
+            said = session.rows(_few(kind, "saying", _SAID_IN), kb=kb_id, **times)
+            rows = [*rows, *((2, id_) for (id_,) in said)]
+        is_much = any(sum(row[0] == n for row in rows) > MOST_LISTED for n in (0, 1, 2))
+        return None if is_much else sorted({id_ for _, id_ in rows})
+
+    def _with_object(self, kind: str) -> Ids:
+        """List what has the object among its arguments; None if it is too much."""
+        if kind == FORMULA:
+            return None
+        query, own = _few(kind, "argument", _WITH_OBJECT), {"object": self._wanted.object}
+        rows = self._session.rows(query, kb=self._kb_id, **own)
+        return None if len(rows) > MOST_LISTED else [id_ for (id_,) in rows]
+
+    def _given(self) -> dict[str, Any]:
+        wanted = self._wanted
+        given = {name: value for name, value in wanted._asdict().items() if value is not None}
+        if wanted.text is not None:
+            given["text"] = pattern_of(self._session, wanted.text)
+        return given
+
+    def _times(self) -> dict[str, Any]:
+        span = self._valid
+        if span is None:
+            return {}
+        begin, until = map(self._session.from_time, (span.since, span.until))
+        return {"begin": begin, "until": until, "known": span.known}
+
+    def spans(self, kind: str, spans: Sequence[LaneSpan]) -> list[FoundVersion]:
+        """Read the versions of some spans, in one statement; in order within each span."""
+        query, listed = _spans(self._dialect, kind), json.dumps(spans)
+        rows: list[Row] = self._session.rows(query, kb=self._kb_id, spans=listed)
+        return sorted((FoundVersion(*row) for row in rows), key=lambda found: found[:2])
+
+    def cells(
+        self, kind: str, lanes: Sequence[int], slices: Sequence[tuple[int, int]], enough: int
+    ) -> list[Cell]:
+        """Count what began of some lanes in each of some slices, in one statement.
+
+        A slice is the revision before it, and its last one.
+        """
+        given = {"lanes": id_rows(lanes), "slices": json.dumps(slices), "enough": enough}
+        query = _cells(self._dialect, kind)
+        return [Cell(*row) for row in self._session.rows(query, kb=self._kb_id, **given)]
 
 
 @cache

@@ -227,6 +227,13 @@ write_as(Unsought, "{0}")
 write_as(InRange, "{0} BETWEEN {1} AND {2}")
 
 
+def constant(value: str | int) -> ColumnElement[Any]:
+    """Write a text, a number or a truth value into the text of a statement."""
+    if isinstance(value, str):
+        return literal_column(f"'{value}'")
+    return literal_column(str(value).upper())
+
+
 def integer(name: str) -> ColumnElement[int]:
     """Write a parameter that is a revision, an id or a count."""
     return bindparam(name, type_=BigInteger)
@@ -270,10 +277,11 @@ def in_rows(
     return InRows(column, among, *(() if bounded is None else (bounded,)))
 
 
-def first_rows(rows: _Rows, number: ColumnElement[Any]) -> _Rows:
+def first_rows(rows: _Rows, number: ColumnElement[Any] | int) -> _Rows:
     """Limit a query to its first rows."""
-    # Explicit: SQLAlchemy would write it for SQLite as a constant.
-    return rows.limit(number).offset(literal_column("0"))
+    most = constant(number) if isinstance(number, int) else number
+    # Explicit: SQLAlchemy would write it for SQLite as a parameter.
+    return rows.limit(most).offset(constant(0))
 
 
 class IdsQuery:

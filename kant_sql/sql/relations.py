@@ -23,12 +23,10 @@ from sqlalchemy import text
 from typing_extensions import override
 
 from ..knowledge import resolved as r
-from ..knowledge.definitions import Definitions
-from ..knowledge.rules import DerivationRule, DerivationRules
+from ..knowledge.rules import DerivationRule
 from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
 from .dialects.words import HEAD, Words, quoted
-from .estimates import Size
 from .intervals import MOST_FORKS
 from .joins import JoinWriter
 from .query import Query
@@ -128,22 +126,15 @@ def _weight(part: r.Part) -> int:
     return 0
 
 
+@dataclass(eq=False)
 class ConditionCompiler(JoinWriter):
     """Writes the statements of one condition, with the relations that it needs."""
 
-    def __init__(
-        self,
-        words: Words,
-        definitions: Definitions,
-        is_past: bool,
-        size: Size | None = None,
-    ) -> None:
-        super().__init__(words, definitions, is_past, size)
-        self.steps: list[Iteration] = []
-        self._tables: list[str] = []
-        self._relations: dict[Any, str] = {}
-        # How deep the parentheses are nested around what is being written.
-        self._level = 0
+    steps: list[Iteration] = field(default_factory=list)
+    _tables: list[str] = field(default_factory=list)
+    _relations: dict[Any, str] = field(default_factory=dict)
+    # How deep the parentheses are nested around what is being written.
+    _level: int = 0
 
     def statement(self, sql: str) -> ConditionStatement:
         """Make the statement of a SELECT, with the WITH clause that it needs."""
@@ -489,12 +480,34 @@ class ConditionCompiler(JoinWriter):
         component = sorted(self.rules.component[predicate])
         if ("iterated", *component) not in self._relations:
             self._relations["iterated", *component] = ""
-            made, steps = iteration(
-                self.words, self.definitions, self.is_past, component, self.size, self.rules
-            )
+            made, steps = self._iteration(component)
             known = [each.arities for each in self.steps]
             self.steps += [each for each in (*steps, made) if each.arities not in known]
         return self.listed(predicate, rows_parameter(predicate))
+
+    def _iteration(self, component: Sequence[int]) -> tuple[Iteration, Sequence[Iteration]]:
+        """Make the statements that compute a component; return also what they need before."""
+        live = self.definitions.predicates.live
+        arities = {each: len(live(each).parameters) for each in component}
+        width = max(arities.values())
+        own = self.words, self.definitions, self.is_past, self.size, self.rules
+        first, further = (ConditionCompiler(*own) for _ in range(2))
+        for writer in (first, further):
+            for each in component:
+                writer.growing[each] = writer.listed(each, rows_parameter(each))
+                # A use that is limited to the facts of the last round.
+                writer.growing[-each] = writer.listed(each, delta_parameter(each))
+        made = {True: list[str](), False: list[str]()}
+        for predicate in component:
+            for select, is_first in _selects(first, further, predicate, frozenset(component)):
+                pad = "".join(", 0" for _ in range(width - arities[predicate]))
+                columns = ", ".join(f"c{n}" for n in range(arities[predicate]))
+                listed = f"{predicate} AS predicate{', ' if columns else ''}{columns}{pad}"
+                made[is_first].append(f"SELECT {listed} FROM ({select}) AS found")
+        before = first.statement(" UNION ALL ".join(made[True]))
+        after = further.statement(" UNION ALL ".join(made[False])) if made[False] else None
+        needed = [*before.steps, *(after.steps if after else ())]
+        return Iteration(arities, before, after), list({id(each): each for each in needed}.values())
 
     def listed(self, predicate: int, parameter: str) -> str:
         """Return the relation of the facts of a predicate that a parameter has."""
@@ -621,37 +634,6 @@ def _alternatives(rule: DerivationRule, component: frozenset[int]) -> list[_Alte
         for parts, bound in made
         if r.FALSE not in parts
     ]
-
-
-def iteration(
-    words: Words,
-    definitions: Definitions,
-    is_past: bool,
-    component: Sequence[int],
-    size: Size | None = None,
-    rules: DerivationRules | None = None,
-) -> tuple[Iteration, Sequence[Iteration]]:
-    """Make the statements that compute a component; return also what they need before."""
-    arities = {each: len(definitions.predicates.live(each).parameters) for each in component}
-    width = max(arities.values())
-    first, further = (ConditionCompiler(words, definitions, is_past, size) for _ in range(2))
-    for writer in (first, further):
-        writer.rules = writer.rules if rules is None else rules
-        for each in component:
-            writer.growing[each] = writer.listed(each, rows_parameter(each))
-            # A use that is limited to the facts of the last round.
-            writer.growing[-each] = writer.listed(each, delta_parameter(each))
-    made = {True: list[str](), False: list[str]()}
-    for predicate in component:
-        for select, is_first in _selects(first, further, predicate, frozenset(component)):
-            pad = "".join(", 0" for _ in range(width - arities[predicate]))
-            columns = ", ".join(f"c{n}" for n in range(arities[predicate]))
-            listed = f"{predicate} AS predicate{', ' if columns else ''}{columns}{pad}"
-            made[is_first].append(f"SELECT {listed} FROM ({select}) AS found")
-    before = first.statement(" UNION ALL ".join(made[True]))
-    after = further.statement(" UNION ALL ".join(made[False])) if made[False] else None
-    needed = [*before.steps, *(after.steps if after else ())]
-    return Iteration(arities, before, after), list({id(each): each for each in needed}.values())
 
 
 def _selects(

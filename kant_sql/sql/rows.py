@@ -19,7 +19,6 @@ from sqlalchemy import (
     bindparam,
     case,
     delete,
-    literal_column,
     null,
     or_,
     select,
@@ -42,7 +41,7 @@ from ..knowledge.definitions import (
 )
 from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
 from .dialects.base import Row
-from .query import AtKey, IdsQuery, Insert, Query, first_rows, in_rows
+from .query import AtKey, IdsQuery, Insert, Query, constant, first_rows, in_rows
 from .tables import (
     TABLES,
     Base,
@@ -87,7 +86,7 @@ def looked_up(
     """
     found = select(wanted).where(column.table.c.kb_id == KB, *conditions)
     found = found.where(AtKey(column, value)).order_by(column)
-    return first_rows(found, literal_column("1")).correlate_except(column.table).scalar_subquery()
+    return first_rows(found, 1).correlate_except(column.table).scalar_subquery()
 
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -390,23 +389,20 @@ class VersionColumns(NamedTuple):
 def _definition(kind: str, tables: Kind) -> VersionColumns:
     version = tables.version.table.c
     # A formula is of the kind that its section says.
-    name: Any = version.section if kind == "formula" else literal_column(f"'{kind}'")
+    name: Any = version.section if kind == "formula" else constant(kind)
     return VersionColumns(tables.identity.c, version, tables.version.owner, name, version.text)
 
 
 def _value() -> VersionColumns:
     version = table_of(FunctionValueVersionRow).c
-    kind: Any = literal_column(f"'{VALUE}'")
-    identity = table_of(FunctionValueRow).c
-    return VersionColumns(identity, version, version.function_value_id, kind, version.text)
+    identity, owner = table_of(FunctionValueRow).c, version.function_value_id
+    return VersionColumns(identity, version, owner, constant(VALUE), version.text)
 
 
 def _proposition() -> VersionColumns:
     version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
     # The version's own copy: a lookup of the text in the identity table costs more.
-    kind: Any = case(
-        (version.is_goal, literal_column(f"'{GOAL}'")), else_=literal_column(f"'{FACT}'")
-    )
+    kind: Any = case((version.is_goal, constant(GOAL)), else_=constant(FACT))
     text = looked_up(atom.text, atom.id, version.proposition_id)
     return VersionColumns(atom, version, version.proposition_id, kind, text)
 

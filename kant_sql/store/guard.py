@@ -28,8 +28,8 @@ from ..knowledge.definitions import (
 from ..knowledge.formulas import TreeReader
 from ..knowledge.grounding import bound, substitute
 from ..knowledge.rules import rules_of
-from ..sql.answers import Question, run
-from ..sql.dialects.base import Row, Session
+from ..sql.answers import Question, Reader
+from ..sql.dialects.base import Session
 from ..sql.relations import ConditionStatement
 
 # What each element of a kind was before a transaction, and what it is now; None where it is not.
@@ -257,7 +257,7 @@ class TouchedRules:
 
     def refuse(self, session: Session, kb_id: int) -> None:
         """Raise when what is forbidden has come true."""
-        self._session, self._kb_id = session, kb_id
+        self._reader = Reader(session, kb_id)
         for one in self.whole:
             self._refuse(one, {})
         for trigger, rows in self.rows.items():
@@ -268,15 +268,12 @@ class TouchedRules:
                 question = self._question(self.guard.definitions)
                 statement = trigger.statement = trigger.written(question)
             # The first row with whose objects the condition holds.
-            for place, *_ in self._run(statement, touched=json.dumps(rows)):
+            for place, *_ in self._reader.run(statement, {"touched": json.dumps(rows)}):
                 known = {slot: r.Known(rows[place][n]) for slot, n in trigger.places.items()}
                 self._refuse(trigger.forbidden, known)
 
     def _question(self, definitions: Definitions) -> Question:
-        return Question(self._session.backend.words, definitions, False)
-
-    def _run(self, statement: ConditionStatement, **given: Any) -> list[Row]:
-        return run(self._session, statement, kb=self._kb_id, at=None, given=given)
+        return Question(self._reader.session.backend.words, definitions, False)
 
     def _refuse(self, one: Forbidden, known: Mapping[r.Slot, r.Known]) -> None:
         """Raise for the first objects for which the condition holds, if there are any."""
@@ -284,7 +281,7 @@ class TouchedRules:
         part = r.replaced(one.part, {**known}, count(1_000_000))
         columns = [r.Column("", each) for each in one.bound if each.slot not in known]
         statement = self._question(definitions).answers(part, columns, {}, True)
-        found = self._run(statement, most=1)[1:]
+        found = self._reader.run(statement, {"most": 1})[1:]
         if not found:
             return
         slots = [each.bound.slot for each in columns]

@@ -9,6 +9,7 @@ from sqlalchemy import BigInteger, bindparam, func, select
 
 from ..errors import ArchivedError, StoreIntegrityError, check_integer
 from ..knowledge.definitions import Definitions
+from ..sql.answers import Reader
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import then
 from ..sql.query import Query
@@ -40,6 +41,11 @@ class View(NamedTuple):
     # The revision that last changed a definition, where it still has to be compared with the head
     # in the statement that reads; else None.
     definition_revision: int | None = None
+
+    @property
+    def reader(self) -> Reader:
+        """Return what runs the statements of conditions on this state."""
+        return Reader(self.session, self.kb_id, self.at)
 
     def rows(self, queries: Mapping[bool, Query]) -> list[Row]:
         """Run a query of the present or that of the past; nothing is found before a first write."""

@@ -33,13 +33,14 @@ from ..errors import (
     printable,
 )
 from ..knowledge.canonical import Metadata, make_metadata
-from ..knowledge.definitions import Definitions
+from ..knowledge.definitions import Definitions, PendingDefinitions
 from ..knowledge.sayings import COMMITTED, FROM_NOW_ON, OBSERVED, Given, make_period
 from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
 from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
 from .head import Committed, Head, create_knowledge_base, find_knowledge_base, hash_of, lock_head
+from .ledger import WriteContext
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
 from .snapshot import DefinitionsMovedError, View, open_view, read_definition_revision, vanished
 from .transaction import Transaction
@@ -433,17 +434,11 @@ class Store:
                 self._forget_identities()
                 self._known_of = state
             return Transaction(
-                session,
-                kb_id,
-                self.name,
-                head,
-                metadata,
-                definitions,
+                *(session, kb_id, self.name, head, metadata),
+                PendingDefinitions(definitions),
                 self._agreements.at(definitions),
-                self._atoms,
-                self._fluents,
-                given,
-                period,
+                WriteContext(session, kb_id, head, period),
+                *(self._atoms, self._fluents, given),
             )
         except BaseException:
             end_session(session)

@@ -11,7 +11,9 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from datetime import timedelta
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
@@ -19,7 +21,7 @@ from sqlalchemy import bindparam, func, select, update
 
 from ..errors import ConnectionLostError, InvalidArgumentError
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
-from ..knowledge.definitions import KINDS, Definition, Definitions, PendingDefinitions
+from ..knowledge.definitions import KINDS, Definition, PendingDefinitions
 from ..knowledge.sayings import FROM_NOW_ON, Given, Period
 from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
@@ -82,53 +84,42 @@ _SAYINGS = {_PROPOSITIONS: "sayings of facts", _VALUES: "sayings of values"}
 _ORDER = (*KINDS, _PROPOSITIONS, _VALUES, *_SAYINGS.values(), _RECORDS, _EXECUTIONS)
 
 
+@dataclass(eq=False, repr=False)
 class Transaction:
     """What one writer changes in one revision. One thread uses it, between BEGIN and COMMIT."""
 
-    def __init__(
-        self,
-        session: Session,
-        kb_id: int,
-        name: str,
-        head: Head,
-        metadata: Metadata,
-        definitions: Definitions,
-        agreements: Agreements,
-        atoms: AtomCache,
-        fluents: FluentCache,
-        given: Given = FROM_NOW_ON,
-        period: Period | None = None,
-    ) -> None:
-        self.session = session
-        self.kb_id = kb_id
-        self.name = name
-        self.head = head  # the head row as it was locked
-        self.number = head.revision + 1  # the revision that it makes
-        self.metadata = metadata  # what the writer says of the revision
-        self.definitions = PendingDefinitions(definitions)  # the definitions, as changed so far
-        # The references by DTOs that were found to agree with what is stored.
-        self.agreements = agreements
-        self.committed: Committed | None = None  # the revision, from just before COMMIT is sent
-        self.redefined = False  # whether the revision changes a definition
-        # Within a batch, the types that agree with what is stored, by address.
-        self.agreed_types: dict[int, object] | None = None
-        self.changed = 0  # how many changes the revision has
-        self.confirms = False  # whether to save a fact that holds already is to confirm it
-        self.given = given  # where the period that it speaks of begins and ends, as it was given
-        # Whether it changes texts of earlier revisions, so that nothing cached is right.
-        self.erases = False
-        # The key, the digest and the results of the request that makes it, if it may be repeated.
-        self.request: tuple[str, str, str] | None = None
+    session: Session
+    kb_id: int
+    name: str
+    head: Head  # the head row as it was locked
+    metadata: Metadata  # what the writer says of the revision
+    definitions: PendingDefinitions  # the definitions, as changed so far
+    # The references by DTOs that were found to agree with what is stored.
+    agreements: Agreements
+    _context: WriteContext
+    _atoms: AtomCache
+    _fluents: FluentCache
+    given: Given = FROM_NOW_ON  # where the period that it speaks of begins and ends, as given
+    number: int = field(init=False)  # the revision that it makes
+    committed: Committed | None = None  # the revision, from just before COMMIT is sent
+    redefined: bool = False  # whether the revision changes a definition
+    # Within a batch, the types that agree with what is stored, by address.
+    agreed_types: dict[int, object] | None = None
+    changed: int = 0  # how many changes the revision has
+    confirms: bool = False  # whether to save a fact that holds already is to confirm it
+    # Whether it changes texts of earlier revisions, so that nothing cached is right.
+    erases: bool = False
+    # The key, the digest and the results of the request that makes it, if it may be repeated.
+    request: tuple[str, str, str] | None = None
+    _started: float = field(init=False)
+    # The ledgers of the kinds touched so far.
+    _ledgers: dict[str, PendingChanges] = field(default_factory=dict)
+    _propositions: PropositionLedger | None = None
+    _values: FunctionValueLedger | None = None
+
+    def __post_init__(self) -> None:
+        self.number = self._context.number
         self._started = time.monotonic()
-        self._atoms = atoms
-        self._fluents = fluents
-        self._context = WriteContext(session, kb_id, head, period)
-        # The ledgers of the kinds touched so far.
-        self._ledgers: dict[str, PendingChanges] = {}
-        self._propositions: PropositionLedger | None = None
-        self._values: FunctionValueLedger | None = None
-        self._records: Records | None = None
-        self._executions: ExecutionLedger | None = None
 
     @property
     def propositions(self) -> PropositionLedger:
@@ -153,21 +144,17 @@ class Transaction:
         if ledger.sayings is not None:
             self._ledgers[_SAYINGS[name]] = ledger.sayings
 
-    @property
+    @cached_property
     def records(self) -> Records:
         """The plans, confirmations and archives that it records."""
-        found = self._records
-        if found is None:
-            found = self._ledgers[_RECORDS] = self._records = Records(self._context)
-        return found
+        made = self._ledgers[_RECORDS] = Records(self._context)
+        return made
 
-    @property
+    @cached_property
     def executions(self) -> ExecutionLedger:
         """The outcomes of executions that it sets."""
-        found = self._executions
-        if found is None:
-            found = self._ledgers[_EXECUTIONS] = self._executions = ExecutionLedger(self._context)
-        return found
+        made = self._ledgers[_EXECUTIONS] = ExecutionLedger(self._context)
+        return made
 
     def _ledger(self, kind: str) -> DefinitionLedger:
         """Return the ledger of the definitions of one kind."""
@@ -308,7 +295,7 @@ class Transaction:
 
     def find_execution(self, key: Key) -> str | None:
         """Find an execution; give its text."""
-        if self._records is not None and self._records.pending:
+        if _RECORDS in self._ledgers and self.records.pending:
             self.flush()
         return self.executions.find(key)
 

@@ -14,7 +14,6 @@ from sqlalchemy import (
     bindparam,
     delete,
     func,
-    literal_column,
     select,
     union_all,
     update,
@@ -24,7 +23,7 @@ from ...dao.base import batches
 from ...errors import ConflictError, StoreError
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
-from ...sql.query import Query, in_list, in_rows, integer
+from ...sql.query import Query, constant, in_list, in_rows, integer
 from ...sql.rows import KB, AtomTables
 from ...sql.tables import TABLES, HeadRow
 from ...store.store import Store
@@ -63,7 +62,7 @@ def _ended(part: ArchivedTable) -> tuple[ColumnElement[bool], ...]:
 _COUNT = Query(
     union_all(
         *(
-            select(literal_column(f"'{part.version.name}'"), func.count()).where(*_ended(part))
+            select(constant(part.version.name), func.count()).where(*_ended(part))
             for part in ARCHIVED_TABLES
         )
     )

@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 from functools import cache
 from typing import Any, NamedTuple
 
-from sqlalchemy import Text, cast, literal_column, null, select
+from sqlalchemy import Text, cast, null, select
 
 from ... import html
 from ...dto.elements import PddlObjectDto
@@ -97,7 +97,7 @@ def _mentions(table: Any, column: str, revision: str | None) -> Query:
     said = cast(table.c[column], Text)
     at = null() if revision is None else table.c[revision]
     rows = select(at, said).where(table.c.kb_id == KB, contains(said))
-    return Query(first_rows(rows, literal_column(str(LISTED))))
+    return Query(first_rows(rows, LISTED))
 
 
 _NAMES = {

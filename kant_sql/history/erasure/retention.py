@@ -9,14 +9,14 @@ from datetime import timedelta
 from functools import cache
 from typing import NamedTuple
 
-from sqlalchemy import ColumnElement, String, bindparam, literal_column, select, true
+from sqlalchemy import String, bindparam, select, true
 
 from ...arguments import expect, iterate, shown
 from ...errors import InvalidArgumentError
 from ...knowledge.canonical import SAID
 from ...sql import tables as t
 from ...sql.dialects.base import Session
-from ...sql.query import Query
+from ...sql.query import Query, constant
 from ...sql.rows import KB, table_of
 from ...sql.tables.base import UtcTime
 from ...store.state import State
@@ -76,7 +76,7 @@ def _read_rule(line: str) -> RetentionRule:
 @cache
 def _old(label: str, is_any: bool) -> Query:
     """Find revisions of form 2 that are older, and of which this part was not erased yet."""
-    position: ColumnElement[int] = literal_column(str(SAID_AT[label]))
+    position = constant(SAID_AT[label])
     gone = select(_PART.number).where(
         *(_PART.kb_id == KB, _PART.number == _REVISION.number, _PART.position == position),
         _PART.erasure_id.is_not(None),
@@ -86,7 +86,7 @@ def _old(label: str, is_any: bool) -> Query:
     return Query(
         select(_REVISION.number).where(
             *(_REVISION.kb_id == KB, _REVISION[label].is_not(None)),
-            _REVISION.form > literal_column("1"),
+            _REVISION.form > constant(1),
             _REVISION.committed_at < bindparam("before", type_=UtcTime()),
             true() if is_any else _REVISION.actor == bindparam("actor", type_=String()),
             ~gone.exists(),

@@ -16,7 +16,6 @@ from sqlalchemy import (
     and_,
     bindparam,
     cast,
-    literal_column,
     or_,
     select,
     update,
@@ -29,7 +28,7 @@ from ...sql.changes import LOW, in_range
 from ...sql.dialects.base import Row, Session
 from ...sql.executions import NO_PLAN
 from ...sql.intervals import fork
-from ...sql.query import Query, found_rows, in_rows, integer, whole_rows
+from ...sql.query import Query, constant, found_rows, in_rows, integer, whole_rows
 from ...sql.rows import ATOM_TABLES, KB, KIND_TABLES, AtomTables, is_of_version, table_of
 from ...sql.tables.base import UtcTime
 
@@ -364,21 +363,18 @@ def _recorded(table: Table) -> Query:
     # An execution of no plan is recorded with its first outcome.
     began, execution = VERSION.alias("began").c, EXECUTION.alias("own").c
     own = select(began.position).where(
-        began.kb_id == KB, began.plan_id == _NO_PLAN, in_range(began.since)
+        began.kb_id == KB, began.plan_id == constant(NO_PLAN), in_range(began.since)
     )
-    recorded = select(_ONE).where(
+    recorded = select(constant(1)).where(
         execution.kb_id == KB,
-        execution.plan_id == _NO_PLAN,
+        execution.plan_id == constant(NO_PLAN),
         execution.position == table.c.position,
         in_range(execution.since),
     )
-    is_own = and_(table.c.plan_id == _NO_PLAN, in_rows(table.c.position, own))
+    is_own = and_(table.c.plan_id == constant(NO_PLAN), in_rows(table.c.position, own))
     is_new = recorded.correlate(table).exists()
     return _all_of(table, or_(in_rows(table.c.plan_id, plans), and_(is_own, is_new)))
 
-
-_ONE: Any = literal_column("1")
-_NO_PLAN: Any = literal_column(str(NO_PLAN))
 
 _REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
 _LINKS = _all_of(_LINK, in_range(_LINK.c.number))

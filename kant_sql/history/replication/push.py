@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
 from ...errors import (
@@ -77,18 +78,16 @@ def send(
         return _Push(source, target, terms, stack).run(progress, is_stopped)
 
 
+@dataclass
 class _Push:
-    def __init__(
-        self, source: ReplicationSide, target: Target, terms: Terms, stack: ExitStack
-    ) -> None:
-        self._source = source
-        self._target = target
-        self._terms = terms
-        self._stack = stack
-        self._archive: ReplicationSide | None = None
-        self._size = BatchSize()
-        self._versions = 0
-        self._erasures = 0
+    _source: ReplicationSide
+    _target: Target
+    _terms: Terms
+    _stack: ExitStack
+    _archive: ReplicationSide | None = None
+    _size: BatchSize = field(default_factory=BatchSize)
+    _versions: int = 0
+    _erasures: int = 0
 
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
         """Compare the heads, and send batches until the target has all of the source."""

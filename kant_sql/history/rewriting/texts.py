@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 from unicodedata import normalize
 
-from sqlalchemy import Table, bindparam, false, literal_column, null, or_, select, update
+from sqlalchemy import Table, bindparam, false, null, or_, select, update
 
 from ...dao.base import batches
 from ...dto.elements import atom_text, value_text
@@ -24,7 +25,7 @@ from ...sql.definition_rows import load_at
 from ...sql.dialects.base import Row, Session
 from ...sql.executions import NO_PLAN, PLAN_STEP, ExecutionDefinition, Key, outcome_text, quoted
 from ...sql.plans import PlanDefinition
-from ...sql.query import Query, in_list, integer
+from ...sql.query import Query, constant, in_list, integer
 from ...sql.rows import ATOM_TABLES, FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, table_of
 from ...store.snapshot import View
 from ..verify.definition_check import names_alone
@@ -96,7 +97,7 @@ _PLANS_WITH = Query(
 def _of(table: Table, owner: str, *names: str, **also: int) -> Query:
     """Read some columns of a table, or all but the first, by a list of ids."""
     columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
-    own = (table.c[name] == literal_column(str(value)) for name, value in also.items())
+    own = (table.c[name] == constant(value) for name, value in also.items())
     which = table.c.kb_id == KB, in_list(table.c[owner], "ids"), *own
     return Query(select(*columns).where(*which).order_by(*[*table.primary_key.columns][1:]))
 
@@ -134,27 +135,20 @@ def _set(table: Table, key: tuple[str, ...], *names: str) -> Query:
     return Query(update(table).where(table.c.kb_id == bindparam("kb"), *own).values(values))
 
 
+@dataclass(eq=False)
 class TextWriter:
     """Renames an object in one knowledge base, in an open transaction."""
 
-    def __init__(
-        self,
-        session: Session,
-        kb_id: int,
-        name: str,
-        renaming: Renaming,
-        also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None,
-    ) -> None:
-        self._session = session
-        self._kb = kb_id
-        self._name = name
-        self._to = renaming
-        # Called with all that is set, and with the statement.
-        self._also = also
-        # The texts that changes had before, of those whose texts are others now.
-        self.old: dict[ChangeKey, str] = {}
-        # What places of documents say: of a formula its hash, of a ground goal its text.
-        self._items: dict[str, str] = {}
+    _session: Session
+    _kb: int
+    _name: str
+    _to: Renaming
+    # Called with all that is set, and with the statement.
+    _also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None
+    # The texts that changes had before, of those whose texts are others now.
+    old: dict[ChangeKey, str] = field(default_factory=dict)
+    # What places of documents say: of a formula its hash, of a ground goal its text.
+    _items: dict[str, str] = field(default_factory=dict)
 
     def run(self) -> None:
         """Rename it, and write all texts again."""

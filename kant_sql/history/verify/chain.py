@@ -10,7 +10,7 @@ from itertools import chain, groupby, islice
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from sqlalchemy import literal_column, select
+from sqlalchemy import select
 
 from ...knowledge.canonical import (
     FORM,
@@ -24,7 +24,7 @@ from ...knowledge.canonical import (
 )
 from ...sql.changes import REVISIONS, SIGNS, in_range, stream_change_rows
 from ...sql.dialects.base import Row, Session
-from ...sql.query import Query, in_list
+from ...sql.query import Query, constant, in_list
 from ...sql.rows import KB, table_of
 from ...sql.tables import CommitmentRow, RevisionRow
 from ...store.head import read_name
@@ -154,7 +154,7 @@ def stream_chain(
 
 
 _OF_NUMBERS = Query(
-    REVISIONS.add_columns(RevisionRow.form, RevisionRow.seed, literal_column("1"))
+    REVISIONS.add_columns(RevisionRow.form, RevisionRow.seed, constant(1))
     .where(in_list(RevisionRow.number, "numbers"))
     .order_by(RevisionRow.number)
 )

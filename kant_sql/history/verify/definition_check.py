@@ -15,7 +15,7 @@ from itertools import zip_longest
 from operator import eq
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, Table, func, literal_column, select
+from sqlalchemy import Select, Table, func, select
 
 from ...dto.formulas import COMPARISONS
 from ...dto.lexical import decimal_text, fold
@@ -26,7 +26,7 @@ from ...knowledge.canonical import canonical_text
 from ...knowledge.formulas import TreeReader, TreeWriter
 from ...knowledge.trees import PREDICATE, ParameterDefinition, Tree, TreeNode, mentioned
 from ...sql.dialects.base import Row
-from ...sql.query import Query
+from ...sql.query import Query, constant
 from ...sql.rows import KB, KIND_TABLES, RowsByTable, looked_up
 from ...sql.tables import TABLES
 from .sides import Check, Touched, began, differing, interval_fault
@@ -101,7 +101,7 @@ def doubles(table: Table, *key: str) -> Select[Any]:
         select(func.min(table.c.id), func.max(table.c.id))
         .where(table.c.kb_id == KB)
         .group_by(*(table.c[name] for name in key))
-        .having(func.count() > literal_column("1"))
+        .having(func.count() > constant(1))
     )
 
 

@@ -8,18 +8,7 @@ from hashlib import sha256
 from math import copysign
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    ColumnElement,
-    Select,
-    Table,
-    and_,
-    false,
-    func,
-    literal_column,
-    or_,
-    select,
-    union,
-)
+from sqlalchemy import ColumnElement, Select, Table, and_, false, func, or_, select, union
 
 from ...dto.elements import atom_text, value_text
 from ...knowledge.sayings import Period
@@ -40,7 +29,7 @@ from ...sql.executions import (
 )
 from ...sql.intervals import FACT_SAYINGS, VALUE_SAYINGS, SayingTable, fork, fork_of_period
 from ...sql.plans import PlanDefinition
-from ...sql.query import Query, in_rows, integer
+from ...sql.query import Query, constant, in_rows, integer
 from ...sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, AtomTables, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
 from .sides import AFTER, Check, Touched, interval_fault, stored_time
@@ -304,7 +293,7 @@ def _touched(table: Table) -> ColumnElement[bool]:
 
 def _of_plans(table: Table) -> ColumnElement[bool]:
     """Narrow a table to the steps of plans."""
-    found: ColumnElement[bool] = table.c.plan_id > _NO_PLAN
+    found: ColumnElement[bool] = table.c.plan_id > constant(NO_PLAN)
     return found
 
 
@@ -317,13 +306,12 @@ def _touched_executions(table: Table) -> ColumnElement[bool]:
     """Narrow a table to executions that began or ended, or whose plan was touched."""
     version = _VERSIONS.alias("ended").c
     either = or_(version.since > AFTER, version.until > AFTER)
-    own = select(version.position).where(version.kb_id == KB, version.plan_id == _NO_PLAN, either)
+    own = select(version.position).where(
+        version.kb_id == KB, version.plan_id == constant(NO_PLAN), either
+    )
     of_plan = in_rows(table.c.plan_id, _touched_plans())
-    is_own = and_(table.c.plan_id == _NO_PLAN, in_rows(table.c.position, own))
+    is_own = and_(table.c.plan_id == constant(NO_PLAN), in_rows(table.c.position, own))
     return or_(and_(_of_plans(table), of_plan), is_own)
-
-
-_NO_PLAN: Any = literal_column(str(NO_PLAN))
 
 
 class ExecutionCheck:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from sqlalchemy import Select, func, literal_column, or_, select, union_all
+from sqlalchemy import Select, func, or_, select, union_all
 
 from ...knowledge.canonical import archive_text, promotion_text
 from ...sql import tables as t
 from ...sql.executions import NO_PLAN
-from ...sql.query import Query
+from ...sql.query import Query, constant
 from ...sql.rows import KB, KIND_TABLES, columns_of, table_of
 from .chain import Chain, moment_text
 from .sides import Check
@@ -57,7 +57,7 @@ _OTHERS: tuple[type[t.Base], ...] = (
 _IDENTITIES = [kind.identity for kind in KIND_TABLES.values()] + [*map(table_of, _OTHERS)]
 _EXECUTION = table_of(t.ExecutionRow).c
 # An execution of no plan has an id that the head gave out; a step has a position.
-_OF_NO_PLAN = _EXECUTION.kb_id == KB, _EXECUTION.plan_id == literal_column(str(NO_PLAN))
+_OF_NO_PLAN = _EXECUTION.kb_id == KB, _EXECUTION.plan_id == constant(NO_PLAN)
 _IDS = _largest(
     [table.c.id for table in _IDENTITIES], select(func.max(_EXECUTION.position)).where(*_OF_NO_PLAN)
 )

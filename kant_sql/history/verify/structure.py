@@ -9,12 +9,12 @@ from collections import defaultdict
 from itertools import product, takewhile
 from typing import Any
 
-from sqlalchemy import ColumnElement, exists, func, literal_column, select, union_all
+from sqlalchemy import ColumnElement, exists, func, select, union_all
 
 from ...sql.dialects.base import Session
 from ...sql.dialects.structure import Statement
 from ...sql.predicate_views import replaced_views
-from ...sql.query import Query, integer
+from ...sql.query import Query, constant, integer
 from ...sql.rows import KB, table_of
 from ...sql.schema import recorded
 from ...sql.tables import Base, KnowledgeBaseRow
@@ -116,7 +116,7 @@ def _strays(has_low: bool, has_high: bool) -> Query:
     return Query(
         union_all(
             *(
-                select(literal_column(f"'{table.name}'")).where(
+                select(constant(table.name)).where(
                     exists(select(table.c.kb_id).where(*within(table.c.kb_id)))
                 )
                 for table in tables
