@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar, Unpack
+from typing import Any, TypeVar
 
 from markupsafe import Markup
 
@@ -45,20 +45,6 @@ T = TypeVar("T")
 
 # What the caller has got wrong is refused; what is wrong in the store is told of.
 _WRONG = (AnchorError, InvalidArgumentError, UnknownNameError, UnknownRevisionError)
-
-
-class ReportOptions(TypedDict, total=False):
-    """What a report has: the arguments of `report_html`, by name."""
-
-    since: When | None
-    until: When | None
-    objects: Iterable[str]
-    facts: Iterable[str]
-    rules: Rules | None
-    verify: bool
-    anchor: Anchor | None
-    progress: Progress | None
-    clock: str
 
 
 def report_html(
@@ -214,14 +200,33 @@ def _digest(text: str) -> str:
 
 
 def write_report(
-    kb: KnowledgeBase, path: str | os.PathLike[str], **options: Unpack[ReportOptions]
+    kb: KnowledgeBase,
+    path: str | os.PathLike[str],
+    *,
+    since: When | None = None,
+    until: When | None = None,
+    objects: Iterable[str] = (),
+    facts: Iterable[str] = (),
+    rules: Rules | None = None,
+    verify: bool = True,
+    anchor: Anchor | None = None,
+    progress: Progress | None = None,
+    clock: str = COMMITTED,
 ) -> Path:
     """Write the report of a range of revisions to a file, whole or not at all.
 
     Args:
         kb: the knowledge base.
         path: the file; one that is there is replaced.
-        **options: as for `report_html`.
+        since: as for `report_html`.
+        until: as for `report_html`.
+        objects: as for `report_html`.
+        facts: as for `report_html`.
+        rules: as for `report_html`.
+        verify: as for `report_html`.
+        anchor: as for `report_html`.
+        progress: as for `report_html`.
+        clock: as for `report_html`.
 
     Returns:
         The path.
@@ -238,7 +243,19 @@ def write_report(
     expect(path, (str, os.PathLike), "the path", InvalidArgumentError)
     target = Path(path)
     with replacing(target) as draft:
-        draft.write_text(report_html(kb, **options), encoding="utf-8")
+        made = report_html(
+            kb,
+            since=since,
+            until=until,
+            objects=objects,
+            facts=facts,
+            rules=rules,
+            verify=verify,
+            anchor=anchor,
+            progress=progress,
+            clock=clock,
+        )
+        draft.write_text(made, encoding="utf-8")
     return target
 
 
