@@ -83,37 +83,21 @@ def depends_on(rules: DerivationRules, part: r.Part, given: Given) -> set[Patter
 
 
 class RuleUse(NamedTuple):
-    """A way in which what a rule says of its predicate rests on a literal.
-
-    Attributes:
-        predicate: the predicate.
-        holds: whether the body of the rule holds.
-        parameters: the objects of the literal.
-        row: the objects of the predicate.
-        bound: the variables that are neither.
-        part: what holds then.
-    """
+    """A way in which what a rule says of its predicate rests on a literal."""
 
     predicate: int
-    holds: bool
-    parameters: tuple[r.Slot, ...]
-    row: tuple[r.Place, ...]
-    bound: tuple[r.Bound, ...]
-    part: r.Part
+    holds: bool  # whether the body of the rule does
+    parameters: tuple[r.Slot, ...]  # the objects of the literal
+    row: tuple[r.Place, ...]  # those of the predicate
+    bound: tuple[r.Bound, ...]  # the variables that are neither
+    part: r.Part  # what holds then
 
 
-_RuleUses = Mapping[tuple[bool, int, bool], list[RuleUse]]
-
-
-def rule_uses(definitions: Definitions) -> _RuleUses:
+def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[RuleUse]]:
     """Return how derived facts may rest on each literal, or on atoms that do, kept with a state."""
-    found: _RuleUses | None = definitions.derived.get(RuleUse)
-    if found is None:
-        found = definitions.derived[RuleUse] = _rule_uses(definitions)
-    return found
-
-
-def _rule_uses(definitions: Definitions) -> _RuleUses:
+    kept: defaultdict[Any, list[RuleUse]] | None = definitions.derived.get(RuleUse)
+    if kept is not None:
+        return kept
     rules, found = rules_of(definitions), defaultdict[Any, list[RuleUse]](list)
     pending = [(predicate, True) for predicate in rules.component]
     seen = {*pending}
@@ -131,6 +115,7 @@ def _rule_uses(definitions: Definitions) -> _RuleUses:
                     seen.add((head[1], leaf_holds))
                     pending.append((head[1], leaf_holds))
                 found[*head, leaf_holds].append(use)
+    definitions.derived[RuleUse] = found
     return found
 
 
