@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from itertools import islice, product
 from typing import Any, NamedTuple
 
 from .. import html
@@ -34,10 +35,10 @@ from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, Key, read_out
 from ..sql.rows import FACT, VALUE
 from ..store.snapshot import View, read_definition_revision
 from ..store.state import State
-from .after import head_of, heads_of
+from .after import head_of
 from .derived import world_of
 from .steps import PreparedAction, prepared
-from .uses import Literal, Uses, parts_used
+from .uses import Literal, Pattern, Uses, depends_on, parts_used, users_of
 from .world import Head, Row, World
 
 # Versions of the element in question that are followed, and derived facts that are looked at.
@@ -169,62 +170,69 @@ class _FactJob(NamedTuple):
 
 
 class _RuleJob(NamedTuple):
-    """All facts that rules derive from a predicate or a function."""
+    """A literal that rules may have derived facts from, with its text."""
 
-    head: tuple[bool, int]
+    literal: Literal
     at: int
-
-    def asked(self, world: World) -> list[_Asked]:
-        """Return the derived facts; of a state without facts, what they depend on."""
-        rules, found = rules_of(world.definitions), []
-        for predicate in rules.component:
-            if self.head in heads_of(rules, *(rule.body for rule in rules.of(predicate))):
-                world.has(predicate, ())
-                rows = sorted(world.relation(predicate).rows)[:DERIVED] or [(0,)]
-                found += [_Asked(r.HoldsFact(predicate, tuple(map(r.Known, row)))) for row in rows]
-        return found
+    text: str
 
 
-_Job = _ActJob | _FactJob | _RuleJob
+_Job = _ActJob | _FactJob
 _Used = list[tuple[r.Part, list[_Dated]]]
 
 
 class _Evaluation:
     """Evaluates jobs in their states, which are read at once."""
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, head: int) -> None:
         assert view.kb_id is not None
         self._view = view
         self._session, self._kb_id = view.session, view.kb_id
-        self._reader = PastReader(view.session, view.kb_id)
+        self._reader = PastReader(view.session, view.kb_id, head)
         # Since when the definitions of the view are as they are.
         self._epoch: int | None = None
 
     def run(self, jobs: Sequence[_Job]) -> list[_Used]:
         """Return for each job what each of its parts used, with the texts of literals."""
+        found: list[list[tuple[r.Part, list[Literal]]]] = [[] for _ in jobs]
+        texts: dict[Literal, str] = {}
+        for world, uses, place in self._in_states(jobs):
+            for asked in jobs[place].asked(world):
+                own = list(dict.fromkeys(uses.of(*asked)))
+                texts |= {one: _text(world, one) for one in own if one not in texts}
+                found[place].append((asked.part, own))
+        return self._dated(jobs, found, texts)
+
+    def derived(self, jobs: Sequence[_RuleJob]) -> Iterator[tuple[str, str]]:
+        """Yield the derived facts that used literals, with those."""
+        for world, uses, place in self._in_states(jobs):
+            job = jobs[place]
+            for one in sorted(islice(uses.users(job.literal), DERIVED)):
+                yield _text(world, one), job.text
+
+    def _in_states(
+        self, jobs: Sequence[_Job] | Sequence[_RuleJob]
+    ) -> Iterator[tuple[World, Uses, int]]:
+        """Yield the place of each job while the world has its state; all are read at once."""
         of_state: defaultdict[int, list[int]] = defaultdict(list)
         for place, job in enumerate(jobs):
             of_state[job.at].append(place)
         worlds = [(world_of(one), own) for one, own in self._epochs(sorted(of_state)[::-1])]
-        atoms, heads = set[tuple[Any, int]](), set[tuple[bool, int, int]]()
-        for world, revisions in worlds:
-            for at in revisions:
-                for place in of_state[at]:
-                    for asked in jobs[place].asked(world):
-                        self._patterns(world.definitions, asked, at, atoms, heads)
-        states = self._states(atoms, heads)
-        found: list[list[tuple[r.Part, list[Literal]]]] = [[] for _ in jobs]
-        texts: dict[Literal, str] = {}
+        states = self._states(
+            {
+                (pattern, at)
+                for world, revisions in worlds
+                for at in revisions
+                for place in of_state[at]
+                for pattern in _patterns(world, jobs[place])
+            }
+        )
         for world, revisions in worlds:
             uses = Uses(world)
             for at in revisions:
                 with_state(world, states[at])
                 for place in of_state[at]:
-                    for asked in jobs[place].asked(world):
-                        own = list(dict.fromkeys(uses.of(*asked)))
-                        texts |= {one: _text(world, one) for one in own if one not in texts}
-                        found[place].append((asked.part, own))
-        return self._dated(jobs, found, texts)
+                    yield world, uses, place
 
     def _epochs(self, revisions: Sequence[int]) -> Iterator[tuple[Definitions, list[int]]]:
         """Yield definitions with the revisions at which they were so, the newest first."""
@@ -242,37 +250,14 @@ class _Evaluation:
             yield definitions, own
             rest = rest[len(own) :]
 
-    def _patterns(
-        self,
-        definitions: Definitions,
-        asked: _Asked,
-        at: int,
-        atoms: set[tuple[Any, int]],
-        heads: set[tuple[bool, int, int]],
-    ) -> None:
-        """Note what a part depends on: atoms, and all of what it has variables or rules for."""
-        rules = rules_of(definitions)
-        given = dict(zip(asked.parameters, asked.arguments, strict=True))
-        for part in r.parts_of(asked.part):
-            if not isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
-                continue
-            is_fact, owner = head_of(part) or (True, 0)
-            if is_fact and rules.of(owner):
-                heads.update((*head, at) for head in heads_of(rules, part))
-                continue
-            row = [given.get(one) if isinstance(one, r.Slot) else one.id for one in part.terms]
-            if None in row:
-                heads.add((is_fact, owner, at))
-            else:
-                atoms.add(((is_fact, owner, tuple(row)), at))
-
-    def _states(self, atoms: set[Any], heads: set[Any]) -> dict[int, list[Any]]:
+    def _states(self, wanted: set[tuple[Pattern, int]]) -> dict[int, list[Any]]:
         """Read what held at each revision, of what is depended on."""
         states: defaultdict[int, list[Any]] = defaultdict(list)
+        atoms: Any = [one for one in wanted if None not in one[0][2]]
         for (atom, at), held in self._reader.versions(atoms).items():
             if held.until is None or held.until > at:
                 states[at].append((atom, held.value))
-        for atom, at, value in self._reader.whole(heads):
+        for atom, at, value in self._reader.fitting(wanted.difference(atoms)):
             states[at].append((atom, value))
         return states
 
@@ -302,6 +287,19 @@ class _Evaluation:
             [(part, [dated(one, job.at) for one in literals]) for part, literals in own]
             for job, own in zip(jobs, found, strict=True)
         ]
+
+
+def _patterns(world: World, job: _Job | _RuleJob) -> set[Pattern]:
+    """Return what a job depends on."""
+    if isinstance(job, _RuleJob):
+        parts = [one for some in users_of(world.definitions, job.literal).values() for one in some]
+    else:
+        parts = [
+            (one.part, dict(zip(one.parameters, one.arguments, strict=True)))
+            for one in job.asked(world)
+        ]
+    rules = rules_of(world.definitions)
+    return {one for part, given in parts for one in depends_on(rules, part, given)}
 
 
 def with_state(world: World, state: Iterable[Any]) -> None:
@@ -420,7 +418,7 @@ class _Tracer:
         self.links: _Links = []
         self.searched = 0
         self._reader = ExecutionReader(state.store, view, view.kb_id)
-        self._evaluation = _Evaluation(view)
+        self._evaluation = _Evaluation(view, position.head)
 
     def result(self, text: str) -> CauseLinks:
         """Return the links that were found, up to the limit."""
@@ -449,7 +447,9 @@ class _Tracer:
     def _used(self, targets: list[_Target], level: int, seen: set[Key]) -> list[_Target]:
         """Find what used some literals; return what it made of others."""
         wanted = dict.fromkeys(one for target in targets for one in self._wanted(target))
-        found, searched = find_acts(self.session, self.kb_id, [*wanted], self.limit + 1)
+        found, searched = find_acts(
+            self.session, self.kb_id, self.view.definitions, wanted, self.limit + 1
+        )
         self.searched = max(self.searched, searched)
         acts: dict[Any, Execution] = {**self._reader.listed([one.key for one in found])}
         # The state that a plan was made from; its steps come from other keys than their executions.
@@ -463,37 +463,51 @@ class _Tracer:
         for key, at in planned.items():
             acts[key] = acts[key[:2]]
             jobs += [(key, _ActJob(acts[key], time, at)) for time in TIMES]
-        ends = {(one.literal[:2], min(one.until or LARGEST, self.at + 1) - 1) for one in targets}
-        jobs += [(None, _RuleJob(head, at)) for head, at in sorted(ends)]
         ready = {(one.literal, one.since) for one in targets}
-        used: _Texts = {}
+        used: _Texts = defaultdict(dict)
         for (owner, _), parts in zip(jobs, self._run(jobs), strict=True):
-            for _, literals in parts:
-                # The first literal of a fact is that fact.
-                own = literals if owner else literals[1:]
-                texts = dict.fromkeys(one.text for one in own if (one.literal, one.since) in ready)
-                if texts:
-                    used.setdefault(owner or literals[0].text, {}).update(texts)
-        seen.update(key for key in used if key in acts)
+            own = [one for _, literals in parts for one in literals]
+            texts = dict.fromkeys(one.text for one in own if (one.literal, one.since) in ready)
+            if texts:
+                used[owner].update(texts)
+        seen.update(used)
+        if len(found) > self.limit >= len(self.links) + len(used):
+            self.searched = max(self.searched, found[-1].revision)
+        if len(self.links) + len(used) <= self.limit:
+            self._add_derived(targets, used)
         return self._linked(level, acts, used, planned)
+
+    def _add_derived(self, targets: list[_Target], used: _Texts) -> None:
+        """Add the derived facts that used some literals, which come last."""
+        jobs = [
+            _RuleJob(one.literal, min(one.until or LARGEST, self.at + 1) - 1, one.text)
+            for one in targets
+        ]
+        is_one = len({one.literal for one in targets}) == 1
+        for text, own in self._evaluation.derived(jobs):
+            used[text][own] = None
+            if is_one and len(self.links) + len(used) > self.limit:
+                return
 
     def _wanted(self, target: _Target) -> Iterator[WantedActs]:
         """Yield which acts may have used a literal."""
         low = max(target.since, self.archived, 1)
         high = self.at if target.until is None else min(target.until, self.at)
+        users = [*users_of(self.view.definitions, target.literal)]
         for definition in self.view.definitions.actions:
             if definition.kind not in EXECUTABLE or low > high:
                 continue
             action = prepared(self.view.definitions, definition)
             places = {one.slot: place for place, one in enumerate(action.parameters)}
-            for head, terms in occurrences(action):
-                if head != target.literal[:2]:
-                    continue
-                row = target.literal.row
+            for (head, terms), user in product(occurrences(action), users):
                 # It may be of an arity that is no more, or never was.
-                if terms is not None and len(terms) != len(row):
+                if head != user[:2] or len(terms) != len(user.row):
                     continue
-                pairs = [] if terms is None else [*zip(terms, row, strict=True)]
+                pairs = [
+                    (term, id_)
+                    for term, id_ in zip(terms, user.row, strict=True)
+                    if id_ is not None
+                ]
                 if any(isinstance(term, r.Known) and term.id != id_ for term, id_ in pairs):
                     continue
                 fixed = [(id_, places[term]) for term, id_ in pairs if term in places]
@@ -587,21 +601,17 @@ class _Tracer:
         return self._evaluation.run([job for _, job in jobs])
 
 
-def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[r.Place, ...] | None]]:
-    """Return what the conditions of an action mention; through rules, of any objects."""
+def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[r.Place, ...]]]:
+    """Return what the conditions of an action mention."""
     return action.kept("mentioned", lambda: list(_occurrences(action)))
 
 
-def _occurrences(action: PreparedAction) -> Iterator[tuple[Head, tuple[r.Place, ...] | None]]:
-    rules = rules_of(action.definitions)
-    parts = [part for time in TIMES for part in parts_used(action, time)]
-    for part in (each for one in parts for each in r.parts_of(one)):
-        if isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
-            head = head_of(part)
-            assert head is not None
-            yield head, part.terms
-            if head[0] and rules.of(head[1]):
-                yield from ((each, None) for each in heads_of(rules, part) - {head})
+def _occurrences(action: PreparedAction) -> Iterator[tuple[Head, tuple[r.Place, ...]]]:
+    for part in (part for time in TIMES for part in parts_used(action, time)):
+        for one in r.parts_of(part):
+            head = head_of(one)
+            if head is not None:
+                yield head, one.terms
 
 
 def consequences(
@@ -693,7 +703,8 @@ def literals_used(state: State, executions: Sequence[Execution]) -> list[list[tu
     def work(view: View) -> list[list[tuple[str, int]]]:
         jobs = [(place, job) for place, one in enumerate(executions) for job in _moments(one)]
         found: list[list[tuple[str, int]]] = [[] for _ in executions]
-        used = _Evaluation(view).run([job for _, job in jobs]) if jobs else []
+        head = read_position(view.session, view.kb_id).head
+        used = _Evaluation(view, head).run([job for _, job in jobs]) if jobs else []
         for (place, _), parts in zip(jobs, used, strict=True):
             found[place] += [(one.text, one.since) for _, literals in parts for one in literals]
         return found

@@ -10,16 +10,19 @@ the condition, whatever else differs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from decimal import Decimal
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..dto.formulas import AT_END
 from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
-from ..knowledge.rules import rules_of
+from ..knowledge.definitions import Definitions
+from ..knowledge.rules import DerivationRules, rules_of
+from .after import head_of
 from .derived import fitting
 from .evaluate import Compiler, Env, Rows, Test
 from .steps import CONTINUOUS, PreparedAction
@@ -55,6 +58,132 @@ def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
             yield r.Witness(item.bound, part) if item.bound else part
 
 
+# Objects of a predicate (True) or a function; None for any.
+Pattern = tuple[bool, int, tuple[int | None, ...]]
+Given = Mapping[r.Place, int | None]
+
+
+def depends_on(rules: DerivationRules, part: r.Part, given: Given) -> set[Pattern]:
+    """Return what a part depends on, through rules, too, where some variables have objects."""
+    found, pending = set[Pattern](), [(part, given)]
+    while pending:
+        part, given = pending.pop()
+        for one in r.parts_of(part):
+            head = head_of(one)
+            if head is None:
+                continue
+            row = [one_.id if isinstance(one_, r.Known) else given.get(one_) for one_ in one.terms]
+            pattern = (*head, tuple(row))
+            if pattern not in found:
+                found.add(pattern)
+                for rule in rules.of(head[1]) if head[0] else ():
+                    slots = (each.slot for each in rule.parameters)
+                    pending.append((rule.body, dict(zip(slots, row, strict=False))))
+    return found
+
+
+class RuleUse(NamedTuple):
+    """A way in which what a rule says of its predicate rests on a literal."""
+
+    predicate: int
+    holds: bool  # whether the body of the rule does
+    parameters: tuple[r.Slot, ...]  # the objects of the literal
+    row: tuple[r.Place, ...]  # those of the predicate
+    bound: tuple[r.Bound, ...]  # the variables that are neither
+    part: r.Part  # what holds then
+
+
+def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[RuleUse]]:
+    """Return how derived facts may rest on each literal, or on atoms that do, kept with a state."""
+    kept: defaultdict[Any, list[RuleUse]] | None = definitions.derived.get(RuleUse)
+    if kept is not None:
+        return kept
+    rules, found = rules_of(definitions), defaultdict[Any, list[RuleUse]](list)
+    pending = [(predicate, True) for predicate in rules.component]
+    seen = {*pending}
+    while pending:
+        predicate, holds = pending.pop()
+        for rule in rules.of(predicate):
+            own = fitting(definitions, predicate, rule)
+            for leaf, leaf_holds, bound, around in _paths(rule.body, holds):
+                use = _rule_use(rules, (predicate, holds), leaf, own, (*own, *bound), around)
+                head: Any = head_of(leaf)
+                if not head[0]:
+                    # It may have a value or none, wherever it stands.
+                    found[*head, not leaf_holds].append(use)
+                elif rules.of(head[1]) and (head[1], leaf_holds) not in seen:
+                    seen.add((head[1], leaf_holds))
+                    pending.append((head[1], leaf_holds))
+                found[*head, leaf_holds].append(use)
+    definitions.derived[RuleUse] = found
+    return found
+
+
+def _paths(
+    part: r.Part, holds: bool
+) -> Iterator[tuple[Any, bool, tuple[r.Bound, ...], list[r.Part]]]:
+    """Yield what may be used: whether it holds, variables around it, and what must hold with it."""
+    own = part if holds else r.negate(part)
+    match part:
+        case r.Lacks(inner):
+            yield from _paths(inner, not holds)
+        case r.AllOf() | r.OneOf() | r.Witness():
+            bound = part.bound if isinstance(part, r.Witness) else ()
+            # One part of a disjunction that holds is enough, and so on.
+            needed = [own] if isinstance(part, r.AllOf) == holds else []
+            for one in r.inner_parts(part):
+                for leaf, leaf_holds, within, around in _paths(one, holds):
+                    yield leaf, leaf_holds, (*bound, *within), [*needed, *around]
+        case _:
+            for one in r.parts_of(part):
+                if head_of(one):
+                    yield one, holds, (), [own]
+
+
+def _rule_use(
+    rules: DerivationRules,
+    head: tuple[int, bool],
+    leaf: Any,
+    parameters: Sequence[r.Bound],
+    bound: Sequence[r.Bound],
+    around: Sequence[r.Part],
+) -> RuleUse:
+    """Give the objects of a literal to the variables of a leaf."""
+    types = {one.slot: one.types for one in bound}
+    given = tuple([r.Slot(next(rules.numbers)) for _ in leaf.terms])
+    places: dict[r.Slot, r.Place] = {}
+    conditions: list[r.Part] = []
+    for term, own in zip(leaf.terms, given, strict=True):
+        if term in types and term not in places:
+            places[term] = own
+            conditions += [r.HasType(own, one) for one in types[term]]
+        else:
+            conditions.append(r.same(places.get(term, term), own))
+    # A variable of a quantifier may be bound both around the leaf and within a part beside it.
+    conditions += [r.replaced(one, {**places}, rules.numbers) for one in around]
+    rest = tuple([one for one in bound if one.slot not in places])
+    row = tuple([places.get(one.slot, one.slot) for one in parameters])
+    return RuleUse(*head, given, row, rest, r.all_of(conditions))
+
+
+def users_of(definitions: Definitions, literal: Literal) -> dict[Any, list[tuple[r.Part, Given]]]:
+    """Return a literal and the atoms that may use it, None for any object; and when they do."""
+    uses, pending = rule_uses(definitions), [literal]
+    found: dict[Any, list[tuple[r.Part, Given]]] = {literal: []}
+    while pending:
+        one: Any = pending.pop()
+        for use in uses.get((one.is_fact, one.owner, one.holds), ()):
+            if len(use.parameters) == len(one.row):
+                given = dict[r.Place, int | None](zip(use.parameters, one.row, strict=True))
+                row: Any = tuple([given.get(place) for place in use.row])
+                user = Literal(True, use.predicate, row, use.holds)
+                if user not in found:
+                    found[user] = []
+                    pending.append(user)
+                found[user].append((use.part, given))
+    return found
+
+
 class _Compiled:
     """A part, with tests of all parts within it and searches for the objects of its variables."""
 
@@ -82,6 +211,32 @@ class Uses:
         # With the parts: an id is used again once its object is gone.
         self._compiled: dict[int, _Compiled] = {}
         self._bodies: dict[int, list[tuple[_Compiled, tuple[r.Bound, ...]]]] = {}
+        self._users: dict[int, Callable[[Row], set[Row]]] = {}
+
+    def users(self, literal: Literal) -> Iterator[Literal]:
+        """Yield the derived facts that use a literal, by each instance of each rule."""
+        seen, pending, uses = {literal}, [literal], rule_uses(self._world.definitions)
+        while pending:
+            one = pending.pop()
+            for use in uses.get((one.is_fact, one.owner, one.holds), ()):
+                for row in self._rows(use)(one.row) if len(use.parameters) == len(one.row) else ():
+                    user = Literal(True, use.predicate, row, use.holds)
+                    if user not in seen:
+                        seen.add(user)
+                        pending.append(user)
+                        if user.holds:
+                            yield user
+
+    def _rows(self, use: RuleUse) -> Callable[[Row], set[Row]]:
+        """Return what finds the objects of the predicate by those of the literal."""
+        found = self._users.get(id(use))
+        if found is None:
+            compiler = Compiler(self._world, use.parameters)
+            search, pick = compiler.search(use.bound, use.part), compiler.picker(use.row)
+            found = self._users[id(use)] = lambda row: {
+                pick(env) for env in [compiler.env(row)] for _ in search(env)
+            }
+        return found
 
     def of(
         self,

@@ -121,7 +121,6 @@ class World:
         self.total_time = Decimal(0)  # what `total-time` in a metric stands for
         # The number of violations of each preference, by folded name.
         self.violations: dict[str, int] = {}
-        self._members: dict[tuple[TypeSet, ...], frozenset[int]] = {}
         self._relations: defaultdict[int, Relation] = defaultdict(Relation)
         self._tables: defaultdict[int, dict[Row, Value]] = defaultdict(dict)
         self._rules: dict[int, Rules] = {}
@@ -161,10 +160,11 @@ class World:
 
     def members(self, types: tuple[TypeSet, ...]) -> frozenset[int]:
         """Return the objects that fit all of some type sets."""
-        found = self._members.get(types)
+        kept = self.definitions.derived
+        found: frozenset[int] | None = kept.get(("members", types))
         if found is None:
             wanted = [each for each in types if each is not None]
-            found = self._members[types] = frozenset(
+            found = kept["members", types] = frozenset(
                 one.id
                 for one in self.definitions.objects
                 if not any(each.isdisjoint(one.type_ids) for each in wanted)

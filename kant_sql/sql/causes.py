@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import text
 
+from ..knowledge.definitions import Definitions
 from .dialects.base import Row, Session
-from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
+from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
 from .executions import Key
 from .intervals import FIND, FIND_VALUE, forks_at
 from .query import Query
@@ -25,8 +26,10 @@ from .query import Query
 FEW = 2_000
 # How many revisions for each execution that is wanted are searched before those.
 NEAR = 4
+_ALL = 2**62
 # A predicate (True) or a function, its id, and the ids of objects.
 Atom = tuple[bool, int, tuple[int, ...]]
+_OBJECTS = "first_object_id", "second_object_id"
 _ATOMS = {True: ("proposition", "predicate"), False: ("function_value", "function")}
 
 
@@ -62,24 +65,25 @@ class FoundAct(NamedTuple):
 
 @cache
 def _counts(dialect: str) -> Query:
-    rows = NESTED_LOOPS[dialect].rows("ids", 2)
-    some = (
-        f"SELECT 1 FROM {table} AS c WHERE c.kb_id = :kb AND c.{column} = w.id{n} LIMIT {FEW + 1}"
-        for n, (table, column) in enumerate(
-            (("execution", "action_id"), ("execution_argument", "object_id"))
-        )
+    of_action, of_object = (
+        f"(SELECT count(*) FROM (SELECT 1 FROM {table} AS c WHERE c.kb_id = :kb "
+        f"AND c.{column} = w.id1 LIMIT {FEW + 1}) AS few)"
+        for table, column in (("execution", "action_id"), ("execution_argument", "object_id"))
     )
-    counts = ", ".join(f"(SELECT count(*) FROM ({each}) AS few)" for each in some)
-    return Query(text(f"SELECT w.id0, w.id1, {counts} FROM {rows} AS w"))
+    counted = f"CASE WHEN w.id0 = 1 THEN {of_action} ELSE {of_object} END"
+    rows = NESTED_LOOPS[dialect].rows("ids", 2)
+    return Query(text(f"SELECT w.id0, w.id1, {counted} FROM {rows} AS w"))
 
 
-_OBJECT, _ACTION, _RANGE = "object", "action", "range"
+# By an object, by the action, or by the revision and then the object, if there is one.
+_OBJECT, _ACTION, _RANGE, _BOTH = "object", "action", "range", "both"
 _SAME = "{0}.kb_id = :kb AND {0}.plan_id = {1}.plan_id AND {0}.position = {1}.position"
 
 
 def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
     """Select the executions, or the steps of plans, that one access finds."""
-    execution = f"{_SAME.format('x', 'a' if by == _OBJECT else 'v')} AND x.action_id = w.id0"
+    has_object = by in (_OBJECT, _BOTH)
+    execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id = w.id0"
     span = "BETWEEN w.id3 AND w.id4"
     end, last = "v.since", f"{_SAME.format('v', 'x')} AND v.since {span}"
     table, at = "execution_version", f"v.kb_id = :kb AND v.since {span}"
@@ -94,70 +98,103 @@ def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
         own = "x.kb_id = :kb AND x.action_id = w.id0"
         found = loops.loop("x", "execution", own) + loops.loop("v", table, last)
     else:
-        found = loops.loop("v", table, at) + loops.loop("x", "execution", execution)
+        own = f"{_SAME.format('a', 'v')} AND a.argument = w.id2 AND a.object_id + 0 = w.id1"
+        found = loops.loop("v", table, at)
+        found += loops.loop("a", "execution_argument", own) if has_object else ""
+        found += loops.loop("x", "execution", execution)
     rest = "1 = 1" if is_planned else "v.outcome <> 'refused'"
-    for object_, place in (("id5", "id6"),) if by == _OBJECT else (("id1", "id2"), ("id5", "id6")):
+    for object_, place in (("id5", "id6"),) if has_object else (("id1", "id2"), ("id5", "id6")):
         named = f"{_SAME.format('n', 'x')} AND n.argument = w.{place}"
         named = f"SELECT 1 FROM execution_argument AS n WHERE {named} AND n.object_id + 0"
         rest += f" AND (w.{object_} = 0 OR EXISTS ({named} = w.{object_}))"
-    wanted = f"SELECT x.plan_id, x.position, {end} AS revision, {int(is_planned)} AS planned"
-    return f"{wanted} FROM {loops.rows(f'by_{by}', 7)} AS w{found} WHERE {rest}"
+    wanted = f"SELECT {end} AS revision, x.plan_id, x.position, {int(is_planned)} AS planned"
+    return f"{wanted}, w.place FROM {loops.rows('given', 7)} AS w{found} WHERE {rest}"
 
 
 @cache
-def _acts(dialect: str, accesses: tuple[str, ...]) -> Query:
-    loops = NESTED_LOOPS[dialect]
-    parts = [_found_by(loops, by, False) for by in accesses]
+def _acts(dialect: str, by: str) -> Query:
+    loops, order = NESTED_LOOPS[dialect], "v.since DESC, x.plan_id DESC, x.position DESC"
+    if by in (_RANGE, _BOTH):
+        return Query(text(f"{_found_by(loops, by, False)} ORDER BY {order} LIMIT :size"))
     # What was planned from a state is found by the plan's own index, not by that of revisions.
-    parts += [_found_by(loops, by, True) for by in accesses if by != _RANGE]
-    rows = f"SELECT DISTINCT * FROM ({' UNION ALL '.join(parts)}) AS found"
-    order = "planned, revision DESC, plan_id DESC, position DESC"
-    return Query(text(f"{rows} ORDER BY {order} LIMIT :size"))
+    parts = [_found_by(loops, by, is_planned) for is_planned in (False, True)]
+    return Query(text(" UNION ALL ".join(parts)))
+
+
+_Acts = Collection[WantedActs]
+# By access: the executions, with the ranges of revisions in which they are wanted.
+_Wanted = dict[str, dict[WantedActs, list[tuple[int, int]]]]
+
+
+def _accesses(
+    session: Session, kb_id: int, definitions: Definitions, wanted: _Acts
+) -> tuple[_Wanted, int]:
+    """Choose how executions are found, by counts; return the first revision of ranges, too."""
+    ids = {(1, one.action) for one in wanted}
+    ids |= {(0, id_) for one in wanted for id_ in (one.object, one.other)}
+    # What has many has them for good.
+    many = definitions.derived.setdefault(_accesses, {(0, 0): FEW + 1})
+    counts = dict(many)
+    if rest := [*ids - many.keys()]:
+        query = _counts(session.backend.dialect.name)
+        for is_action, id_, number in session.rows(query, kb=kb_id, ids=json.dumps(rest)):
+            counts[is_action, id_] = number
+    many.update((key, number) for key, number in counts.items() if number > FEW)
+    by: _Wanted = {}
+    searched = 0
+    for each in wanted:
+        one, low = each, each.low
+        if counts[0, one.other] < counts[0, one.object]:
+            other = {"other": one.object, "place": one.argument}
+            one = one._replace(object=one.other, argument=one.place, **other)
+        key = one._replace(low=0, high=0)
+        if counts[0, one.object] <= FEW:
+            access = _OBJECT
+        elif counts[1, one.action] <= FEW:
+            access = _ACTION
+        else:
+            access, key, low = _BOTH if one.object else _RANGE, one, max(low, one.high - FEW)
+            searched = max(searched, low if low > one.low else 0)
+        by.setdefault(access, {}).setdefault(key, []).append((low, one.high))
+    return by, searched
 
 
 def find_acts(
-    session: Session, kb_id: int, wanted: Collection[WantedActs], size: int
+    session: Session, kb_id: int, definitions: Definitions, wanted: _Acts, size: int
 ) -> tuple[list[FoundAct], int]:
-    """Find executions, the newest first, and steps of plans behind, in two or three statements.
+    """Find executions, the newest first, and steps of plans behind, in a few statements.
 
     Returns:
         What was found, and the first revision from which on all of it is.
     """
-    dialect, searched = session.backend.dialect.name, 0
-    pairs = {(one.action, id_) for one in wanted for id_ in (one.object, one.other)}
-    counts = {
-        (row[0], row[1]): (row[2], row[3] if row[1] else FEW + 1)
-        for row in session.rows(_counts(dialect), kb=kb_id, ids=json.dumps([*pairs]))
-    }
-    by: defaultdict[str, list[WantedActs]] = defaultdict(list)
-    for each in wanted:
-        one = each
-        if counts[one.action, one.other][1] < counts[one.action, one.object][1]:
-            rest = {"other": one.object, "place": one.argument}
-            one = one._replace(object=one.other, argument=one.place, **rest)
-        of_action, of_object = counts[one.action, one.object]
-        if of_object <= FEW:
-            by[_OBJECT].append(one)
-        elif of_action <= FEW:
-            by[_ACTION].append(one)
-        else:
-            low = max(one.low, one.high - FEW)
-            searched = max(searched, low if low > one.low else 0)
-            by[_RANGE].append(one._replace(low=low))
-    if not by:
-        return [], searched
-    lists = {f"by_{access}": json.dumps(rows) for access, rows in by.items()}
-    query, ranges = _acts(dialect, tuple(sorted(by))), by[_RANGE]
-    # Where acts are frequent, the newest are in a few revisions: a statement more where not.
-    near = [one._replace(low=max(one.low, one.high - NEAR * size)) for one in ranges]
-    rows: list[Row] = []
-    if near != ranges:
-        given = {**lists, f"by_{_RANGE}": json.dumps(near)}
-        rows = session.rows(query, kb=kb_id, size=size, **given)
-        low = max(one.low for one in near)
-    if len(rows) < size or rows[-1][3] or rows[-1][2] < low:
-        rows = session.rows(query, kb=kb_id, size=size, **lists)
-    return [FoundAct((row[0], row[1]), row[2], bool(row[3])) for row in rows], searched
+    by, searched = _accesses(session, kb_id, definitions, wanted)
+
+    def newest(near: int) -> tuple[list[FoundAct], int]:
+        found, first = set[FoundAct](), 0
+        for access, keys in by.items():
+            is_range, ranges, given = access in (_RANGE, _BOTH), [*keys.values()], []
+            for key, own in keys.items():
+                low, high = min(own)[0], max(one[1] for one in own)
+                if is_range and high - near > low:
+                    low = high - near
+                    first = max(first, low)
+                given.append(key._replace(low=low, high=high))
+            most = {"size": min(size * len(keys), _ALL)} if is_range else {}
+            query = _acts(session.backend.dialect.name, access)
+            rows = session.rows(query, kb=kb_id, given=json.dumps(given), **most)
+            found |= {
+                FoundAct((row[1], row[2]), row[0], bool(row[3]))
+                for row in rows
+                if any(low <= row[0] <= high for low, high in ranges[row[4]])
+            }
+        order = sorted(found, key=lambda one: (not one.is_planned, one.revision, one.key))
+        return order[: -size - 1 : -1], first
+
+    # Where acts are frequent, the newest are in a few revisions: read again where not.
+    found, first = newest(NEAR * size)
+    if first and (len(found) < size or found[-1].is_planned or found[-1].revision < first):
+        found, _ = newest(_ALL)
+    return found, searched
 
 
 class HeldVersion(NamedTuple):
@@ -169,33 +206,41 @@ class HeldVersion(NamedTuple):
 
 
 @cache
-def _versions(dialect: str, is_fact: bool, is_whole: bool) -> Query:
-    """Read the last version of each identity up to a revision; or what held of each owner."""
+def _versions(dialect: str, is_fact: bool) -> Query:
+    """Read the last version of each identity up to a revision."""
+    loops, (identity, _) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
+    table, own = f"{identity}_version", f"{identity}_id"
+    last = loops.last(Walk("l", table, own, "w.id0"), "w.id1", "l.since")
+    # By its revision alone, PostgreSQL would read all that began in it.
+    found = loops.range(Walk("v", table, own, "w.id0"), last, last)
+    wanted = f"w.id0, w.id1, v.since, v.until, {_VALUE[is_fact]}"
+    return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 2)} AS w{found}"))
+
+
+_VALUE = {True: "NULL, NULL", False: "v.value, v.object_id"}
+
+
+@cache
+def _held(dialect: str, is_fact: bool, by: str) -> Query:
+    """Read what held of owners at revisions; `by` is the column of an object that it is of."""
     loops, (identity, owner) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
-    value = "NULL, NULL" if is_fact else "v.value, v.object_id"
-    table, goal = f"{identity}_version", " AND v.is_goal = :is_goal" if is_fact else ""
-    if not is_whole:
-        walk = Walk("l", table, f"{identity}_id", "w.id0")
-        last = loops.last(walk, "w.id1", "l.since")
-        found = loops.loop("v", table, f"v.kb_id = :kb AND v.{identity}_id = w.id0"
-                           f" AND v.since = {last}")  # fmt: skip
-        wanted = f"w.id0, w.id1, v.since, v.until, {value}"
-        return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 2)} AS w{found}"))
-    held = f"{UNSOUGHT[dialect]}v.since <= w.id2 AND (v.until IS NULL OR v.until > w.id2){goal}"
-    found = loops.loop(
-        "v", table, f"v.kb_id = :kb AND v.{owner}_id = w.id0 AND v.fork = w.id1 AND {held}"
-    )
+    own = f"v.kb_id = :kb AND v.{owner}_id = w.id0 AND v.fork = w.id1"
+    own += f" AND v.{by} = w.id3" if by else ""
+    own += " AND v.since + 0 <= w.id2 AND (v.until IS NULL OR v.until > w.id2)"
+    own += " AND v.is_goal = :is_goal" if is_fact else ""
+    found = loops.ordered("v", f"{identity}_version", own, "v.since" if by else f"v.{owner}_id")
     found += loops.loop("i", identity, f"i.kb_id = :kb AND i.id = v.{identity}_id")
-    wanted = f"w.id0, w.id2, i.arguments, v.since, v.until, {value}"
-    return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 3)} AS w{found}"))
+    wanted = f"w.id0, w.id2, i.arguments, {_VALUE[is_fact]}"
+    return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 4)} AS w{found}"))
 
 
 class PastReader:
     """Reads which versions of facts and values there were at many revisions at once."""
 
-    def __init__(self, session: Session, kb_id: int) -> None:
+    def __init__(self, session: Session, kb_id: int, head: int) -> None:
         self._session = session
         self._kb_id = kb_id
+        self._head = head
         self._ids: dict[Atom, int | None] = {}
         # What was read; None: nothing.
         self._held: dict[tuple[Atom, int], HeldVersion | None] = {}
@@ -211,30 +256,40 @@ class PastReader:
                 id_ = self._ids[atom] if atom[0] == is_fact else None
                 if id_ is not None:
                     places[id_, at].append(atom)
-            for id_, at, since, until, *value in self._rows(is_fact, False, places):
+            for id_, at, since, until, *value in self._rows(_versions, places, is_fact):
                 held = HeldVersion(since, until, _value(*value))
                 self._held |= {(atom, at): held for atom in places[id_, at]}
         return {one: last for one in wanted if (last := self._held[one]) is not None}
 
-    def whole(self, wanted: Collection[tuple[bool, int, int]]) -> Iterator[tuple[Atom, int, Any]]:
-        """Yield all that held of predicates and functions at revisions, with those and values."""
-        for is_fact in (True, False):
-            asked = [
-                (owner, fork, at)
-                for is_own, owner, at in wanted
-                if is_own == is_fact
+    def fitting(self, wanted: Collection[tuple[Any, int]]) -> Iterator[tuple[Atom, int, Any]]:
+        """Yield what held of patterns at revisions, None for any object, with those and values."""
+        asked: defaultdict[tuple[bool, str], set[tuple[int, int, int]]] = defaultdict(set)
+        for (is_fact, owner, row), at in wanted:
+            # Values are not found by their objects.
+            given = zip(_OBJECTS, row[: 2 * is_fact], strict=False)
+            by, object_ = next((one for one in given if one[1] is not None), ("", 0))
+            asked[is_fact, by].add((owner, at, object_))
+        for (is_fact, by), rows in asked.items():
+            if by:
+                rows -= {one for one in rows if (*one[:2], 0) in asked.get((True, ""), ())}
+            places = [
+                (owner, fork, at, object_)
+                for owner, at, object_ in rows
                 for fork in forks_at(at)
+                if fork <= self._head
             ]
-            for owner, at, arguments, _, _, *value in self._rows(is_fact, True, asked):
+            goal = {"is_goal": False} if is_fact else {}
+            for owner, at, arguments, *value in self._rows(_held, places, is_fact, by, **goal):
                 yield (is_fact, owner, _objects(arguments)), at, _value(*value)
 
-    def _rows(self, is_fact: bool, is_whole: bool, asked: Iterable[Sequence[int]]) -> list[Row]:
+    def _rows(
+        self, query: Callable[..., Query], asked: Iterable[Sequence[int]], *how: Any, **given: Any
+    ) -> list[Row]:
         rows = [*asked]
         if not rows:
             return []
-        query = _versions(self._session.backend.dialect.name, is_fact, is_whole)
-        goal = {"is_goal": False} if is_fact and is_whole else {}
-        return self._session.rows(query, kb=self._kb_id, wanted=json.dumps(rows), **goal)
+        written = query(self._session.backend.dialect.name, *how)
+        return self._session.rows(written, kb=self._kb_id, wanted=json.dumps(rows), **given)
 
     def _find(self, atoms: set[Atom]) -> None:
         """Find the identities of atoms, in one statement for each predicate and function."""

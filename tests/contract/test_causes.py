@@ -174,6 +174,19 @@ def test_of_many_acts_the_newest_are_searched(
     assert acts(kb.at(found.searched), "(lit lab)")
 
 
+def test_acts_of_other_objects_do_not_hide_those_that_used_a_fact(kb: KnowledgeBase) -> None:
+    kb.propositions.save_all(["(door lab lab)"])
+    for _ in range(3):
+        kb.apply("(move rb1 lab lab)")
+    # By rules, a door may be used on the way from anywhere: only some of the acts are looked at.
+    found = kb.consequences("(door hall room)", limit=1)
+    assert (found.searched, found.has_more) == (kb.revision - 1, True)
+    assert acts(kb.at(4), "(door hall room)", limit=1) == [(1, "(move rb1 hall lab)")]
+    # A rule that is not recursive leads from the fact to the objects of an act.
+    kb.load_domain(DOMAIN.replace("(way ?c ?b)", "(door ?c ?b)"))
+    assert acts(kb, "(door hall room)", limit=1) == [(1, "(move rb1 hall lab)")]
+
+
 def test_facts_of_another_arity_than_the_predicate_s_led_to_nothing(kb: KnowledgeBase) -> None:
     for element in ("(at rb1)", "(way hall)", "(battery)", "(not (at rb1))"):
         assert kb.consequences(element, depth=2).links == kb.origins(element).links == ()

@@ -183,3 +183,9 @@ def test_periods_are_found_by_the_objects_of_their_facts(url: str, name: str) ->
 def test_a_question_about_one_object_visits_what_mentions_it(url: str) -> None:
     then = visited(url, partial(answers, "(at b7 ?s)", LAST // 2))
     assert 4 * then <= visited(url, partial(answers, ALL, LAST // 2))
+
+
+def test_what_is_derived_from_a_fact_is_found_by_its_objects(url: str) -> None:
+    every = visited(url, lambda kb: kb.diff(0, LAST))
+    own = visited(url, lambda kb: kb.consequences(f"(at b7 {kb.query('(at b7 ?s)')[0][0]})"))
+    assert own < every / 8

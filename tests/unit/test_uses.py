@@ -2,24 +2,29 @@
 
 - Complete: if changing one fact or value makes a condition fail that held, it is used.
 - Sufficient: any state with the same used literals satisfies the condition.
+- The derived facts that use a literal are those that are found from it, in a state that has only
+  what these depend on, too.
 - Minimal: where a formula has facts alone, of predicates that are neither derived nor mentioned
   twice, each used literal is in a smallest set of literals by which the condition holds.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations, islice, product
 from random import Random
+from typing import Any
 
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import fold
-from kant_sql.knowledge.resolved import Resolver
+from kant_sql.knowledge.resolved import HoldsFact, Known, Resolver
+from kant_sql.knowledge.rules import rules_of
 from kant_sql.pddl import read_domain, read_problem, write
-from kant_sql.reasoning.derived import read_world
-from kant_sql.reasoning.uses import Literal, Uses
+from kant_sql.reasoning.derived import read_world, world_of
+from kant_sql.reasoning.uses import Literal, Pattern, Uses, depends_on, users_of
 from kant_sql.reasoning.world import World
 from tests.support.evaluator import Evaluator, Ground, State
 from tests.support.generators.episodes import NUMBERS, Episode, episode
@@ -29,6 +34,29 @@ from tests.support.profile import HUNT, PROFILE
 Key = tuple[bool, Ground]
 # Bindings of a question, literals of which all sets are tried, and those that are flipped alone.
 BOUND, MOST, SAMPLED = 3, 6, 12
+DERIVED = 60
+VALUES = """
+(define (domain d) (:requirements :adl :derived-predicates :fluents :object-fluents)
+  (:types robot place)
+  (:predicates (low ?r - robot) (home ?r - robot) (lost ?r - robot) (bad) (good ?r - robot)
+    (at ?r - robot ?p - place) (odd ?r - robot ?p - place) (twice ?a ?b - robot))
+  (:functions (battery ?r - robot) - number (limit) - number (on ?r - robot) - place
+    (base ?r - robot) - place)
+  (:derived (low ?r - robot) (< (battery ?r) (limit)))
+  (:derived (home ?r - robot) (= (on ?r) (base ?r)))
+  (:derived (lost ?r - robot) (and (not (home ?r)) (not (low ?r))))
+  (:derived (bad) (forall (?r - robot) (or (low ?r) (lost ?r))))
+  (:derived (good ?r - robot) (exists (?p - place)
+    (and (at ?r ?p) (not (exists (?s - robot) (and (at ?s ?p) (low ?s)))))))
+  (:derived (odd ?r - robot ?p - place) (or (at ?r ?p) (= (on ?r) ?p)))
+  (:derived (twice ?a ?b - robot) (and (good ?a) (not (= ?a ?b)) (odd ?b (on ?a)))))
+"""
+VALUES_NOW = """
+(define (problem p) (:domain d) (:objects a b c e - robot x y z - place)
+  (:init (= (battery a) 1) (= (battery b) 50) (= (limit) 10) (= (on a) x) (= (on b) y) (= (on c) z)
+    (= (base a) x) (= (base b) x) (= (base c) y) (at a x) (at b y) (at c z) (at c y))
+  (:goal (bad)))
+"""
 
 
 def test_what_conditions_use_is_what_they_rest_on() -> None:
@@ -55,6 +83,69 @@ def judge_episode(episode: Episode) -> int:
             about = f"episode({episode.seed}), {bound}: {question.formula}; used {used}"
             judge.check(world, used, random, about)
     return judged
+
+
+def test_derived_facts_are_found_by_what_they_use() -> None:
+    """The literals that some derived facts of an episode use, and some facts that none may use."""
+    judged, seed = 0, 0
+    while judged < (HUNT or 2 * PROFILE.episodes):
+        one = episode(seed)
+        domain = read_domain(write(one.domain))
+        world = read_world(domain, read_problem(write(one.problem), domain=domain))
+        judged, seed = judged + judge_users(world, seed), seed + 1
+
+
+def test_derived_facts_are_found_by_the_values_they_use() -> None:
+    domain = read_domain(VALUES)
+    assert judge_users(read_world(domain, read_problem(VALUES_NOW, domain=domain)), 0) > SAMPLED
+
+
+def judge_users(world: World, seed: int) -> int:
+    random, rules = Random(seed), rules_of(world.definitions)
+    uses, users = Uses(world), defaultdict[Literal, set[Literal]](set)
+    derived: list[Literal] = []
+    for head in rules.component:
+        world.has(head, ())
+        derived += [Literal(True, head, row, True) for row in sorted(world.relation(head).rows)]
+    for one in derived[:DERIVED]:
+        part = fact_of(one)
+        for literal in uses.of(part):
+            users[literal].add(one)
+        again = Uses(restricted(world, depends_on(rules, part, {})))
+        assert {*again.of(part)} == {*uses.of(part)}, f"{seed}: {one}"
+    literals = random.sample(sorted(users), min(len(users), 2 * SAMPLED))
+    literals += [Literal(True, *one, True) for one in islice(sorted(world.facts()), SAMPLED)]
+    for literal in literals:
+        found = {*uses.users(literal)}
+        assert found & {*derived[:DERIVED]} == users[literal] - {literal}, f"{seed}: {literal}"
+        parts = [one for some in users_of(world.definitions, literal).values() for one in some]
+        some = {pattern for part, given in parts for pattern in depends_on(rules, part, given)}
+        assert {*Uses(restricted(world, some)).users(literal)} == found, f"{seed}: {literal}"
+    return len(literals)
+
+
+def fact_of(literal: Literal) -> HoldsFact:
+    return HoldsFact(literal.owner, tuple(map(Known, literal.row)))
+
+
+def restricted(world: World, patterns: set[Pattern]) -> World:
+    """Return a state that has only what fits some patterns."""
+
+    def fits(*atom: Any) -> bool:
+        return any(
+            atom[:2] == one[:2]
+            and all(a in (None, b) for a, b in zip(one[2], atom[2], strict=True))
+            for one in patterns
+        )
+
+    made = world_of(world.definitions)
+    for fact in world.facts():
+        if fits(True, *fact):
+            made.add(*fact)
+    for fluent, value in world.values().items():
+        if fits(False, *fluent):
+            made.set(*fluent, value)
+    return made
 
 
 def used_by(world: World, formula: f.Formula, bound: dict[str, str]) -> list[Literal]:

@@ -318,6 +318,10 @@ class NestedLoops:
         """Write an inner loop."""
         return f" CROSS JOIN {table} AS {alias} ON {conditions}"
 
+    def ordered(self, alias: str, table: str, conditions: str, column: str) -> str:
+        """Write an inner loop by an index that has the order of a column, too."""
+        return self.loop(alias, table, conditions)
+
     def last(self, walk: Walk, revision: str, wanted: str) -> str:
         """Write the subquery of the last row up to a revision."""
         since = f"{walk.alias}.since"
@@ -363,6 +367,11 @@ class _LateralLoops(NestedLoops):
     def loop(self, alias: str, table: str, conditions: str) -> str:
         inner = f"SELECT * FROM {table} AS {alias} WHERE {conditions} OFFSET 0"
         return f" CROSS JOIN LATERAL ({inner}) AS {alias}"
+
+    @override
+    def ordered(self, alias: str, table: str, conditions: str, column: str) -> str:
+        # Without statistics other indexes are as good.
+        return self.loop(alias, table, f"{conditions} ORDER BY {column}")
 
     @override
     def last(self, walk: Walk, revision: str, wanted: str) -> str:
