@@ -94,10 +94,7 @@ class RuleUse(NamedTuple):
 
 
 def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[RuleUse]]:
-    """Return how derived facts may rest on each literal, or on atoms that do, kept with a state."""
-    kept: defaultdict[Any, list[RuleUse]] | None = definitions.derived.get(RuleUse)
-    if kept is not None:
-        return kept
+    """Return how derived facts may rest on each literal, or on atoms that do."""
     rules, found = rules_of(definitions), defaultdict[Any, list[RuleUse]](list)
     pending = [(predicate, True) for predicate in rules.component]
     seen = {*pending}
@@ -115,7 +112,6 @@ def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[
                     seen.add((head[1], leaf_holds))
                     pending.append((head[1], leaf_holds))
                 found[*head, leaf_holds].append(use)
-    definitions.derived[RuleUse] = found
     return found
 
 
@@ -168,7 +164,7 @@ def _rule_use(
 
 def users_of(definitions: Definitions, literal: Literal) -> dict[Any, list[tuple[r.Part, Given]]]:
     """Return a literal and the atoms that may use it, None for any object; and when they do."""
-    uses, pending = rule_uses(definitions), [literal]
+    uses, pending = definitions.derive(rule_uses), [literal]
     found: dict[Any, list[tuple[r.Part, Given]]] = {literal: []}
     while pending:
         one: Any = pending.pop()
@@ -215,7 +211,7 @@ class Uses:
 
     def users(self, literal: Literal) -> Iterator[Literal]:
         """Yield the derived facts that use a literal, by each instance of each rule."""
-        seen, pending, uses = {literal}, [literal], rule_uses(self._world.definitions)
+        seen, pending, uses = {literal}, [literal], self._world.definitions.derive(rule_uses)
         while pending:
             one = pending.pop()
             for use in uses.get((one.is_fact, one.owner, one.holds), ()):
