@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from copy import copy
 from datetime import datetime
 from functools import cache
 from typing import Any, Literal
@@ -92,8 +93,6 @@ def _said(words: Words, table: str, is_found: bool) -> str:
 
 # The versions of one element, whose key another condition gives.
 _BY_KEY = "{table} AS v WHERE TRUE"
-
-
 # How much was said of a time, of facts or of values: nothing, what is listed once, or more, so that
 # each version looks for its own.
 _Amount = Literal["nothing", "few", "many"]
@@ -247,16 +246,15 @@ class ValidTime:
             self._parameters = made
         return made
 
-    def find_said(self, session: Session) -> None:
-        """Find of what something was said, and where that is kept."""
-        given = self.covered(session)
+    def with_said(self, session: Session) -> ValidTime:
+        """Return the same with what something was said of; reads that have begun go on without."""
+        given, found = self.covered(session), copy(self)
         rows = session.rows(_of_what(session.words), **given, kb=self.kb_id, limit=FEW + 1)
+        found.said, found._parameters = {}, {}
         if len(rows) <= FEW:
-            said = {table: [row[1] for row in rows if row[0] == table] for table in _OWNERS}
-            self.said, self.forks = said, sorted({fork for _, _, fork in rows})
-        else:
-            self.said = {}
-        self._parameters = {}
+            found.said = {table: [row[1] for row in rows if row[0] == table] for table in _OWNERS}
+            found.forks = sorted({fork for _, _, fork in rows})
+        return found
 
     def find_misfits(self, session: Session, definitions: Definitions) -> bool:
         """Find what does not fit, in the tables and in what was true.

@@ -56,7 +56,7 @@ class ValidStore(Store):
             elif self.valid.said is None and self.valid.kb_id is not None:
                 self._uses += 1
                 if self._uses > FIRST_USES:
-                    self.valid.find_said(session)
+                    self.valid = self.valid.with_said(session)
             with session.overlaid(self.valid):
                 return work(session)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from sqlalchemy import text
 
 from kant_sql import (
     InvalidArgumentError,
@@ -16,7 +18,11 @@ from kant_sql import (
     PddlTypeDto,
     ReadOnlyError,
     UnknownRevisionError,
+    connect,
 )
+from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.query import Query
+from tests.support.reading import store_of
 from tests.support.statements import recorded
 
 ROBOT, ROOM = PddlTypeDto("robot"), PddlTypeDto("room")
@@ -127,3 +133,21 @@ def test_a_wrong_time_is_refused(fresh_kb: KnowledgeBase) -> None:
         fresh_kb.at(valid=datetime.now(UTC) + timedelta(days=1))
     with pytest.raises(UnknownRevisionError, match="no zone"):
         fresh_kb.at(valid=datetime(2026, 1, 1))
+
+
+def test_a_read_that_has_begun_is_of_what_is_known_when_it_began(file_url: str) -> None:
+    with connect(file_url) as kb:
+        kb.propositions.save(fact("hall"))
+        between = datetime.now(UTC)
+        with kb.transaction(valid_from=between):
+            kb.propositions.delete(fact("hall"))
+        view = kb.at(valid=between)
+        held = Query(text("SELECT count(*) FROM proposition_held AS v WHERE v.kb_id = :kb"))
+
+        def meanwhile(session: Session, kb_id: int | None) -> object:
+            # The others list what was said: their statements are other ones from then on.
+            with ThreadPoolExecutor(1) as other:
+                assert other.submit(lambda: [rooms(view) for _ in range(3)]).result() == [[]] * 3
+            return session.rows(held, kb=kb_id)
+
+        assert store_of(view).query(meanwhile) == [(0,)]
