@@ -230,7 +230,7 @@ write_as(InRange, "{0} BETWEEN {1} AND {2}")
 def constant(value: str | int) -> ColumnElement[Any]:
     """Write a text, a number or a truth value into the text of a statement."""
     if isinstance(value, str):
-        return literal_column(f"'{value}'")
+        return literal_column("'" + value.replace("'", "''") + "'")
     return literal_column(str(value).upper())
 
 
