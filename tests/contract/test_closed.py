@@ -18,6 +18,8 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlFunctionDto, PddlTypeDto, Plan, aio
 from kant_sql.errors import ClosedError
 from tests.support.generators.junk import Calling, Case, World, signature
+from tests.support.reading import store_of
+from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import RB1, robot_at
 
@@ -205,6 +207,26 @@ def test_a_view_of_the_past_closes_nothing_and_closes_with_the_rest(open_kb: Kno
         past.propositions.get_all()
     with pytest.raises(ClosedError):
         assert past.revision
+
+
+def test_a_connection_that_comes_back_while_the_store_is_closed_is_closed_too(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = kant_sql.connect(server.new_store())
+    kb.types.save("robot")
+    backend = store_of(kb).backend
+    session = backend.session()
+    give_back, connection = session._pooled.close, session._pooled.driver_connection
+    assert connection is not None
+
+    def close_first() -> None:
+        kb.close()
+        give_back()
+
+    monkeypatch.setattr(session._pooled, "close", close_first)
+    session.close()
+    with pytest.raises(backend.driver_errors):
+        connection.execute("SELECT 1")
 
 
 # What nobody closed.

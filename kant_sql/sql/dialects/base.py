@@ -368,6 +368,9 @@ class Session(ABC):
         self.backend.sessions.pop(self, None)
         if self.is_current or self.is_abandoned:
             self._pooled.close()
+            if not (self.is_current or self.is_abandoned):
+                # It was closed at that moment, and would keep what came back.
+                self._pool.dispose()
         else:
             # The pool was closed while this was in use.
             self._pooled.invalidate()

@@ -176,6 +176,9 @@ class PostgresqlListener(Listener):
             self._drop()
         else:
             self._pooled.close()
+            if self._pool is not self._backend.listening.pool:
+                # It was closed at that moment, and would keep what came back.
+                self._pool.dispose()
 
 
 COPY_FROM_ROWS = 50
