@@ -75,6 +75,11 @@ def answers(text: str, at: int | None, kb: kant_sql.KnowledgeBase) -> list[Any]:
     return list((kb if at is None else kb.at(at)).query(text))
 
 
+def true_halfway(kb: kant_sql.KnowledgeBase) -> kant_sql.KnowledgeBase:
+    """What was true at half of the history, at a time of which much was said."""
+    return kb.at(known=LAST, valid=START + (LAST // 2 - LONGEST // 2) * STEP)
+
+
 def filtered(url: str) -> float:
     """Count what some versions of SQLite visit once, with statistics, for a Bloom filter.
 
@@ -124,10 +129,9 @@ def test_an_answer_of_the_past_visits_as_much_as_one_of_the_present(
 def test_an_answer_of_a_valid_time_visits_about_as_much_as_one_of_a_revision(
     url: str, name: str
 ) -> None:
-    text, at = CONDITIONS[name], LAST // 2
-    moment = START + (at - LONGEST // 2) * STEP
-    true = visited(url, lambda kb: list(kb.at(known=LAST, valid=moment).query(text)))
-    assert true <= 6 * visited(url, partial(answers, text, at))
+    text = CONDITIONS[name]
+    true = visited(url, lambda kb: list(true_halfway(kb).query(text)))
+    assert true <= 6 * visited(url, partial(answers, text, LAST // 2))
 
 
 @pytest.mark.more
@@ -135,27 +139,23 @@ def test_an_answer_of_a_valid_time_visits_about_as_much_as_one_of_a_revision(
 def test_further_answers_of_a_view_of_valid_time_visit_about_as_much_as_those_of_a_revision(
     url: str, name: str
 ) -> None:
-    text, at = CONDITIONS[name], LAST // 2
+    text = CONDITIONS[name]
     views: list[kant_sql.KnowledgeBase] = []
 
     def further(kb: kant_sql.KnowledgeBase) -> object:
         if not views:
-            moment = START + (at - LONGEST // 2) * STEP
-            views.append(kb.at(known=LAST, valid=moment))
+            views.append(true_halfway(kb))
             list(views[0].query(text))
         return list(views[0].query(text))
 
-    assert visited(url, further) <= 3 * visited(url, partial(answers, text, at))
+    assert visited(url, further) <= 3 * visited(url, partial(answers, text, LAST // 2))
 
 
 def test_facts_of_an_object_at_a_valid_time_visit_about_as_much_as_at_a_revision(url: str) -> None:
     def visited_in(view: Callable[[kant_sql.KnowledgeBase], kant_sql.KnowledgeBase]) -> float:
         return visited(url, lambda kb: view(kb).propositions.get_by_object("b7"))
 
-    at = LAST // 2
-    moment = START + (at - LONGEST // 2) * STEP
-    true = visited_in(lambda kb: kb.at(known=LAST, valid=moment))
-    assert true <= 4 * visited_in(lambda kb: kb.at(at))
+    assert visited_in(true_halfway) <= 4 * visited_in(lambda kb: kb.at(LAST // 2))
 
 
 # What reads a part of the history, whatever its length.
