@@ -31,8 +31,6 @@ from .tables import TABLES
 _DEFINED = "type", "object", "predicate", "function"
 # Of what something may be said, and what owns it: the first columns of an index.
 _OWNERS = {"proposition": "predicate", "function_value": "function"}
-# Which ids a version and a saying must not be of.
-_LISTS = {"v": "replaced", "s": "misfit"}
 # What a statement calls the versions of one proposition, of which it gives the id.
 OWN = "own_version"
 _TEXT = (
@@ -57,10 +55,9 @@ def _held(table: str, rows: str, at: str, forks: str) -> str:
     return f"FROM {versions} AND v.kb_id = :kb AND v.since + 0 <= :{at} AND {until}"
 
 
-def _fits(words: Words, table: str, row: str) -> str:
-    """Write that an element fits what is known; one of a version, that nothing replaces it."""
-    is_listed = words.in_list.format(f"{row}.{table}_id", f":{_LISTS[row]}_{table}")
-    return f"({is_listed}) IS NOT TRUE"
+def _is_none_of(words: Words, id_: str, listed: str) -> str:
+    """Write that an id is not in a list parameter."""
+    return f"({words.in_list.format(id_, f':{listed}')}) IS NOT TRUE"
 
 
 def _decides(table: str, row: str, newer: str = "") -> str:
@@ -87,7 +84,8 @@ def _said(words: Words, table: str, is_found: bool) -> str:
     else:
         own["text"], holds = _TEXT, "(s.number IS NOT NULL OR s.object_id IS NOT NULL)"
     last = _decides(table, "s", " AND l.since + 0 > s.since")
-    where = f"{COVERS.format('s')} AND {holds} AND {_fits(words, table, 's')} AND {last}"
+    fits = _is_none_of(words, f"s.{table}_id", f"misfit_{table}")
+    where = f"{COVERS.format('s')} AND {holds} AND {fits} AND {last}"
     return f"SELECT {_columns(table, 's', **own)} FROM {rows} {where}"
 
 
@@ -103,7 +101,8 @@ def _overlaid(said: _Amount, words: Words, table: str, rows: str, has_goals: boo
     """Write what held of facts or values; goals are those of what is known."""
     is_found = rows == _BY_KEY
     own = {"since": "CAST(v.since + 0 AS BIGINT)"}
-    held = f"{_held(table, rows, 'valid_state', 'valid_forks')} AND {_fits(words, table, 'v')}"
+    stays = _is_none_of(words, f"v.{table}_id", f"replaced_{table}")
+    held = f"{_held(table, rows, 'valid_state', 'valid_forks')} AND {stays}"
     if said == "many":
         held = f"{held} AND {_decides(table, 'v')}"
     if table == "proposition":
