@@ -223,7 +223,7 @@ def _verified(one: Inventory) -> str:
 
 
 def _goals(one: Inventory) -> str:
-    """Say how many goals are reached; 'kant-sql goals' tells where counting does not."""
+    """Say how many goals are reached; 'kant-sql goals' evaluates what counting cannot."""
     if one.reached is None:
         return "?"
     return f"{one.reached} of {one.goals}" if one.goals else ""

@@ -386,7 +386,7 @@ class Export:
     exported: Exported = field(init=False)  # what was written, once all is
 
     def each(self) -> Iterator[tuple[KnowledgeBaseState, Window]]:
-        """Yield the knowledge bases one by one, and tell when each is done."""
+        """Yield the knowledge bases one by one, and report when each is done."""
         done = 0
         for state, window in self.windows:
             yield state, window or (1, state.revision)

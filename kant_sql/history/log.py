@@ -389,7 +389,7 @@ def _changes_of(
 ) -> tuple[_Changes, int]:
     """Read the changes of an element, and the revision from which on they are all there."""
     names, others = take_objects(wanted)
-    # With the definitions of objects: they tell the ids of those that are still there.
+    # With the definitions of objects: they have the ids of those that are still there.
     rows = read_newest(session, kb_id, wanted if names else others, high, VERSION_PAGE)
     changes, end = _of_versions(rows)
     end = max(low, end)

@@ -182,7 +182,7 @@ def expected_of_action(seen: Statistics | None, usual: Fraction) -> Expected:
 
 
 def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[str, ...]]:
-    """Give actions the costs that executions tell, in place of the metric, which is returned."""
+    """Give actions the costs that executions show, in place of the metric, which is returned."""
     domain, problem = task.domain, task.problem
     metric, ignored = problem.metric, list[str]()
     if metric is not None:

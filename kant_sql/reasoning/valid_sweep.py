@@ -57,7 +57,7 @@ class ValidPast(NamedTuple):
     # All types, objects, predicates and functions that were known in it, as they were last defined;
     # the rest as it is known.
     definitions: Definitions
-    lost: Sequence[Lost]  # those of them that ended for good, in order
+    lost: Sequence[Lost]  # those of them that have ended since, in order
     # Whether some of them were defined otherwise, so that what was said does not fit: then it is
     # not true.
     is_redefined: bool = False

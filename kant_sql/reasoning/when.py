@@ -370,7 +370,7 @@ class _Search:
         return sorted(self._join(atoms or ()) if is_join else self._sweep(), key=span_order)
 
     def _is_join(self, atoms: Sequence[f.Atom]) -> bool:
-        """Return whether versions of facts alone tell when a conjunction held."""
+        """Return whether versions of facts alone show when a conjunction held."""
         definitions, given = self._question.definitions, self._question.unbound
         unbound = conjunction(given.formula) or []
         mentioned = {fold(str(term)[1:]) for atom in unbound for term in atom.terms}

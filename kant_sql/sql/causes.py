@@ -132,7 +132,7 @@ def _accesses(
     """Choose how executions are found, by counts; return the first revision of ranges, too."""
     ids = {(1, one.action) for one in wanted}
     ids |= {(0, id_) for one in wanted for id_ in (one.object, one.other)}
-    # What has many has them for good.
+    # What has many keeps them: the record only grows.
     many = definitions.derived.setdefault(_accesses, {(0, 0): FEW + 1})
     counts = dict(many)
     if rest := [*ids - many.keys()]:

@@ -288,7 +288,7 @@ class Lost(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Types, objects, predicates and functions that ended for good, and others as kind and id.
+    """Types, objects, predicates and functions that are no longer there, and others as kind and id.
 
     The others were defined otherwise later: what was said of them may not fit any more.
     """
@@ -326,7 +326,7 @@ def read_ends(session: Session, kb_id: int, after: int, at: int) -> Ends:
 def with_lost(
     session: Session, kb_id: int, definitions: Definitions, after: int, at: int
 ) -> Definitions:
-    """Add to the definitions of a revision those that ended for good after an earlier one."""
+    """Add to the definitions of a revision those that have ended since an earlier one."""
     return evolve(definitions, session.rows(_LOST, kb=kb_id, after=after, at=at))
 
 

@@ -20,7 +20,7 @@ from .dialects.words import Words
 from .query import Query
 
 # Up to this number facts are counted; they are counted again after so many seconds, and statements
-# are written anew when a number has changed so many times over.
+# are written again when a number has changed so many times over.
 COUNTED, COUNTED_FOR, CHANGED = 10_000, 10.0, 4
 # Up to this number where reading all that held of a predicate is weighed against many lookups.
 COUNTED_OF_MANY = 100_000

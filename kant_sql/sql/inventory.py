@@ -202,7 +202,7 @@ class Inventory:
         has_more_facts: whether there are more than were counted.
         goals: how many atoms are goals, counted up to 1,000.
         reached: how many of these are facts; None where a goal is another condition, or may follow
-            from a rule: `not kb.unsatisfied()` tells.
+            from a rule: `not kb.unsatisfied()` is the answer then.
         origin: the store that it is replicated from, without a password; None where it is written.
         origin_revision: the last revision of the origin, as last heard of.
         origin_committed_at: when that was made, in UTC.

@@ -43,7 +43,7 @@ class GroundAtom(NamedTuple):
 
 
 class InternCache(Generic[K, A, H]):
-    """What is known between transactions: identities for good, and what held."""
+    """What is known between transactions: identities, which stay, and what held."""
 
     def __init__(self, is_one_of_many: bool = False) -> None:
         self.identities: dict[K, A] = {}

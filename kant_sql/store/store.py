@@ -1,7 +1,7 @@
 """One knowledge base as the threads of a process share it: reads, transactions, lost commits.
 
-What may be cached is kept here: identities for good, definitions together with the revision that
-last changed one.
+What may be cached is kept here: identities, which never change, and definitions with the
+revision that last changed one.
 """
 
 from __future__ import annotations

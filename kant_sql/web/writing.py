@@ -266,7 +266,7 @@ async def _run(request: Request, work: Callable[[], T]) -> T:
 
 
 class RequestKey(NamedTuple):
-    """The key of a request, and its digest: neither tells what the request says."""
+    """The key of a request, and its digest: neither shows what the request says."""
 
     key: str
     digest: str

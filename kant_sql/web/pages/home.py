@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 PAGES = Pages("knowledge bases")
 
-# Whether all goals are reached is asked of so many knowledge bases, where counting does not tell.
+# Whether all goals are reached is asked of so many knowledge bases, where counting is no answer.
 MOST_ASKED = 8
 # Seconds that the database may take for each statement of that.
 GOAL_SECONDS = 1.0
