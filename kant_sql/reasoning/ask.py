@@ -81,8 +81,8 @@ def statement_key(view: View, numbers: Iterable[str] = ()) -> tuple[Any, ...]:
     """Return what a statement depends on besides its condition."""
     session = view.session
     generation = estimates_of(view.definitions).current(session, view.kb_id)
-    read = view.at is not None, session.overlay is not None, session.backend.dialect.name
-    return *read, generation, *sorted(numbers)
+    is_past, is_overlaid = view.at is not None, session.overlay is not None
+    return is_past, is_overlaid, session.backend.dialect.name, generation, *sorted(numbers)
 
 
 def given_numbers(numbers: Mapping[str, Decimal]) -> dict[str, str]:

@@ -237,14 +237,19 @@ class Session(ABC):
             self._cursor = GuardedCursor(self._cursor, guard)
             guard.join()
 
-    def _end_limit(self) -> StatementGuard | None:
+    def _end_limit(self) -> None:
         """Let what follows obey no limit; nothing is stopped any more once this returns."""
-        guard, self._guard = self._guard, None
+        guard = self._guard
         if guard is not None:
+            self._guard = None
             guard.leave()
             if not self.is_abandoned:
                 self._cursor = guard.cursor
-        return guard
+                self._unlimited(guard)
+
+    @abstractmethod
+    def _unlimited(self, guard: StatementGuard) -> None:
+        """Clear what the end of a limit has left on the connection."""
 
     def _guarded(self, cursor: Any) -> Any:
         """Let another cursor of this connection obey the limit, if there is one."""

@@ -323,13 +323,11 @@ class PostgresqlSession(Session):
             self._execute(f"SET statement_timeout = {value}")
             info[_TIMEOUT] = milliseconds
 
-    def _end_limit(self) -> StatementGuard | None:
-        guard = super()._end_limit()
-        if guard is not None and guard.was_stopped and not self.is_abandoned:
+    def _unlimited(self, guard: StatementGuard) -> None:
+        if guard.was_stopped:
             # The request may still be on its way, and would end the next statement, whosever.
             connection: Any = self._pooled.driver_connection
             connection.close()
-        return guard
 
     def _stop(self) -> None:
         connection: Any = self._pooled.driver_connection

@@ -256,14 +256,11 @@ class SqliteSession(Session):
             self._handlers().append(self._guard.is_over)
             self._driver.set_progress_handler(self._guard.is_over, STEPS)
 
-    def _end_limit(self) -> StatementGuard | None:
-        guard = super()._end_limit()
-        if guard is not None and not self.is_abandoned:
-            handlers = self._handlers()
-            handlers.remove(guard.is_over)
-            with suppress(sqlite3.ProgrammingError):
-                self._driver.set_progress_handler(handlers[-1] if handlers else None, STEPS)
-        return guard
+    def _unlimited(self, guard: StatementGuard) -> None:
+        handlers = self._handlers()
+        handlers.remove(guard.is_over)
+        with suppress(sqlite3.ProgrammingError):
+            self._driver.set_progress_handler(handlers[-1] if handlers else None, STEPS)
 
     def _handlers(self) -> list[Callable[[], bool]]:
         found: list[Callable[[], bool]] = self._pooled.info.setdefault("handlers", [])
