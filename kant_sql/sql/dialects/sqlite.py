@@ -234,9 +234,11 @@ def _fork(element: Fork, compiler: Any, **options: Any) -> str:
     since, until = (compiler.process(clause, **options) for clause in element.clauses)
     before, last = f"({since} - 1)", f"({until} - 1)"
     # What differs between them, and all bits below the highest of it: there is no exact logarithm.
-    bits = f"SELECT ({before} | {last}) - ({before} & {last}) AS bits"
+    # The limits keep SQLite from writing each step twice into the next: the first, 64 times.
+    bits = f"SELECT ({before} | {last}) - ({before} & {last}) AS bits LIMIT 1 OFFSET 0"
     for shift in (1, 2, 4, 8, 16, 32):
-        bits = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
+        step = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
+        bits = f"{step} LIMIT 1 OFFSET 0"
     return f"(SELECT {last} - ({last} & (bits >> 1)) FROM ({bits}) AS bits)"
 
 
