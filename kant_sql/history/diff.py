@@ -222,7 +222,7 @@ def _valid_differences(
         return [], (span, False)
 
     def work(session: Session, kb_id: int) -> tuple[set[_Line], bool]:
-        refuse_archived(session, kb_id, span.before, read_position(session, kb_id).archived)
+        refuse_archived(session, kb_id, max(1, span.before), read_position(session, kb_id).archived)
         ends = (end, span.high), (begin, span.before)
         views = [ValidTime(clamped(time), span.known, at) for time, at in ends]
         lines, is_cut = _valid_lines(session, kb_id, views, most)

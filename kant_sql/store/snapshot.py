@@ -94,7 +94,8 @@ def _read_head(
 def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> None:
     """Refuse to read a state of which a part was moved elsewhere."""
     if session.overlay is not None:
-        at = session.overlay.state
+        # Also of the time before the first revision, something was said of objects that were moved.
+        at = max(1, session.overlay.state)
     # Before the first revision there was nothing that could have been moved.
     if 0 < at < archived:
         raise ArchivedError(
