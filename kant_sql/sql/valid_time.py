@@ -192,6 +192,11 @@ class ValidTime:
         self.forks = forks_at_time(moment)
         self._parameters: dict[str, Any] = {}
 
+    @property
+    def oldest(self) -> int:
+        """The oldest revision that it is read from: of before the first, later ones have said."""
+        return max(1, self.state)
+
     def __str__(self) -> str:
         return f"{time_text(self.moment)}, as known at revision {self.known}"
 
