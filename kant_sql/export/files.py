@@ -250,7 +250,9 @@ class Folder:
     def finish(self, exported: Exported, old: Sequence[str]) -> None:
         """Put the files where they belong, in the place of those of an export before."""
         text = json.dumps(json_value(exported), ensure_ascii=False, indent=1)
-        (self._part / MANIFEST).write_text(f"{text}\n", encoding="utf-8")
+        # Names of folders may not be UTF-8; JSON has the escapes that this writes then.
+        manifest = f"{text}\n".encode(errors="backslashreplace")
+        (self._part / MANIFEST).write_bytes(manifest)
         if old:
             # First: without it, what follows is not a complete export.
             (self.target / MANIFEST).unlink()

@@ -222,9 +222,10 @@ def _valid_differences(
         return [], (span, False)
 
     def work(session: Session, kb_id: int) -> tuple[set[_Line], bool]:
-        refuse_archived(session, kb_id, span.before, read_position(session, kb_id).archived)
         ends = (end, span.high), (begin, span.before)
         views = [ValidTime(clamped(time), span.known, at) for time, at in ends]
+        archived = read_position(session, kb_id).archived
+        refuse_archived(session, kb_id, views[-1].oldest, archived)
         lines, is_cut = _valid_lines(session, kb_id, views, most)
         lost, redefined = read_ends(session, kb_id, span.before, span.known)
         if redefined:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, or_, select, union
 
 from .. import html
-from ..arguments import optional_text
+from ..arguments import storable_text
 from ..dao.text import refuse_unknown_actor
 from ..errors import ArchivedError
 from ..moment_text import When
@@ -278,7 +278,7 @@ def _read_log(
 ) -> Iterator[LogEntry]:
     """Read revisions with their changes, newest first, in pages."""
     store, upto = state
-    optional_text(actor, "actor")
+    storable_text(actor, "actor")
     wanted = None if element is None else sought(element)
     bounds = find_bounds(store, since, until, upto)
     most = at_most(limit)
@@ -448,7 +448,7 @@ def read_log_page(
 ) -> LogPage:
     """Read a page of the log, newest first."""
     store = state.store
-    optional_text(asked.actor, "actor")
+    storable_text(asked.actor, "actor")
     bounds = find_bounds(store, since, until, state.at)
     low, high = bounds.low, bounds.high if before is None else min(bounds.high, before - 1)
     empty = LogPage(head_revision(store) if state.at is None else state.at, [])

@@ -211,8 +211,11 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
         raise InvalidArgumentError(
             f"valid is {shown(valid)}, expected a time; give a revision as known="
         )
-    (last, committed), _ = states_at(store, ("now" if known is None else known, moment), at)
-    return State(ValidStore(store, ValidTime(moment, last, min(last, committed))), last)
+    (last, committed), head = states_at(store, ("now" if known is None else known, moment), at)
+    true = ValidTime(moment, last, min(last, committed))
+    if true.oldest < head.archived:
+        refuse_archived_revision(store, true.oldest)
+    return State(ValidStore(store, true), last)
 
 
 MICROSECOND = timedelta(microseconds=1)

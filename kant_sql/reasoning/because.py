@@ -452,8 +452,10 @@ class _Tracer:
         )
         self.searched = max(self.searched, searched)
         acts: dict[Any, Execution] = {**self._reader.listed([one.key for one in found])}
-        # The state that a plan was made from; its steps come from other keys than their executions.
-        planned = {(*one.key, 0): one.revision for one in found if one.is_planned}
+        # The state that a plan was made from, unless it was recorded after the state that is asked;
+        # its steps come from other keys than their executions.
+        known = [one for one in found if one.is_planned and one.key in acts]
+        planned = {(*one.key, 0): one.revision for one in known}
         jobs: list[tuple[Any, _Job]] = [
             (key, job)
             for key in dict.fromkeys(one.key for one in found if not one.is_planned)

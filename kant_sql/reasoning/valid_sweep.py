@@ -90,7 +90,8 @@ def read_past(store: Store, span: ValidRange) -> ValidPast:
 
 def check_range(session: Session, kb_id: int, span: ValidRange) -> None:
     """Refuse a range of which a part was archived."""
-    read_range(session, kb_id, Bounds(span.before + 1, span.high, 0, span.known))
+    # Before the first revision, too, something may have been said of objects that were moved.
+    read_range(session, kb_id, Bounds(span.before + 1, max(1, span.high), 0, span.known))
 
 
 class ValidSweep(Sweep):

@@ -176,6 +176,7 @@ class ValidTime:
         moment: the time.
         known: the revision.
         state: the last revision up to it that was committed by that time.
+        oldest: the first revision that it is read from; something may be said of before the first.
         kb_id: the knowledge base; None before it has been written to.
         misfits: the ids of facts and of fluents that were so at the time, and do not fit what is
             known of their predicates, functions, types and objects; None before they are found.
@@ -186,6 +187,7 @@ class ValidTime:
 
     def __init__(self, moment: datetime, known: int, state: int) -> None:
         self.moment, self.known, self.state = moment, known, state
+        self.oldest = max(1, state)
         self.kb_id: int | None = None
         self.misfits: dict[str, list[int]] | None = None
         self.said: dict[str, list[int]] | None = None

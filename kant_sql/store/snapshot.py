@@ -59,13 +59,19 @@ class DefinitionsMovedError(Exception):
     """A statement found that definitions have changed since they were cached."""
 
 
-def open_view(session: Session, kb_id: int | None, cache: DefinitionCache, at: int | None) -> View:
-    """Open a state to read from."""
+def open_view(
+    session: Session,
+    kb_id: int | None,
+    cache: DefinitionCache,
+    at: int | None,
+    oldest: int | None = None,
+) -> View:
+    """Open a state to read from; the `oldest` that will be read is another at a valid time."""
     if kb_id is None:
         return View(session, None, Definitions(), at)
     if at is not None:
         definition_revision, archived = _read_head(session, kb_id, cache)
-        refuse_archived(session, kb_id, at, archived)
+        refuse_archived(session, kb_id, at if oldest is None else oldest, archived)
         definitions = cache.at_revision(session, kb_id, at, definition_revision, archived)
         return View(session, kb_id, definitions, at)
     if cache.snapshot is None:
@@ -94,7 +100,7 @@ def _read_head(
 def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> None:
     """Refuse to read a state of which a part was moved elsewhere."""
     if session.overlay is not None:
-        at = session.overlay.state
+        at = session.overlay.oldest
     # Before the first revision there was nothing that could have been moved.
     if 0 < at < archived:
         raise ArchivedError(

@@ -67,7 +67,7 @@ class ValidStore(Store):
         valid, known = self.valid, self.origin._definitions
         valid.kb_id = self._find(session)
         if valid.kb_id is not None:
-            view = open_view(session, valid.kb_id, known, valid.known)
+            view = open_view(session, valid.kb_id, known, valid.known, valid.oldest)
             if not valid.find_misfits(session, view.definitions):
                 self._definitions.adopt(known, valid.known, view.definitions)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 import anyio
 from fastapi import APIRouter, Header, Request
 from fastapi.responses import Response
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, ConfigDict, Field, StrictFloat, StrictInt, create_model
 from starlette.exceptions import HTTPException
 
 from ..dao_calls import KINDS, LONGEST_BODY, MOST_CHANGES, dao_of, is_read
@@ -49,7 +49,8 @@ _REVISION = re.compile(r'(?:W/)?"?([0-9]{1,18})"?')
 Result: TypeAlias = bool | int | Decimal | str | None
 Text = Annotated[str, Field(max_length=LONGEST_BODY)]
 Texts = Annotated[tuple[Text, ...], Field(max_length=MOST_CHANGES)]
-Number = int | float | Text
+# A truth is no number, as for the DAOs.
+Number = StrictInt | StrictFloat | Text
 if TYPE_CHECKING:
     Kind = str
     Do = str

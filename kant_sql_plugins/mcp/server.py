@@ -21,7 +21,7 @@ from mcp.shared.exceptions import MCPError
 from pydantic import ConfigDict, Field, ValidationError
 
 from kant_sql import __version__, history
-from kant_sql.arguments import shown
+from kant_sql.arguments import UNSTORABLE, shown
 from kant_sql.errors import InvalidArgumentError, KantSqlError
 from kant_sql.history.overview import read_overview
 from kant_sql.html import visible
@@ -117,8 +117,9 @@ class _Tool(Tool):
         for name, value in arguments.items():
             if len(str(value)) > LONGEST_ARGUMENT:
                 raise ToolError(f"{name} has more than {LONGEST_ARGUMENT:,} characters; shorten it")
-            if isinstance(value, str) and "\0" in value:
-                raise ToolError(f"{name} has a NUL character, which no text can have; remove it")
+            if isinstance(value, str) and UNSTORABLE.search(value):
+                what = "a NUL character or an unpaired surrogate"
+                raise ToolError(f"{name} has {what}, which no text can have; remove it")
         async with anyio.create_task_group() as beside:
             beside.start_soon(self._report, context, arguments)
             try:

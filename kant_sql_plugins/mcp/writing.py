@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import anyio
 from mcp.server.mcpserver.tools import Tool
 from mcp_types import ToolAnnotations
-from pydantic import Field
+from pydantic import Field, StrictFloat, StrictInt
 
 from kant_sql.arguments import shown
 from kant_sql.errors import ReadOnlyError
@@ -37,7 +37,7 @@ Fluents = Annotated[
     Field(max_length=MOST_WRITTEN, description="Fluents to unset."),
 ]
 Values = Annotated[
-    dict[str, int | float | str],
+    dict[str, StrictInt | StrictFloat | str],
     Field(max_length=MOST_WRITTEN, description="Values by fluents: `{'(battery rb1)': 90}`."),
 ]
 BranchName = Annotated[str, Field(min_length=1, description="The name of the new branch.")]

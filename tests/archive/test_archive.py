@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -99,6 +99,35 @@ def test_before_the_first_revision_there_was_nothing_to_archive(
     kb.restore(0)
     assert kb.diff(0, kb.revision) == []
     assert kb.store.verify().is_intact
+
+
+def test_what_was_said_of_the_time_before_it_may_be_of_what_was_moved(
+    kb: KnowledgeBase, archive_url: str
+) -> None:
+    now = datetime.now(UTC)
+    times = [now - timedelta(hours=hours) for hours in (3, 2, 1)]
+    count(kb, 2)
+    kb.predicates.save("(tidy ?room - room)")
+    kb.objects.save("attic - room")
+    with kb.transaction(valid_from=times[0], valid_until=times[2]):
+        kb.propositions.save("(tidy attic)")
+    assert kb.at(valid=times[1]).holds("(tidy attic)")
+    opened = kb.at(valid=times[1])
+    kb.objects.delete("attic")
+    kb.predicates.save("(tidy ?room - (either room counter))", cascade=True)
+    count(kb, 2)
+    kb.store.archive(kb.revision, to=archive_url)
+    rule = "(forall (?room - room) (always (not (tidy ?room))))"
+    for ask in (
+        lambda: kb.at(valid=times[1]),
+        opened.propositions.get_all,
+        lambda: kb.when("(tidy ?room)", clock="valid", since=times[0], until=times[1]),
+        lambda: kb.pddl.check_rules(rule, clock="valid", since=times[0], until=times[1]),
+        lambda: kb.diff(times[1], times[2], clock="valid"),
+    ):
+        with pytest.raises(ArchivedError, match="archive"):
+            ask()
+    assert kb.at(valid="now").propositions.get_all() == kb.propositions.get_all()
 
 
 def test_counting_changes_nothing_and_creates_nothing(

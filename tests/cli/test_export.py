@@ -30,10 +30,11 @@ def test_all_views_are_written_and_told(own_store: str, tmp_path: Path) -> None:
     ]
 
 
-def test_json_is_what_the_folder_has(own_store: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("folder", ["out", "caf\udce9"])
+def test_json_is_what_the_folder_has(own_store: str, tmp_path: Path, folder: str) -> None:
     words = ["--format", "csv", "--view", "fact", "--view", "audit_goal", "--kb", "tiago"]
     bounds = ["--since", "1", "--until", "2"]
-    out = tmp_path / "out"
+    out = tmp_path / folder
     done = run("export", own_store, "--to", str(out), *words, *bounds, "--json")
     document = json.loads(done.stdout)
     assert document == json.loads((out / "_export.json").read_text(encoding="utf-8"))

@@ -119,6 +119,9 @@ def test_a_plan_used_the_state_that_it_was_made_from(kb: KnowledgeBase) -> None:
         Plan((PlanStep(None, "move", ("rb1", "lab", "hall")),), "by hand", "found")
     )
     [plan] = [one for one in kb.consequences("(door lab hall)") if one.kind == "plan"]
+    # It was made from the state before, in which nobody knew of it.
+    before = kb.at(recorded.recorded_in - 1).consequences("(door lab hall)")
+    assert {one.kind for one in before} == {"derived fact"}
     assert (plan.id, plan.text) == (str(recorded.id), "(move rb1 lab hall)")
     kb.apply(recorded.steps[0])
     kinds = [one.kind for one in kb.consequences("(door lab hall)")]

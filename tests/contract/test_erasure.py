@@ -308,7 +308,10 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     said = {entry.revision.actor: entry.revision.reason for entry in kb.log()}
     assert said == {"test": "rules of retention", "camera": "erased-1", "executive": "seen"}
     assert kb.store.retain(rules).revision is None
-    assert kb.store.retain(read_rules(["* 1d actor,reason,source"])).revision is None
+    for age in ("1d", "999999d"):
+        assert kb.store.retain(read_rules([f"* {age} actor,reason,source"])).revision is None
+    with pytest.raises(errors.InvalidArgumentError, match="unpaired surrogate"):
+        read_rules(["camera\ud800 1d reason"])
     assert kb.store.retain(read_rules(["* 0s reason"]), reason="all").parts == 1
     assert kb.store.verify().findings == ()
     for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):

@@ -344,6 +344,8 @@ def test_it_ends_where_versions_were_moved_to_an_archive(
             next(entries)
     with pytest.raises(UnknownNameError, match="has no revision by actor 'nobody'"):
         list(kb.log(actor="nobody"))
+    with pytest.raises(InvalidArgumentError, match="unpaired surrogate"):
+        list(kb.log(actor="\ud800"))
     assert [each.since.number for each in kb.history(robot_at())] == [3]
     for call in (lambda: kb.diff(1, 5), lambda: kb.restore(1)):
         with pytest.raises(ArchivedError):

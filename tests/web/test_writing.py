@@ -137,6 +137,7 @@ def test_what_happened_since_is_the_answer_to_a_stale_writer(loaded: Post) -> No
         ("facts", 422, {"save": [7]}, "save.0: Input should be a valid string"),
         ("facts", 422, {"actor": "somebody"}, "actor"),
         ("values", 400, {"set": {"(battery rb1)": "much"}}, "much"),
+        ("values", 422, {"set": {"(battery rb1)": True}}, "a valid integer"),
         ("transaction", 400, {"changes": [{"kind": "actions", "do": "increase"}]}, "increase"),
         ("transaction", 400, {"changes": [{"kind": "objects", "do": "save"}]}, "element"),
         ("transaction", 422, {"changes": [{"kind": "secrets", "do": "save"}]}, "kind"),

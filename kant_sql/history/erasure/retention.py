@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from sqlalchemy import String, bindparam, select, true
 
-from ...arguments import expect, iterate, shown
+from ...arguments import expect, iterate, period, shown, storable_text
 from ...errors import InvalidArgumentError
 from ...knowledge.canonical import SAID
 from ...sql import tables as t
@@ -25,7 +25,7 @@ from .erase import Erased, Wanted, run_erasure
 
 ANY = "*"
 _AGE = re.compile(r"(\d{1,6})([smhd])")
-_UNITS = {"s": "seconds", "m": "minutes", "h": "hours", "d": "days"}
+_UNITS = {"s": 1, "m": 60, "h": 3_600, "d": 86_400}  # in seconds
 _REVISION, _PART = table_of(t.RevisionRow).c, table_of(t.CommitmentRow).c
 _ERASURE = table_of(t.ErasureRow).c
 
@@ -68,8 +68,8 @@ def _read_rule(line: str) -> RetentionRule:
             f"{shown(line)} is not a rule of retention; write an actor or *, an age and parts: "
             "camera 30d reason,source"
         )
-    actor = words[0].strip('"')
-    after = timedelta(**{_UNITS[age[2]]: int(age[1])})
+    actor = storable_text(words[0].strip('"'), "actor")
+    after = period(_UNITS[age[2]] * int(age[1]), "the age")
     return RetentionRule(None if actor == ANY else actor, after, parts)
 
 

@@ -46,10 +46,10 @@ class Overlay(Protocol):
     """What a session reads in the place of some tables.
 
     Attributes:
-        state: the revision whose versions it shows.
+        oldest: the first revision that it is read from.
     """
 
-    state: int
+    oldest: int
 
     def text(self, sql: str, dialect: Dialect, words: Words) -> str:
         """Put it in the place of the tables that a statement names."""

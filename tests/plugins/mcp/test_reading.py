@@ -304,6 +304,7 @@ def test_texts_that_are_instructions_arrive_as_data_alone(reader: KantServer) ->
         ("known", {"most": 5}, "most: Extra inputs are not permitted; the arguments of known"),
         ("known", {"kb": "nobody"}, "this store has no knowledge base 'nobody'"),
         ("known", {"kb": "a\0b"}, "kb has a NUL character"),
+        ("acts", {"actor": "a\ud800b"}, "actor has a NUL character or an unpaired surrogate"),
         ("ask", {"condition": "(flies ?r)"}, "flies"),
         ("ask", {"condition": "(((" * 40_000}, "more than 100,000 characters"),
         ("ask", {"condition": "(open)", "limit": 10**9}, "less than or equal to 1000"),
