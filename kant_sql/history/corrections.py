@@ -202,7 +202,7 @@ def corrections(
         >>> kb.corrections()
         []
     """
-    low, high, *_ = find_bounds(state.store, since, until, state.at)
+    low, high, *_ = find_bounds(state, since, until)
     size = at_most(limit)
 
     def work(session: Session, kb_id: int | None) -> list[Correction]:
@@ -228,7 +228,7 @@ def read_corrections_page(
 ) -> CorrectionsPage:
     """Read a page: up to `limit` corrections among so many sayings, perhaps none."""
     # A place is where a batch begins, and how many corrections of it come before.
-    low, high, *_ = find_bounds(state.store, since, until, state.at)
+    low, high, *_ = find_bounds(state, since, until)
     begin = read_place(after, (int, int), ())
 
     def work(session: Session, kb_id: int | None) -> CorrectionsPage:

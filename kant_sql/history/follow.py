@@ -67,7 +67,7 @@ def changes(state: State, after: When = 0, *, limit: int | None = None) -> Itera
 def _read_changes(state: State, after: When, limit: int | None) -> Iterator[LogEntry]:
     """Read changes, oldest first, in pages."""
     store, upto = state
-    begin = last_before(store, after, upto)
+    begin = last_before(state, after)
     left = at_most(limit)
     return _following(store, begin, left, upto, _read_page(store, begin, min(left, PAGE), upto))
 
@@ -146,7 +146,7 @@ def watch_until(
     """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
     store, upto = state
     refuse_unwatchable(store, upto)
-    begin = None if after is None else last_before(store, after)
+    begin = None if after is None else last_before(state, after)
     deadline = time.monotonic() + seconds(timeout)
     with closing(store.backend.listener()) as listener:
         return _Watch(store, listener, begin, deadline, is_ended).wait()

@@ -210,15 +210,14 @@ def revisions(state: State, after: When = 0, *, limit: int | None = None) -> lis
         >>> [(revision.number, revision.actor) for revision in kb.store.revisions()]
         [(1, 'perception')]
     """
-    store, upto = state
-    begin = min(last_before(store, after, upto), LARGEST - 1)
-    high = min(LARGEST if upto is None else upto, begin + at_most(limit))
+    begin = min(last_before(state, after), LARGEST - 1)
+    high = min(LARGEST if state.at is None else state.at, begin + at_most(limit))
 
     def work(session: Session, kb_id: int) -> list[Revision]:
         rows = session.rows(OLDEST_FIRST, kb=kb_id, low=begin + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
-    return html.Listing(store.query_known(work, [], in_snapshot=False), "revision")
+    return html.Listing(state.store.query_known(work, [], in_snapshot=False), "revision")
 
 
 def log(
@@ -277,13 +276,12 @@ def _read_log(
     limit: int | None,
 ) -> Iterator[LogEntry]:
     """Read revisions with their changes, newest first, in pages."""
-    store, upto = state
     optional_text(actor, "actor")
     wanted = None if element is None else sought(element)
-    bounds = find_bounds(store, since, until, upto)
+    bounds = find_bounds(state, since, until)
     most = at_most(limit)
-    entries = _entries(store, wanted, actor, bounds, most)
-    return islice(_known(store, entries, actor, element), min(most, sys.maxsize))
+    entries = _entries(state.store, wanted, actor, bounds, most)
+    return islice(_known(state.store, entries, actor, element), min(most, sys.maxsize))
 
 
 def _known(
@@ -447,11 +445,10 @@ def read_log_page(
     limit: int = 50,
 ) -> LogPage:
     """Read a page of the log, newest first."""
-    store = state.store
     optional_text(asked.actor, "actor")
-    bounds = find_bounds(store, since, until, state.at)
+    bounds = find_bounds(state, since, until)
     low, high = bounds.low, bounds.high if before is None else min(bounds.high, before - 1)
-    empty = LogPage(head_revision(store) if state.at is None else state.at, [])
+    empty = LogPage(head_revision(state), [])
     if high < low:
         return empty
     if asked.element is not None:
@@ -463,9 +460,9 @@ def read_log_page(
         page = empty._replace(revisions=_lines(session, kb_id, rows))
         return page if end <= low else page._replace(before=end, searched=None if is_full else end)
 
-    page = store.query_known(work, empty)
+    page = state.store.query_known(work, empty)
     if not page.revisions and page.searched is None and asked.actor is not None:
-        refuse_unknown_actor(store, asked.actor)
+        refuse_unknown_actor(state.store, asked.actor)
     return page
 
 

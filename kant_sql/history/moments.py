@@ -107,68 +107,61 @@ def _refuse_future(moment: datetime, now: datetime, last: datetime) -> None:
         )
 
 
-def head_revision(store: Store) -> int:
-    """Return the last revision; 0 before the first."""
-    transaction = store.current()
-    return read_head(store).revision if transaction is None else transaction.head.revision
+def head_revision(state: State) -> int:
+    """Return the last revision that a state knows; 0 before the first."""
+    return read_head(state.store).revision if state.upto is None else state.upto
 
 
-def revision_at(store: Store, when: When) -> int:
+def revision_at(state: State, when: When) -> int:
     """Return the revision at a number or a time."""
-    (revision,), _ = _find(store, [when], None)
+    (revision,), _ = _find(state, [when])
     return revision
 
 
-def state_at(store: Store, when: When, upto: int | None = None) -> int:
+def state_at(state: State, when: When) -> int:
     """Return the revision of one state, as `states_at` does."""
-    (revision,), _ = states_at(store, [when], upto)
+    (revision,), _ = states_at(state, [when])
     return revision
 
 
-def last_before(store: Store, after: When, upto: int | None = None) -> int:
+def last_before(state: State, after: When) -> int:
     """Return the revision that a feed begins after: a number, or the last one up to a time."""
     if isinstance(after, str | datetime):
-        return state_at(store, after, upto)
+        return state_at(state, after)
     expected = "a revision's number, or 0 to begin with the first"
     return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
 
 
-def states_at(
-    store: Store, whens: Sequence[When], upto: int | None = None
-) -> tuple[list[int], HeadTimes]:
+def states_at(state: State, whens: Sequence[When]) -> tuple[list[int], HeadTimes]:
     """Return the revisions of one or two states with one statement; refuse archived states."""
-    # A view of the past knows the revisions up to its own, `upto`.
-    revisions, head = _find(store, whens, upto)
+    revisions, head = _find(state, whens)
     for revision in revisions:
         if revision < head.archived:
-            refuse_archived_revision(store, revision)
+            refuse_archived_revision(state.store, revision)
     return revisions, head
 
 
-def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[int], HeadTimes]:
-    refuse_valid(State(store, upto), "this")
+def _find(state: State, whens: Sequence[When]) -> tuple[list[int], HeadTimes]:
+    refuse_valid(state, "this")
     # The store's clock says when now is, which may be behind this process's.
     given = [(read_when(when), is_now(when)) for when in whens]
     moments = [when for when, is_head in given if isinstance(when, datetime) and not is_head]
-    head = read_head(store, moments)
-    found = iter(head.found)
+    head = read_head(state.store, moments)
+    found, last = iter(head.found), _last_known(state, head)
     revisions = []
     for when, is_head in given:
         if is_head:
-            revisions.append(_last_known(store, head, upto))
+            revisions.append(last)
         elif not isinstance(when, datetime):
-            revisions.append(check_number(store.name, when, _last_known(store, head, upto)))
+            revisions.append(check_number(state.store.name, when, last))
         else:
-            revisions.append(next(found) if upto is None else min(next(found), upto))
+            revisions.append(min(next(found), last))
     return revisions, head
 
 
-def _last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
+def _last_known(state: State, head: HeadTimes) -> int:
     """Return the last revision that a caller may ask for."""
-    if upto is not None:
-        return upto
-    transaction = store.current()
-    return head.revision if transaction is None else transaction.head.revision
+    return head.revision if state.upto is None else state.upto
 
 
 def check_number(name: str, when: int, last: int) -> int:
@@ -204,14 +197,15 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
             raise UnknownRevisionError(
                 "give a revision's number, or an aware time, also as known= or as valid="
             )
-        return State(store, state_at(store, known, at))
+        return State(store, state_at(State(store, at), known))
     moment = store.query(lambda session, _: store.clock(session)) if is_now(valid) else valid
     moment = read_when(moment)
     if not isinstance(moment, datetime):
         raise InvalidArgumentError(
             f"valid is {shown(valid)}, expected a time; give a revision as known="
         )
-    (last, committed), _ = states_at(store, ("now" if known is None else known, moment), at)
+    asked = "now" if known is None else known, moment
+    (last, committed), _ = states_at(State(store, at), asked)
     return State(ValidStore(store, ValidTime(moment, last, min(last, committed))), last)
 
 
@@ -227,9 +221,10 @@ class Bounds(NamedTuple):
     known: int  # the last revision that is known
 
 
-def find_bounds(store: Store, since: When | None, until: When | None, upto: int | None) -> Bounds:
+def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     """Find the first and last revision of a range, with one statement at most."""
-    refuse_valid(State(store, upto), "this")
+    refuse_valid(state, "this")
+    store, upto = state
     since, until = read_when(since), None if is_now(until) else read_when(until)
     after = _moment_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
@@ -237,7 +232,7 @@ def find_bounds(store: Store, since: When | None, until: When | None, upto: int 
         head = HeadTimes(upto, 0, LARGEST)
     else:
         head = read_head(store, moments)
-    last = _last_known(store, head, upto)
+    last = _last_known(state, head)
     low, high = 1, last
     if after is not None:
         low = min(head.found[0], last) + 1
@@ -262,14 +257,12 @@ def is_valid_clock(clock: str) -> bool:
     return one_of(clock, CLOCKS, "the clock", InvalidArgumentError) == VALID
 
 
-def find_valid_range(
-    store: Store, since: When | None, until: When | None, upto: int | None
-) -> ValidRange:
+def find_valid_range(state: State, since: When | None, until: When | None) -> ValidRange:
     """Find a range of valid times; a revision stands for the time of its commit."""
     given = [since, None if is_now(until) else until]
-    times = iter(valid_times(store, [when for when in given if when is not None], upto))
+    times = iter(valid_times(state, [when for when in given if when is not None]))
     begin, end = (None if when is None else next(times) for when in given)
-    bounds = find_bounds(store, begin, end, upto)
+    bounds = find_bounds(state, begin, end)
     return ValidRange(
         clamped(begin or FIRST_MOMENT),
         clamped(end or LAST_MOMENT),
@@ -279,12 +272,12 @@ def find_valid_range(
     )
 
 
-def valid_times(store: Store, whens: Sequence[When], upto: int | None) -> list[datetime]:
+def valid_times(state: State, whens: Sequence[When]) -> list[datetime]:
     """Return times; a revision stands for that of its commit, and so does now for the last one."""
     given = [LARGEST if is_now(when) else read_when(when) for when in whens]
     numbers = {when for when in given if not isinstance(when, datetime)}
     if numbers:
-        last = _last_known(store, read_head(store), upto)
+        store, last = state.store, head_revision(state)
         numbers = {last if n == LARGEST else check_number(store.name, n, last) for n in numbers}
         revisions = read_revisions(store, numbers - {0}).values()
         known = {0: FIRST_MOMENT, **{each.number: each.committed_at for each in revisions}}

@@ -104,7 +104,7 @@ _BUSIEST = Query(first_rows(_BY_ACTOR, integer("size")))
 
 def read_tally(state: State, since: When | None, until: When | None, most: int) -> Tally:
     """Count the revisions of a range by actor, and their changes by kind, in five statements."""
-    low, high, *_ = find_bounds(state.store, since, until, state.at)
+    low, high, *_ = find_bounds(state, since, until)
 
     nothing = Tally(low, high, 0, (), (), 0)
 

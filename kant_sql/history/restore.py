@@ -97,7 +97,7 @@ def restore(
         (robot_at rb1 wp1)
     """
     store = state.store
-    revision = state_at(store, when)
+    revision = state_at(State(store), when)
     why = f"restored revision {revision}" if reason is None else reason
     is_part = store.current() is not None
     with store.transaction(actor, why) as transaction:

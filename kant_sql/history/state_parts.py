@@ -47,7 +47,7 @@ from ..sql.rows import (
 )
 from ..sql.tables import PropositionRow
 from ..store.state import State
-from .moments import read_head, states_at
+from .moments import head_revision, state_at
 from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
@@ -454,10 +454,9 @@ def read_state(
     limit: int = 200,
 ) -> StatePage:
     """Read a page of a state."""
-    head = read_head(reader.store).revision if reader.at is None else reader.at
-    revision = head
+    revision = head = head_revision(reader)
     if reader.at is None or when is not None:
-        (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
+        revision = state_at(reader, head if when is None else when)
     at = None if revision == head and reader.at is None else revision
     kinds = tuple(PARTS) if kind is None else (kind,)
 

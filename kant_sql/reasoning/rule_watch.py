@@ -93,7 +93,7 @@ class RuleWatcher:
         self._store = store
         self._given: list[_Asked] | None = None
         if rules is not None:
-            low = find_bounds(store, since, None, None).low
+            low = find_bounds(State(store), since, None).low
             self._given = [_Asked(low, *read_constraints(store, rules, None))]
         self._kept: dict[Row, _Asked] = {}
         self._judges: dict[_Asked, Judge] = {}
@@ -164,7 +164,7 @@ def watcher_of(
     """Begin to watch rules."""
     store, upto = state
     refuse_unwatchable(store, upto)
-    begin = head_revision(store) if after is None else last_before(store, after)
+    begin = head_revision(state) if after is None else last_before(state, after)
     return RuleWatcher(store, begin, rules, since)
 
 
@@ -183,7 +183,7 @@ def standing(state: State) -> Verdicts:
         (sometime (not (robot_at rb1 wp1))) is pending
     """
     store, at = state
-    head = head_revision(store) if at is None else at
+    head = head_revision(state)
     watcher = RuleWatcher(store, 0)
     if at is None:
         watcher = store.remembered.setdefault(RuleWatcher, watcher)

@@ -168,7 +168,7 @@ def archive(
     store.refuse_read_only()
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)
-    upto = _last_before(store, before)
+    upto = _last_before(state, before)
     leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
     if dry_run or not leaving.versions:
         with closing(create_backend(to)) as backend:
@@ -189,14 +189,14 @@ def archive(
     return moved
 
 
-def _last_before(store: Store, before: When) -> int:
+def _last_before(state: State, before: When) -> int:
     """Find the last revision before one, or before a time."""
     before = read_when(before)
     if not isinstance(before, datetime):
-        return max(revision_at(store, before) - 1, 0)
+        return max(revision_at(state, before) - 1, 0)
     # A time in the future is refused as it stands.
-    revision_at(store, before)
-    return revision_at(store, before - MICROSECOND)
+    revision_at(state, before)
+    return revision_at(state, before - MICROSECOND)
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
