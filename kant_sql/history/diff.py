@@ -45,7 +45,7 @@ from ..sql.rows import (
 from ..sql.tables import HeadRow
 from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime, read_said
-from ..store.snapshot import View, refuse_archived
+from ..store.snapshot import View, read_position, refuse_archived
 from ..store.state import State
 from .moments import (
     MICROSECOND,
@@ -56,7 +56,7 @@ from .moments import (
     states_at,
     valid_times,
 )
-from .revisions import LARGEST, read_position
+from .revisions import LARGEST
 
 _WORD = re.compile(r"[^\s()]+")
 # States so many revisions apart are compared by what began and ended between them.
@@ -338,7 +338,7 @@ def read_difference(
     return Difference(
         one,
         other,
-        stand.revision if state.at is None else state.at,
+        stand.head if state.at is None else state.at,
         changes,
         _by_kind(changes, RETRACTED),
         _by_kind(changes, ASSERTED),

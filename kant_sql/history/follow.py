@@ -20,20 +20,11 @@ from ..errors import (
 from ..moment_text import When
 from ..sql.dialects import base as retry
 from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, PASSING, Listener, Session
-from ..store.snapshot import archive_of
+from ..store.snapshot import Position, archive_of, read_position
 from ..store.state import State
 from ..store.store import Store
 from .moments import last_before
-from .revisions import (
-    PAGE,
-    FeedPosition,
-    LogEntry,
-    at_most,
-    feed,
-    read_page,
-    read_position,
-    refuse_unknown,
-)
+from .revisions import PAGE, LogEntry, at_most, feed, read_page, refuse_unknown
 
 
 def changes(state: State, after: When = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
@@ -87,7 +78,7 @@ def _following(
 
 def _read_page(store: Store, after: int, size: int, upto: int | None) -> list[LogEntry]:
     def page(session: Session, kb_id: int | None) -> list[LogEntry]:
-        _, head, archived = read_position(session, kb_id)
+        _, head, archived, *_ = read_position(session, kb_id)
         head = head if upto is None else upto
         refuse_unknown(store.name, after, head)
         if kb_id is not None and after < archived:
@@ -211,7 +202,7 @@ class _Watch:
                 "waited for a revision; connect again"
             )
 
-    def _read(self) -> FeedPosition:
+    def _read(self) -> Position:
         if self._unknown_since is None:
             self._unknown_since = time.monotonic()
         position = self._store.query_once(read_position)
@@ -227,7 +218,7 @@ class _Watch:
         position = self._store.query_in_snapshot(read_position)
         return position.head if self._is_news(position) else None
 
-    def _is_news(self, position: FeedPosition) -> bool:
+    def _is_news(self, position: Position) -> bool:
         if self._after is None:
             self._after = position.head
         refuse_unknown(self._store.name, self._after, position.head)

@@ -38,7 +38,7 @@ from ..sql.places import place_text, read_place
 from ..sql.query import Query, constant, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import RevisionRow
-from ..store.snapshot import archive_of
+from ..store.snapshot import archive_of, read_position
 from ..store.state import State
 from ..store.store import Store
 from .elements import Element, Sought, refuse_unknown_element, sought, take_objects
@@ -55,7 +55,6 @@ from .revisions import (
     make_revision,
     missing_revision,
     numbered_rows,
-    read_position,
     refuse_archived_revision,
     refuse_unknown,
 )
@@ -549,7 +548,7 @@ def read_revision_page(
     place = read_place(after, BY_OWNER, BY_TEXT)
 
     def work(session: Session, kb_id: int | None) -> RevisionPage:
-        _, head, archived = read_position(session, kb_id)
+        _, head, archived, *_ = read_position(session, kb_id)
         refuse_unknown(state.store.name, number, head)
         assert kb_id is not None
         (row,), _ = _find(session, kb_id, LogFilter(), number, number, 1)

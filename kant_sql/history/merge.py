@@ -46,7 +46,7 @@ from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import RevisionRow
 from ..store.head import hash_of
-from ..store.snapshot import View, refuse_archived
+from ..store.snapshot import View, read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -54,7 +54,7 @@ from .merge_sayings import MergeSaying, compare_sayings, read_sayings, say_all
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
-from .revisions import LAST_MOMENT, Revision, read_numbered, read_position, read_revisions
+from .revisions import LAST_MOMENT, Revision, read_numbered, read_revisions
 
 logger = logging.getLogger("kant_sql.history")
 

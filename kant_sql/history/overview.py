@@ -13,10 +13,9 @@ from ..sql.intervals import held_by
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VALUE
 from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
-from ..store.snapshot import View
+from ..store.snapshot import View, read_position
 from ..store.state import State
 from .moments import find_bounds
-from .revisions import read_position
 
 
 class Overview(NamedTuple):

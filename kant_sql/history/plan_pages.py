@@ -15,8 +15,9 @@ from ..sql.dialects.base import Session
 from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, table_of
 from ..sql.tables import ExecutionArgumentRow, ExecutionRow, ExecutionVersionRow, PlanRow
+from ..store.snapshot import read_position
 from ..store.state import State
-from .revisions import LARGEST, Revision, read_numbered, read_position
+from .revisions import LARGEST, Revision, read_numbered
 
 # Steps of plans that are looked through for objects that more of them name.
 SEARCHED_STEPS = 5_000

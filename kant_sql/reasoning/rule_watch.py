@@ -12,12 +12,12 @@ from ..arguments import seconds
 from ..dto import formulas as f
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import find_bounds, head_revision, last_before
-from ..history.revisions import read_numbered, read_position
+from ..history.revisions import read_numbered
 from ..knowledge.definitions import Definitions
 from ..moment_text import When
 from ..sql.dialects.base import Row, Session
 from ..sql.periods import read_kept_rules
-from ..store.snapshot import refuse_archived
+from ..store.snapshot import read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from .rules import Judge, Rules, Verdict, Verdicts, read_constraints

@@ -21,6 +21,7 @@ from ...sql.query import whole_rows
 from ...sql.rows import table_of
 from ...sql.tables import ArchiveRow
 from ...store.head import hash_of
+from ...store.snapshot import read_position
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
@@ -36,7 +37,6 @@ from ..replication.target import (
     read_state,
     reading,
 )
-from ..revisions import read_position
 from ..rewriting.parts import leave_commitments, standing_commitments
 from ..verify.chain import rest_digest
 from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
