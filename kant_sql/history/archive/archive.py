@@ -26,16 +26,16 @@ from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
 from ..moments import MICROSECOND, revision_at
-from ..replication.batch import BatchSize, copy_batch, wipe
-from ..replication.copy import Copied, CopyRange, Stores
+from ..replication.batch import Batches, copy_batch, wipe
+from ..replication.copy import Stores
 from ..replication.target import (
     ReplicationSide,
     Target,
+    begun,
     diverged,
     last_archive,
     open_target,
     read_state,
-    reading,
 )
 from ..rewriting.parts import leave_commitments, standing_commitments
 from ..verify.chain import rest_digest
@@ -65,25 +65,19 @@ def replicate(
     """Replicate revisions up to one, resuming where an earlier call ended."""
     # Each of several transactions leaves the target complete at some revision. Returns where bytes
     # may remain of what was erased there.
-    size, at, erasures = BatchSize(), -1, 0
+    batches, at = Batches(), -1
     while at < upto:
-        at, copied = retrying(
-            target.backend, lambda: _advance(source, target, upto, size.revisions)
-        )
+        at = retrying(target.backend, lambda: _advance(source, target, upto, batches))
         if progress is not None:
             progress(min(at, upto), upto)
-        size.learn(copied.rows)
-        erasures += copied.erasures
-    return wipe(target.backend) if erasures else ()
+    return wipe(target.backend) if batches.erasures else ()
 
 
-def _advance(
-    source: ReplicationSide, target: Target, upto: int, revisions: int
-) -> tuple[int, Copied]:
-    """Copy some revisions; return the target's last one and what was copied."""
+def _advance(source: ReplicationSide, target: Target, upto: int, batches: Batches) -> int:
+    """Copy some revisions; return the target's last one."""
     with (
         target.locked(durable=True) as (session, target_kb, head),
-        reading(source.backend) as reader,
+        begun(source.backend) as reader,
     ):
         kb_id = source.find(reader)
         state = read_state(reader, kb_id)
@@ -93,12 +87,11 @@ def _advance(
         stores = Stores(reader, kb_id, session, target_kb)
         check_archive(stores, source.name, head.revision)
         if head.revision >= upto:
-            return head.revision, Copied(0, 0, 0)
-        high = min(upto, max(head.revision + revisions, state.erased))
-        redefined = state.definition_revision > head.revision
-        may_return = state.archived_revision > 0
-        bounds = CopyRange(head.revision + 1, high, may_return, redefined, state.erased)
-        return high, copy_batch(stores, source, state, head, bounds)
+            return head.revision
+        bounds = batches.following(state, head, upto, state.archived_revision > 0)
+        copied = copy_batch(stores, source, state, head, bounds)
+    batches.add(copied)
+    return bounds.high
 
 
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.

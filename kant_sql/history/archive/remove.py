@@ -38,6 +38,7 @@ from ..replication.copy import (
     references,
     text_of,
 )
+from ..replication.target import begun
 
 _MODULUS = 2**256
 
@@ -214,12 +215,8 @@ def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
 
 def refuse_without_right(store: Store) -> None:
     """Refuse early who may not archive."""
-    with store.backend.open_session() as session:
-        session.begin(write=True)
-        try:
-            session.run(_SET, kb=_NONE, upto=0)
-        finally:
-            session.rollback()
+    with begun(store.backend, write=True) as session:
+        session.run(_SET, kb=_NONE, upto=0)
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:

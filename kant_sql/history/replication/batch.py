@@ -29,18 +29,29 @@ ROWS = 20_000
 FIRST_REVISIONS = 50
 
 
-class BatchSize:
-    """How many revisions the next batch has, learnt from those before it."""
+class Batches:
+    """The batches of one call: how much they have written, and how large the next one is."""
 
     def __init__(self) -> None:
-        self.revisions = FIRST_REVISIONS
+        self.versions = 0
+        self.erasures = 0
+        self._revisions = FIRST_REVISIONS
 
-    def learn(self, rows: int) -> None:
-        """Adapt to how many versions a batch had."""
-        if rows < ROWS // 2:
-            self.revisions *= 2
-        elif rows > ROWS:
-            self.revisions = max(1, self.revisions * ROWS // rows)
+    def following(self, here: HeadState, head: Head, upto: int, may_return: bool) -> CopyRange:
+        """Return the revisions that come next after a target's head, up to one of the source."""
+        # A replica has no part of an erasure without all of it.
+        high = min(upto, max(head.revision + self._revisions, here.erased))
+        redefined = here.definition_revision > head.revision
+        return CopyRange(head.revision + 1, high, may_return, redefined, here.erased)
+
+    def add(self, copied: Copied) -> None:
+        """Count what a batch has written, and adapt the size of the next one."""
+        self.versions += copied.rows
+        self.erasures += copied.erasures
+        if copied.rows < ROWS // 2:
+            self._revisions *= 2
+        elif copied.rows > ROWS:
+            self._revisions = max(1, self._revisions * ROWS // copied.rows)
 
 
 def wipe(backend: Backend) -> tuple[str, ...]:

@@ -34,9 +34,8 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, Listener
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
-from ...store.store import end_session
 from .push import Progress, Pushed, Terms, send
-from .target import ReplicationSide, Target, open_store, read_state, reading
+from .target import ReplicationSide, Target, begun, open_store, read_state
 
 # What may be over at the next attempt.
 PASSING = (
@@ -142,15 +141,11 @@ class _Connection:
         for backend in (self.source, self.target):
             # What the pool holds may be lost, too.
             backend.renew()
-        with reading(self.source) as session:
+        with begun(self.source) as session:
             check_session(session)
-        session = self.target.session()
-        try:
-            # Where writers lock the whole store, this waits for them.
-            session.begin(write=True)
+        # Where writers lock the whole store, this waits for them.
+        with begun(self.target, write=True) as session:
             check_session(session)
-        finally:
-            end_session(session)
 
     def close(self) -> None:
         """Close both."""
