@@ -77,7 +77,7 @@ from .knowledge_base import (
 from .limits import limited
 from .moment_text import When
 from .plans import PlanDao
-from .reasoning.ask import Answers, Binding
+from .reasoning.ask import Answers
 from .reasoning.execute import Dispatch, ExecutedPlan, Executive
 from .reasoning.replan import PlanOptions
 from .reasoning.rule_watch import watcher_of
@@ -643,6 +643,17 @@ async def _until_answered(door: _Door, ask: Callable[[], R]) -> R:
         return await _until_stopped(ask, lambda: asyncio.to_thread(limit.cancel))
 
 
+async def _read_all(door: _Door, ask: Callable[[], Answers]) -> Answers:
+    """Ask a condition, and read all answers where it was asked."""
+
+    def read() -> Answers:
+        answers = ask()
+        len(answers)
+        return answers
+
+    return await door.read(read)
+
+
 def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
     return _Call(method, _until_answered)
 
@@ -840,6 +851,7 @@ class AsyncKnowledgeBase(_Part):
     load_problem = _write(KnowledgeBase.load_problem)
     domain_pddl = _read(KnowledgeBase.domain_pddl)
     problem_pddl = _read(KnowledgeBase.problem_pddl)
+    query = _Call(KnowledgeBase.query, _read_all)
     holds = _read(KnowledgeBase.holds)
     when = _iterate(KnowledgeBase.when)
     consequences = _read(KnowledgeBase.consequences)
@@ -964,24 +976,6 @@ class AsyncKnowledgeBase(_Part):
         """Read the number of the last revision, as `KnowledgeBase.revision`."""
         return await self._door.read(lambda: self._kb.revision)
 
-    async def query(
-        self,
-        condition: str | Node,
-        /,
-        *,
-        parameters: str | None = None,
-        limit: int | None = None,
-        **bindings: Binding,
-    ) -> Answers:
-        """Find the objects for which a condition holds, as `KnowledgeBase.query`; all are read."""
-
-        def ask() -> Answers:
-            found = self._kb.query(condition, parameters=parameters, limit=limit, **bindings)
-            len(found)
-            return found
-
-        return await self._door.read(ask)
-
     async def execute(
         self,
         plan: GivenPlan,
@@ -1043,7 +1037,9 @@ class AsyncKnowledgeBase(_Part):
         lane, cancelled = _Lane(), threading.Event()
         try:
             return await asyncio.wrap_future(
-                lane.submit(partial(_watch, self._kb, after, timeout, cancelled.is_set))
+                lane.submit(
+                    lambda: watch_until(state_of(self._kb), after, timeout, cancelled.is_set)
+                )
             )
         finally:
             cancelled.set()
@@ -1074,12 +1070,6 @@ class AsyncKnowledgeBase(_Part):
 
     async def __aexit__(self, *error: object) -> None:
         await self.close()
-
-
-def _watch(
-    kb: KnowledgeBase, after: When | None, timeout: float | None, is_ended: Callable[[], bool]
-) -> int | None:
-    return watch_until(state_of(kb), after, timeout, is_ended)
 
 
 class AsyncKnowledgeStore:
