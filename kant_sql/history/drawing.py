@@ -130,7 +130,6 @@ class Drawing(NamedTuple):
     axis: str  # the element of the axis
     body: str  # the element of all below it
     height: int  # of the body, in pixels
-    name: str  # what is drawn
 
     def together(self, attributes: str, style: str = "") -> str:
         """Write both in one element."""
@@ -204,7 +203,7 @@ class _Pen:
         count = f"{len(shown.lanes):,} lanes and {len(shown.plans):,} plans"
         about = f"<title>{name}</title><desc>{count}: what held when, and who said so.</desc>"
         body = _svg(height, about + lines + "".join(self._parts) + ends, 'role="group"')
-        return Drawing(self._axis(ticks), body, height, name)
+        return Drawing(self._axis(ticks), body, height)
 
     # The axis.
 

@@ -219,11 +219,7 @@ class Store:
             now = self._outside(lambda session: read_position(session, kb_id).redefined)
             if now == snapshot.definition_revision:
                 return work(snapshot.definitions)
-        return self._apart(
-            lambda session: work(
-                open_view(session, self._find(session), self._definitions, at).definitions
-            )
-        )
+        return self.read_in_snapshot(lambda view: work(view.definitions), at)
 
     def check_definitions(self, work: Callable[[Definitions], T], at: int | None = None) -> T:
         """Check something against the definitions, without a statement unless the check fails."""
