@@ -10,7 +10,7 @@ import json
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, literal_column, select
@@ -71,28 +71,19 @@ _MERGES = Query(
 )
 
 
+@dataclass(eq=False, slots=True)
 class _Trace:
-    """What became of one element in a range of revisions.
+    """What became of one element in a range of revisions."""
 
-    Attributes:
-        name: what it is called, as it is spelled.
-        before: its text before the range; None where it did not hold.
-        then: its text at a revision within the range.
-        now: its text after the range.
-        first: the first revision that changed it.
-        last: the last revision that changed it.
-        since: what revisions after that one made of it.
-    """
-
-    __slots__ = ("_asserted", "before", "first", "last", "name", "now", "since", "then")
-
-    def __init__(self, name: str, number: int) -> None:
-        self.name = name
-        self.first, self.last, self._asserted = number, number, 0
-        self.before: str | None = None
-        self.then: str | None = None
-        self.now: str | None = None
-        self.since: dict[int, str | None] = {}
+    name: str  # what it is called, as it is spelled
+    first: int  # the first revision that changed it
+    last: int = 0  # the last revision that changed it
+    before: str | None = None  # its text before the range; None where it did not hold
+    then: str | None = None  # its text at a revision within the range
+    now: str | None = None  # its text after the range
+    # What revisions after that one made of it.
+    since: dict[int, str | None] = field(default_factory=dict)
+    _asserted: int = 0
 
     def add(self, number: int, change: Change, split: int) -> None:
         """Add a change; within a revision, what it asserts comes first."""
