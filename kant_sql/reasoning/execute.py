@@ -185,7 +185,7 @@ class Executive:
         if not 0 < expect(self.speed, (int, float), "speed", InvalidArgumentError) < math.inf:
             raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
         self._patience, self._store = seconds(self.timeout), self.state.store
-        refuse_unwatchable(self._store, self.state.at)
+        refuse_unwatchable(self.state)
         given, plans = read_any_plan(self.state, self.plan), SqlPlanDao(self._store)
         if isinstance(given, RecordedPlan):
             # Its steps may have other outcomes than when it was read.

@@ -162,10 +162,9 @@ def watcher_of(
     state: State, rules: Rules | None, after: When | None, since: When | None
 ) -> RuleWatcher:
     """Begin to watch rules."""
-    store, upto = state
-    refuse_unwatchable(store, upto)
+    refuse_unwatchable(state)
     begin = head_revision(state) if after is None else last_before(state, after)
-    return RuleWatcher(store, begin, rules, since)
+    return RuleWatcher(state.store, begin, rules, since)
 
 
 def standing(state: State) -> Verdicts:
