@@ -31,7 +31,7 @@ from ..replication.copy import Stores
 from ..replication.target import (
     ReplicationSide,
     Target,
-    begun,
+    begin_on,
     diverged,
     last_archive,
     open_target,
@@ -77,7 +77,7 @@ def _advance(source: ReplicationSide, target: Target, upto: int, batches: Batche
     """Copy some revisions; return the target's last one."""
     with (
         target.locked(durable=True) as (session, target_kb, head),
-        begun(source.backend) as reader,
+        begin_on(source.backend) as reader,
     ):
         kb_id = source.find(reader)
         state = read_state(reader, kb_id)

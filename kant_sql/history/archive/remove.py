@@ -38,7 +38,7 @@ from ..replication.copy import (
     references,
     text_of,
 )
-from ..replication.target import begun
+from ..replication.target import begin_on
 
 _MODULUS = 2**256
 
@@ -215,7 +215,7 @@ def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
 
 def refuse_without_right(store: Store) -> None:
     """Refuse early who may not archive."""
-    with begun(store.backend, write=True) as session:
+    with begin_on(store.backend, write=True) as session:
         session.run(_SET, kb=_NONE, upto=0)
 
 

@@ -22,7 +22,7 @@ from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
 from .batch import Batches, copy_batch, move, wipe
 from .copy import Stores
-from .target import HeadState, ReplicationSide, Target, begun, diverged, last_archive, read_state
+from .target import HeadState, ReplicationSide, Target, begin_on, diverged, last_archive, read_state
 
 T = TypeVar("T")
 
@@ -119,7 +119,7 @@ class _Push:
         """Send a batch; return the source's head, the target's last revision, and if it is all."""
         with (
             self._target.locked() as (session, target_kb, head),
-            begun(self._source.backend) as reader,
+            begin_on(self._source.backend) as reader,
         ):
             here = read_state(reader, self._source.find(reader))
             stores = Stores(reader, self._source.kb_id or 0, session, target_kb)
@@ -205,7 +205,7 @@ class _Push:
             yield stores, here
             return
         archive = self._find_archive(stores, here, head)
-        with begun(archive.backend) as reader:
+        with begin_on(archive.backend) as reader:
             state = read_state(reader, archive.find(reader))
             whole = stores._replace(source=reader, source_kb=archive.kb_id or 0)
             self._check_archive(stores, whole, here, head, state)

@@ -35,7 +35,7 @@ from ...sql.dialects.base import Backend, Listener
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
 from .push import Progress, Pushed, Terms, send
-from .target import ReplicationSide, Target, begun, open_store, read_state
+from .target import ReplicationSide, Target, begin_on, open_store, read_state
 
 # What may be over at the next attempt.
 PASSING = (
@@ -141,10 +141,10 @@ class _Connection:
         for backend in (self.source, self.target):
             # What the pool holds may be lost, too.
             backend.renew()
-        with begun(self.source) as session:
+        with begin_on(self.source) as session:
             check_session(session)
         # Where writers lock the whole store, this waits for them.
-        with begun(self.target, write=True) as session:
+        with begin_on(self.target, write=True) as session:
             check_session(session)
 
     def close(self) -> None:

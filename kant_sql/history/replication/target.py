@@ -149,7 +149,7 @@ class Target(ReplicationSide):
     @contextmanager
     def locked(self, durable: bool = False) -> Iterator[tuple[Session, int, Head]]:
         """Lock it against other writers for the length of a `with` block; create it if missing."""
-        with begun(self.backend, write=True, durable=durable) as session:
+        with begin_on(self.backend, write=True, durable=durable) as session:
             kb_id = self.find(session)
             if kb_id is None:
                 kb_id = self.kb_id = create_knowledge_base(session, self.name)
@@ -160,7 +160,7 @@ class Target(ReplicationSide):
 
 
 @contextmanager
-def begun(backend: Backend, *, write: bool = False, durable: bool = False) -> Iterator[Session]:
+def begin_on(backend: Backend, *, write: bool = False, durable: bool = False) -> Iterator[Session]:
     """Open a transaction for the length of a `with` block; what it has not committed is undone."""
     # With `durable`, what is committed survives a power cut.
     session = backend.session()
