@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -36,6 +36,7 @@ from ..errors import (
     ReadOnlyError,
     ReplicaError,
     StaleRevisionError,
+    few_of,
 )
 from ..knowledge.canonical import read_source
 from ..knowledge.definitions import KINDS, Definitions
@@ -518,21 +519,18 @@ class _Merging:
         made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
         undecided = [each for each in made.conflicts if each.decided is None]
         if undecided:
-            raise MergeConflictError(self._said(undecided), made.conflicts)
+            raise MergeConflictError(
+                f"branch {self.branch.name!r} has {len(undecided)} open conflicts: "
+                f"{few_of(undecided, NAMED)}; nothing was written: decide each as 'ours' or "
+                "'theirs', or change one of the two",
+                made.conflicts,
+            )
         compared.refuse_pseudonyms()
         carry(transaction, self._theirs.definitions, compared.wanted())
         say_all(transaction, compared.said)
         if compared.is_mixed:
             refuse_misfits(transaction)
         return made
-
-    def _said(self, conflicts: Sequence[MergeConflict]) -> str:
-        named = "; ".join(map(str, conflicts[:NAMED]))
-        more = f"; and {len(conflicts) - NAMED} more" if len(conflicts) > NAMED else ""
-        return (
-            f"branch {self.branch.name!r} has {len(conflicts)} open conflicts: {named}{more}; "
-            "nothing was written: decide each as 'ours' or 'theirs', or change one of the two"
-        )
 
 
 class _PreviewedError(Exception):
