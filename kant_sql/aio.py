@@ -918,10 +918,10 @@ class AsyncKnowledgeBase(_Part):
         call = partial(self._kb.branch, name, at=at, url=url)
         block = self._door.own_block()
         if block is not None:
-            return Opening(partial(_connected, partial(block.run_in_thread, call)))
+            return Opening(partial(block.run_in_thread, call), _front_door)
         if self._door.has_one_connection:
             self._door.refuse_inherited()
-        return Opening(partial(_connected, call))
+        return Opening(call, _front_door)
 
     async def diff(
         self,
@@ -1124,25 +1124,12 @@ class AsyncKnowledgeStore:
         await self.close()
 
 
-async def _opened(make: Callable[[], C]) -> C:
-    """Open something in a thread; close it when the caller was cancelled meanwhile."""
-    lane = _Lane()
-    future = lane.submit(make)
-    cancelled = await _finish(future)
-    if cancelled is not None:
-        if future.exception() is None:
-            await _finish(lane.submit(future.result().close))
-        lane.end()
-        raise cancelled
-    lane.end()
-    return future.result()
-
-
 class Opening(AbstractAsyncContextManager[A]):
     """What is being opened: await it, or use it in `async with`."""
 
-    def __init__(self, open_: Callable[[], Coroutine[object, object, A]]) -> None:
-        self._open = open_
+    def __init__(self, make: Callable[[], C], wrap: Callable[[C], A]) -> None:
+        self._make: Callable[[], Any] = make
+        self._wrap: Callable[[Any], A] = wrap
         self._opened: A | None = None
 
     def __await__(self) -> Generator[object, None, A]:
@@ -1156,14 +1143,22 @@ class Opening(AbstractAsyncContextManager[A]):
         if self._opened is not None:
             await self._opened.close()
 
+    async def _open(self) -> A:
+        """Open it in a thread; close it when the caller was cancelled meanwhile."""
+        lane = _Lane()
+        future = lane.submit(self._make)
+        cancelled = await _finish(future)
+        if cancelled is not None:
+            if future.exception() is None:
+                await _finish(lane.submit(future.result().close))
+            lane.end()
+            raise cancelled
+        lane.end()
+        return self._wrap(future.result())
 
-async def _connected(make: Callable[[], KnowledgeBase]) -> AsyncKnowledgeBase:
-    kb = await _opened(make)
+
+def _front_door(kb: KnowledgeBase) -> AsyncKnowledgeBase:
     return AsyncKnowledgeBase(_Door(kb, factory_of(kb).has_one_connection), kb=kb)
-
-
-async def _opened_store(make: Callable[[], KnowledgeStore]) -> AsyncKnowledgeStore:
-    return AsyncKnowledgeStore(await _opened(make))
 
 
 def connect(
@@ -1198,7 +1193,7 @@ def connect(
     """
     own: Any = {"knowledge_base": knowledge_base, "actor": actor, "read_only": read_only}
     make = partial(sync.connect, url, **own, clock=clock)
-    return Opening(partial(_connected, make))
+    return Opening(make, _front_door)
 
 
 def open_store(
@@ -1229,4 +1224,4 @@ def open_store(
         ['tiago', 'pepper']
     """
     make = partial(sync.open_store, url, connections=connections, read_only=read_only)
-    return Opening(partial(_opened_store, make))
+    return Opening(make, AsyncKnowledgeStore)
