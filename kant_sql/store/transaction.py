@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import chain
 from typing import Any
 
-from sqlalchemy import bindparam, func, select, update
+from sqlalchemy import Table, bindparam, func, select, update
 
 from ..errors import ConnectionLostError, InvalidArgumentError
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
@@ -26,7 +26,7 @@ from ..knowledge.sayings import FROM_NOW_ON, Given, Period
 from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import Key
-from ..sql.query import Insert, Query
+from ..sql.query import Insert, Query, whole_rows
 from ..sql.rows import FACT, KB, table_of
 from ..sql.tables import (
     ConfirmationRow,
@@ -307,6 +307,14 @@ class Transaction:
             add(Change(ASSERTED, CONFIRMATION, text), [(_NEW_CONFIRMATION, (kb, id_, number))])
             for id_, _, text in filter(self.propositions.held_before, atoms)
         )
+
+    def record(
+        self, kind: str, table: Table, write: Callable[..., str], id_: int, *values: Any
+    ) -> None:
+        """Record something: its row has an id, the revision, the values, and the text of these."""
+        text = write(id_, *values)
+        row = (self.kb_id, id_, self.number, *values, text)
+        self.records.add(Change(ASSERTED, kind, text), [(whole_rows(table), row)])
 
     def spill(self) -> None:
         """Write and forget the pending propositions, if they are many."""

@@ -14,10 +14,9 @@ from ...dao.interfaces import Progress
 from ...errors import ConflictError, InvalidArgumentError
 from ...knowledge.canonical import archive_text
 from ...moment_text import When, read_when
-from ...sql.changes import ARCHIVE, ASSERTED, Change
+from ...sql.changes import ARCHIVE
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
-from ...sql.query import whole_rows
 from ...sql.rows import table_of
 from ...sql.tables import ArchiveRow
 from ...store.head import hash_of
@@ -248,9 +247,5 @@ def _move(
 
 def record_archive(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
     """Record that versions were moved, and the hash of what is left of their revisions."""
-    versions = leaving.total
-    id_ = transaction.allocate()
-    text = archive_text(id_, leaving.high, target, versions, rest)
-    row = (transaction.kb_id, id_, transaction.number, leaving.high, target, versions, rest, text)
-    rows = [(whole_rows(table_of(ArchiveRow)), row)]
-    transaction.records.add(Change(ASSERTED, ARCHIVE, text), rows)
+    said = transaction.allocate(), leaving.high, target, leaving.total, rest
+    transaction.record(ARCHIVE, table_of(ArchiveRow), archive_text, *said)
