@@ -581,8 +581,7 @@ def merge(
     source = {"base": found.base, "branch": found.name, "hash": found.hash, "revision": found.head}
     with store.transaction(actor, why, source, expected_revision=expected_revision) as transaction:
         made = merging.write(transaction)
-    committed = transaction.committed
-    number = None if committed is None else committed.number
+    number = transaction.made
     logger.info(
         "knowledge base %r: branch %r merged, by revision %s", store.name, found.name, number
     )

@@ -184,6 +184,11 @@ class Transaction:
         return (time.monotonic() - self._started) * 1e3
 
     @property
+    def made(self) -> int | None:
+        """The revision that it has made; None if it has changed nothing, or has not ended."""
+        return None if self.committed is None else self.committed.number
+
+    @property
     def is_stateless(self) -> bool:
         """Whether it has met no proposition and no fluent so far."""
         ledgers = self._propositions, self._values
@@ -389,7 +394,7 @@ class Transaction:
     def publish(self) -> None:
         """Share what it has learned with later transactions, after it has ended well."""
         before = self.head.revision
-        revision = before if self.committed is None else self.committed.number
+        revision = self.made or before
         if self._propositions is None:
             self._atoms.advance(before, revision)
         else:

@@ -241,8 +241,7 @@ def _move(
                 remove(*where[:2], leaving)
                 leave_commitments(*where, before)
                 record_archive(transaction, leaving, rest, target.backend.label)
-    made = transaction.committed
-    return (None if made is None else made.number), leaving
+    return transaction.made, leaving
 
 
 def record_archive(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
