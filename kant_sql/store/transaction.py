@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import chain
 from typing import Any
 
-from sqlalchemy import Table, bindparam, func, select, update
+from sqlalchemy import Table, bindparam, func, select
 
 from ..errors import ConnectionLostError, InvalidArgumentError
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
@@ -28,16 +28,9 @@ from ..sql.dialects.base import Session
 from ..sql.executions import Key
 from ..sql.query import Insert, Query, whole_rows
 from ..sql.rows import FACT, KB, table_of
-from ..sql.tables import (
-    ConfirmationRow,
-    HeadRow,
-    PlanRow,
-    RequestRow,
-    RevisionExecutionRow,
-    RevisionRow,
-)
+from ..sql.tables import ConfirmationRow, PlanRow, RequestRow, RevisionExecutionRow, RevisionRow
 from .caches import Agreements, AtomCache, FluentCache, GroundAtom
-from .head import Committed, Head
+from .head import Committed, Head, set_head
 from .journal import JournalScope
 from .ledger import (
     DefinitionLedger,
@@ -60,16 +53,12 @@ _NEW_REVISION = Insert(
 _NEW_REQUEST = Insert(table_of(RequestRow), "kb_id", "number", "key", "digest", "results")
 _NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
-_MOVE_HEAD = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(
-        revision=bindparam("number"),
-        definition_revision=bindparam("definitions"),
-        next_id=bindparam("next"),
-        hash=bindparam("digest"),
-        committed_at=bindparam("time"),
-    )
+_MOVE_HEAD = set_head(
+    revision=bindparam("number"),
+    definition_revision=bindparam("definitions"),
+    next_id=bindparam("next"),
+    hash=bindparam("digest"),
+    committed_at=bindparam("time"),
 )
 
 # Flush above this count of pending propositions to bound memory.

@@ -6,18 +6,7 @@ from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    Boolean,
-    ColumnElement,
-    Select,
-    Table,
-    bindparam,
-    delete,
-    func,
-    select,
-    union_all,
-    update,
-)
+from sqlalchemy import Boolean, ColumnElement, Select, Table, delete, func, select, union_all
 
 from ...dao.base import batches
 from ...errors import ConflictError, StoreError
@@ -25,7 +14,8 @@ from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, constant, in_list, in_rows, integer
 from ...sql.rows import KB, AtomTables
-from ...sql.tables import TABLES, HeadRow
+from ...sql.tables import TABLES
+from ...store.head import set_head
 from ...store.store import Store
 from ..replication.copy import (
     ARCHIVED_TABLES,
@@ -165,11 +155,7 @@ _NONE = -1
 # Objects per statement, with the atoms that mention them.
 _OBJECTS = 200
 
-_SET = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(archived_revision=integer("upto"))
-)
+_SET = set_head(archived_revision=integer("upto"))
 _OBJECT, _OBJECT_VERSION = TABLES["object"].c, TABLES["object_version"].c
 _OBJECT_VERSIONS = select(_OBJECT_VERSION.since).where(
     _OBJECT_VERSION.kb_id == KB, _OBJECT_VERSION.object_id == _OBJECT.id

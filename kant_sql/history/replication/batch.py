@@ -8,15 +8,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from sqlalchemy import bindparam, update
+from sqlalchemy import bindparam
 
 from ...errors import StoreIntegrityError, reading_rows
 from ...knowledge.canonical import text_time, time_text
 from ...sql.changes import FEW, few_change_rows
 from ...sql.dialects.base import Backend, Row, Session
-from ...sql.query import Query, integer
-from ...sql.tables import HeadRow
-from ...store.head import Head
+from ...sql.query import integer
+from ...store.head import Head, set_head
 from ..verify.chain import Link, Step, stream_chain
 from .copy import Copied, Copy, CopyRange, Stores
 from .erasures import Followed
@@ -62,20 +61,16 @@ def wipe(backend: Backend) -> tuple[str, ...]:
     return remaining
 
 
-_MOVE = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(
-        revision=integer("number"),
-        definition_revision=integer("definitions"),
-        next_id=integer("next"),
-        hash=bindparam("digest"),
-        committed_at=bindparam("time"),
-        origin=bindparam("label"),
-        origin_revision=integer("last"),
-        origin_committed_at=bindparam("last_time"),
-        heard_at=bindparam("now"),
-    )
+_MOVE = set_head(
+    revision=integer("number"),
+    definition_revision=integer("definitions"),
+    next_id=integer("next"),
+    hash=bindparam("digest"),
+    committed_at=bindparam("time"),
+    origin=bindparam("label"),
+    origin_revision=integer("last"),
+    origin_committed_at=bindparam("last_time"),
+    heard_at=bindparam("now"),
 )
 
 

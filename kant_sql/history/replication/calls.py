@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from weakref import WeakKeyDictionary
 
-from sqlalchemy import bindparam, null, update
+from sqlalchemy import null
 
 from ...arguments import expect, flag, optional_call, optional_text
 from ...errors import (
@@ -23,10 +23,9 @@ from ...sql.catalog import ANY_REVISION
 from ...sql.changes import PROMOTION
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, unforked
-from ...sql.query import Query
 from ...sql.rows import table_of
-from ...sql.tables import HeadRow, PromotionRow
-from ...store.head import check_last
+from ...sql.tables import PromotionRow
+from ...store.head import check_last, set_head
 from ...store.state import State
 from ...store.store import Store
 from .push import Progress, Pushed, Terms, send
@@ -205,10 +204,8 @@ def _push(store: Store, url: str, terms: Terms, progress: Progress | None) -> Pu
     return done
 
 
-_FORGET_ORIGIN = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(origin=null(), origin_revision=null(), origin_committed_at=null(), heard_at=null())
+_FORGET_ORIGIN = set_head(
+    origin=null(), origin_revision=null(), origin_committed_at=null(), heard_at=null()
 )
 
 
