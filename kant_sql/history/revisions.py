@@ -20,7 +20,7 @@ from ..knowledge.canonical import read_source
 from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range, stream_changes
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, found_rows, in_list
-from ..sql.rows import KB
+from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import HeadRow, RevisionExecutionRow, RevisionRow
 from ..store.snapshot import read_position, refuse_archived
 from ..store.store import Store
@@ -224,12 +224,10 @@ def refuse_archived_revision(store: Store, revision: int) -> None:
 
 def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
     """Select what `make_revision` reads, for a revision named by a column of the outer query."""
+    both = (RevisionRow, OWN_COLUMNS), (RevisionExecutionRow, STEP_COLUMNS)
     return tuple(
-        select(column)
-        .where(of.kb_id == KB, of.number == number)
-        .correlate_except(of)
-        .scalar_subquery()
-        for of, columns in ((RevisionRow, OWN_COLUMNS), (RevisionExecutionRow, STEP_COLUMNS))
+        looked_up(column, table_of(of).c.number, number)
+        for of, columns in both
         for column in columns
     )
 

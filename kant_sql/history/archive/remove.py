@@ -13,7 +13,7 @@ from ...errors import ConflictError, StoreError
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, constant, in_list, in_rows, integer
-from ...sql.rows import KB, AtomTables
+from ...sql.rows import KB, AtomTables, looked_up
 from ...sql.tables import TABLES
 from ...store.head import set_head
 from ...store.store import Store
@@ -26,7 +26,6 @@ from ..replication.copy import (
     children_of,
     converted,
     references,
-    text_of,
 )
 from ..replication.target import begin_on
 
@@ -130,7 +129,8 @@ def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
     columns: list[Any] = []
     for column in table.columns:
         if column in of_atoms:
-            columns.append(text_of(of_atoms[column], column).scalar_subquery())
+            atom = of_atoms[column].identity.c
+            columns.append(looked_up(atom.text, atom.id, column))
         elif column not in own and column.name != "kb_id":
             columns.append(column)
     convert = {n: bool for n, column in enumerate(columns) if isinstance(column.type, Boolean)}

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     Boolean,
     ColumnElement,
-    Select,
     Table,
     Text,
     and_,
@@ -120,16 +119,6 @@ def references(table: Table) -> tuple[tuple[int, Table], ...]:
         if constraint.referred_table in IDENTITIES and len(constraint.column_keys) == 2
     }
     return tuple(sorted(found, key=lambda reference: reference[0]))
-
-
-def text_of(atoms: AtomTables, owner: Any) -> Select[Any]:
-    """Select the text of the atom of a row."""
-    identity = atoms.identity.c
-    return (
-        select(identity.text)
-        .where(identity.kb_id == KB, identity.id == owner)
-        .correlate(owner.table)
-    )
 
 
 # Identities that are cached of each table.
