@@ -77,7 +77,7 @@ from .knowledge_base import (
 from .limits import limited
 from .moment_text import When
 from .plans import PlanDao
-from .reasoning.ask import Answers, Binding
+from .reasoning.ask import Answers
 from .reasoning.execute import Dispatch, ExecutedPlan, Executive
 from .reasoning.replan import PlanOptions
 from .reasoning.rule_watch import watcher_of
@@ -643,6 +643,17 @@ async def _until_answered(door: _Door, ask: Callable[[], R]) -> R:
         return await _until_stopped(ask, lambda: asyncio.to_thread(limit.cancel))
 
 
+async def _read_all(door: _Door, ask: Callable[[], Answers]) -> Answers:
+    """Ask a condition, and read all answers where it was asked."""
+
+    def read() -> Answers:
+        answers = ask()
+        len(answers)
+        return answers
+
+    return await door.read(read)
+
+
 def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
     return _Call(method, _until_answered)
 
@@ -840,6 +851,7 @@ class AsyncKnowledgeBase(_Part):
     load_problem = _write(KnowledgeBase.load_problem)
     domain_pddl = _read(KnowledgeBase.domain_pddl)
     problem_pddl = _read(KnowledgeBase.problem_pddl)
+    query = _Call(KnowledgeBase.query, _read_all)
     holds = _read(KnowledgeBase.holds)
     when = _iterate(KnowledgeBase.when)
     consequences = _read(KnowledgeBase.consequences)
@@ -906,10 +918,10 @@ class AsyncKnowledgeBase(_Part):
         call = partial(self._kb.branch, name, at=at, url=url)
         block = self._door.own_block()
         if block is not None:
-            return Opening(partial(_connected, partial(block.run_in_thread, call)))
+            return Opening(partial(block.run_in_thread, call), _front_door)
         if self._door.has_one_connection:
             self._door.refuse_inherited()
-        return Opening(partial(_connected, call))
+        return Opening(call, _front_door)
 
     async def diff(
         self,
@@ -963,24 +975,6 @@ class AsyncKnowledgeBase(_Part):
     async def revision(self) -> int:
         """Read the number of the last revision, as `KnowledgeBase.revision`."""
         return await self._door.read(lambda: self._kb.revision)
-
-    async def query(
-        self,
-        condition: str | Node,
-        /,
-        *,
-        parameters: str | None = None,
-        limit: int | None = None,
-        **bindings: Binding,
-    ) -> Answers:
-        """Find the objects for which a condition holds, as `KnowledgeBase.query`; all are read."""
-
-        def ask() -> Answers:
-            found = self._kb.query(condition, parameters=parameters, limit=limit, **bindings)
-            len(found)
-            return found
-
-        return await self._door.read(ask)
 
     async def execute(
         self,
@@ -1043,7 +1037,9 @@ class AsyncKnowledgeBase(_Part):
         lane, cancelled = _Lane(), threading.Event()
         try:
             return await asyncio.wrap_future(
-                lane.submit(partial(_watch, self._kb, after, timeout, cancelled.is_set))
+                lane.submit(
+                    lambda: watch_until(state_of(self._kb), after, timeout, cancelled.is_set)
+                )
             )
         finally:
             cancelled.set()
@@ -1074,12 +1070,6 @@ class AsyncKnowledgeBase(_Part):
 
     async def __aexit__(self, *error: object) -> None:
         await self.close()
-
-
-def _watch(
-    kb: KnowledgeBase, after: When | None, timeout: float | None, is_ended: Callable[[], bool]
-) -> int | None:
-    return watch_until(state_of(kb), after, timeout, is_ended)
 
 
 class AsyncKnowledgeStore:
@@ -1134,25 +1124,12 @@ class AsyncKnowledgeStore:
         await self.close()
 
 
-async def _opened(make: Callable[[], C]) -> C:
-    """Open something in a thread; close it when the caller was cancelled meanwhile."""
-    lane = _Lane()
-    future = lane.submit(make)
-    cancelled = await _finish(future)
-    if cancelled is not None:
-        if future.exception() is None:
-            await _finish(lane.submit(future.result().close))
-        lane.end()
-        raise cancelled
-    lane.end()
-    return future.result()
-
-
 class Opening(AbstractAsyncContextManager[A]):
     """What is being opened: await it, or use it in `async with`."""
 
-    def __init__(self, open_: Callable[[], Coroutine[object, object, A]]) -> None:
-        self._open = open_
+    def __init__(self, make: Callable[[], C], wrap: Callable[[C], A]) -> None:
+        self._make: Callable[[], Any] = make
+        self._wrap: Callable[[Any], A] = wrap
         self._opened: A | None = None
 
     def __await__(self) -> Generator[object, None, A]:
@@ -1166,14 +1143,22 @@ class Opening(AbstractAsyncContextManager[A]):
         if self._opened is not None:
             await self._opened.close()
 
+    async def _open(self) -> A:
+        """Open it in a thread; close it when the caller was cancelled meanwhile."""
+        lane = _Lane()
+        future = lane.submit(self._make)
+        cancelled = await _finish(future)
+        if cancelled is not None:
+            if future.exception() is None:
+                await _finish(lane.submit(future.result().close))
+            lane.end()
+            raise cancelled
+        lane.end()
+        return self._wrap(future.result())
 
-async def _connected(make: Callable[[], KnowledgeBase]) -> AsyncKnowledgeBase:
-    kb = await _opened(make)
+
+def _front_door(kb: KnowledgeBase) -> AsyncKnowledgeBase:
     return AsyncKnowledgeBase(_Door(kb, factory_of(kb).has_one_connection), kb=kb)
-
-
-async def _opened_store(make: Callable[[], KnowledgeStore]) -> AsyncKnowledgeStore:
-    return AsyncKnowledgeStore(await _opened(make))
 
 
 def connect(
@@ -1208,7 +1193,7 @@ def connect(
     """
     own: Any = {"knowledge_base": knowledge_base, "actor": actor, "read_only": read_only}
     make = partial(sync.connect, url, **own, clock=clock)
-    return Opening(partial(_connected, make))
+    return Opening(make, _front_door)
 
 
 def open_store(
@@ -1239,4 +1224,4 @@ def open_store(
         ['tiago', 'pepper']
     """
     make = partial(sync.open_store, url, connections=connections, read_only=read_only)
-    return Opening(partial(_opened_store, make))
+    return Opening(make, AsyncKnowledgeStore)

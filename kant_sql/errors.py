@@ -465,6 +465,12 @@ def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError
     )
 
 
+def few_of(items: Sequence[object], most: int, separator: str = "; ") -> str:
+    """Name the first of some things in a message, and say how many more there are."""
+    said, left = separator.join(map(str, items[:most])), len(items) - most
+    return said if left <= 0 else f"{said}{separator.strip(' ,')} and {left} more"
+
+
 def missing_revision(label: str, name: object, number: object) -> StoreIntegrityError:
     """Make the error for a revision that is missing, though the head is at it or at a later one."""
     return StoreIntegrityError(

@@ -379,7 +379,7 @@ class SqlDaoFactory(DaoFactory):
         from .history.restore import read_origin, write_branch
 
         store = self._open_store
-        origin = read_origin(store, self._at if at is None else state_at(store, at, self._at))
+        origin = read_origin(store, self._at if at is None else state_at(self.state, at))
         if url is None and name is not None:
             store.refuse_read_only()
         made = self._beside(store, store.name if name is None else name, url, name is not None)
@@ -405,8 +405,7 @@ class SqlDaoFactory(DaoFactory):
     @property
     @override
     def revision(self) -> int:
-        store = self._open_store
-        return head_revision(store) if self._at is None else self._at
+        return head_revision(self.state)
 
     @override
     def close(self) -> None:

@@ -219,8 +219,7 @@ def _read_all(
     state: State, asked: ExecutionFilter, since: When | None, until: When | None, limit: int | None
 ) -> Iterator[Execution]:
     """Read executions in pages."""
-    store = state.store
-    bounds = find_bounds(store, since, until, state.at)
+    bounds = find_bounds(state, since, until)
     # What is pending in this transaction counts, too.
     high = LARGEST if until is None and state.at is None else bounds.high
     before: Before | None = (high, LARGEST, LARGEST)

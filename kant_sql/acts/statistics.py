@@ -162,7 +162,7 @@ def statistics(
     wanted = _checked(by)
     storable_text(actor, "actor")
     most = at_most(limit)
-    bounds = find_bounds(state.store, since, until, state.at)
+    bounds = find_bounds(state, since, until)
     # What is pending in this transaction counts, too.
     high = LARGEST if until is None and state.at is None else bounds.high
     given: dict[str, Any] = {"low": bounds.low, "high": high}

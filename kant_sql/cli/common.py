@@ -18,7 +18,7 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 
 from ..arguments import URL_VARIABLE
-from ..errors import InvalidArgumentError, KantSqlError, printable
+from ..errors import InvalidArgumentError, KantSqlError, few_of, printable
 from ..moment_text import is_now, parse_moment
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
@@ -356,10 +356,9 @@ def choose(name: str | None, names: Sequence[str]) -> str:
             "this store is empty: it has no knowledge base yet; name another store, or fill this "
             "one with: kant-sql load"
         )
-    listed = ", ".join(repr(other) for other in names[:_NAMES_SHOWN])
-    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     raise KantSqlError(
-        f"there is no knowledge base {wanted!r} in this store; choose one with --kb: {listed}{more}"
+        f"there is no knowledge base {wanted!r} in this store; choose one with --kb: "
+        f"{few_of([*map(repr, names)], _NAMES_SHOWN, ', ')}"
     )
 
 

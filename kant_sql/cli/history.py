@@ -362,8 +362,6 @@ def branch(
         Printer().line(f"knowledge base {branched}, revision {first.number}: {first.reason}")
 
 
-# How often to check whether the reader of a pipe is still there, in seconds.
-_SLICE = 1.0
 _GONE = ConnectionLostError, StoreUnreachableError
 
 
@@ -391,6 +389,9 @@ def watch(
 
 def _news(kb: KnowledgeBase, seen: int, deadline: float) -> Iterator[LogEntry]:
     """Yield new revisions until the deadline; an unreachable server may come back."""
+    from ..history.follow import watch_until
+    from ..knowledge_base import state_of
+
     is_over = False
     while not is_over:
         with suppress(*_GONE):
@@ -399,32 +400,17 @@ def _news(kb: KnowledgeBase, seen: int, deadline: float) -> Iterator[LogEntry]:
                 # The reader of a pipe gets each revision at once.
                 sys.stdout.flush()
                 seen = entry.revision.number
-        is_over = _wait(kb, seen, deadline) is None
-
-
-def _wait(kb: KnowledgeBase, seen: int, deadline: float) -> int | None:
-    """Wait for a revision until the deadline, or until nobody reads the output."""
-    while _is_read():
         left = max(deadline - time.monotonic(), 0.0)
-        is_last = left <= _SLICE
-        try:
-            news = kb.watch(seen, timeout=min(left, _SLICE))
-        except _GONE:
-            if is_last:
-                raise
-            continue
-        if news is not None or is_last:
-            return news
-    return None
+        is_over = watch_until(state_of(kb), seen, left, _is_unread) is None
 
 
-def _is_read() -> bool:
-    """Return whether standard output, if it is a pipe, still has a reader."""
+def _is_unread() -> bool:
+    """Return whether standard output is a pipe that has no reader any more."""
     if not hasattr(select, "poll"):
-        return True
+        return False
     poll = select.poll()
     try:
         poll.register(sys.stdout.fileno(), 0)
     except (OSError, ValueError):
-        return True
-    return not any(event & select.POLLERR for _, event in poll.poll(0))
+        return False
+    return any(event & select.POLLERR for _, event in poll.poll(0))

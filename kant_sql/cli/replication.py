@@ -38,10 +38,10 @@ _PLAIN = re.compile(r"[^\s\"=]+")
 
 
 def _code(error: KantSqlError) -> int:
-    from ..history.replication.service import PASSING
+    from ..history.replication.service import MAY_PASS
     from ..history.replication.service import REFUSED as REFUSALS
 
-    if isinstance(error, PASSING):
+    if isinstance(error, MAY_PASS):
         return TRY_AGAIN
     if isinstance(error, (AuthenticationError, ReadOnlyStoreError)):
         return NO_PERMISSION
@@ -137,7 +137,7 @@ def push(
 
 
 def _once(service: PushService, source: str, target: str, name: str | None, is_said: bool) -> None:
-    from ..history.replication.service import PASSING
+    from ..history.replication.service import MAY_PASS
     from ..sql.catalog import written_names
 
     names = written_names(source)
@@ -147,7 +147,7 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
         errors = service.once(bar)
         if errors:
             # Another attempt is worth it as long as one of them may pass.
-            passing = (error for error in errors if isinstance(error, PASSING))
+            passing = (error for error in errors if isinstance(error, MAY_PASS))
             error = next(passing, errors[0])
             raise c.ServiceError(error, _code(error), is_said)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import KantSqlError, printable
+from ..errors import KantSqlError, few_of, printable
 from ..knowledge.canonical import time_text
 from . import common as c
 from .output import Printer, bar, json_text, plural, write_json
@@ -78,10 +78,9 @@ def downgrade(
 def _ask_to_lose(lost: dict[str, int], as_json: bool) -> None:
     """Ask whether to drop revisions; raise if there is no terminal or the answer is no."""
     names = [f"{printable(name)} ({count})" for name, count in lost.items()]
-    more = "" if len(names) <= _NAMES_SHOWN else f" and {len(names) - _NAMES_SHOWN} more"
     what = (
         f"this drops all tables and {plural(sum(lost.values()), 'revision')} of "
-        f"{plural(len(lost), 'knowledge base')}: {', '.join(names[:_NAMES_SHOWN])}{more}"
+        f"{plural(len(lost), 'knowledge base')}: {few_of(names, _NAMES_SHOWN, ', ')}"
     )
     streams = sys.stdin, sys.stderr
     if as_json or not all(stream and stream.isatty() for stream in streams):

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Select, select, union_all
 
-from ..errors import DependantsError
+from ..errors import DependantsError, few_of
 from ..knowledge.definitions import Definitions
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
@@ -224,10 +224,8 @@ def clear_for_redefinition(
         return
     dependants = _users(transaction, scope)
     if dependants:
-        shown = ", ".join(dependants[:SHOWN])
-        more = f" and {len(dependants) - SHOWN} more" if len(dependants) > SHOWN else ""
         raise DependantsError(
-            f"{before} cannot become {after}: {shown}{more} depend on it; delete those first, or "
-            "save with cascade=True to retract them",
+            f"{before} cannot become {after}: {few_of(dependants, SHOWN, ', ')} depend on it; "
+            "delete those first, or save with cascade=True to retract them",
             dependants,
         )

@@ -13,7 +13,7 @@ from ..dao.formula import read_formula, read_given
 from ..dao.text import TextReader
 from ..dto.elements import atom_text
 from ..dto.lexical import fold, is_same_number
-from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError
+from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError, few_of
 from ..knowledge import definitions as d
 from ..knowledge.canonical import canonical_text, with_text
 from ..knowledge.formulas import TreeReader, action_of
@@ -280,11 +280,9 @@ def refuse_misfits(transaction: Transaction) -> None:
     """Refuse definitions that something does not fit, which each side fitted its own."""
     wrong = [*_misfits(transaction)]
     if wrong:
-        shown = "; ".join(wrong[:_SHOWN])
-        more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
         raise ConflictError(
-            f"definitions of one side do not fit elements of the other: {shown}{more}; nothing "
-            "was written: change one of the two"
+            "definitions of one side do not fit elements of the other: "
+            f"{few_of(wrong, _SHOWN)}; nothing was written: change one of the two"
         )
 
 

@@ -336,15 +336,11 @@ def _read(state: State, build: Callable[[View, str, str], T]) -> T:
 
 
 def _write(store: Store, work: Callable[[Transaction], None]) -> int | None:
-    made: list[Transaction] = []
-
-    def remember(transaction: Transaction) -> None:
-        made[:] = [transaction]
+    def run(transaction: Transaction) -> Transaction:
         work(transaction)
+        return transaction
 
-    store.write(remember)
-    committed = made[0].committed
-    return None if committed is None else committed.number
+    return store.write(run).made
 
 
 def _read_problem(store: Store, source: Source, of_domain: Domain, strict: bool) -> Problem:

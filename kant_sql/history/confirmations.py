@@ -143,7 +143,7 @@ def contradicted(
         >>> kb.contradicted()
         []
     """
-    bounds = find_bounds(state.store, since, until, state.at)
+    bounds = find_bounds(state, since, until)
     return _find(state, "contradicted", None, limit, low=bounds.low, high=bounds.high)
 
 

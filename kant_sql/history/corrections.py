@@ -26,7 +26,7 @@ from ..sql.query import Query, constant, first_rows, integer
 from ..sql.rows import FACT, KB, VALUE, looked_up, table_of
 from ..store.state import State
 from .moments import find_bounds
-from .revisions import LAST_MOMENT, Revision, at_most, read_numbered
+from .revisions import LARGEST, LAST_MOMENT, Revision, at_most, read_numbered
 
 SAYING, VERSION = "saying", "version"
 HELD, NOT_HELD, NO_VALUE = "held", "not held", "no value"
@@ -202,18 +202,8 @@ def corrections(
         >>> kb.corrections()
         []
     """
-    low, high, *_ = find_bounds(state.store, since, until, state.at)
-    size = at_most(limit)
-
-    def work(session: Session, kb_id: int | None) -> list[Correction]:
-        found: list[Correction] = []
-        place: tuple[int, int] | None = (high, 0)
-        while kb_id is not None and place is not None and len(found) < size:
-            made, place = _batch(session, kb_id, low, *place)
-            found += made
-        return found[:size]
-
-    return html.Listing(state.store.query_in_snapshot(work), "correction")
+    page = read_corrections_page(state, since, until, None, at_most(limit), LARGEST)
+    return html.Listing(page.corrections, "correction")
 
 
 class CorrectionsPage(NamedTuple):
@@ -224,31 +214,34 @@ class CorrectionsPage(NamedTuple):
 
 
 def read_corrections_page(
-    state: State, since: When | None, until: When | None, after: str | None, limit: int
+    state: State,
+    since: When | None,
+    until: When | None,
+    after: str | None,
+    limit: int,
+    most: int = MOST_BATCHES,
 ) -> CorrectionsPage:
-    """Read a page: up to `limit` corrections among so many sayings, perhaps none."""
+    """Read a page: up to `limit` corrections among so many batches of sayings, perhaps none."""
     # A place is where a batch begins, and how many corrections of it come before.
-    low, high, *_ = find_bounds(state.store, since, until, state.at)
+    low, high, *_ = find_bounds(state, since, until)
     begin = read_place(after, (int, int), ())
 
-    def work(session: Session, kb_id: int | None) -> CorrectionsPage:
+    def work(session: Session, kb_id: int) -> CorrectionsPage:
         found: list[Correction] = []
         place: Place | None = begin if begin.key else Place(key=(high, 0))
-        for _ in range(MOST_BATCHES if kb_id is not None else 0):
-            assert place is not None
-            top, behind = (int(one or 0) for one in place.key)
-            made, following = _batch(session, kb_id or 0, low, top, behind)
-            fitting = made[place.skip :][: limit - len(found)]
-            found += fitting
-            skip = place.skip + len(fitting)
-            if skip < len(made):
-                return CorrectionsPage(found, place_text(place._replace(skip=skip)))
-            place = None if following is None else Place(key=following)
+        for _ in range(most):
             if place is None or len(found) == limit:
                 break
-        return CorrectionsPage(found, None if kb_id is None else place_text(place))
+            top, behind = (int(one or 0) for one in place.key)
+            made, following = _batch(session, kb_id, low, top, behind)
+            fitting = made[place.skip :][: limit - len(found)]
+            found += fitting
+            place = place._replace(skip=place.skip + len(fitting))
+            if place.skip >= len(made):
+                place = None if following is None else Place(key=following)
+        return CorrectionsPage(found, place_text(place))
 
-    return state.store.query_in_snapshot(work)
+    return state.store.query_known(work, CorrectionsPage([], None))
 
 
 def _batch(

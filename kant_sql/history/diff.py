@@ -45,7 +45,7 @@ from ..sql.rows import (
 from ..sql.tables import HeadRow
 from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime, read_said
-from ..store.snapshot import View, refuse_archived
+from ..store.snapshot import View, read_position, refuse_archived
 from ..store.state import State
 from .moments import (
     MICROSECOND,
@@ -56,7 +56,7 @@ from .moments import (
     states_at,
     valid_times,
 )
-from .revisions import LARGEST, read_position
+from .revisions import LARGEST
 
 _WORD = re.compile(r"[^\s()]+")
 # States so many revisions apart are compared by what began and ended between them.
@@ -183,8 +183,7 @@ def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> lis
 
 def diff(state: State, a: When, b: When) -> list[Change]:
     """Compare two revisions, as `KnowledgeBase.diff`."""
-    store, upto = state
-    states, stand = states_at(store, (a, b), upto)
+    states, stand = states_at(state, (a, b))
     before, after = sorted(states)
     signs = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
 
@@ -200,7 +199,7 @@ def diff(state: State, a: When, b: When) -> list[Change]:
             said = ((kind, text) for _, _, kind, text in rows)
             raise unsortable(said, f"revisions {before} to {after}", error) from error
 
-    return html.Listing(store.query_known(work, [], in_snapshot=False), "change")
+    return html.Listing(state.store.query_known(work, [], in_snapshot=False), "change")
 
 
 def valid_diff(state: State, a: When, b: When) -> list[Change]:
@@ -213,11 +212,10 @@ def _valid_differences(
     state: State, a: When, b: When, most: int
 ) -> tuple[list[Change], tuple[ValidRange, bool]]:
     """Read the changes from one time to another; the flag says whether there are more."""
-    store, upto = state
-    times = valid_times(store, (a, b), upto)
+    times = valid_times(state, (a, b))
     begin, end = sorted(times)
     # What changes at the earlier time is true then.
-    span = find_valid_range(store, min(begin + MICROSECOND, end), end, upto)
+    span = find_valid_range(state, min(begin + MICROSECOND, end), end)
     if begin == end:
         return [], (span, False)
 
@@ -235,7 +233,7 @@ def _valid_differences(
         return lines, is_cut
 
     nothing: tuple[set[_Line], bool] = set(), False
-    lines, is_cut = store.query_known(work, nothing)
+    lines, is_cut = state.store.query_known(work, nothing)
     signs = (ASSERTED, RETRACTED) if begin == times[0] else (RETRACTED, ASSERTED)
     return sorted(Change(signs[side], *line) for side, *line in lines), (span, is_cut)
 
@@ -313,7 +311,7 @@ def read_difference(
     """Read a page of the difference of two states, or of what was true at two times."""
     if is_valid_clock(clock):
         return _valid_page(state, a, b, after, limit)
-    (one, other), stand = states_at(state.store, (a, b), state.at)
+    (one, other), stand = states_at(state, (a, b))
     before, later = sorted((one, other))
     places = read_places(after, 2, BY_OWNER)
 
@@ -341,7 +339,7 @@ def read_difference(
     return Difference(
         one,
         other,
-        stand.revision if state.at is None else state.at,
+        stand.head if state.at is None else state.at,
         changes,
         _by_kind(changes, RETRACTED),
         _by_kind(changes, ASSERTED),
@@ -361,8 +359,8 @@ def _valid_page(state: State, a: When, b: When, after: str | None, limit: int) -
     page = changes[passed : passed + limit]
     following = Place(passed + limit) if passed + limit < len(changes) else None
     return Difference(
-        state_at(state.store, a, state.at),
-        state_at(state.store, b, state.at),
+        state_at(state, a),
+        state_at(state, b),
         span.known,
         page,
         _by_kind(page, RETRACTED),

@@ -130,7 +130,6 @@ class Drawing(NamedTuple):
     axis: str  # the element of the axis
     body: str  # the element of all below it
     height: int  # of the body, in pixels
-    name: str  # what is drawn
 
     def together(self, attributes: str, style: str = "") -> str:
         """Write both in one element."""
@@ -204,7 +203,7 @@ class _Pen:
         count = f"{len(shown.lanes):,} lanes and {len(shown.plans):,} plans"
         about = f"<title>{name}</title><desc>{count}: what held when, and who said so.</desc>"
         body = _svg(height, about + lines + "".join(self._parts) + ends, 'role="group"')
-        return Drawing(self._axis(ticks), body, height, name)
+        return Drawing(self._axis(ticks), body, height)
 
     # The axis.
 
@@ -475,12 +474,7 @@ class _Pen:
         if plan.id is None:
             place = f"execution {step.position}"
         lines = [f"{_said(step.text)} {name}", place]
-        if step.since_at is not None:
-            by = _who(step.actor, step.reason, step.source)
-            lines.append(f"from {_time(step.since_at)} in revision {step.since}{by}")
-        if step.until_at is not None:
-            by = _who(step.ended_by, step.ended_reason, step.ended_source)
-            lines.append(f"until {_time(step.until_at)} in revision {step.until}{by}")
+        lines += _ends(step)
         box = _Box(begin, end, y, colour)
         self._parts.append(box.write(f"{sign} {step.text}", "", self._title("\n".join(lines))))
 
@@ -685,14 +679,18 @@ def _about(span: _Span, row: _Row) -> str:
     is_merged = row.lanes > 1 and not span.text
     named = row.text if is_merged else lane.text
     value = "" if bar.value is None else f" = {bar.value}"
-    by = _who(bar.actor, bar.reason, bar.source)
-    lines = [_said(f"{named}{value}"), f"from {_time(bar.since_at)} in revision {bar.since}{by}"]
-    if bar.until_at is None:
-        lines.append("holds")
-    else:
-        by = _who(bar.ended_by, bar.ended_reason, bar.ended_source)
-        lines.append(f"until {_time(bar.until_at)} in revision {bar.until}{by}")
-    return "\n".join(lines)
+    holds = ["holds"] if bar.until_at is None else []
+    return "\n".join([_said(f"{named}{value}"), *_ends(bar), *holds])
+
+
+def _ends(one: Bar | StepBar) -> Iterator[str]:
+    """Say when something began and ended, and who said so."""
+    if one.since_at is not None:
+        by = _who(one.actor, one.reason, one.source)
+        yield f"from {_time(one.since_at)} in revision {one.since}{by}"
+    if one.until_at is not None:
+        by = _who(one.ended_by, one.ended_reason, one.ended_source)
+        yield f"until {_time(one.until_at)} in revision {one.until}{by}"
 
 
 def _counted(density: Density) -> str:

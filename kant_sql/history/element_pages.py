@@ -18,10 +18,11 @@ from ..sql.dialects.containing import contains, pattern_of
 from ..sql.query import Query, constant, first_rows, in_rows, integer
 from ..sql.rows import ATOM_TABLES, KB, KIND_TABLES, PROPOSITION, VALUE, AtomTables
 from ..sql.tables import TABLES, RevisionRow
+from ..store.snapshot import read_position
 from ..store.state import State
 from .elements import Applied, Named, Sought, refuse_unknown_element, sought
 from .plan_pages import StepLine, read_steps
-from .revisions import LARGEST, Revision, Version, read_numbered, read_position
+from .revisions import LARGEST, Revision, Version, read_numbered
 from .state_parts import HeldElement, StateFilter, read_state
 from .versions import make_versions, read_involvement, read_newest
 

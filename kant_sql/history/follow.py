@@ -20,20 +20,11 @@ from ..errors import (
 from ..moment_text import When
 from ..sql.dialects import base as retry
 from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, PASSING, Listener, Session
-from ..store.snapshot import archive_of
+from ..store.snapshot import Position, archive_of, read_position
 from ..store.state import State
 from ..store.store import Store
 from .moments import last_before
-from .revisions import (
-    PAGE,
-    FeedPosition,
-    LogEntry,
-    at_most,
-    feed,
-    read_page,
-    read_position,
-    refuse_unknown,
-)
+from .revisions import PAGE, LogEntry, at_most, feed, read_page, refuse_unknown
 
 
 def changes(state: State, after: When = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
@@ -66,15 +57,12 @@ def changes(state: State, after: When = 0, *, limit: int | None = None) -> Itera
 
 def _read_changes(state: State, after: When, limit: int | None) -> Iterator[LogEntry]:
     """Read changes, oldest first, in pages."""
-    store, upto = state
-    begin = last_before(store, after, upto)
+    begin = last_before(state, after)
     left = at_most(limit)
-    return _following(store, begin, left, upto, _read_page(store, begin, min(left, PAGE), upto))
+    return _following(state, begin, left, _read_page(state, begin, min(left, PAGE)))
 
 
-def _following(
-    store: Store, after: int, left: int, upto: int | None, page: list[LogEntry]
-) -> Iterator[LogEntry]:
+def _following(state: State, after: int, left: int, page: list[LogEntry]) -> Iterator[LogEntry]:
     size = PAGE
     while page:
         yield from page
@@ -82,13 +70,15 @@ def _following(
         after = page[-1].revision.number
         # A page that ended early, for its many changes, sizes the next one.
         size = min(2 * size, PAGE) if len(page) == wanted else len(page)
-        page = _read_page(store, after, min(left, size), upto)
+        page = _read_page(state, after, min(left, size))
 
 
-def _read_page(store: Store, after: int, size: int, upto: int | None) -> list[LogEntry]:
+def _read_page(state: State, after: int, size: int) -> list[LogEntry]:
+    store = state.store
+
     def page(session: Session, kb_id: int | None) -> list[LogEntry]:
-        _, head, archived = read_position(session, kb_id)
-        head = head if upto is None else upto
+        _, head, archived, *_ = read_position(session, kb_id)
+        head = head if state.at is None else state.at
         refuse_unknown(store.name, after, head)
         if kb_id is not None and after < archived:
             raise ArchivedError(
@@ -144,19 +134,19 @@ def watch_until(
     is_ended: Callable[[], bool] | None = None,
 ) -> int | None:
     """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
-    store, upto = state
-    refuse_unwatchable(store, upto)
-    begin = None if after is None else last_before(store, after)
+    refuse_unwatchable(state)
+    begin = None if after is None else last_before(state, after)
     deadline = time.monotonic() + seconds(timeout)
-    with closing(store.backend.listener()) as listener:
-        return _Watch(store, listener, begin, deadline, is_ended).wait()
+    with closing(state.store.backend.listener()) as listener:
+        return _Watch(state.store, listener, begin, deadline, is_ended).wait()
 
 
-def refuse_unwatchable(store: Store, upto: int | None) -> None:
+def refuse_unwatchable(state: State) -> None:
     """Refuse to wait for what cannot come."""
-    if upto is not None:
+    store, at = state
+    if at is not None:
         raise ReadOnlyError(
-            f"this is knowledge base {store.name!r} at revision {upto}, which never changes; watch "
+            f"this is knowledge base {store.name!r} at revision {at}, which never changes; watch "
             "the knowledge base itself"
         )
     if store.current() is not None:
@@ -211,7 +201,7 @@ class _Watch:
                 "waited for a revision; connect again"
             )
 
-    def _read(self) -> FeedPosition:
+    def _read(self) -> Position:
         if self._unknown_since is None:
             self._unknown_since = time.monotonic()
         position = self._store.query_once(read_position)
@@ -227,7 +217,7 @@ class _Watch:
         position = self._store.query_in_snapshot(read_position)
         return position.head if self._is_news(position) else None
 
-    def _is_news(self, position: FeedPosition) -> bool:
+    def _is_news(self, position: Position) -> bool:
         if self._after is None:
             self._after = position.head
         refuse_unknown(self._store.name, self._after, position.head)

@@ -38,7 +38,7 @@ from ..sql.places import place_text, read_place
 from ..sql.query import Query, constant, first_rows, in_rows, integer
 from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
 from ..sql.tables import RevisionRow
-from ..store.snapshot import archive_of
+from ..store.snapshot import archive_of, read_position
 from ..store.state import State
 from ..store.store import Store
 from .elements import Element, Sought, refuse_unknown_element, sought, take_objects
@@ -55,7 +55,6 @@ from .revisions import (
     make_revision,
     missing_revision,
     numbered_rows,
-    read_position,
     refuse_archived_revision,
     refuse_unknown,
 )
@@ -210,15 +209,14 @@ def revisions(state: State, after: When = 0, *, limit: int | None = None) -> lis
         >>> [(revision.number, revision.actor) for revision in kb.store.revisions()]
         [(1, 'perception')]
     """
-    store, upto = state
-    begin = min(last_before(store, after, upto), LARGEST - 1)
-    high = min(LARGEST if upto is None else upto, begin + at_most(limit))
+    begin = min(last_before(state, after), LARGEST - 1)
+    high = min(LARGEST if state.at is None else state.at, begin + at_most(limit))
 
     def work(session: Session, kb_id: int) -> list[Revision]:
         rows = session.rows(OLDEST_FIRST, kb=kb_id, low=begin + 1, high=high)
         return [make_revision(session, row) for row in rows]
 
-    return html.Listing(store.query_known(work, [], in_snapshot=False), "revision")
+    return html.Listing(state.store.query_known(work, [], in_snapshot=False), "revision")
 
 
 def log(
@@ -277,13 +275,12 @@ def _read_log(
     limit: int | None,
 ) -> Iterator[LogEntry]:
     """Read revisions with their changes, newest first, in pages."""
-    store, upto = state
     storable_text(actor, "actor")
     wanted = None if element is None else sought(element)
-    bounds = find_bounds(store, since, until, upto)
+    bounds = find_bounds(state, since, until)
     most = at_most(limit)
-    entries = _entries(store, wanted, actor, bounds, most)
-    return islice(_known(store, entries, actor, element), min(most, sys.maxsize))
+    entries = _entries(state.store, wanted, actor, bounds, most)
+    return islice(_known(state.store, entries, actor, element), min(most, sys.maxsize))
 
 
 def _known(
@@ -447,11 +444,10 @@ def read_log_page(
     limit: int = 50,
 ) -> LogPage:
     """Read a page of the log, newest first."""
-    store = state.store
     storable_text(asked.actor, "actor")
-    bounds = find_bounds(store, since, until, state.at)
+    bounds = find_bounds(state, since, until)
     low, high = bounds.low, bounds.high if before is None else min(bounds.high, before - 1)
-    empty = LogPage(head_revision(store) if state.at is None else state.at, [])
+    empty = LogPage(head_revision(state), [])
     if high < low:
         return empty
     if asked.element is not None:
@@ -463,9 +459,9 @@ def read_log_page(
         page = empty._replace(revisions=_lines(session, kb_id, rows))
         return page if end <= low else page._replace(before=end, searched=None if is_full else end)
 
-    page = store.query_known(work, empty)
+    page = state.store.query_known(work, empty)
     if not page.revisions and page.searched is None and asked.actor is not None:
-        refuse_unknown_actor(store, asked.actor)
+        refuse_unknown_actor(state.store, asked.actor)
     return page
 
 
@@ -552,7 +548,7 @@ def read_revision_page(
     place = read_place(after, BY_OWNER, BY_TEXT)
 
     def work(session: Session, kb_id: int | None) -> RevisionPage:
-        _, head, archived = read_position(session, kb_id)
+        _, head, archived, *_ = read_position(session, kb_id)
         refuse_unknown(state.store.name, number, head)
         assert kb_id is not None
         (row,), _ = _find(session, kb_id, LogFilter(), number, number, 1)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, literal_column, select
@@ -36,6 +36,7 @@ from ..errors import (
     ReadOnlyError,
     ReplicaError,
     StaleRevisionError,
+    few_of,
 )
 from ..knowledge.canonical import read_source
 from ..knowledge.definitions import KINDS, Definitions
@@ -46,7 +47,7 @@ from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import RevisionRow
 from ..store.head import hash_of
-from ..store.snapshot import View, refuse_archived
+from ..store.snapshot import View, read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -54,7 +55,7 @@ from .merge_sayings import MergeSaying, compare_sayings, read_sayings, say_all
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
-from .revisions import LAST_MOMENT, Revision, read_numbered, read_position, read_revisions
+from .revisions import LAST_MOMENT, Revision, read_numbered, read_revisions
 
 logger = logging.getLogger("kant_sql.history")
 
@@ -71,28 +72,19 @@ _MERGES = Query(
 )
 
 
+@dataclass(eq=False, slots=True)
 class _Trace:
-    """What became of one element in a range of revisions.
+    """What became of one element in a range of revisions."""
 
-    Attributes:
-        name: what it is called, as it is spelled.
-        before: its text before the range; None where it did not hold.
-        then: its text at a revision within the range.
-        now: its text after the range.
-        first: the first revision that changed it.
-        last: the last revision that changed it.
-        since: what revisions after that one made of it.
-    """
-
-    __slots__ = ("_asserted", "before", "first", "last", "name", "now", "since", "then")
-
-    def __init__(self, name: str, number: int) -> None:
-        self.name = name
-        self.first, self.last, self._asserted = number, number, 0
-        self.before: str | None = None
-        self.then: str | None = None
-        self.now: str | None = None
-        self.since: dict[int, str | None] = {}
+    name: str  # what it is called, as it is spelled
+    first: int  # the first revision that changed it
+    last: int = 0  # the last revision that changed it
+    before: str | None = None  # its text before the range; None where it did not hold
+    then: str | None = None  # its text at a revision within the range
+    now: str | None = None  # its text after the range
+    # What revisions after that one made of it.
+    since: dict[int, str | None] = field(default_factory=dict)
+    _asserted: int = 0
 
     def add(self, number: int, change: Change, split: int) -> None:
         """Add a change; within a revision, what it asserts comes first."""
@@ -527,21 +519,18 @@ class _Merging:
         made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
         undecided = [each for each in made.conflicts if each.decided is None]
         if undecided:
-            raise MergeConflictError(self._said(undecided), made.conflicts)
+            raise MergeConflictError(
+                f"branch {self.branch.name!r} has {len(undecided)} open conflicts: "
+                f"{few_of(undecided, NAMED)}; nothing was written: decide each as 'ours' or "
+                "'theirs', or change one of the two",
+                made.conflicts,
+            )
         compared.refuse_pseudonyms()
         carry(transaction, self._theirs.definitions, compared.wanted())
         say_all(transaction, compared.said)
         if compared.is_mixed:
             refuse_misfits(transaction)
         return made
-
-    def _said(self, conflicts: Sequence[MergeConflict]) -> str:
-        named = "; ".join(map(str, conflicts[:NAMED]))
-        more = f"; and {len(conflicts) - NAMED} more" if len(conflicts) > NAMED else ""
-        return (
-            f"branch {self.branch.name!r} has {len(conflicts)} open conflicts: {named}{more}; "
-            "nothing was written: decide each as 'ours' or 'theirs', or change one of the two"
-        )
 
 
 class _PreviewedError(Exception):
@@ -592,8 +581,7 @@ def merge(
     source = {"base": found.base, "branch": found.name, "hash": found.hash, "revision": found.head}
     with store.transaction(actor, why, source, expected_revision=expected_revision) as transaction:
         made = merging.write(transaction)
-    committed = transaction.committed
-    number = None if committed is None else committed.number
+    number = transaction.made
     logger.info(
         "knowledge base %r: branch %r merged, by revision %s", store.name, found.name, number
     )

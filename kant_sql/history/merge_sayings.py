@@ -18,7 +18,7 @@ from ..dao.function_value import FluentReferences
 from ..dao.proposition import References
 from ..documents.carry import Key, is_same
 from ..dto.lexical import fold
-from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError
+from ..errors import ConflictError, InvalidKnowledgeError, UnknownNameError, few_of
 from ..knowledge.canonical import time_text
 from ..knowledge.sayings import Period, last_said
 from ..sql.changes import SAYING, in_range
@@ -121,9 +121,8 @@ def say_all(transaction: Transaction, sayings: Iterable[MergeSaying]) -> None:
         except (InvalidKnowledgeError, UnknownNameError) as error:
             wrong.append(f"{one.element}: {error}")
     if wrong:
-        more = f"; and {len(wrong) - NAMED} more" if len(wrong) > NAMED else ""
         raise ConflictError(
-            f"sayings of the branch cannot be taken over: {'; '.join(wrong[:NAMED])}{more}; "
+            f"sayings of the branch cannot be taken over: {few_of(wrong, NAMED)}; "
             "nothing was written: decide each as 'ours', or remove the cause"
         )
     of_period = itemgetter(0, 1)

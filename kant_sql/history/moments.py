@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import zip_longest
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from sqlalchemy import bindparam, select
+from sqlalchemy import bindparam
 
 from ..arguments import one_of, shown, whole_number
 from ..errors import InvalidArgumentError, UnknownRevisionError, reading_rows
@@ -16,11 +16,10 @@ from ..moment_text import Moment, When, is_now, read_when
 from ..sql.changes import last_until
 from ..sql.dialects.base import Session
 from ..sql.query import Query, StoreClock
-from ..sql.rows import KB
 from ..sql.tables import HeadRow
 from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime
-from ..store.head import check_numbers
+from ..store.snapshot import POSITION, Position, make_position, read_position, vanished
 from ..store.state import State
 from ..store.store import Store
 from ..store.valid_store import ValidStore
@@ -33,61 +32,35 @@ from .revisions import (
     refuse_unknown,
 )
 
-_COLUMNS: tuple[Any, ...] = (
-    HeadRow.revision,
-    HeadRow.archived_revision,
-    HeadRow.definition_revision,
-    HeadRow.committed_at,
-)
-_HEAD = select(*_COLUMNS).where(HeadRow.kb_id == KB)
-
-
 _MOMENTS = ("one", "other")
-_HEAD_QUERY = Query(_HEAD)
-_HEAD_AND_TIMES_QUERY = Query(
-    _HEAD.add_columns(StoreClock(), *map(last_until, map(bindparam, _MOMENTS)))
+_WITH_TIMES = Query(
+    POSITION.add_columns(
+        HeadRow.committed_at, StoreClock(), *map(last_until, map(bindparam, _MOMENTS))
+    )
 )
 
 
-class HeadTimes(NamedTuple):
-    """The head of a knowledge base, and the revisions at some times."""
-
-    revision: int  # 0 before the first
-    archived: int  # versions that ended up to this revision are in an archive
-    redefined: int  # the last revision that changed a definition
-    found: tuple[int, ...] = ()  # the last revision up to each of the times
-
-
-def read_head(store: Store, moments: Sequence[datetime] = ()) -> HeadTimes:
-    """Read the head, and the revisions at some times, with one statement."""
+def _read_head(store: Store, moments: Sequence[datetime]) -> tuple[Position, list[int]]:
+    """Read the head, and the last revision up to each of some times, with one statement."""
     for moment in moments:
         check_zone(moment)
 
-    def work(session: Session, kb_id: int | None) -> HeadTimes:
-        row = None
-        if kb_id is not None and not moments:
-            row = session.first(_HEAD_QUERY, kb=kb_id)
-        elif kb_id is not None:
-            given = dict(
-                zip_longest(_MOMENTS, [session.from_time(clamped(moment)) for moment in moments])
-            )
-            row = session.first(_HEAD_AND_TIMES_QUERY, kb=kb_id, **given)
-        if row is None:
+    def work(session: Session, kb_id: int | None) -> tuple[Position, list[int]]:
+        if kb_id is None or not moments:
             for moment in moments:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
-            return HeadTimes(0, 0, 0, (0,) * len(moments))
-        revision, archived, redefined, committed_at, *times = row
-        # A log from an endless revision would never end.
-        names = ("revision", "archived_revision", "definition_revision")
-        check_numbers(session, kb_id or 0, zip(names, row[:3], strict=True))
-        if moments:
-            now = session.now(times.pop(0))
-            with reading_rows("head", f"knowledge base {kb_id!r}"):
-                last = FIRST_MOMENT if committed_at is None else session.to_time(committed_at)
-            for moment in moments:
-                _refuse_future(moment, now, last)
-        found = tuple(number or 0 for number in times[: len(moments)])
-        return HeadTimes(revision, archived, redefined, found)
+            return read_position(session, kb_id), [0 for _ in moments]
+        given = zip_longest(_MOMENTS, [session.from_time(clamped(each)) for each in moments])
+        row = session.first(_WITH_TIMES, kb=kb_id, **dict(given))
+        if row is None:
+            raise vanished(session)
+        position = make_position(session, kb_id, row)
+        committed_at, clock, *found = row[4:]
+        with reading_rows("head", f"knowledge base {kb_id!r}"):
+            last = FIRST_MOMENT if committed_at is None else session.to_time(committed_at)
+        for moment in moments:
+            _refuse_future(moment, session.now(clock), last)
+        return position, [number or 0 for number in found]
 
     return store.query(work)
 
@@ -107,68 +80,61 @@ def _refuse_future(moment: datetime, now: datetime, last: datetime) -> None:
         )
 
 
-def head_revision(store: Store) -> int:
-    """Return the last revision; 0 before the first."""
-    transaction = store.current()
-    return read_head(store).revision if transaction is None else transaction.head.revision
+def head_revision(state: State) -> int:
+    """Return the last revision that a state knows; 0 before the first."""
+    return state.store.query(read_position).head if state.upto is None else state.upto
 
 
-def revision_at(store: Store, when: When) -> int:
+def revision_at(state: State, when: When) -> int:
     """Return the revision at a number or a time."""
-    (revision,), _ = _find(store, [when], None)
+    (revision,), _ = _find(state, [when])
     return revision
 
 
-def state_at(store: Store, when: When, upto: int | None = None) -> int:
+def state_at(state: State, when: When) -> int:
     """Return the revision of one state, as `states_at` does."""
-    (revision,), _ = states_at(store, [when], upto)
+    (revision,), _ = states_at(state, [when])
     return revision
 
 
-def last_before(store: Store, after: When, upto: int | None = None) -> int:
+def last_before(state: State, after: When) -> int:
     """Return the revision that a feed begins after: a number, or the last one up to a time."""
     if isinstance(after, str | datetime):
-        return state_at(store, after, upto)
+        return state_at(state, after)
     expected = "a revision's number, or 0 to begin with the first"
     return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
 
 
-def states_at(
-    store: Store, whens: Sequence[When], upto: int | None = None
-) -> tuple[list[int], HeadTimes]:
+def states_at(state: State, whens: Sequence[When]) -> tuple[list[int], Position]:
     """Return the revisions of one or two states with one statement; refuse archived states."""
-    # A view of the past knows the revisions up to its own, `upto`.
-    revisions, head = _find(store, whens, upto)
+    revisions, head = _find(state, whens)
     for revision in revisions:
         if revision < head.archived:
-            refuse_archived_revision(store, revision)
+            refuse_archived_revision(state.store, revision)
     return revisions, head
 
 
-def _find(store: Store, whens: Sequence[When], upto: int | None) -> tuple[list[int], HeadTimes]:
-    refuse_valid(State(store, upto), "this")
+def _find(state: State, whens: Sequence[When]) -> tuple[list[int], Position]:
+    refuse_valid(state, "this")
     # The store's clock says when now is, which may be behind this process's.
     given = [(read_when(when), is_now(when)) for when in whens]
     moments = [when for when, is_head in given if isinstance(when, datetime) and not is_head]
-    head = read_head(store, moments)
-    found = iter(head.found)
+    head, numbers = _read_head(state.store, moments)
+    found, last = iter(numbers), _last_known(state, head)
     revisions = []
     for when, is_head in given:
         if is_head:
-            revisions.append(_last_known(store, head, upto))
+            revisions.append(last)
         elif not isinstance(when, datetime):
-            revisions.append(check_number(store.name, when, _last_known(store, head, upto)))
+            revisions.append(check_number(state.store.name, when, last))
         else:
-            revisions.append(next(found) if upto is None else min(next(found), upto))
+            revisions.append(min(next(found), last))
     return revisions, head
 
 
-def _last_known(store: Store, head: HeadTimes, upto: int | None) -> int:
+def _last_known(state: State, position: Position) -> int:
     """Return the last revision that a caller may ask for."""
-    if upto is not None:
-        return upto
-    transaction = store.current()
-    return head.revision if transaction is None else transaction.head.revision
+    return position.head if state.upto is None else state.upto
 
 
 def check_number(name: str, when: int, last: int) -> int:
@@ -204,14 +170,15 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
             raise UnknownRevisionError(
                 "give a revision's number, or an aware time, also as known= or as valid="
             )
-        return State(store, state_at(store, known, at))
+        return State(store, state_at(State(store, at), known))
     moment = store.query(lambda session, _: store.clock(session)) if is_now(valid) else valid
     moment = read_when(moment)
     if not isinstance(moment, datetime):
         raise InvalidArgumentError(
             f"valid is {shown(valid)}, expected a time; give a revision as known="
         )
-    (last, committed), head = states_at(store, ("now" if known is None else known, moment), at)
+    asked = "now" if known is None else known, moment
+    (last, committed), head = states_at(State(store, at), asked)
     true = ValidTime(moment, last, min(last, committed))
     if true.oldest < head.archived:
         refuse_archived_revision(store, true.oldest)
@@ -230,24 +197,24 @@ class Bounds(NamedTuple):
     known: int  # the last revision that is known
 
 
-def find_bounds(store: Store, since: When | None, until: When | None, upto: int | None) -> Bounds:
+def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     """Find the first and last revision of a range, with one statement at most."""
-    refuse_valid(State(store, upto), "this")
+    refuse_valid(state, "this")
+    store, upto = state
     since, until = read_when(since), None if is_now(until) else read_when(until)
     after = _moment_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
-    if upto is not None and not moments:
-        head = HeadTimes(upto, 0, LARGEST)
-    else:
-        head = read_head(store, moments)
-    last = _last_known(store, head, upto)
+    head, found = Position(redefined=LARGEST), list[int]()
+    if upto is None or moments:
+        head, found = _read_head(store, moments)
+    last = _last_known(state, head)
     low, high = 1, last
     if after is not None:
-        low = min(head.found[0], last) + 1
+        low = min(found[0], last) + 1
     elif since is not None and not isinstance(since, datetime):
         low = max(1, check_number(store.name, since, last))
     if isinstance(until, datetime):
-        high = min(head.found[-1], last)
+        high = min(found[len(moments) - 1], last)
     elif until is not None:
         high = check_number(store.name, until, last)
     bounds = Bounds(low, high, head.redefined, last)
@@ -265,14 +232,12 @@ def is_valid_clock(clock: str) -> bool:
     return one_of(clock, CLOCKS, "the clock", InvalidArgumentError) == VALID
 
 
-def find_valid_range(
-    store: Store, since: When | None, until: When | None, upto: int | None
-) -> ValidRange:
+def find_valid_range(state: State, since: When | None, until: When | None) -> ValidRange:
     """Find a range of valid times; a revision stands for the time of its commit."""
     given = [since, None if is_now(until) else until]
-    times = iter(valid_times(store, [when for when in given if when is not None], upto))
+    times = iter(valid_times(state, [when for when in given if when is not None]))
     begin, end = (None if when is None else next(times) for when in given)
-    bounds = find_bounds(store, begin, end, upto)
+    bounds = find_bounds(state, begin, end)
     return ValidRange(
         clamped(begin or FIRST_MOMENT),
         clamped(end or LAST_MOMENT),
@@ -282,12 +247,12 @@ def find_valid_range(
     )
 
 
-def valid_times(store: Store, whens: Sequence[When], upto: int | None) -> list[datetime]:
+def valid_times(state: State, whens: Sequence[When]) -> list[datetime]:
     """Return times; a revision stands for that of its commit, and so does now for the last one."""
     given = [LARGEST if is_now(when) else read_when(when) for when in whens]
     numbers = {when for when in given if not isinstance(when, datetime)}
     if numbers:
-        last = _last_known(store, read_head(store), upto)
+        store, last = state.store, head_revision(state)
         numbers = {last if n == LARGEST else check_number(store.name, n, last) for n in numbers}
         revisions = read_revisions(store, numbers - {0}).values()
         known = {0: FIRST_MOMENT, **{each.number: each.committed_at for each in revisions}}

@@ -13,10 +13,9 @@ from ..sql.intervals import held_by
 from ..sql.query import Query, first_rows, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VALUE
 from ..sql.tables import TABLES, FunctionValueVersionRow, PropositionVersionRow, RevisionRow
-from ..store.snapshot import View
+from ..store.snapshot import View, read_position
 from ..store.state import State
 from .moments import find_bounds
-from .revisions import read_position
 
 
 class Overview(NamedTuple):
@@ -104,7 +103,7 @@ _BUSIEST = Query(first_rows(_BY_ACTOR, integer("size")))
 
 def read_tally(state: State, since: When | None, until: When | None, most: int) -> Tally:
     """Count the revisions of a range by actor, and their changes by kind, in five statements."""
-    low, high, *_ = find_bounds(state.store, since, until, state.at)
+    low, high, *_ = find_bounds(state, since, until)
 
     nothing = Tally(low, high, 0, (), (), 0)
 

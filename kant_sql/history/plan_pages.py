@@ -12,11 +12,13 @@ from sqlalchemy import ColumnElement, Select, func, select, union_all
 from ..dto.lexical import fold, is_word
 from ..sql.definition_rows import find_identities
 from ..sql.dialects.base import Session
+from ..sql.executions import of_execution
 from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, table_of
 from ..sql.tables import ExecutionArgumentRow, ExecutionRow, ExecutionVersionRow, PlanRow
+from ..store.snapshot import read_position
 from ..store.state import State
-from .revisions import LARGEST, Revision, read_numbered, read_position
+from .revisions import LARGEST, Revision, read_numbered
 
 # Steps of plans that are looked through for objects that more of them name.
 SEARCHED_STEPS = 5_000
@@ -61,14 +63,8 @@ def _shown(places: Any) -> Query:
     )
     page = first_rows(newest, integer("size")).subquery("page").c
     version = table_of(ExecutionVersionRow).c
-
-    def of_page(table: Any, column: Any, *which: Any) -> Any:
-        own = table.plan_id == page.plan_id, table.position == page.position
-        found = select(column).where(table.kb_id == KB, *own, *which)
-        return found.correlate_except(column.table).scalar_subquery()
-
-    text = of_page(_STEP.c, _STEP.c.text)
-    status = of_page(version, version.outcome, version.until.is_(None))
+    text = of_execution(_STEP.c.text, page)
+    status = of_execution(version.outcome, page, version.until.is_(None))
     lines = select(page.plan_id, page.position, text, status)
     return Query(lines.order_by(page.plan_id.desc(), page.position.desc()))
 

@@ -97,7 +97,7 @@ def restore(
         (robot_at rb1 wp1)
     """
     store = state.store
-    revision = state_at(store, when)
+    revision = state_at(State(store), when)
     why = f"restored revision {revision}" if reason is None else reason
     is_part = store.current() is not None
     with store.transaction(actor, why) as transaction:
@@ -110,8 +110,7 @@ def restore(
         _restore_definitions(transaction, revision)
         _restore_propositions(transaction, revision, not is_part)
         _restore_values(transaction, revision)
-    committed = transaction.committed
-    made = None if is_part or committed is None else committed.number
+    made = transaction.made
     logger.info(
         "knowledge base %r: revision %d restored, by revision %s", store.name, revision, made
     )
@@ -255,9 +254,8 @@ def write_branch(store: Store, origin: Origin) -> int | None:
             f"{store.backend.label}: knowledge base {store.name!r} exists there, at revision "
             f"{error.actual}; give the branch another name"
         ) from error
-    made = transaction.committed
     logger.info("knowledge base %r: %s", store.name, origin.reason)
-    return None if made is None else made.number
+    return transaction.made
 
 
 def _write(transaction: Transaction, origin: Origin) -> None:

@@ -20,10 +20,9 @@ from ..knowledge.canonical import read_source
 from ..sql.changes import OWN_COLUMNS, REVISIONS, STEP_COLUMNS, Change, in_range, stream_changes
 from ..sql.dialects.base import Row, Session
 from ..sql.query import Query, found_rows, in_list
-from ..sql.rows import KB
+from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import HeadRow, RevisionExecutionRow, RevisionRow
-from ..store.head import check_numbers
-from ..store.snapshot import refuse_archived, vanished
+from ..store.snapshot import read_position, refuse_archived
 from ..store.store import Store
 
 LARGEST = 2**63 - 1
@@ -41,7 +40,6 @@ _MANY_NUMBERED = Query(select(*found_rows(WITH_ARCHIVED, RevisionRow.number, "nu
 # looks cheaper, so it plans each call, which takes longer than the query. For each of a long list
 # it may go through all revisions.
 SHORTEST_LIST, LONGEST_LIST = 11, 200
-_HEAD = Query(select(HeadRow.revision, HeadRow.archived_revision).where(HeadRow.kb_id == KB))
 
 
 class ExecutionId(NamedTuple):
@@ -215,25 +213,6 @@ def refuse_unknown(name: str, number: int, head: int) -> None:
         )
 
 
-class FeedPosition(NamedTuple):
-    """The head of a knowledge base, as a watcher sees it."""
-
-    kb_id: int | None  # None before the first write
-    head: int
-    archived: int  # versions that ended up to this revision are in an archive
-
-
-def read_position(session: Session, kb_id: int | None) -> FeedPosition:
-    """Read the head in one statement."""
-    if kb_id is None:
-        return FeedPosition(None, 0, 0)
-    row = session.first(_HEAD, kb=kb_id)
-    if row is None:
-        raise vanished(session)
-    check_numbers(session, kb_id, zip(("revision", "archived_revision"), row[:2], strict=True))
-    return FeedPosition(kb_id, row[0], row[1])
-
-
 def refuse_archived_revision(store: Store, revision: int) -> None:
     """Refuse to read an archived state."""
 
@@ -245,12 +224,10 @@ def refuse_archived_revision(store: Store, revision: int) -> None:
 
 def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
     """Select what `make_revision` reads, for a revision named by a column of the outer query."""
+    both = (RevisionRow, OWN_COLUMNS), (RevisionExecutionRow, STEP_COLUMNS)
     return tuple(
-        select(column)
-        .where(of.kb_id == KB, of.number == number)
-        .correlate_except(of)
-        .scalar_subquery()
-        for of, columns in ((RevisionRow, OWN_COLUMNS), (RevisionExecutionRow, STEP_COLUMNS))
+        looked_up(column, table_of(of).c.number, number)
+        for of, columns in both
         for column in columns
     )
 

@@ -43,11 +43,12 @@ from ..sql.rows import (
     VALUE,
     VERSION_COLUMNS,
     VersionColumns,
+    looked_up,
     table_of,
 )
 from ..sql.tables import PropositionRow
 from ..store.state import State
-from .moments import read_head, states_at
+from .moments import head_revision, state_at
 from .revisions import Revision, read_numbered
 
 # What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
@@ -288,12 +289,8 @@ def _of_object(source: str, shape: _Shape) -> Select[Any]:
     held = select(*columns).where(*conditions).subquery("held")
     text: Any = held.c.text
     if source == VALUE:
-        now = (
-            version.kb_id == KB,
-            version[id_] == held.c.id,
-            version.since == held.c.since,
-        )
-        text = select(version.text).where(*now).correlate(held).scalar_subquery()
+        own_id = version[id_] == held.c.id
+        text = looked_up(version.text, version.since, held.c.since, own_id)
     lines = select(constant(shape.kind).label("kind"), text.label("text"), held.c.since)
     key = [held.c.id]
     found = _keyed(lines, key).where(held.c.since.is_not(None), *_after(key, shape))
@@ -388,9 +385,8 @@ def _indexed(shape: _Shape) -> Query:
         key = [*lines.selected_columns][3:]
         ids = lines.with_only_columns(version.proposition_id.label("id"), version.since, *key)
         _, since, *keys = some = first_rows(ids, size).subquery("some").c
-        atom = table_of(PropositionRow)
-        own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == some.id)
-        text: Any = own.correlate_except(atom).scalar_subquery()
+        atom = table_of(PropositionRow).c
+        text: Any = looked_up(atom.text, atom.id, some.id)
         lines = select(constant(FACT).label("kind"), text.label("text"), since, *keys)
     else:
         lines = first_rows(lines, size)
@@ -454,10 +450,9 @@ def read_state(
     limit: int = 200,
 ) -> StatePage:
     """Read a page of a state."""
-    head = read_head(reader.store).revision if reader.at is None else reader.at
-    revision = head
+    revision = head = head_revision(reader)
     if reader.at is None or when is not None:
-        (revision,), _ = states_at(reader.store, [head if when is None else when], reader.at)
+        revision = state_at(reader, head if when is None else when)
     at = None if revision == head and reader.at is None else revision
     kinds = tuple(PARTS) if kind is None else (kind,)
 

@@ -116,12 +116,9 @@ def timeline(
         ...         print(lane.kind, lane.text, bar.since, bar.until, bar.actor)
         fact (robot_at rb1 wp1) 1 2 perception
     """
-    store, upto = state
+    store, upto = state.store, state.upto
     question = check_question(kinds, predicate, object, text, lanes, slices, after, unchanged)
     is_valid = is_valid_clock(clock)
-    transaction = store.current()
-    if upto is None and transaction is not None:
-        upto = transaction.head.revision
 
     def work(session: Session, kb_id: int | None) -> Timeline:
         window = read_window(session, kb_id, store, (since, until), upto)

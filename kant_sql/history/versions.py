@@ -241,7 +241,7 @@ def history(state: State, element: Element) -> list[Version]:
         ...     print(version.since.number, version.until.number)
         1 2
     """
-    wanted, at = sought(element), _last_known(*state)
+    wanted, at = sought(element), _last_known(state)
 
     def work(session: Session, kb_id: int) -> list[Version]:
         rows = read_newest(session, kb_id, wanted, at, LARGEST, with_involved=True)
@@ -280,7 +280,7 @@ def blame(state: State, element: Element) -> Version | None:
         >>> kb.blame("(robot_at rb1 wp1)").since.actor
         'perception'
     """
-    held = _held(state.store, sought(element), _last_known(*state))
+    held = _held(state.store, sought(element), _last_known(state))
     if {version.kind for version in held} == {FACT, GOAL}:
         # A fact takes precedence over a goal.
         held = [version for version in held if version.kind == FACT]
@@ -294,12 +294,9 @@ def blame(state: State, element: Element) -> Version | None:
     return held[0] if held else None
 
 
-def _last_known(store: Store, upto: int | None) -> int:
+def _last_known(state: State) -> int:
     """Return the last visible revision; in memory, the tables hold uncommitted versions, too."""
-    transaction = store.current()
-    if upto is not None or transaction is None:
-        return LARGEST if upto is None else upto
-    return transaction.head.revision
+    return LARGEST if state.upto is None else state.upto
 
 
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:

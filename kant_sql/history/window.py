@@ -28,7 +28,7 @@ from ..sql.changes import last_until
 from ..sql.dialects.base import Session
 from ..sql.lanes import LaneFilter, LanePlace
 from ..sql.query import Query, StoreClock, constant, integer
-from ..sql.rows import KB
+from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import HeadRow, RevisionRow
 from ..store.store import Store
 from .moments import check_number, check_zone, clamped
@@ -252,13 +252,11 @@ class Window(NamedTuple):
     archived_until: datetime | None = None  # until when ended versions are missing
 
 
+_REVISION = table_of(RevisionRow).c
+
+
 def _time_of(number: Any) -> Any:
-    return (
-        select(RevisionRow.committed_at)
-        .where(RevisionRow.kb_id == KB, RevisionRow.number == number)
-        .correlate(HeadRow)
-        .scalar_subquery()
-    )
+    return looked_up(_REVISION.committed_at, _REVISION.number, number)
 
 
 _WINDOW = Query(

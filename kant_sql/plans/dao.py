@@ -84,7 +84,7 @@ def read_given(store: Store, plan: RecordedPlan) -> Given:
     """Read the texts that a planner was given, and compare them with the plan's hash."""
     kept = store.read_in_snapshot(lambda view: _read_kept(view, store.name, plan.id))
     if None in kept:
-        given = _complete(kept, _write_given(store, state_at(store, plan.revision)))
+        given = _complete(kept, _write_given(store, state_at(State(store), plan.revision)))
     else:
         given = Given(*kept)  # type: ignore[arg-type]
     if problem_hash(given.domain, problem=given.problem) != plan.problem_hash:
@@ -176,11 +176,12 @@ class SqlPlanDao(SqlDao, PlanDao):
 
     def _state_of(self, plan: Plan) -> int:
         """Find the revision of the state that a plan was made from."""
-        head = head_revision(self._open_store)
+        state = State(self._open_store)
+        head = head_revision(state)
         at = head if plan.revision is None else plan.revision
         if at > head and plan.problem_hash is not None:
             raise PlanError(self._elsewhere(at))
-        revision = state_at(self._open_store, at)
+        revision = state_at(state, at)
         if revision == 0:
             raise PlanError(
                 f"the plan was made from knowledge base {self._open_store.name!r} before its first "

@@ -233,14 +233,12 @@ def in_revision(
     recorded = step if execution is None and isinstance(step, Execution) else execution
     place = None if recorded is None else key_of(recorded)
     said = reason if reason is not None else f"{done} {_shown(step)}"
-    is_outer = store.current() is None
     with store.transaction(reason=said, plan_step=place) as transaction:
         transaction.refuse_period("an act", "save the facts that it brought about then")
         if recorded is not None:
             check_execution(transaction, recorded)
         work(transaction, ground(transaction.definitions.current(), step))
-    committed = transaction.committed
-    return committed.number if is_outer and committed is not None else None
+    return transaction.made
 
 
 def _shown(step: object) -> str:

@@ -23,7 +23,7 @@ from ..dto.elements import Dto, atom_text
 from ..dto.formulas import AT_END, AT_START, OVER_ALL, TIMES, Node
 from ..errors import InvalidKnowledgeError
 from ..history.elements import Applied, Element, refuse_unknown_element, sought
-from ..history.revisions import LARGEST, Revision, at_most, read_numbered, read_position
+from ..history.revisions import LARGEST, Revision, at_most, read_numbered
 from ..history.versions import read_newest
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
@@ -33,7 +33,7 @@ from ..sql.causes import PastReader, WantedActs, changed_atoms, find_acts, find_
 from ..sql.definition_rows import find_identities, last_change, load_at
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, Key, read_outcome
 from ..sql.rows import FACT, VALUE
-from ..store.snapshot import View, read_definition_revision
+from ..store.snapshot import View, read_position
 from ..store.state import State
 from .after import head_of
 from .derived import world_of
@@ -239,8 +239,10 @@ class _Evaluation:
         session, kb_id, at = self._session, self._kb_id, self._view.at
         definitions, rest = self._view.definitions, [*revisions]
         if self._epoch is None:
-            now = read_definition_revision
-            self._epoch = now(session, kb_id) if at is None else last_change(session, kb_id, at)
+            if at is None:
+                self._epoch = read_position(session, kb_id).redefined
+            else:
+                self._epoch = last_change(session, kb_id, at)
         epoch = self._epoch
         while rest:
             if rest[0] < epoch:

@@ -16,7 +16,7 @@ from typing import Any
 from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
-from ..errors import NotApplicableError, TypeMismatchError
+from ..errors import NotApplicableError, TypeMismatchError, few_of
 from ..knowledge.definitions import FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf, Bound, Known, NumberOf, Part, Place, Slot, closure, fits
 from ..store.caches import AtomKey, FluentKey, FluentValue
@@ -218,10 +218,8 @@ class EffectReader:
 
 def not_applicable(step: object, failed: Sequence[FailedCondition]) -> NotApplicableError:
     """Make the error for a step."""
-    shown = "; ".join(map(str, failed[:5]))
-    more = f"; and {len(failed) - 5} more" if len(failed) > 5 else ""
     return NotApplicableError(
-        f"{step} cannot be applied: {shown}{more}; nothing was written", failed
+        f"{step} cannot be applied: {few_of(failed, 5)}; nothing was written", failed
     )
 
 

@@ -185,7 +185,7 @@ class Executive:
         if not 0 < expect(self.speed, (int, float), "speed", InvalidArgumentError) < math.inf:
             raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
         self._patience, self._store = seconds(self.timeout), self.state.store
-        refuse_unwatchable(self._store, self.state.at)
+        refuse_unwatchable(self.state)
         given, plans = read_any_plan(self.state, self.plan), SqlPlanDao(self._store)
         if isinstance(given, RecordedPlan):
             # Its steps may have other outcomes than when it was read.
@@ -222,7 +222,7 @@ class Executive:
     def run(self) -> ExecutedPlan:
         """Execute the plan, in this thread and one for each step that runs."""
         self._begun = time.monotonic()
-        self._seen = head_revision(self._store)
+        self._seen = head_revision(State(self._store))
         self._thread(self._watch, self._seen)
         try:
             self._do_what_is_asked()
@@ -313,7 +313,7 @@ class Executive:
                 return True
         steps = [step for key, step in self._running.items() if key in running]
         # At each revision: what broke may hold again by now.
-        for at in range(self._seen + 1, head_revision(self._store) + 1):
+        for at in range(self._seen + 1, head_revision(State(self._store)) + 1):
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
             broken = find_broken(self._store, begun, at) if begun else []

@@ -134,7 +134,7 @@ def causal_links(state: State, plan: GivenPlan, *, at: When | None = None) -> li
     """
     plan = read_any_plan(state, plan)
     made = plan.revision if at is None and isinstance(plan, RecordedPlan) else None
-    revision = state_at(state.store, at, state.at) if at is not None else made or state.at
+    revision = state_at(state, at) if at is not None else made or state.at
     task = read_task(State(state.store, revision))
     check_validated(task.domain)
     run = _Linking(task.domain, task.problem, plan.steps)

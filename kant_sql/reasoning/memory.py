@@ -364,8 +364,7 @@ def commit(
         found = store.query(lambda session, kb_id: read_numbered(session, kb_id or 0, [number + 1]))
         said = "".join(f"; after it came revision {revision_text(each)}" for each in found.values())
         raise StaleRevisionError(f"{error}{said}", error.expected, error.actual) from error
-    committed = transaction.committed
-    return None if committed is None else committed.number
+    return transaction.made
 
 
 def _foreign(store: Store, origin: Origin) -> InvalidArgumentError:

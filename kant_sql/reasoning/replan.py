@@ -186,7 +186,7 @@ class Remaining:
     def look(self, state: State, plan: RecordedPlan) -> tuple[str | None, bool]:
         """Return why the plan, as it is now, broke, if it did, and whether it was validated."""
         # What a transaction has not committed is in no revision, and may never be.
-        is_committed, head = state.store.current() is None, head_revision(state.store)
+        is_committed, head = state.store.current() is None, head_revision(state)
         known = self._known if is_committed else None
         if (
             known is not None

@@ -12,12 +12,12 @@ from ..arguments import seconds
 from ..dto import formulas as f
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import find_bounds, head_revision, last_before
-from ..history.revisions import read_numbered, read_position
+from ..history.revisions import read_numbered
 from ..knowledge.definitions import Definitions
 from ..moment_text import When
 from ..sql.dialects.base import Row, Session
 from ..sql.periods import read_kept_rules
-from ..store.snapshot import refuse_archived
+from ..store.snapshot import read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from .rules import Judge, Rules, Verdict, Verdicts, read_constraints
@@ -93,7 +93,7 @@ class RuleWatcher:
         self._store = store
         self._given: list[_Asked] | None = None
         if rules is not None:
-            low = find_bounds(store, since, None, None).low
+            low = find_bounds(State(store), since, None).low
             self._given = [_Asked(low, *read_constraints(store, rules, None))]
         self._kept: dict[Row, _Asked] = {}
         self._judges: dict[_Asked, Judge] = {}
@@ -162,10 +162,9 @@ def watcher_of(
     state: State, rules: Rules | None, after: When | None, since: When | None
 ) -> RuleWatcher:
     """Begin to watch rules."""
-    store, upto = state
-    refuse_unwatchable(store, upto)
-    begin = head_revision(store) if after is None else last_before(store, after)
-    return RuleWatcher(store, begin, rules, since)
+    refuse_unwatchable(state)
+    begin = head_revision(state) if after is None else last_before(state, after)
+    return RuleWatcher(state.store, begin, rules, since)
 
 
 def standing(state: State) -> Verdicts:
@@ -183,7 +182,7 @@ def standing(state: State) -> Verdicts:
         (sometime (not (robot_at rb1 wp1))) is pending
     """
     store, at = state
-    head = head_revision(store) if at is None else at
+    head = head_revision(state)
     watcher = RuleWatcher(store, 0)
     if at is None:
         watcher = store.remembered.setdefault(RuleWatcher, watcher)

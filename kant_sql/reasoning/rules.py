@@ -235,8 +235,8 @@ def check_rules(
     """
     store, upto = state
     if one_of(clock, (COMMITTED, OBSERVED, VALID), "the clock") == VALID:
-        return _check_valid(state, rules, find_valid_range(store, since, until, upto))
-    bounds = find_bounds(store, since, until, upto)
+        return _check_valid(state, rules, find_valid_range(state, since, until))
+    bounds = find_bounds(state, since, until)
     constraints, definitions = read_constraints(store, rules, upto)
 
     def work(session: Session, kb_id: int | None) -> Verdicts:

@@ -21,7 +21,7 @@ from ..dto import formulas as f
 from ..dto.lexical import either_text, fold, is_word
 from ..errors import InvalidArgumentError, InvalidKnowledgeError, TypeMismatchError
 from ..history.moments import Bounds
-from ..history.revisions import LARGEST, Revision, read_position
+from ..history.revisions import LARGEST, Revision
 from ..knowledge.definitions import Definition, Definitions
 from ..knowledge.grounding import substitute
 from ..knowledge.symbols import symbols_of
@@ -41,7 +41,7 @@ from ..sql.periods import (
     stream_touches,
     subjects_of,
 )
-from ..store.snapshot import refuse_archived
+from ..store.snapshot import read_position, refuse_archived
 from ..store.store import Store
 from .ask import given_variable
 from .derived import world_of

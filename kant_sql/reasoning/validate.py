@@ -215,9 +215,8 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
         step 0, (push), fails at 1:
           (not (locked)): does not hold
     """
-    store = state.store
-    revision = state.at if at is None else state_at(store, at, state.at)
-    task = read_task(State(store, revision))
+    revision = state.at if at is None else state_at(state, at)
+    task = read_task(State(state.store, revision))
     return validate_plan(task.domain, task.problem, read_any_plan(state, plan))
 
 

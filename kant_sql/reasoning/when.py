@@ -307,10 +307,9 @@ def _find_range(
     state: State, since: When | None, until: When | None, clock: str
 ) -> Bounds | valid_sweep.ValidPast:
     """Find the revisions, or the times, of a question."""
-    store, upto = state
     if is_valid_clock(clock):
-        return valid_sweep.read_past(store, find_valid_range(store, since, until, upto))
-    return find_bounds(store, since, until, upto)
+        return valid_sweep.read_past(state.store, find_valid_range(state, since, until))
+    return find_bounds(state, since, until)
 
 
 def _searches(

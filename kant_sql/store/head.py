@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import bindparam, func, select
+from sqlalchemy import bindparam, func, select, update
 
 from ..errors import (
     UNREADABLE,
@@ -55,6 +55,11 @@ _LOCK = Query(
     .where(_HEAD.kb_id == KB)
     .with_for_update()
 )
+
+
+def set_head(**values: Any) -> Query:
+    """Make the statement that sets columns of a head."""
+    return Query(update(HeadRow).where(HeadRow.kb_id == bindparam("kb")).values(**values))
 
 
 class Committed(NamedTuple):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import BigInteger, bindparam, func, select
 
-from ..errors import ArchivedError, StoreIntegrityError, check_integer
+from ..errors import ArchivedError, StoreIntegrityError
 from ..knowledge.definitions import Definitions
 from ..sql.answers import Reader
 from ..sql.dialects.base import Row, Session
@@ -16,19 +16,50 @@ from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import ArchiveRow, ErasureRow, HeadRow
 from .caches import DefinitionCache
+from .head import check_numbers
 
 _LAST_ERASURE = select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery()
-_HEAD = Query(
-    select(HeadRow.definition_revision, HeadRow.archived_revision, _LAST_ERASURE).where(
-        HeadRow.kb_id == KB
-    )
+_NUMBERS: tuple[Any, ...] = (
+    HeadRow.revision,
+    HeadRow.archived_revision,
+    HeadRow.definition_revision,
 )
-_REVISION = Query(select(HeadRow.revision).where(HeadRow.kb_id == KB))
+# What `make_position` reads.
+POSITION = select(*_NUMBERS, _LAST_ERASURE).where(HeadRow.kb_id == KB)
+_POSITION = Query(POSITION)
 _ARCHIVE = Query(
     select(ArchiveRow.target)
     .where(ArchiveRow.kb_id == KB, ArchiveRow.revision > bindparam("at", type_=BigInteger))
     .order_by(ArchiveRow.revision, ArchiveRow.id.desc())
 )
+
+
+class Position(NamedTuple):
+    """Where a knowledge base stands, read without its lock."""
+
+    kb_id: int | None = None  # None before the first write
+    head: int = 0  # the last revision; 0 before the first
+    archived: int = 0  # versions that ended up to this revision are in an archive
+    redefined: int = 0  # the last revision that changed a definition
+    erased: int | None = None  # the last erasure; None if there is none
+
+
+def read_position(session: Session, kb_id: int | None) -> Position:
+    """Read where a knowledge base stands, in one statement."""
+    if kb_id is None:
+        return Position()
+    row = session.first(_POSITION, kb=kb_id)
+    if row is None:
+        raise vanished(session)
+    return make_position(session, kb_id, row)
+
+
+def make_position(session: Session, kb_id: int, row: Row) -> Position:
+    """Check a row that begins with the columns of `POSITION`."""
+    # A log from an endless revision would never end.
+    numbers = zip((column.key for column in _NUMBERS), row, strict=False)
+    check_numbers(session, kb_id, numbers)
+    return Position(kb_id, *row[:4])
 
 
 class View(NamedTuple):
@@ -69,32 +100,16 @@ def open_view(
     """Open a state to read from; the `oldest` that will be read is another at a valid time."""
     if kb_id is None:
         return View(session, None, Definitions(), at)
-    if at is not None:
-        definition_revision, archived = _read_head(session, kb_id, cache)
-        refuse_archived(session, kb_id, at if oldest is None else oldest, archived)
-        definitions = cache.at_revision(session, kb_id, at, definition_revision, archived)
-        return View(session, kb_id, definitions, at)
-    if cache.snapshot is None:
+    if at is None and cache.snapshot is None:
         return View(session, kb_id, cache.load(session, kb_id))
-    return View(session, kb_id, cache.at_head(session, kb_id, *_read_head(session, kb_id, cache)))
-
-
-def read_definition_revision(session: Session, kb_id: int) -> int:
-    """Read the revision that last changed a definition."""
-    return _read_head(session, kb_id)[0]
-
-
-def _read_head(
-    session: Session, kb_id: int, cache: DefinitionCache | None = None
-) -> tuple[int, int]:
-    row = session.first(_HEAD, kb=kb_id)
-    if row is None:
-        raise vanished(session)
-    for column, value in zip(("definition_revision", "archived_revision"), row, strict=False):
-        check_integer("head", f"knowledge base {kb_id!r}", column, value)
-    if cache is not None:
-        cache.heed(row[2])
-    return row[0], row[1]
+    position = read_position(session, kb_id)
+    cache.heed(position.erased)
+    redefined, archived = position.redefined, position.archived
+    if at is None:
+        return View(session, kb_id, cache.at_head(session, kb_id, redefined, archived))
+    refuse_archived(session, kb_id, at if oldest is None else oldest, archived)
+    definitions = cache.at_revision(session, kb_id, at, redefined, archived)
+    return View(session, kb_id, definitions, at)
 
 
 def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> None:
@@ -123,13 +138,7 @@ def archive_of(session: Session, kb_id: int, at: int) -> str:
 
 def read_revision(view: View) -> int:
     """Read which revision a state is of."""
-    if view.at is not None or view.kb_id is None:
-        return view.at or 0
-    row = view.session.first(_REVISION, kb=view.kb_id)
-    if row is None:
-        raise vanished(view.session)
-    check_integer("head", f"knowledge base {view.kb_id!r}", "revision", row[0])
-    return int(row[0])
+    return read_position(view.session, view.kb_id).head if view.at is None else view.at
 
 
 def vanished(session: Session) -> StoreIntegrityError:

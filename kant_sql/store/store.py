@@ -42,7 +42,7 @@ from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
 from .head import Committed, Head, create_knowledge_base, find_knowledge_base, hash_of, lock_head
 from .ledger import WriteContext
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
-from .snapshot import DefinitionsMovedError, View, open_view, read_definition_revision, vanished
+from .snapshot import DefinitionsMovedError, View, open_view, read_position, vanished
 from .transaction import Transaction
 
 T = TypeVar("T")
@@ -216,14 +216,10 @@ class Store:
             return work(transaction.definitions)
         snapshot, kb_id = self._definitions.snapshot, self._kb_id
         if at is None and snapshot is not None and kb_id is not None:
-            now = self._outside(lambda session: read_definition_revision(session, kb_id))
+            now = self._outside(lambda session: read_position(session, kb_id).redefined)
             if now == snapshot.definition_revision:
                 return work(snapshot.definitions)
-        return self._apart(
-            lambda session: work(
-                open_view(session, self._find(session), self._definitions, at).definitions
-            )
-        )
+        return self.read_in_snapshot(lambda view: work(view.definitions), at)
 
     def check_definitions(self, work: Callable[[Definitions], T], at: int | None = None) -> T:
         """Check something against the definitions, without a statement unless the check fails."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import chain
 from typing import Any
 
-from sqlalchemy import bindparam, func, select, update
+from sqlalchemy import Table, bindparam, func, select
 
 from ..errors import ConnectionLostError, InvalidArgumentError
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
@@ -26,18 +26,11 @@ from ..knowledge.sayings import FROM_NOW_ON, Given, Period
 from ..sql.changes import ASSERTED, CONFIRMATION, PLAN, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import Key
-from ..sql.query import Insert, Query
+from ..sql.query import Insert, Query, whole_rows
 from ..sql.rows import FACT, KB, table_of
-from ..sql.tables import (
-    ConfirmationRow,
-    HeadRow,
-    PlanRow,
-    RequestRow,
-    RevisionExecutionRow,
-    RevisionRow,
-)
+from ..sql.tables import ConfirmationRow, PlanRow, RequestRow, RevisionExecutionRow, RevisionRow
 from .caches import Agreements, AtomCache, FluentCache, GroundAtom
-from .head import Committed, Head
+from .head import Committed, Head, set_head
 from .journal import JournalScope
 from .ledger import (
     DefinitionLedger,
@@ -60,16 +53,12 @@ _NEW_REVISION = Insert(
 _NEW_REQUEST = Insert(table_of(RequestRow), "kb_id", "number", "key", "digest", "results")
 _NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
-_MOVE_HEAD = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(
-        revision=bindparam("number"),
-        definition_revision=bindparam("definitions"),
-        next_id=bindparam("next"),
-        hash=bindparam("digest"),
-        committed_at=bindparam("time"),
-    )
+_MOVE_HEAD = set_head(
+    revision=bindparam("number"),
+    definition_revision=bindparam("definitions"),
+    next_id=bindparam("next"),
+    hash=bindparam("digest"),
+    committed_at=bindparam("time"),
 )
 
 # Flush above this count of pending propositions to bound memory.
@@ -182,6 +171,11 @@ class Transaction:
     def age(self) -> float:
         """Milliseconds since it began."""
         return (time.monotonic() - self._started) * 1e3
+
+    @property
+    def made(self) -> int | None:
+        """The revision that it has made; None if it has changed nothing, or has not ended."""
+        return None if self.committed is None else self.committed.number
 
     @property
     def is_stateless(self) -> bool:
@@ -308,6 +302,14 @@ class Transaction:
             for id_, _, text in filter(self.propositions.held_before, atoms)
         )
 
+    def record(
+        self, kind: str, table: Table, write: Callable[..., str], id_: int, *values: Any
+    ) -> None:
+        """Record something: its row has an id, the revision, the values, and the text of these."""
+        text = write(id_, *values)
+        row = (self.kb_id, id_, self.number, *values, text)
+        self.records.add(Change(ASSERTED, kind, text), [(whole_rows(table), row)])
+
     def spill(self) -> None:
         """Write and forget the pending propositions, if they are many."""
         propositions = self._propositions
@@ -381,7 +383,7 @@ class Transaction:
     def publish(self) -> None:
         """Share what it has learned with later transactions, after it has ended well."""
         before = self.head.revision
-        revision = before if self.committed is None else self.committed.number
+        revision = self.made or before
         if self._propositions is None:
             self._atoms.advance(before, revision)
         else:

@@ -303,9 +303,8 @@ def write(
             plain = json_value(results)
             assert isinstance(plain, list)
             keep_request(transaction, *key, plain)
-    made = transaction.committed
-    revision = None if made is None else made.number
-    return WriteAnswer(revision, (*results,), (*warnings,)), revision or transaction.head.revision
+    made = transaction.made
+    return WriteAnswer(made, (*results,), (*warnings,)), made or transaction.head.revision
 
 
 def open_transaction(kb: KnowledgeBase) -> Transaction:

@@ -14,29 +14,28 @@ from ...dao.interfaces import Progress
 from ...errors import ConflictError, InvalidArgumentError
 from ...knowledge.canonical import archive_text
 from ...moment_text import When, read_when
-from ...sql.changes import ARCHIVE, ASSERTED, Change
+from ...sql.changes import ARCHIVE
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
-from ...sql.query import whole_rows
 from ...sql.rows import table_of
 from ...sql.tables import ArchiveRow
 from ...store.head import hash_of
+from ...store.snapshot import read_position
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
 from ..moments import MICROSECOND, revision_at
-from ..replication.batch import BatchSize, copy_batch, wipe
-from ..replication.copy import Copied, CopyRange, Stores
+from ..replication.batch import Batches, copy_batch, wipe
+from ..replication.copy import Stores
 from ..replication.target import (
     ReplicationSide,
     Target,
+    begin_on,
     diverged,
     last_archive,
     open_target,
     read_state,
-    reading,
 )
-from ..revisions import read_position
 from ..rewriting.parts import leave_commitments, standing_commitments
 from ..verify.chain import rest_digest
 from .remove import Leaving, compare, count, first_of, refuse_without_right, remove
@@ -65,25 +64,19 @@ def replicate(
     """Replicate revisions up to one, resuming where an earlier call ended."""
     # Each of several transactions leaves the target complete at some revision. Returns where bytes
     # may remain of what was erased there.
-    size, at, erasures = BatchSize(), -1, 0
+    batches, at = Batches(), -1
     while at < upto:
-        at, copied = retrying(
-            target.backend, lambda: _advance(source, target, upto, size.revisions)
-        )
+        at = retrying(target.backend, lambda: _advance(source, target, upto, batches))
         if progress is not None:
             progress(min(at, upto), upto)
-        size.learn(copied.rows)
-        erasures += copied.erasures
-    return wipe(target.backend) if erasures else ()
+    return wipe(target.backend) if batches.erasures else ()
 
 
-def _advance(
-    source: ReplicationSide, target: Target, upto: int, revisions: int
-) -> tuple[int, Copied]:
-    """Copy some revisions; return the target's last one and what was copied."""
+def _advance(source: ReplicationSide, target: Target, upto: int, batches: Batches) -> int:
+    """Copy some revisions; return the target's last one."""
     with (
         target.locked(durable=True) as (session, target_kb, head),
-        reading(source.backend) as reader,
+        begin_on(source.backend) as reader,
     ):
         kb_id = source.find(reader)
         state = read_state(reader, kb_id)
@@ -93,12 +86,11 @@ def _advance(
         stores = Stores(reader, kb_id, session, target_kb)
         check_archive(stores, source.name, head.revision)
         if head.revision >= upto:
-            return head.revision, Copied(0, 0, 0)
-        high = min(upto, max(head.revision + revisions, state.erased))
-        redefined = state.definition_revision > head.revision
-        may_return = state.archived_revision > 0
-        bounds = CopyRange(head.revision + 1, high, may_return, redefined, state.erased)
-        return high, copy_batch(stores, source, state, head, bounds)
+            return head.revision
+        bounds = batches.following(state, head, upto, state.archived_revision > 0)
+        copied = copy_batch(stores, source, state, head, bounds)
+    batches.add(copied)
+    return bounds.high
 
 
 # Versions per transaction, as far as whole revisions allow: other writers wait for it.
@@ -168,7 +160,7 @@ def archive(
     store.refuse_read_only()
     optional_call(progress, "progress")
     flag(dry_run, "dry_run", InvalidArgumentError)
-    upto = _last_before(store, before)
+    upto = _last_before(state, before)
     leaving = store.query_in_snapshot(lambda session, kb_id: _count(session, kb_id, upto))
     if dry_run or not leaving.versions:
         with closing(create_backend(to)) as backend:
@@ -189,14 +181,14 @@ def archive(
     return moved
 
 
-def _last_before(store: Store, before: When) -> int:
+def _last_before(state: State, before: When) -> int:
     """Find the last revision before one, or before a time."""
     before = read_when(before)
     if not isinstance(before, datetime):
-        return max(revision_at(store, before) - 1, 0)
+        return max(revision_at(state, before) - 1, 0)
     # A time in the future is refused as it stands.
-    revision_at(store, before)
-    return revision_at(store, before - MICROSECOND)
+    revision_at(state, before)
+    return revision_at(state, before - MICROSECOND)
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:
@@ -249,15 +241,10 @@ def _move(
                 remove(*where[:2], leaving)
                 leave_commitments(*where, before)
                 record_archive(transaction, leaving, rest, target.backend.label)
-    made = transaction.committed
-    return (None if made is None else made.number), leaving
+    return transaction.made, leaving
 
 
 def record_archive(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
     """Record that versions were moved, and the hash of what is left of their revisions."""
-    versions = leaving.total
-    id_ = transaction.allocate()
-    text = archive_text(id_, leaving.high, target, versions, rest)
-    row = (transaction.kb_id, id_, transaction.number, leaving.high, target, versions, rest, text)
-    rows = [(whole_rows(table_of(ArchiveRow)), row)]
-    transaction.records.add(Change(ASSERTED, ARCHIVE, text), rows)
+    said = transaction.allocate(), leaving.high, target, leaving.total, rest
+    transaction.record(ARCHIVE, table_of(ArchiveRow), archive_text, *said)

@@ -6,26 +6,16 @@ from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    Boolean,
-    ColumnElement,
-    Select,
-    Table,
-    bindparam,
-    delete,
-    func,
-    select,
-    union_all,
-    update,
-)
+from sqlalchemy import Boolean, ColumnElement, Select, Table, delete, func, select, union_all
 
 from ...dao.base import batches
 from ...errors import ConflictError, StoreError
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, constant, in_list, in_rows, integer
-from ...sql.rows import KB, AtomTables
-from ...sql.tables import TABLES, HeadRow
+from ...sql.rows import KB, AtomTables, looked_up
+from ...sql.tables import TABLES
+from ...store.head import set_head
 from ...store.store import Store
 from ..replication.copy import (
     ARCHIVED_TABLES,
@@ -36,8 +26,8 @@ from ..replication.copy import (
     children_of,
     converted,
     references,
-    text_of,
 )
+from ..replication.target import begin_on
 
 _MODULUS = 2**256
 
@@ -139,7 +129,8 @@ def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
     columns: list[Any] = []
     for column in table.columns:
         if column in of_atoms:
-            columns.append(text_of(of_atoms[column], column).scalar_subquery())
+            atom = of_atoms[column].identity.c
+            columns.append(looked_up(atom.text, atom.id, column))
         elif column not in own and column.name != "kb_id":
             columns.append(column)
     convert = {n: bool for n, column in enumerate(columns) if isinstance(column.type, Boolean)}
@@ -164,11 +155,7 @@ _NONE = -1
 # Objects per statement, with the atoms that mention them.
 _OBJECTS = 200
 
-_SET = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(archived_revision=integer("upto"))
-)
+_SET = set_head(archived_revision=integer("upto"))
 _OBJECT, _OBJECT_VERSION = TABLES["object"].c, TABLES["object_version"].c
 _OBJECT_VERSIONS = select(_OBJECT_VERSION.since).where(
     _OBJECT_VERSION.kb_id == KB, _OBJECT_VERSION.object_id == _OBJECT.id
@@ -214,12 +201,8 @@ def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
 
 def refuse_without_right(store: Store) -> None:
     """Refuse early who may not archive."""
-    with store.backend.open_session() as session:
-        session.begin(write=True)
-        try:
-            session.run(_SET, kb=_NONE, upto=0)
-        finally:
-            session.rollback()
+    with begin_on(store.backend, write=True) as session:
+        session.run(_SET, kb=_NONE, upto=0)
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:

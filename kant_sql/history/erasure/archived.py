@@ -31,7 +31,7 @@ from ..archive.archive import check_archive, record_archive, replicate
 from ..archive.remove import Leaving, refuse_without_right
 from ..replication.copy import ATOMS, Identities, Stores, references
 from ..replication.erasures import first_fault, touched_by
-from ..replication.target import ReplicationSide, Target, open_target, read_state, reading
+from ..replication.target import ReplicationSide, Target, begin_on, open_target, read_state
 from ..rewriting.parts import Destroyer
 from ..rewriting.texts import Renaming, TextWriter
 from ..verify.chain import rest_digest
@@ -74,7 +74,7 @@ class ArchivedPart:
     def check(self) -> None:
         """Check that the archive is intact, and has all of this history up to some revision."""
         label, name = self._target.backend.label, self._store.name
-        with reading(self._target.backend) as there, reading(self._source.backend) as here:
+        with begin_on(self._target.backend) as there, begin_on(self._source.backend) as here:
             kb_id, own_id = self._target.find(there), self._source.find(here)
             self.upto = read_state(here, own_id).archived_revision
             if own_id is None or not self.upto:

@@ -15,11 +15,11 @@ from ...dto.lexical import fold, is_word
 from ...errors import ConflictError, InvalidArgumentError, UnknownNameError, UnknownRevisionError
 from ...knowledge.canonical import SAID, erasure_text
 from ...sql import tables as t
-from ...sql.changes import ASSERTED, ERASURE, Change
+from ...sql.changes import ERASURE
 from ...sql.definition_rows import find_identities
 from ...sql.dialects.base import Session
 from ...sql.dialects.containing import contains, is_in, pattern_of
-from ...sql.query import Query, whole_rows
+from ...sql.query import Query
 from ...sql.rows import KB, table_of
 from ...store.snapshot import archive_of
 from ...store.state import State
@@ -258,7 +258,11 @@ class Eraser:
             )
         id_ = transaction.allocate()
         element_id = None if found is None else found[0]
-        record_erasure(transaction, destroyer, id_, element_id, pseudonym)
+        of = TEXTS if found is None else OBJECT, element_id, pseudonym
+        what = transaction.head.revision, *of, destroyer.parts, destroyer.digest()
+        transaction.record(ERASURE, _ERASURE, erasure_text, id_, *what)
+        # What is written below refers to its row.
+        transaction.flush()
         destroyer.write(id_, said)
         if moved is not None:
             moved.finish(transaction, renaming, id_)
@@ -339,20 +343,3 @@ def next_pseudonym(session: Session, kb_id: int) -> str:
     rows = session.rows(_GIVEN_OUT, kb=kb_id, like=f"{PREFIX}%")
     taken = {row[0].removeprefix(PREFIX) for row in rows}
     return f"{PREFIX}{1 + max((int(one) for one in taken if one.isdecimal()), default=0)}"
-
-
-def record_erasure(
-    transaction: Transaction,
-    destroyer: Destroyer,
-    id_: int,
-    element_id: int | None,
-    pseudonym: str,
-) -> None:
-    """Record an erasure in its revision; it has its row when this returns."""
-    kind = TEXTS if element_id is None else OBJECT
-    upto = transaction.head.revision
-    said = upto, kind, element_id, pseudonym, destroyer.parts, destroyer.digest()
-    text = erasure_text(id_, *said)
-    row = (transaction.kb_id, id_, transaction.number, *said, text)
-    transaction.records.add(Change(ASSERTED, ERASURE, text), [(whole_rows(_ERASURE), row)])
-    transaction.flush()

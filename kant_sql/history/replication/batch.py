@@ -8,15 +8,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from sqlalchemy import bindparam, update
+from sqlalchemy import bindparam
 
 from ...errors import StoreIntegrityError, reading_rows
 from ...knowledge.canonical import text_time, time_text
 from ...sql.changes import FEW, few_change_rows
 from ...sql.dialects.base import Backend, Row, Session
-from ...sql.query import Query, integer
-from ...sql.tables import HeadRow
-from ...store.head import Head
+from ...sql.query import integer
+from ...store.head import Head, set_head
 from ..verify.chain import Link, Step, stream_chain
 from .copy import Copied, Copy, CopyRange, Stores
 from .erasures import Followed
@@ -29,18 +28,29 @@ ROWS = 20_000
 FIRST_REVISIONS = 50
 
 
-class BatchSize:
-    """How many revisions the next batch has, learnt from those before it."""
+class Batches:
+    """The batches of one call: how much they have written, and how large the next one is."""
 
     def __init__(self) -> None:
-        self.revisions = FIRST_REVISIONS
+        self.versions = 0
+        self.erasures = 0
+        self._revisions = FIRST_REVISIONS
 
-    def learn(self, rows: int) -> None:
-        """Adapt to how many versions a batch had."""
-        if rows < ROWS // 2:
-            self.revisions *= 2
-        elif rows > ROWS:
-            self.revisions = max(1, self.revisions * ROWS // rows)
+    def following(self, here: HeadState, head: Head, upto: int, may_return: bool) -> CopyRange:
+        """Return the revisions that come next after a target's head, up to one of the source."""
+        # A replica has no part of an erasure without all of it.
+        high = min(upto, max(head.revision + self._revisions, here.erased))
+        redefined = here.definition_revision > head.revision
+        return CopyRange(head.revision + 1, high, may_return, redefined, here.erased)
+
+    def add(self, copied: Copied) -> None:
+        """Count what a batch has written, and adapt the size of the next one."""
+        self.versions += copied.rows
+        self.erasures += copied.erasures
+        if copied.rows < ROWS // 2:
+            self._revisions *= 2
+        elif copied.rows > ROWS:
+            self._revisions = max(1, self._revisions * ROWS // copied.rows)
 
 
 def wipe(backend: Backend) -> tuple[str, ...]:
@@ -51,20 +61,16 @@ def wipe(backend: Backend) -> tuple[str, ...]:
     return remaining
 
 
-_MOVE = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(
-        revision=integer("number"),
-        definition_revision=integer("definitions"),
-        next_id=integer("next"),
-        hash=bindparam("digest"),
-        committed_at=bindparam("time"),
-        origin=bindparam("label"),
-        origin_revision=integer("last"),
-        origin_committed_at=bindparam("last_time"),
-        heard_at=bindparam("now"),
-    )
+_MOVE = set_head(
+    revision=integer("number"),
+    definition_revision=integer("definitions"),
+    next_id=integer("next"),
+    hash=bindparam("digest"),
+    committed_at=bindparam("time"),
+    origin=bindparam("label"),
+    origin_revision=integer("last"),
+    origin_committed_at=bindparam("last_time"),
+    heard_at=bindparam("now"),
 )
 
 

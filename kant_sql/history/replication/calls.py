@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from weakref import WeakKeyDictionary
 
-from sqlalchemy import bindparam, null, update
+from sqlalchemy import null
 
 from ...arguments import expect, flag, optional_call, optional_text
 from ...errors import (
@@ -20,13 +20,12 @@ from ...errors import (
 )
 from ...knowledge.canonical import promotion_text
 from ...sql.catalog import ANY_REVISION
-from ...sql.changes import ASSERTED, PROMOTION, Change
+from ...sql.changes import PROMOTION
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, unforked
-from ...sql.query import Query, whole_rows
 from ...sql.rows import table_of
-from ...sql.tables import HeadRow, PromotionRow
-from ...store.head import check_last
+from ...sql.tables import PromotionRow
+from ...store.head import check_last, set_head
 from ...store.state import State
 from ...store.store import Store
 from .push import Progress, Pushed, Terms, send
@@ -205,10 +204,8 @@ def _push(store: Store, url: str, terms: Terms, progress: Progress | None) -> Pu
     return done
 
 
-_FORGET_ORIGIN = Query(
-    update(HeadRow)
-    .where(HeadRow.kb_id == bindparam("kb"))
-    .values(origin=null(), origin_revision=null(), origin_committed_at=null(), heard_at=null())
+_FORGET_ORIGIN = set_head(
+    origin=null(), origin_revision=null(), origin_committed_at=null(), heard_at=null()
 )
 
 
@@ -237,11 +234,8 @@ def promote(state: State, *, reason: str | None = None, actor: str | None = None
         if head.origin is None:
             return None
         check_last(transaction.session, transaction.kb_id, head)
-        id_ = transaction.allocate()
-        text = promotion_text(id_, head.revision, head.origin)
-        row = (transaction.kb_id, id_, number, head.revision, head.origin, text)
-        rows = [(whole_rows(table_of(PromotionRow)), row)]
-        transaction.records.add(Change(ASSERTED, PROMOTION, text), rows)
+        said = transaction.allocate(), head.revision, head.origin
+        transaction.record(PROMOTION, table_of(PromotionRow), promotion_text, *said)
         transaction.session.run(_FORGET_ORIGIN, kb=transaction.kb_id)
     logger.info("knowledge base %r: revision %d promoted it", store.name, number)
     return number

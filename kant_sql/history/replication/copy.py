@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     Boolean,
     ColumnElement,
-    Select,
     Table,
     Text,
     and_,
@@ -120,16 +119,6 @@ def references(table: Table) -> tuple[tuple[int, Table], ...]:
         if constraint.referred_table in IDENTITIES and len(constraint.column_keys) == 2
     }
     return tuple(sorted(found, key=lambda reference: reference[0]))
-
-
-def text_of(atoms: AtomTables, owner: Any) -> Select[Any]:
-    """Select the text of the atom of a row."""
-    identity = atoms.identity.c
-    return (
-        select(identity.text)
-        .where(identity.kb_id == KB, identity.id == owner)
-        .correlate(owner.table)
-    )
 
 
 # Identities that are cached of each table.
@@ -319,8 +308,9 @@ def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
 
 @cache
 def _asserted(table: Table) -> Query:
-    """Select the rows that the range asserted, of a table with `since`."""
-    return Query(select(*columns_of(table)).where(table.c.kb_id == KB, in_range(table.c.since)))
+    """Select the rows that begin in the range, or that have a number in it."""
+    number = table.c.since if "since" in table.c else table.c.number
+    return Query(select(*columns_of(table)).where(table.c.kb_id == KB, in_range(number)))
 
 
 @cache
@@ -376,12 +366,6 @@ def _recorded(table: Table) -> Query:
     return _all_of(table, or_(in_rows(table.c.plan_id, plans), and_(is_own, is_new)))
 
 
-_REVISIONS = _all_of(_REVISION, in_range(_REVISION.c.number))
-_LINKS = _all_of(_LINK, in_range(_LINK.c.number))
-_COMMITMENTS = _all_of(COMMITMENT, in_range(COMMITMENT.c.number))
-_REPLACEMENTS = _all_of(REPLACEMENT, in_range(REPLACEMENT.c.number))
-
-
 class Copy:
     """Copies one range of revisions."""
 
@@ -402,7 +386,7 @@ class Copy:
 
     def run(self) -> Copied:
         """Copy the range."""
-        self._insert(_REVISION, _REVISIONS)
+        self._insert(_REVISION, _asserted(_REVISION))
         for part in ARCHIVED_TABLES[:-1]:
             if self._redefined or not part.is_definition:
                 self._copy_part(part)
@@ -410,14 +394,11 @@ class Copy:
         if self._insert(EXECUTION, _recorded(EXECUTION)):
             self._insert(ARGUMENT, _recorded(ARGUMENT))
         self._copy_part(ARCHIVED_TABLES[-1])
-        self._insert(_LINK, _LINKS)
-        for table in (*RECORDS, CONFIRMATION, *SAYINGS):
-            if self._erased or table is not ERASURE:
+        # Commitments last: they name atoms of these revisions by ids, which may be others in the
+        # target.
+        for table in (_LINK, *RECORDS, CONFIRMATION, *SAYINGS, COMMITMENT, REPLACEMENT):
+            if self._erased or table not in (ERASURE, COMMITMENT, REPLACEMENT):
                 self._insert(table, _asserted(table))
-        if self._erased:
-            # Last: it names the atoms of these revisions by ids, which may be others in the target.
-            self._insert(COMMITMENT, _COMMITMENTS)
-            self._insert(REPLACEMENT, _REPLACEMENTS)
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 

@@ -17,7 +17,8 @@ from ...sql.dialects.base import Session
 from ...sql.query import Query, in_list, integer, whole_rows
 from ...sql.rows import KB, table_of
 from ...store.head import hash_of
-from ..revisions import LARGEST, read_position
+from ...store.snapshot import read_position
+from ..revisions import LARGEST
 from ..rewriting.parts import next_salt, whole_salt
 from ..rewriting.texts import Renaming, TextWriter
 from ..verify.chain import read_links, texts_of

@@ -20,9 +20,9 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import Session, retrying
 from ...sql.schema import ensure_schema
 from ...store.head import Head, hash_of
-from .batch import BatchSize, copy_batch, move, wipe
-from .copy import CopyRange, Stores
-from .target import HeadState, ReplicationSide, Target, diverged, last_archive, read_state, reading
+from .batch import Batches, copy_batch, move, wipe
+from .copy import Stores
+from .target import HeadState, ReplicationSide, Target, begin_on, diverged, last_archive, read_state
 
 T = TypeVar("T")
 
@@ -85,9 +85,7 @@ class _Push:
     _terms: Terms
     _stack: ExitStack
     _archive: ReplicationSide | None = None
-    _size: BatchSize = field(default_factory=BatchSize)
-    _versions: int = 0
-    _erasures: int = 0
+    _batches: Batches = field(default_factory=Batches)
 
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
         """Compare the heads, and send batches until the target has all of the source."""
@@ -100,10 +98,10 @@ class _Push:
             here, at, is_over = self._retrying(self._advance)
             if progress is not None:
                 progress(min(at, here.revision), here.revision)
-        label = self._target.backend.label
-        if self._erasures:
+        if self._batches.erasures:
             wipe(self._target.backend)
-        return Pushed(label, before, at, here.revision, self._versions)
+        versions = self._batches.versions
+        return Pushed(self._target.backend.label, before, at, here.revision, versions)
 
     def _retrying(self, work: Callable[[], T]) -> T:
         def once() -> T:
@@ -121,7 +119,7 @@ class _Push:
         """Send a batch; return the source's head, the target's last revision, and if it is all."""
         with (
             self._target.locked() as (session, target_kb, head),
-            reading(self._source.backend) as reader,
+            begin_on(self._source.backend) as reader,
         ):
             here = read_state(reader, self._source.find(reader))
             stores = Stores(reader, self._source.kb_id or 0, session, target_kb)
@@ -130,21 +128,11 @@ class _Push:
                 self._adopt(stores, here, head)
                 return here, head.revision, True
             with self._complete(stores, here, head) as (whole, state):
-                # A replica has no part of an erasure without all of it.
-                size = max(head.revision + self._size.revisions, state.erased)
-                high = min(state.revision, size)
-                bounds = CopyRange(
-                    head.revision + 1,
-                    high,
-                    max(here.archived_revision, head.archived_revision) > 0,
-                    state.definition_revision > head.revision,
-                    state.erased,
-                )
+                may_return = max(here.archived_revision, head.archived_revision) > 0
+                bounds = self._batches.following(state, head, state.revision, may_return)
                 copied = copy_batch(whole, self._source, here, head, bounds)
-        self._size.learn(copied.rows)
-        self._versions += copied.rows
-        self._erasures += copied.erasures
-        return here, high, high == here.revision
+        self._batches.add(copied)
+        return here, bounds.high, bounds.high == here.revision
 
     def _check(self, stores: Stores, here: HeadState, head: Head) -> None:
         """Refuse a target with another history, or one that somebody else may write to."""
@@ -217,7 +205,7 @@ class _Push:
             yield stores, here
             return
         archive = self._find_archive(stores, here, head)
-        with reading(archive.backend) as reader:
+        with begin_on(archive.backend) as reader:
             state = read_state(reader, archive.find(reader))
             whole = stores._replace(source=reader, source_kb=archive.kb_id or 0)
             self._check_archive(stores, whole, here, head, state)

@@ -13,7 +13,6 @@ from ...errors import (
     AuthenticationError,
     ClosedError,
     ConflictError,
-    ConnectionLostError,
     ForkedError,
     KantSqlError,
     ReadOnlyStoreError,
@@ -21,32 +20,22 @@ from ...errors import (
     SchemaError,
     SchemaMissingError,
     StatementTimeoutError,
-    StoreBusyError,
     StoreError,
     StoreFullError,
     StoreIntegrityError,
     StoreReplacedError,
-    StoreUnreachableError,
     TableMissingError,
 )
 from ...sql.catalog import of_written
 from ...sql.dialects import create_backend
-from ...sql.dialects.base import Backend, Listener
+from ...sql.dialects.base import PASSING, Backend, Listener
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
-from ...store.store import end_session
 from .push import Progress, Pushed, Terms, send
-from .target import ReplicationSide, Target, open_store, read_state, reading
+from .target import ReplicationSide, Target, begin_on, open_store, read_state
 
 # What may be over at the next attempt.
-PASSING = (
-    ConnectionLostError,
-    StatementTimeoutError,
-    StoreBusyError,
-    StoreFullError,
-    StoreReplacedError,
-    StoreUnreachableError,
-)
+MAY_PASS = (*PASSING, StatementTimeoutError, StoreFullError, StoreReplacedError)
 # What concerns one knowledge base, and stays until somebody decides.
 REFUSED = ArchivedError, ConflictError, ReplicaError, StoreIntegrityError
 # What concerns all of them, and stays.
@@ -142,15 +131,11 @@ class _Connection:
         for backend in (self.source, self.target):
             # What the pool holds may be lost, too.
             backend.renew()
-        with reading(self.source) as session:
+        with begin_on(self.source) as session:
             check_session(session)
-        session = self.target.session()
-        try:
-            # Where writers lock the whole store, this waits for them.
-            session.begin(write=True)
+        # Where writers lock the whole store, this waits for them.
+        with begin_on(self.target, write=True) as session:
             check_session(session)
-        finally:
-            end_session(session)
 
     def close(self) -> None:
         """Close both."""
@@ -198,7 +183,7 @@ class PushService:
                 if error is None:
                     continue
                 errors.append(error)
-                may_pass = isinstance(error, PASSING)
+                may_pass = isinstance(error, MAY_PASS)
                 self._report(PushEvent("waiting" if may_pass else "refused", name, error=error))
                 if may_pass:
                     # What one waits for in vain, such as an archive, is not waited for again.
@@ -233,7 +218,7 @@ class PushService:
             self._wait_after(
                 error, self._backoff.delay() if is_missing else self._backoff.longest()
             )
-        except PASSING as error:
+        except MAY_PASS as error:
             self._wait_after(error, self._backoff.delay())
 
     def _wait_after(self, error: KantSqlError, delay: float) -> None:
@@ -266,7 +251,7 @@ class PushService:
         if error is None:
             self._backoff.reset()
             one.backoff.reset()
-        elif isinstance(error, PASSING):
+        elif isinstance(error, MAY_PASS):
             delay = max(interval, one.backoff.delay())
             self._report(PushEvent("waiting", name, error=error, retry_in=delay))
         else:
@@ -287,7 +272,7 @@ class PushService:
         except StoreError as error:
             # The store that failed may be an archive, which only some knowledge bases need.
             connection.check()
-            return error if isinstance(error, PASSING) else _unreadable(one, error)
+            return error if isinstance(error, MAY_PASS) else _unreadable(one, error)
         return None
 
     def _push(self, one: _Followed, progress: Progress | None) -> None:

@@ -149,12 +149,7 @@ class Target(ReplicationSide):
     @contextmanager
     def locked(self, durable: bool = False) -> Iterator[tuple[Session, int, Head]]:
         """Lock it against other writers for the length of a `with` block; create it if missing."""
-        # With `durable`, what is committed survives a power cut.
-        session = self.backend.session()
-        try:
-            if durable:
-                session.make_durable()
-            session.begin(write=True)
+        with begin_on(self.backend, write=True, durable=durable) as session:
             kb_id = self.find(session)
             if kb_id is None:
                 kb_id = self.kb_id = create_knowledge_base(session, self.name)
@@ -162,16 +157,17 @@ class Target(ReplicationSide):
             if head is None:
                 raise vanished(session)
             yield session, kb_id, head
-        finally:
-            end_session(session)
 
 
 @contextmanager
-def reading(backend: Backend) -> Iterator[Session]:
-    """Open a read transaction for the length of a `with` block."""
+def begin_on(backend: Backend, *, write: bool = False, durable: bool = False) -> Iterator[Session]:
+    """Open a transaction for the length of a `with` block; what it has not committed is undone."""
+    # With `durable`, what is committed survives a power cut.
     session = backend.session()
     try:
-        session.begin(write=False)
+        if durable:
+            session.make_durable()
+        session.begin(write=write)
         yield session
     finally:
         end_session(session)

@@ -11,7 +11,7 @@ from hashlib import sha256
 from typing import Any, NamedTuple
 from unicodedata import normalize
 
-from sqlalchemy import Table, bindparam, false, null, or_, select, update
+from sqlalchemy import Table, bindparam, false, or_, select, update
 
 from ...dao.base import batches
 from ...dto.elements import atom_text, value_text
@@ -100,16 +100,6 @@ def _of(table: Table, owner: str, *names: str, **also: int) -> Query:
     own = (table.c[name] == constant(value) for name, value in also.items())
     which = table.c.kb_id == KB, in_list(table.c[owner], "ids"), *own
     return Query(select(*columns).where(*which).order_by(*[*table.primary_key.columns][1:]))
-
-
-@cache
-def _ends(table: Table) -> Query:
-    """Read owner, `since` and `until` of what some owners have."""
-    until = table.c.until if "until" in table.c else null()
-    owner = table.c.proposition_id
-    return Query(
-        select(owner, table.c.since, until).where(table.c.kb_id == KB, in_list(owner, "ids"))
-    )
 
 
 @cache
@@ -283,9 +273,10 @@ class TextWriter:
         before = {row["id"]: row["text"] for row in rows}
         goals = {row["id"] for row in rows if row["is_goal"]}
         self._items.update((before[id_], texts[id_]) for id_ in goals)
-        for id_, since, until in self._rows(_ends(_HELD), texts):
+        began = "proposition_id", "since"
+        for id_, since, until in self._rows(_of(_HELD, began[0], *began, "until"), texts):
             self._note(since, until, GOAL if id_ in goals else FACT, before[id_], id_)
-        for id_, since, _ in self._rows(_ends(_SEEN), texts):
+        for id_, since in self._rows(_of(_SEEN, began[0], *began), texts):
             self._note(since, None, CONFIRMATION, before[id_], id_)
         self._sayings(_SAID, texts, lambda row: texts[row["proposition_id"]])
 

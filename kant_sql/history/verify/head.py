@@ -109,15 +109,11 @@ def read_archives(check: Check) -> list[Archive]:
     return [Archive(*row) for row in check.rows(_READ_ARCHIVES)]
 
 
-def _archived_upto(head: int, archives: list[Archive]) -> int:
-    possible = [archive.revision for archive in archives if archive.is_possible]
-    return max(possible, default=0) if head else 0
-
-
 def read_archived(check: Check, archives: list[Archive]) -> int:
     """Read the revision up to which ended versions are in an archive."""
     head = _read_head(check)
-    return _archived_upto(0 if head is None else head.archived_revision, archives)
+    possible = [archive.revision for archive in archives if archive.is_possible]
+    return 0 if head is None or not head.archived_revision else max(possible, default=0)
 
 
 def read_head_numbers(check: Check) -> tuple[int, int]:
@@ -141,17 +137,16 @@ def check_head(check: Check, chain: Chain, archives: list[Archive]) -> None:
         if not archive.is_possible:
             message = f"archive {id_} was recorded before revision {upto}, which it moved"
             add(since, "archive", message)
-    archived = _archived_upto(head.archived_revision, archives)
-    if head.archived_revision != archived:
+    if head.archived_revision != chain.archived:
         message = f"archived_revision is {head.archived_revision}, and the last archive is of "
-        add(None, "head", f"{message}revision {archived}")
-    _check_numbers(check, head, archived)
-    if archived and not check.after and archives[-1].rest != chain.rest:
+        add(None, "head", f"{message}revision {chain.archived}")
+    _check_numbers(check, head, chain.archived)
+    if chain.archived and not check.after and archives[-1].rest != chain.rest:
         add(
             None,
             "archive",
-            f"the rest of the revisions up to {archived} differs from that when versions were "
-            f"moved to {archives[-1].target}: a revision, or one of its changes, was altered, "
+            f"the rest of the revisions up to {chain.archived} differs from that when versions "
+            f"were moved to {archives[-1].target}: a revision, or one of its changes, was altered, "
             "removed or added",
         )
 

@@ -76,17 +76,13 @@ def whole_part(digest: str, erasure_id: int) -> Part:
     return Part(WHOLE_AT, "", WHOLE, 0, 0, None, digest, erasure_id)
 
 
-class Commitments(NamedTuple):
-    """What the hash of a revision covers."""
-
-    said: list[str | None]  # of actor, reason and source
-    changes: list[tuple[str, str, str]]  # sign, kind and commitment
-
-
 def committed(
     parts: Sequence[Part], metadata: Metadata, changes: Iterable[Row], is_archived: bool
-) -> Commitments:
-    """Match parts with what they are of; what has no part, or no longer its part, is empty."""
+) -> tuple[list[str | None], list[tuple[str, str, str]]]:
+    """Match parts with what they are of; what has no part, or no longer its part, is empty.
+
+    Returns the commitments to actor, reason and source, and sign, kind and commitment of changes.
+    """
     # `changes` has sign, kind, text, owner and place of each; as `is_archived`, some may be in an
     # archive.
     said = {part.position: part for part in parts if part.position < 0}
@@ -111,4 +107,4 @@ def committed(
     # What no part is of, and parts of nothing, leave no hash that is right.
     doubled = len(parts) - len({part.position for part in parts})
     rest = [("", "", "") for _ in (*texts, *said, *range(doubled))]
-    return Commitments(own, lines + rest)
+    return own, lines + rest

@@ -18,20 +18,17 @@ from ...arguments import flag, optional_call
 from ...dao.interfaces import Progress
 from ...errors import (
     UNREADABLE,
-    ConnectionLostError,
     InvalidArgumentError,
     NotADatabaseError,
     ReadOnlyError,
     StatementTimeoutError,
-    StoreBusyError,
     StoreError,
     StoreFullError,
     StoreIntegrityError,
-    StoreUnreachableError,
     TransactionOpenError,
 )
 from ...knowledge.canonical import time_text
-from ...sql.dialects.base import Session
+from ...sql.dialects.base import PASSING, Session
 from ...sql.query import Query, integer, whole_rows
 from ...sql.rows import KB, columns_of, table_of
 from ...sql.tables import ArchiveRow, ErasureRow, VerificationRow
@@ -136,15 +133,7 @@ __all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
 
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # What is kept saves time, and proves nothing: these take no verdict away.
-_NOT_KEPT = (
-    ReadOnlyError,
-    StoreBusyError,
-    StatementTimeoutError,
-    ConnectionLostError,
-    StoreFullError,
-    StoreUnreachableError,
-    TransactionOpenError,
-)
+_NOT_KEPT = (*PASSING, ReadOnlyError, StatementTimeoutError, StoreFullError, TransactionOpenError)
 # How often progress is reported.
 _REPORTS = 200
 
