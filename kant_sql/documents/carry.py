@@ -35,8 +35,6 @@ Find = Callable[[str, int], int]
 SECTIONS = (*d.DOMAIN_SECTIONS, *d.PROBLEM_SECTIONS)
 # What is part of a state; a formula's kind is its section.
 STATED = {*d.KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
-# What others can mention.
-MENTIONED = ("type", "object", "predicate", "function")
 _ONE_TYPE, _TYPES = ("parent_id", "type_id"), ("other_parent_ids", "other_type_ids", "type_ids")
 _TREES = ("duration", "condition", "effect", "tree", "constraint")
 _SHOWN = 10
@@ -164,7 +162,7 @@ def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> No
     _set_values(transaction, wanted)
     gone = [
         {one.id for one in definitions.elements(kind) if wanted.get(key_of(kind, one), "") is None}
-        for kind in MENTIONED
+        for kind in d.DECLARED
     ]
     if any(gone):
         delete_scope(transaction, Scope(*gone))

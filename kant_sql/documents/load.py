@@ -161,13 +161,10 @@ def _refuse_values(
             raise _conflict(f"(= {text} {now.text})", f"(= {text} {value.text})")
 
 
-_KINDS = ("type", "object", "predicate", "function")
-
-
 def retract_misfits(transaction: Transaction) -> None:
     """Retract what does not fit the definitions that a transaction has changed."""
     definitions = transaction.definitions
-    if not any(_is_redefined(transaction, kind) for kind in _KINDS):
+    if not any(_is_redefined(transaction, kind) for kind in d.DECLARED):
         return
     # Definitions have one clock, and what goes with them, too.
     with transaction.of_now():

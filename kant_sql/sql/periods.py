@@ -28,7 +28,7 @@ from sqlalchemy import (
 )
 
 from ..errors import reading_rows
-from ..knowledge.definitions import DERIVED_PREDICATE, Definitions
+from ..knowledge.definitions import DECLARED, DERIVED_PREDICATE, Definitions
 from .dialects.base import Row, Session
 from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
 from .intervals import forks_at
@@ -216,10 +216,7 @@ def read_meanings(
     return meanings, [definition for id_, definition in rows if not id_]
 
 
-_ENDS = {
-    kind: (TABLES[kind].c, TABLES[f"{kind}_version"].c)
-    for kind in ("type", "object", "predicate", "function")
-}
+_ENDS = {kind: (TABLES[kind].c, TABLES[f"{kind}_version"].c) for kind in DECLARED}
 _LAST_REVISIONS = Query(
     union(
         *(
