@@ -48,7 +48,7 @@ from ..knowledge.definitions import (
     LiteralTemplate,
 )
 from ..knowledge.formulas import action_of
-from ..knowledge.trees import ParameterDefinition
+from ..knowledge.trees import ParameterDefinition, Scope
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, EVENT, PROCESS
 from ..sql.dialects.base import Row
@@ -59,7 +59,7 @@ from ..sql.tables import HeadRow
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .dependants import Scope, clear_for_redefinition, delete_scope
+from .dependants import clear_for_redefinition, delete_scope
 from .interfaces import AnyDao, Dao, FactLike, NamedDao, ValueLike
 from .text import TextReader, refuse_unknown
 

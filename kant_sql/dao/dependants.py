@@ -9,7 +9,7 @@ from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError
 from ..knowledge.definitions import Definitions
-from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
+from ..knowledge.trees import ParameterDefinition, Scope, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value
 from ..sql.query import Query, in_list, in_rows
@@ -56,7 +56,7 @@ _OF_OBJECTS = Query(
 
 def _rows(
     transaction: Transaction,
-    scope: Mentioned | None,
+    scope: Scope | None,
     everything: Query,
     parts: Sequence[tuple[Query, str]],
 ) -> list[Row]:
@@ -77,7 +77,7 @@ def fluent_of(row: Sequence[Any]) -> GroundFluent:
     return GroundFluent(id_, FluentKey(function_id, arguments), text)
 
 
-def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
+def function_values_on(transaction: Transaction, scope: Scope | None) -> list[HeldValue]:
     """Find the live values that mention something."""
     if next(iter(transaction.definitions.functions), None) is None:
         return []
@@ -126,9 +126,6 @@ _OF_PREDICATES = atoms_among(_LIVE_ATOMS.where(in_list(PropositionVersionRow.pre
 _ATOMS_OF_OBJECTS = atoms_among(
     _LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
 )
-
-
-Scope = Mentioned
 
 
 def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:

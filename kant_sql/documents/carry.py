@@ -8,7 +8,7 @@ from typing import Any
 
 from ..dao.action import read_parts
 from ..dao.base import batches, identify
-from ..dao.dependants import Scope, delete_scope
+from ..dao.dependants import delete_scope
 from ..dao.formula import read_formula, read_given
 from ..dao.text import TextReader
 from ..dto.elements import atom_text
@@ -18,7 +18,7 @@ from ..knowledge import definitions as d
 from ..knowledge.canonical import canonical_text, with_text
 from ..knowledge.formulas import TreeReader, action_of
 from ..knowledge.rules import check_stratified
-from ..knowledge.trees import ParameterDefinition, Tree
+from ..knowledge.trees import ParameterDefinition, Scope, Tree
 from ..pddl.given import read_rules
 from ..sql.rows import FACT, GOAL, VALUE
 from ..store.caches import AtomKey, FluentKey, FluentValue
