@@ -93,8 +93,8 @@ def function_values_on(transaction: Transaction, scope: Scope | None) -> list[He
 
 SHOWN = 10
 
-
-_LIVE_ATOMS = select(PropositionVersionRow.proposition_id).where(
+# The ids of the propositions that hold now, goals too.
+LIVE_ATOMS = select(PropositionVersionRow.proposition_id).where(
     PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
 )
 _ATOMS_MENTIONING = select(PropositionArgumentRow.proposition_id).where(
@@ -121,10 +121,10 @@ def atom_of(row: Row) -> GroundAtom:
     return GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
 
 
-_ALL_ATOMS = atoms_among(_LIVE_ATOMS)
-_OF_PREDICATES = atoms_among(_LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
+_ALL_ATOMS = atoms_among(LIVE_ATOMS)
+_OF_PREDICATES = atoms_among(LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
 _ATOMS_OF_OBJECTS = atoms_among(
-    _LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
+    LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
 )
 
 
