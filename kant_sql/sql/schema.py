@@ -128,12 +128,9 @@ def upgrade(url: str, *, revision: str = "head") -> None:
         StoreBusyError: a session, which the message names, holds a table's lock.
         StoreError: the database refused; nothing was changed.
     """
-    from alembic import command
-
     expect(revision, str, "revision", InvalidArgumentError)
     with closing(create_backend(url)) as backend:
-        target = revision if revision == "head" else _later(backend, revision)
-        _migrate(backend, lambda config: command.upgrade(config, target))
+        _upgrade(backend, revision if revision == "head" else _later(backend, revision))
 
 
 def downgrade(url: str, *, revision: str) -> None:
@@ -296,6 +293,12 @@ def _judge(backend: Backend, version: str | None) -> None:
         f"{backend.label}: the tables are of version {version}, this library knows up to "
         f"{VERSIONS[-1]}; install a newer kant-sql"
     )
+
+
+def _upgrade(backend: Backend, revision: str) -> None:
+    from alembic import command
+
+    _migrate(backend, lambda config: command.upgrade(config, revision))
 
 
 def _migrate(backend: Backend, run: Callable[[Config], None]) -> None:
