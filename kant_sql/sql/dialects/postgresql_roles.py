@@ -489,16 +489,6 @@ class RoleMaker:
         """Whether this database has roles already."""
         return bool(self._old)
 
-    @property
-    def is_in_the_way(self) -> bool:
-        """Whether policies or views block changes of tables."""
-        return bool(self._old or self._own)
-
-    @property
-    def has_tables(self) -> bool:
-        """Whether there are tables to grant rights on."""
-        return bool(self._tables)
-
     def scopes(self) -> list[RoleScope]:
         """List the scopes that have roles, and the one of all knowledge bases."""
         known = self._known_suffixes()
@@ -518,11 +508,13 @@ class RoleMaker:
         return scopes[knowledge_base]
 
     def withdraw(self) -> Iterator[str]:
-        """Yield the statements that drop policies and auditors' own views.
+        """Yield the statements that drop policies and auditors' own views, if there are any.
 
         The roles of a knowledge base that is gone or renamed lose their rights: another knowledge
         base may get its id.
         """
+        if not (self._old or self._own):
+            return
         for table, policy in self._old:
             yield f"DROP POLICY {self._names.quote(policy)} ON {self._names.relation(table)}"
         if self._own:
@@ -537,10 +529,12 @@ class RoleMaker:
                 yield f"REVOKE ALL ON TABLE {self._listed(self._relations())} FROM {named}"
 
     def make(self, scopes: Iterable[RoleScope], *, is_upgrade: bool = False) -> Iterator[str]:
-        """Yield the statements that create roles, grants and policies.
+        """Yield the statements that create roles, grants and policies, if there are tables.
 
         An upgrade needs no right to create roles: erasers are made when this is asked for.
         """
+        if not self._tables:
+            return
         existing = self._roles()
         for table in self._tables:
             yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
@@ -724,12 +718,10 @@ def roles_set_aside(connection: Connection) -> Iterator[None]:
     maker = RoleMaker(connection)
     scopes = maker.scopes() if maker.in_force else []
     lock_tables(connection)
-    if maker.is_in_the_way:
-        run_all(connection, maker.withdraw())
+    run_all(connection, maker.withdraw())
     yield
-    after = RoleMaker(connection)
-    if scopes and after.has_tables:
-        run_all(connection, after.make(scopes, is_upgrade=True))
+    if scopes:
+        run_all(connection, RoleMaker(connection).make(scopes, is_upgrade=True))
 
 
 def run_all(connection: Connection, statements: Iterable[str]) -> None:
