@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
+from typing import Literal
 
 from ..arguments import shown, storable_text
 from ..dto.elements import atom_text
-from ..dto.lexical import number_text
-from ..errors import InvalidKnowledgeError, PlanError
+from ..dto.lexical import decimal_text
+from ..errors import PlanError
 from ..knowledge.definitions import ActionDefinition, Definitions, ObjectDefinition
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, DURATIVE_ACTION
@@ -20,24 +21,10 @@ def check_steps(
     definitions: Definitions, revision: int, plan: Plan
 ) -> tuple[ExecutionDefinition, ...]:
     """Find the actions and objects of a plan's steps, at the revision of its state."""
-    if not isinstance(plan.steps, tuple | list):
-        raise PlanError(f"the plan has the steps {shown(plan.steps)}, expected a tuple")
     return tuple(
         _StepCheck(definitions, revision, position, step).read()
         for position, step in enumerate(plan.steps)
     )
-
-
-def exact_text(number: Decimal | int | None, role: str) -> str | None:
-    """Write a number as exact decimal text."""
-    if number is None:
-        return None
-    if isinstance(number, bool) or not isinstance(number, int | float | Decimal):
-        raise PlanError(f"{role} is {shown(number)}, expected a number or None")
-    try:
-        return number_text(number)
-    except InvalidKnowledgeError as error:
-        raise PlanError(f"{role}: {error}") from error
 
 
 class _StepCheck:
@@ -49,16 +36,8 @@ class _StepCheck:
         self._definitions = definitions
         self._revision = revision
         self._step = step
-        role = f"step {position} of the plan"
-        if not isinstance(step, PlanStep):
-            raise PlanError(f"{role} is a PlanStep, not {shown(step)}")
-        if not isinstance(step.arguments, tuple | list):
-            raise PlanError(f"{role} has the arguments {shown(step.arguments)}, expected a tuple")
-        names = (step.action, *step.arguments)
-        for name in names:
-            if not isinstance(name, str):
-                raise PlanError(f"{role}: a name is a string, not {shown(name)}")
-        self._role = f"{role}, {shown(atom_text(names[0], names[1:]))}"
+        words = shown(atom_text(step.action, step.arguments))
+        self._role = f"step {position} of the plan, {words}"
 
     def read(self) -> ExecutionDefinition:
         action = self._action()
@@ -72,16 +51,18 @@ class _StepCheck:
             atom_text(action.name, [object_.name for object_ in objects]),
         )
 
+    def _unknown(self, kind: Literal["action", "object"], name: str) -> PlanError:
+        known = [one.name for one in self._definitions.elements(kind)]
+        return PlanError(
+            f"{self._role}: {kind} {shown(name)} is not known at revision {self._revision}, the "
+            f"state that it was planned from{hint(name, known)}; give the plan the revision of the "
+            "state that has it"
+        )
+
     def _action(self) -> ActionDefinition:
         action = self._definitions.actions.named(self._step.action)
         if action is None:
-            known = [one.name for one in self._definitions.actions]
-            raise PlanError(
-                f"{self._role}: action {shown(self._step.action)} is not known at revision "
-                f"{self._revision}, the state that it was planned from"
-                f"{hint(self._step.action, known)}; give the plan the revision of the state that "
-                "has it"
-            )
+            raise self._unknown("action", self._step.action)
         if action.kind not in (ACTION, DURATIVE_ACTION):
             raise PlanError(
                 f"{self._role}: {action.name!r} is of kind {action.kind}, which happens by itself; "
@@ -101,12 +82,7 @@ class _StepCheck:
     def _object(self, action: ActionDefinition, number: int, name: str) -> ObjectDefinition:
         object_ = self._definitions.objects.named(name)
         if object_ is None:
-            known = [one.name for one in self._definitions.objects]
-            raise PlanError(
-                f"{self._role}: object {shown(name)} is not known at revision {self._revision}, "
-                f"the state that it was planned from{hint(name, known)}; give the plan the "
-                "revision of the state that has it"
-            )
+            raise self._unknown("object", name)
         allowed = action.parameters[number].type_ids
         if not self._definitions.any_fits(object_.type_ids, allowed):
             types = self._definitions.types
@@ -119,7 +95,7 @@ class _StepCheck:
         return object_
 
     def _seconds(self, number: Decimal | None, role: str) -> str | None:
-        text = exact_text(number, f"{self._role}: its {role}")
+        text = None if number is None else decimal_text(number)
         if text is not None and text.startswith("-"):
             raise PlanError(f"{self._role}: its {role} is {text}, expected 0 seconds or more")
         return text

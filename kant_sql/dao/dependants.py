@@ -9,7 +9,7 @@ from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError, few_of
 from ..knowledge.definitions import Definitions
-from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
+from ..knowledge.trees import ParameterDefinition, Scope, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value
 from ..sql.query import Query, in_list, in_rows
@@ -56,7 +56,7 @@ _OF_OBJECTS = Query(
 
 def _rows(
     transaction: Transaction,
-    scope: Mentioned | None,
+    scope: Scope | None,
     everything: Query,
     parts: Sequence[tuple[Query, str]],
 ) -> list[Row]:
@@ -77,7 +77,7 @@ def fluent_of(row: Sequence[Any]) -> GroundFluent:
     return GroundFluent(id_, FluentKey(function_id, arguments), text)
 
 
-def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
+def function_values_on(transaction: Transaction, scope: Scope | None) -> list[HeldValue]:
     """Find the live values that mention something."""
     if next(iter(transaction.definitions.functions), None) is None:
         return []
@@ -93,8 +93,8 @@ def function_values_on(transaction: Transaction, scope: Mentioned | None) -> lis
 
 SHOWN = 10
 
-
-_LIVE_ATOMS = select(PropositionVersionRow.proposition_id).where(
+# The ids of the propositions that hold now, goals too.
+LIVE_ATOMS = select(PropositionVersionRow.proposition_id).where(
     PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
 )
 _ATOMS_MENTIONING = select(PropositionArgumentRow.proposition_id).where(
@@ -121,14 +121,11 @@ def atom_of(row: Row) -> GroundAtom:
     return GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
 
 
-_ALL_ATOMS = atoms_among(_LIVE_ATOMS)
-_OF_PREDICATES = atoms_among(_LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
+_ALL_ATOMS = atoms_among(LIVE_ATOMS)
+_OF_PREDICATES = atoms_among(LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
 _ATOMS_OF_OBJECTS = atoms_among(
-    _LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
+    LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
 )
-
-
-Scope = Mentioned
 
 
 def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:

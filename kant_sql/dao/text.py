@@ -11,6 +11,7 @@ from ..arguments import refuse_many, shown
 from ..dto.formulas import MODALS, Node
 from ..dto.lexical import NUMBER, RESERVED, ROOT_TYPE, fold, is_word
 from ..errors import InvalidKnowledgeError, PddlError, UnknownNameError
+from ..knowledge.definitions import DECLARED
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
@@ -26,7 +27,6 @@ from ..store.transaction import Transaction
 T = TypeVar("T")
 
 # The kinds of definitions that formulas name.
-_NAMED = ("predicate", "object", "function", "type")
 _KEYWORDS = frozenset({ROOT_TYPE, "preference", *MODALS}).union(*RESERVED.values())
 
 
@@ -74,12 +74,12 @@ class TextReader:
         }
         words -= _KEYWORDS
         gone = {
-            word for word in words if all(elements(kind).named(word) is None for kind in _NAMED)
+            word for word in words if all(elements(kind).named(word) is None for kind in DECLARED)
         }
-        for kind in _NAMED if gone else ():
+        for kind in DECLARED if gone else ():
             self.transaction.look_up(kind, gone)
         return bool(gone) and all(
-            any(elements(kind).id_of(word) is not None for kind in _NAMED) for word in gone
+            any(elements(kind).id_of(word) is not None for kind in DECLARED) for word in gone
         )
 
 

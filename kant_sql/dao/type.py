@@ -12,10 +12,11 @@ from ..dto.lexical import ROOT_TYPE, check_name, fold
 from ..errors import InvalidKnowledgeError, TypeCycleError
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import Definitions, ObjectDefinition, TypeDefinition
+from ..knowledge.trees import Scope
 from ..pddl.given import read_object, read_type
 from ..store.transaction import Transaction
 from .base import Definer, DtoBuilder, SqlNamedDao
-from .dependants import Scope, of_types
+from .dependants import of_types
 from .interfaces import PddlObjectDao, PddlTypeDao
 from .text import TextReader, refuse_unknown
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 from sqlalchemy import case, select
 
 from ..dao.base import identify
+from ..dao.dependants import LIVE_ATOMS
 from ..dao.formula import read_formula, read_formulas
 from ..dao.function_value import ALL
 from ..dto import formulas as f
@@ -49,12 +50,9 @@ def constant_ids(definitions: d.Definitions) -> set[int]:
 REQUIREMENT = "requirement"
 # The root type exists undeclared: only an item, as of older versions, shows that a domain has it.
 _ROOT_ITEM = d.Item("type", ROOT_TYPE)
-_OPEN = select(PropositionVersionRow.proposition_id).where(
-    PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
-)
 _GOALS = Query(
     select(PropositionRow.id, PropositionRow.text).where(
-        PropositionRow.kb_id == KB, PropositionRow.is_goal, in_rows(PropositionRow.id, _OPEN)
+        PropositionRow.kb_id == KB, PropositionRow.is_goal, in_rows(PropositionRow.id, LIVE_ATOMS)
     )
 )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..dao.action import read_parts
 from ..dao.base import batches, identify
-from ..dao.dependants import Scope, delete_scope
+from ..dao.dependants import delete_scope
 from ..dao.formula import read_formula, read_given
 from ..dao.text import TextReader
 from ..dto.elements import atom_text
@@ -18,7 +18,7 @@ from ..knowledge import definitions as d
 from ..knowledge.canonical import canonical_text, with_text
 from ..knowledge.formulas import TreeReader, action_of
 from ..knowledge.rules import check_stratified
-from ..knowledge.trees import ParameterDefinition, Tree
+from ..knowledge.trees import ParameterDefinition, Scope, Tree
 from ..pddl.given import read_rules
 from ..sql.rows import FACT, GOAL, VALUE
 from ..store.caches import AtomKey, FluentKey, FluentValue
@@ -35,8 +35,6 @@ Find = Callable[[str, int], int]
 SECTIONS = (*d.DOMAIN_SECTIONS, *d.PROBLEM_SECTIONS)
 # What is part of a state; a formula's kind is its section.
 STATED = {*d.KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
-# What others can mention.
-MENTIONED = ("type", "object", "predicate", "function")
 _ONE_TYPE, _TYPES = ("parent_id", "type_id"), ("other_parent_ids", "other_type_ids", "type_ids")
 _TREES = ("duration", "condition", "effect", "tree", "constraint")
 _SHOWN = 10
@@ -164,7 +162,7 @@ def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> No
     _set_values(transaction, wanted)
     gone = [
         {one.id for one in definitions.elements(kind) if wanted.get(key_of(kind, one), "") is None}
-        for kind in MENTIONED
+        for kind in d.DECLARED
     ]
     if any(gone):
         delete_scope(transaction, Scope(*gone))

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from ..dao.action import action_trees, put_action
 from ..dao.base import batches, identify
-from ..dao.dependants import Scope, delete_scope, function_values_on, propositions_on, retract
+from ..dao.dependants import delete_scope, function_values_on, propositions_on, retract
 from ..dao.formula import is_ground, make_formula, read_formula, read_formulas, read_given
 from ..dao.interfaces import Progress
 from ..dao.signatures import same_types
@@ -19,7 +19,7 @@ from ..errors import ConflictError, InvalidKnowledgeError
 from ..knowledge import definitions as d
 from ..knowledge.canonical import with_text
 from ..knowledge.rules import check_stratified
-from ..knowledge.trees import ParameterDefinition
+from ..knowledge.trees import ParameterDefinition, Scope
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..store.transaction import Transaction
@@ -161,13 +161,10 @@ def _refuse_values(
             raise _conflict(f"(= {text} {now.text})", f"(= {text} {value.text})")
 
 
-_KINDS = ("type", "object", "predicate", "function")
-
-
 def retract_misfits(transaction: Transaction) -> None:
     """Retract what does not fit the definitions that a transaction has changed."""
     definitions = transaction.definitions
-    if not any(_is_redefined(transaction, kind) for kind in _KINDS):
+    if not any(_is_redefined(transaction, kind) for kind in d.DECLARED):
         return
     # Definitions have one clock, and what goes with them, too.
     with transaction.of_now():

@@ -149,11 +149,11 @@ def _earlier(loops: NestedLoops, source: LaneSource) -> str:
     """
     wanted = f"SELECT w.place, {{}} FROM {loops.rows('said', 4)} AS w{{}}"
     own, earlier = (
-        Walk(alias, f"{source.identity}_saying", source.owner, "w.id0") for alias in ("o", "s")
+        Walk(alias, f"{source.identity}_saying", source.owner, "w.c0") for alias in ("o", "s")
     )
-    before = loops.last(source.walk("l", "w.id0"), "w.id1", "l.since")
-    versions = loops.range(source.walk("v", "w.id0"), f"coalesce({before}, 0)", "w.id2")
-    sayings = loops.range(own, "w.id3", "w.id3") + loops.range(earlier, "0", "w.id3 - 1")
+    before = loops.last(source.walk("l", "w.c0"), "w.c1", "l.since")
+    versions = loops.range(source.walk("v", "w.c0"), f"coalesce({before}, 0)", "w.c2")
+    sayings = loops.range(own, "w.c3", "w.c3") + loops.range(earlier, "0", "w.c3 - 1")
     begin, end = (
         f"(SELECT r.committed_at FROM revision AS r WHERE r.kb_id = :kb AND r.number = v.{number}"
         " ORDER BY r.number LIMIT 1)"

@@ -17,7 +17,6 @@ from sqlalchemy import Text, cast, literal_column, select
 
 from ..arguments import shown
 from ..documents.carry import (
-    MENTIONED,
     STATED,
     Key,
     carry,
@@ -39,7 +38,7 @@ from ..errors import (
     few_of,
 )
 from ..knowledge.canonical import read_source
-from ..knowledge.definitions import KINDS, Definitions
+from ..knowledge.definitions import DECLARED, KINDS, Definitions
 from ..pddl.lexer import tokenize
 from ..sql.changes import ASSERTED, ERASURE, RETRACTED, SAYING, Change, in_range, stream_changes
 from ..sql.dialects.base import Session
@@ -225,7 +224,7 @@ class _Comparison:
         self._sides: dict[str, _Side] = {OURS: ours, THEIRS: theirs}
         # Definitions that others can mention, and those that only one side has.
         traces = (*ours.traces, *theirs.traces)
-        self._mentioned = {key for key in traces if key[0] in MENTIONED}
+        self._mentioned = {key for key in traces if key[0] in DECLARED}
         texts = ((key, self.text(OURS, key), self.text(THEIRS, key)) for key in self._mentioned)
         self._deleted = {key for key, own, other in texts if (own is None) != (other is None)}
         # What is taken over from the branch, of what it has said of periods, too.

@@ -316,8 +316,10 @@ class DocumentDefinition(NamedTuple):
         return (item.name for item in self.items if item.section == section)
 
 
-# In the order in which they can be written: each refers to those before it only.
-KINDS = ("type", "object", "predicate", "function", "action", "formula", "rule", "document")
+# In the order in which they can be written: each refers to those before it only. The declared ones
+# are what the others mention by name.
+DECLARED = ("type", "object", "predicate", "function")
+KINDS = (*DECLARED, "action", "formula", "rule", "document")
 _ATTRIBUTES = tuple(f"{kind}s" for kind in KINDS)
 
 

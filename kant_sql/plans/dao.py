@@ -13,12 +13,13 @@ from typing_extensions import override
 
 from .. import html
 from ..acts import Execution, Outcome
-from ..acts.checking import check_steps, exact_text
+from ..acts.checking import check_steps
 from ..acts.recording import STEP_OUTCOMES, ExecutionReader, key_of, set_outcome, unstarted
 from ..arguments import one_of, shown, storable_text, whole_number
 from ..dao.base import SqlDao
 from ..dao.formula import read_formulas
-from ..errors import PlanError, reading_rows
+from ..dto.lexical import number_text
+from ..errors import InvalidKnowledgeError, PlanError, reading_rows
 from ..history.moments import head_revision, state_at
 from ..history.revisions import LARGEST, refuse_archived_revision
 from ..knowledge.definitions import METRIC, Definitions
@@ -167,7 +168,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             storable_text(planner or plan.engine or None, "the planner's name", PlanError),
             storable_text(planner_version, "the planner's version", PlanError),
             storable_text(measured, "the objective", PlanError),
-            exact_text(value, "the objective's value"),
+            _exact_text(value, "the objective's value"),
             storable_text(_status(plan), "the plan's status", PlanError),
             *kept,
             steps,
@@ -270,3 +271,15 @@ def _objective(plan: Plan, metric: str | None, stated: str | None) -> str | None
 def _metric(definitions: Definitions) -> str | None:
     stored = read_formulas(definitions, METRIC)
     return stored[0].text.removeprefix("(:metric ").removesuffix(")") if stored else None
+
+
+def _exact_text(number: Decimal | int | None, role: str) -> str | None:
+    """Write a number as exact decimal text."""
+    if number is None:
+        return None
+    if isinstance(number, bool) or not isinstance(number, int | float | Decimal):
+        raise PlanError(f"{role} is {shown(number)}, expected a number or None")
+    try:
+        return number_text(number)
+    except InvalidKnowledgeError as error:
+        raise PlanError(f"{role}: {error}") from error

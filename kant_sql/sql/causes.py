@@ -67,12 +67,12 @@ class FoundAct(NamedTuple):
 def _counts(dialect: str) -> Query:
     of_action, of_object = (
         f"(SELECT count(*) FROM (SELECT 1 FROM {table} AS c WHERE c.kb_id = :kb "
-        f"AND c.{column} = w.id1 LIMIT {FEW + 1}) AS few)"
+        f"AND c.{column} = w.c1 LIMIT {FEW + 1}) AS few)"
         for table, column in (("execution", "action_id"), ("execution_argument", "object_id"))
     )
-    counted = f"CASE WHEN w.id0 = 1 THEN {of_action} ELSE {of_object} END"
+    counted = f"CASE WHEN w.c0 = 1 THEN {of_action} ELSE {of_object} END"
     rows = NESTED_LOOPS[dialect].rows("ids", 2)
-    return Query(text(f"SELECT w.id0, w.id1, {counted} FROM {rows} AS w"))
+    return Query(text(f"SELECT w.c0, w.c1, {counted} FROM {rows} AS w"))
 
 
 # By an object, by the action, or by the revision and then the object, if there is one.
@@ -83,27 +83,27 @@ _SAME = "{0}.kb_id = :kb AND {0}.plan_id = {1}.plan_id AND {0}.position = {1}.po
 def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
     """Select the executions, or the steps of plans, that one access finds."""
     has_object = by in (_OBJECT, _BOTH)
-    execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id = w.id0"
-    span = "BETWEEN w.id3 AND w.id4"
+    execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id = w.c0"
+    span = "BETWEEN w.c3 AND w.c4"
     end, last = "v.since", f"{_SAME.format('v', 'x')} AND v.since {span}"
     table, at = "execution_version", f"v.kb_id = :kb AND v.since {span}"
     if is_planned:
         table, end = "plan", "v.revision"
         last = f"v.kb_id = :kb AND v.id = x.plan_id AND v.revision {span}"
     if by == _OBJECT:
-        argument = "a.kb_id = :kb AND a.object_id = w.id1 AND a.argument = w.id2"
+        argument = "a.kb_id = :kb AND a.object_id = w.c1 AND a.argument = w.c2"
         found = loops.loop("a", "execution_argument", argument)
         found += loops.loop("x", "execution", execution) + loops.loop("v", table, last)
     elif by == _ACTION:
-        own = "x.kb_id = :kb AND x.action_id = w.id0"
+        own = "x.kb_id = :kb AND x.action_id = w.c0"
         found = loops.loop("x", "execution", own) + loops.loop("v", table, last)
     else:
-        own = f"{_SAME.format('a', 'v')} AND a.argument = w.id2 AND a.object_id + 0 = w.id1"
+        own = f"{_SAME.format('a', 'v')} AND a.argument = w.c2 AND a.object_id + 0 = w.c1"
         found = loops.loop("v", table, at)
         found += loops.loop("a", "execution_argument", own) if has_object else ""
         found += loops.loop("x", "execution", execution)
     rest = "1 = 1" if is_planned else "v.outcome <> 'refused'"
-    for object_, place in (("id5", "id6"),) if has_object else (("id1", "id2"), ("id5", "id6")):
+    for object_, place in (("c5", "c6"),) if has_object else (("c1", "c2"), ("c5", "c6")):
         named = f"{_SAME.format('n', 'x')} AND n.argument = w.{place}"
         named = f"SELECT 1 FROM execution_argument AS n WHERE {named} AND n.object_id + 0"
         rest += f" AND (w.{object_} = 0 OR EXISTS ({named} = w.{object_}))"
@@ -210,10 +210,10 @@ def _versions(dialect: str, is_fact: bool) -> Query:
     """Read the last version of each identity up to a revision."""
     loops, (identity, _) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
     table, own = f"{identity}_version", f"{identity}_id"
-    last = loops.last(Walk("l", table, own, "w.id0"), "w.id1", "l.since")
+    last = loops.last(Walk("l", table, own, "w.c0"), "w.c1", "l.since")
     # By its revision alone, PostgreSQL would read all that began in it.
-    found = loops.range(Walk("v", table, own, "w.id0"), last, last)
-    wanted = f"w.id0, w.id1, v.since, v.until, {_VALUE[is_fact]}"
+    found = loops.range(Walk("v", table, own, "w.c0"), last, last)
+    wanted = f"w.c0, w.c1, v.since, v.until, {_VALUE[is_fact]}"
     return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 2)} AS w{found}"))
 
 
@@ -224,13 +224,13 @@ _VALUE = {True: "NULL, NULL", False: "v.value, v.object_id"}
 def _held(dialect: str, is_fact: bool, by: str) -> Query:
     """Read what held of owners at revisions; `by` is the column of an object that it is of."""
     loops, (identity, owner) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
-    own = f"v.kb_id = :kb AND v.{owner}_id = w.id0 AND v.fork = w.id1"
-    own += f" AND v.{by} = w.id3" if by else ""
-    own += " AND v.since + 0 <= w.id2 AND (v.until IS NULL OR v.until > w.id2)"
+    own = f"v.kb_id = :kb AND v.{owner}_id = w.c0 AND v.fork = w.c1"
+    own += f" AND v.{by} = w.c3" if by else ""
+    own += " AND v.since + 0 <= w.c2 AND (v.until IS NULL OR v.until > w.c2)"
     own += " AND v.is_goal = :is_goal" if is_fact else ""
     found = loops.ordered("v", f"{identity}_version", own, "v.since" if by else f"v.{owner}_id")
     found += loops.loop("i", identity, f"i.kb_id = :kb AND i.id = v.{identity}_id")
-    wanted = f"w.id0, w.id2, i.arguments, {_VALUE[is_fact]}"
+    wanted = f"w.c0, w.c2, i.arguments, {_VALUE[is_fact]}"
     return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 4)} AS w{found}"))
 
 
@@ -331,10 +331,10 @@ def _changed(dialect: str) -> Query:
         after = Walk("n", table, id_, f"v.{id_}")
         following = loops.part(after, "v.until - 1", "9223372036854775806", "1", "n.since")
         for end, until in (("since", "v.until"), ("until", f"({following})")):
-            found = loops.loop("v", table, f"v.kb_id = :kb AND v.{end} BETWEEN w.id0 AND w.id0")
+            found = loops.loop("v", table, f"v.kb_id = :kb AND v.{end} BETWEEN w.c0 AND w.c0")
             found += loops.loop("i", identity, f"i.kb_id = :kb AND i.id = v.{id_}")
             rest = " WHERE NOT v.is_goal" if is_fact else ""
-            wanted = f"w.id0, {int(is_fact)}, i.{owner}_id, i.arguments, {int(end == 'since')}"
+            wanted = f"w.c0, {int(is_fact)}, i.{owner}_id, i.arguments, {int(end == 'since')}"
             rows = loops.rows("wanted", 1)
             parts.append(f"SELECT {wanted}, {until}, i.text FROM {rows} AS w{found}{rest}")
     return Query(text(" UNION ALL ".join(parts)))
@@ -357,10 +357,10 @@ def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> lis
 def _origins(dialect: str) -> Query:
     loops, rows = NESTED_LOOPS[dialect], NESTED_LOOPS[dialect].rows("wanted", 1)
     # As an equality, SQLite prefers the primary key, and reads all of the knowledge base.
-    acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since BETWEEN w.id0 AND w.id0")
-    loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since BETWEEN w.id0 AND w.id0")
-    found = f"SELECT w.id0, v.plan_id, v.position, NULL FROM {rows} AS w{acts}"
-    loaded = f"SELECT w.id0, NULL, NULL, v.text FROM {rows} AS w{loads}"
+    acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
+    loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
+    found = f"SELECT w.c0, v.plan_id, v.position, NULL FROM {rows} AS w{acts}"
+    loaded = f"SELECT w.c0, NULL, NULL, v.text FROM {rows} AS w{loads}"
     return Query(text(f"{found} WHERE v.outcome <> 'refused' UNION ALL {loaded}"))
 
 

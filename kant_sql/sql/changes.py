@@ -282,15 +282,14 @@ def stream_change_rows(
     return session.stream(_streamed(left, keyed, low < 1), kb=kb_id, low=low, high=high)
 
 
-@cache
-def _keyed_of() -> Query:
-    lines = (end.keyed_line(_among(end.revision)) for end in _ENDS)
-    return Query(union_all(*lines).order_by("revision"))
+_KEYED_OF = Query(
+    lambda: union_all(*(end.keyed_line(_among(end.revision)) for end in _ENDS)).order_by("revision")
+)
 
 
 def keyed_changes_of(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Row]:
     """Read what some revisions changed, with the ids by which rows of `commitment` know it."""
-    return session.rows(_keyed_of(), kb=kb_id, numbers=session.list_value([*numbers]))
+    return session.rows(_KEYED_OF, kb=kb_id, numbers=session.list_value([*numbers]))
 
 
 def lines_by_revision(rows: Iterable[Row]) -> defaultdict[int, list[Row]]:
@@ -429,8 +428,7 @@ def page_of(
     )
 
 
-@cache
-def _counts() -> Query:
+def _counts() -> Select[Any]:
     """Count what each revision changed: of a kind, up to a bound."""
     revision = table_of(RevisionRow)
     numbers: list[Any] = []
@@ -440,12 +438,15 @@ def _counts() -> Query:
         numbers.append(select(func.count()).select_from(some.subquery()).scalar_subquery())
     total = sum(numbers[1:], start=numbers[0])
     rows = select(revision.c.number, total).where(revision.c.kb_id == KB)
-    return Query(rows.where(_among(revision.c.number)))
+    return rows.where(_among(revision.c.number))
+
+
+_COUNTS = Query(_counts)
 
 
 def count_each(session: Session, kb_id: int, numbers: Iterable[int]) -> dict[int, int]:
     """Count what some revisions changed, up to `COUNTED_CHANGES` and perhaps more."""
-    return dict(session.rows(_counts(), kb=kb_id, numbers=session.list_value([*numbers])))
+    return dict(session.rows(_COUNTS, kb=kb_id, numbers=session.list_value([*numbers])))
 
 
 @cache

@@ -29,7 +29,7 @@ from sqlalchemy import (
 
 from ..dto.lexical import fold, is_word
 from ..errors import UNREADABLE, check_integer, reading_rows, unreadable
-from ..knowledge.definitions import KINDS, Definitions
+from ..knowledge.definitions import DECLARED, KINDS, Definitions
 from .dialects.base import Row, Session
 from .query import Query, constant, first_rows, in_list
 from .rows import (
@@ -238,10 +238,6 @@ _ADVANCE = Query(
 )
 
 
-# What has but one clock is as it is known.
-_NAMED = "type", "object", "predicate", "function"
-
-
 def _ended(version: Any) -> ColumnElement[bool]:
     """Return whether a version ended after the revision `after`, up to `at`."""
     return and_(version.until > _AFTER, version.until <= THEN)
@@ -267,11 +263,11 @@ def _was_lost(version: Any) -> ColumnElement[bool]:
 
 _LOST = Query(
     lambda: union_all(
-        *(_version_part(KIND_TABLES[kind], _was_lost) for kind in _NAMED),
+        *(_version_part(KIND_TABLES[kind], _was_lost) for kind in DECLARED),
         *(
             _list_part(kind, list_, _was_lost)
             for kind, list_ in _LISTS
-            if kind.identity.name in _NAMED
+            if kind.identity.name in DECLARED
         ),
     )
 )
@@ -307,7 +303,7 @@ def _end_of(kind: str) -> Select[Any]:
     return named.where(table.kb_id == KB, _ended(table), differs)
 
 
-_ENDS = Query(lambda: union_all(*map(_end_of, _NAMED)).order_by("ended"))
+_ENDS = Query(lambda: union_all(*map(_end_of, DECLARED)).order_by("ended"))
 
 
 def read_ends(session: Session, kb_id: int, after: int, at: int) -> Ends:

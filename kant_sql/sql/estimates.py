@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import text
@@ -96,24 +97,22 @@ def estimates_of(definitions: Definitions) -> Estimates:
     return found
 
 
-_queries: dict[tuple[Words, bool], Query] = {}
+@cache
+def _counting(words: Words, of_predicate: bool) -> Query:
+    """Count the facts of a predicate, or the atoms that mention one of some objects."""
+    if of_predicate:
+        rows = (
+            "proposition_version AS v WHERE v.kb_id = :kb AND v.predicate_id = :of"
+            f" AND {words.is_fact.format('v')} AND v.until IS NULL"
+        )
+    else:
+        among = words.in_list.format("a.object_id", ":of")
+        rows = f"proposition_argument AS a WHERE a.kb_id = :kb AND {among}"
+    return Query(text(f"SELECT count(*) FROM (SELECT 1 FROM {rows} LIMIT :upto) AS counted"))
 
 
 def _count(session: Session, kb_id: int | None, of: int | tuple[int, ...], upto: int) -> int:
-    words, is_predicate = session.backend.words, isinstance(of, int)
-    query = _queries.get((words, is_predicate))
-    if query is None:
-        if is_predicate:
-            rows = (
-                "proposition_version AS v WHERE v.kb_id = :kb AND v.predicate_id = :of"
-                f" AND {words.is_fact.format('v')} AND v.until IS NULL"
-            )
-        else:
-            among = words.in_list.format("a.object_id", ":of")
-            rows = f"proposition_argument AS a WHERE a.kb_id = :kb AND {among}"
-        query = _queries[words, is_predicate] = Query(
-            text(f"SELECT count(*) FROM (SELECT 1 FROM {rows} LIMIT :upto) AS counted")
-        )
+    query = _counting(session.backend.words, isinstance(of, int))
     wanted: Any = of if isinstance(of, int) else session.list_value(of)
     [row] = session.rows(query, kb=kb_id, of=wanted, upto=upto)
     return int(row[0])

@@ -188,7 +188,7 @@ def _lanes(
     tables = f"{source.relation} AS p"
     if is_listed:
         tables = f"{loops.rows('ids', 1)} AS listed"
-        tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.id0")
+        tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.c0")
     is_there, said = f"{last} > :low", "0"
     if is_valid:
         is_there = f"({is_there} OR {_is_said(source, 'p')})"
@@ -307,12 +307,12 @@ def value_of(alias: str) -> str:
 @cache
 def _spans(dialect: str, kind: str) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    before = loops.last(source.walk("l", "wanted.id0"), "wanted.id1", "l.since")
-    walked = loops.walk(source.walk("v", "wanted.id0"), f"coalesce({before}, 0)", "wanted.id2")
+    before = loops.last(source.walk("l", "wanted.c0"), "wanted.c1", "l.since")
+    walked = loops.walk(source.walk("v", "wanted.c0"), f"coalesce({before}, 0)", "wanted.c2")
     values = f", {value_of('v')}, v.number"
     columns = f"wanted.place, v.since, v.until{values if source.has_values else ''}"
     tables = f"{loops.rows('spans', 3)} AS wanted{walked}"
-    held = "v.until IS NULL OR v.until > wanted.id1"
+    held = "v.until IS NULL OR v.until > wanted.c1"
     return Query(text(f"SELECT {columns} FROM {tables} WHERE {held}"))
 
 
@@ -329,17 +329,17 @@ class Cell(NamedTuple):
 
 def _number_of(source: LaneSource, loops: NestedLoops) -> str:
     """Write the least, the largest and the last number of a cell."""
-    own = source.walk("v", "wanted.id0")
-    part = loops.part(own, "slice.id0", "slice.id1", ":enough", "v.number")
+    own = source.walk("v", "wanted.c0")
+    part = loops.part(own, "slice.c0", "slice.c1", ":enough", "v.number")
     few = f"(SELECT {{}}(few.number) FROM ({part}) AS few)"
-    last = loops.last(source.walk("l", "wanted.id0"), "slice.id1", "l.number")
+    last = loops.last(source.walk("l", "wanted.c0"), "slice.c1", "l.number")
     return f", {few.format('min')}, {few.format('max')}, {last}"
 
 
 @cache
 def _cells(dialect: str, kind: str) -> Query:
     loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
-    began = _began(loops, source, "wanted.id0", "slice.id0", "slice.id1")
+    began = _began(loops, source, "wanted.c0", "slice.c0", "slice.c1")
     numbers = _number_of(source, loops) if source.has_values else ""
     return Query(
         text(

@@ -28,7 +28,7 @@ from sqlalchemy import (
 )
 
 from ..errors import reading_rows
-from ..knowledge.definitions import DERIVED_PREDICATE, Definitions
+from ..knowledge.definitions import DECLARED, DERIVED_PREDICATE, Definitions
 from .dialects.base import Row, Session
 from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
 from .intervals import forks_at
@@ -155,7 +155,7 @@ def _overlaps(dialect: str, count: int) -> Query:
     since, until = ":before", ":after"
     tables, where = f"{loops.rows('facts', count)} AS wanted", []
     for n in range(count):
-        one = Walk(f"v{n}", "proposition_version", "proposition_id", f"wanted.id{n}")
+        one = Walk(f"v{n}", "proposition_version", "proposition_id", f"wanted.c{n}")
         last = loops.last(one._replace(alias=f"l{n}"), since, f"l{n}.since")
         tables += loops.range(one, f"coalesce({last}, 0)", f"{until} - 1")
         where.append(f"(v{n}.until IS NULL OR v{n}.until > {loops.larger}({since}, :low))")
@@ -216,10 +216,7 @@ def read_meanings(
     return meanings, [definition for id_, definition in rows if not id_]
 
 
-_ENDS = {
-    kind: (TABLES[kind].c, TABLES[f"{kind}_version"].c)
-    for kind in ("type", "object", "predicate", "function")
-}
+_ENDS = {kind: (TABLES[kind].c, TABLES[f"{kind}_version"].c) for kind in DECLARED}
 _LAST_REVISIONS = Query(
     union(
         *(
@@ -378,11 +375,11 @@ def _touches(dialect: str, places: tuple[int, ...], is_narrow: bool, is_timed: b
             # An expression has no index, so that the other one is used.
             own = f"v.{end} > :after AND v.{end} <= :high{part.condition}"
             if is_narrow and part.by_owner:
-                which = f"v.{part.key} + 0 IN (SELECT id0 FROM {wanted})"
+                which = f"v.{part.key} + 0 IN (SELECT c0 FROM {wanted})"
                 tables = f"{part.table} AS v WHERE v.kb_id = :kb AND {own} AND {which}"
             else:
                 own = own.replace(f"v.{end} ", f"v.{end} + 0 ")
-                which = f"v.kb_id = :kb AND v.{part.key} = wanted.id0 AND {own}"
+                which = f"v.kb_id = :kb AND v.{part.key} = wanted.c0 AND {own}"
                 tables = wanted + loops.loop("v", part.table, which)
             parts.append(f"{leading} FROM {tables}")
     # What ends comes first: a value ends where the next one begins.
@@ -395,11 +392,11 @@ def _state(dialect: str, places: tuple[int, ...]) -> Query:
     parts = []
     for place in places:
         part, tables = PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
-        which = f"v.kb_id = :kb AND v.{part.key} = wanted.id0{part.condition}"
+        which = f"v.kb_id = :kb AND v.{part.key} = wanted.c0{part.condition}"
         if part.by_owner:
             # See `intervals.py`: the index of an owner's versions goes on with the fork.
             tables += f" CROSS JOIN {loops.rows('forks', 1)} AS forked"
-            which += " AND v.fork = forked.id0"
+            which += " AND v.fork = forked.c0"
         began = f"{UNSOUGHT[dialect] if part.by_owner else ''}v.since <= :at"
         which += f" AND {began} AND (v.until IS NULL OR v.until > :at)"
         leading = part.select("v.since AS revision, 0 AS is_end")

@@ -85,7 +85,7 @@ def _sayings(dialect: str, places: tuple[int, ...]) -> Query:
         is_end = f"CASE WHEN {_SAID[part.identity == 'proposition']} THEN 1 ELSE 0 END AS is_end"
         rest = f", v.valid_from, v.valid_until, v.{part.id} AS id"
         which = (
-            f"v.kb_id = :kb AND v.{part.key} = wanted.id0 AND v.since <= :known"
+            f"v.kb_id = :kb AND v.{part.key} = wanted.c0 AND v.since <= :known"
             " AND v.valid_from <= :until AND v.valid_until >= :since"
         )
         table = f"{part.identity}_saying"

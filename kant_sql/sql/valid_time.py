@@ -18,7 +18,7 @@ from typing import Any, Literal
 from sqlalchemy import Dialect, text
 
 from ..knowledge.canonical import time_text
-from ..knowledge.definitions import Definitions
+from ..knowledge.definitions import DECLARED, Definitions
 from .definition_rows import Ends, read_ends, with_lost
 from .dialects.base import Session
 from .dialects.words import COVERS, Words
@@ -28,7 +28,6 @@ from .query import Query
 from .rows import FACT, VALUE
 from .tables import TABLES
 
-_DEFINED = "type", "object", "predicate", "function"
 # Of what something may be said, and what owns it: the first columns of an index.
 _OWNERS = {"proposition": "predicate", "function_value": "function"}
 # What a statement calls the versions of one proposition, of which it gives the id.
@@ -134,7 +133,7 @@ def _definitions(kind: str) -> str:
 @cache
 def _subqueries(words: Words, facts: _Amount, values: _Amount) -> dict[str, Query]:
     """Return what takes the place of each table."""
-    found = {f"{kind}_version": _definitions(kind) for kind in _DEFINED}
+    found = {f"{kind}_version": _definitions(kind) for kind in DECLARED}
     all_, by_object = words.held
     found |= {
         "proposition_version": _overlaid(facts, words, "proposition", all_, has_goals=True),
@@ -161,7 +160,7 @@ def _true(words: Words) -> Query:
 
 # Where rows are read from one of the tables.
 _NAMED = re.compile(
-    rf"(?<![\w.'/])((?:{'|'.join([*_DEFINED, *_OWNERS])})_version|"
+    rf"(?<![\w.'/])((?:{'|'.join([*DECLARED, *_OWNERS])})_version|"
     rf"(?:{'|'.join(_OWNERS)})_(?:held|found))(?![\w.'])(?: AS (\w+))?"
 )
 # The statements that were written, by dialect; conditions are of any form.

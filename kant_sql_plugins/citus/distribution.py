@@ -246,7 +246,7 @@ def _around(connection: Connection, has_writers: bool) -> tuple[list[str], list[
     """Write what drops policies and auditors' own views, and what creates them again."""
     maker = RoleMaker(connection, has_writers=has_writers)
     scopes = maker.scopes() if maker.in_force else []
-    withdrawn = [*maker.withdraw()] if maker.is_in_the_way else []
+    withdrawn = [*maker.withdraw()]
     return withdrawn, [*maker.make(scopes)] if scopes else []
 
 

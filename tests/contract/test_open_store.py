@@ -37,7 +37,6 @@ from kant_sql.errors import (
 from kant_sql.history import follow
 from kant_sql.sql.dialects import base as dialect_base
 from kant_sql.sql.dialects import postgresql
-from kant_sql.sql.dialects.postgresql import PostgresqlListener
 from kant_sql.sql.dialects.postgresql_sharing import SharedListening
 from tests.support.faults import on_server, terminate
 from tests.support.processes.workers import PATIENCE, wait_for
@@ -482,23 +481,19 @@ def test_a_lost_listener_does_not_replace_the_connections_again_and_again(
     assert renewed.call_count == 1
 
 
-@pytest.mark.parametrize("shares", [True, False])
 @on_server
 def test_closing_leaves_no_listener_that_begins_meanwhile(
-    shared_url: str, shares: bool, monkeypatch: pytest.MonkeyPatch
+    shared_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    owner: Any = SharedListening if shares else PostgresqlListener
-    method = "join" if shares else "_listen"
-    original = getattr(owner, method)
+    original = SharedListening.join
 
-    def closed_just_before(listener: Any, kb_id: int) -> Any:
-        closing.close()
-        return original(listener, kb_id)
+    def closed_just_before(listening: SharedListening, kb_id: int) -> Any:
+        kb.close()
+        return original(listening, kb_id)
 
-    closing = kant_sql.open_store(shared_url) if shares else kant_sql.connect(shared_url)
-    kb = closing.knowledge_base("tiago") if isinstance(closing, KnowledgeStore) else closing
+    kb = kant_sql.connect(shared_url)
     kb.objects.save(RB1)
-    monkeypatch.setattr(owner, method, closed_just_before)
+    monkeypatch.setattr(SharedListening, "join", closed_just_before)
     with pytest.raises(ClosedError):
         kb.watch(timeout=PATIENCE)
     with psycopg.connect(shared_url, autocommit=True) as look:

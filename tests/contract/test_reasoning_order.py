@@ -77,7 +77,6 @@ def test_facts_are_counted_up_to_a_limit(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(estimates, "COUNTED", 5)
-    monkeypatch.setattr(estimates, "_queries", {})
     load(fresh_kb, 3, 10)
     fill(fresh_kb, 3, 10)
     fresh_kb.query(CONDITION)[:]

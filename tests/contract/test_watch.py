@@ -14,7 +14,7 @@ import pytest
 from kant_sql import KnowledgeBase, ReadOnlyError, StoreError, UnknownRevisionError
 from kant_sql.errors import InvalidTimeoutError, StoreIntegrityError
 from kant_sql.history import follow as watching
-from kant_sql.sql.dialects import postgresql
+from kant_sql.sql.dialects import postgresql, postgresql_sharing
 from kant_sql.sql.dialects.base import Session
 from tests.support.faults import on_file, on_server, terminate
 from tests.support.processes.forks import fork_beside_a_watching_thread
@@ -241,7 +241,7 @@ def test_a_standby_that_cannot_be_listened_to_is_looked_at(
     shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusal = "kant_sql; DO $$ BEGIN RAISE SQLSTATE '25006'; END $$"
-    monkeypatch.setattr(postgresql, "channel", lambda _: refusal)
+    monkeypatch.setattr(postgresql_sharing, "channel", lambda _: refusal)
     kb = connect(shared_url, knowledge_base="tiago")
     save(kb, 0)
     with waiting(kb) as call:

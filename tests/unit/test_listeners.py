@@ -17,8 +17,7 @@ from kant_sql.sql.dialects.postgresql_sharing import (
     POLL_PAUSE,
     CannotListenError,
     ListenerThread,
-    ListenPause,
-    SharedListener,
+    PostgresqlListener,
     SharedListening,
     channel,
 )
@@ -117,9 +116,9 @@ def pooled() -> CannotListenError:
     return CannotListenError("on the moon")
 
 
-def listeners_on(line: Line, number: int = 1) -> tuple[SharedListening, list[SharedListener]]:
-    shared, pause = SharedListening(line), ListenPause(line)
-    return shared, [SharedListener(shared, line, pause) for _ in range(number)]
+def listeners_on(line: Line, number: int = 1) -> tuple[SharedListening, list[PostgresqlListener]]:
+    shared = SharedListening(line)
+    return shared, [PostgresqlListener(shared) for _ in range(number)]
 
 
 def thread_of(shared: SharedListening) -> ListenerThread:

@@ -114,7 +114,7 @@ class Roles(NamedTuple):
     eraser: str | None
     schema: str | None
     knowledge_base: str | None
-    statements: tuple[str, ...]
+    statements: tuple[str, ...] = ()
     remaining: tuple[str, ...] = ()
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import logging
 import re
-import selectors
 import threading
 import time
 from collections.abc import Collection, Hashable, Iterator, Sequence
@@ -86,11 +85,8 @@ from .postgresql_roles import holders, lock_schema, make_roles, roles_set_aside
 from .postgresql_sharing import (
     IS_POOLED,
     OPTION,
-    POLL_PAUSE,
     CannotListenError,
-    ListenPause,
-    Selector,
-    SharedListener,
+    PostgresqlListener,
     SharedListening,
     WriterTurns,
     channel,
@@ -112,74 +108,6 @@ from .structure import IndexFault, Statement
 from .words import POSTGRESQL_WORDS
 
 logger = logging.getLogger("kant_sql.postgresql")
-
-
-class PostgresqlListener(Listener):
-    """Listens to the channel of one knowledge base on a connection of its own."""
-
-    def __init__(self, backend: PostgresqlBackend) -> None:
-        self._backend = backend
-        self._pooled: Any = None
-        self._pool: Any = None
-        self._pause = backend.listen_pause
-
-    def wait(self, kb_id: int | None, seconds: float) -> None:
-        """Wait for a notification; the first call begins to listen."""
-        if kb_id is None or not self._pause.is_over:
-            # There is no channel yet, or LISTEN is not possible.
-            time.sleep(min(POLL_PAUSE, seconds))
-            return
-        try:
-            if self._pooled is None:
-                self._listen(kb_id)
-            else:
-                self._hear(self._pooled.driver_connection, seconds)
-        except CannotListenError as error:
-            self._fail(error)
-        except self._backend.driver_errors as error:
-            self._fail(error)
-
-    def _fail(self, error: Exception) -> None:
-        self._drop()
-        if not self._pause.explains(error):
-            self._backend.listening_failed(error)
-            raise self._backend.translate(error) from error
-
-    def _listen(self, kb_id: int) -> None:
-        self._pool, self._pooled = self._backend.listening.pool, self._backend.take_listening()
-        self._pooled.driver_connection.execute(f"LISTEN {channel(kb_id)}")
-
-    def _hear(self, connection: Any, seconds: float) -> None:
-        # The driver's own wait restarts with each signal to the process, and may never end.
-        with Selector() as selector:
-            selector.register(connection, selectors.EVENT_READ)
-            if selector.select(seconds):
-                for _ in connection.notifies(timeout=0):
-                    pass
-
-    def _drop(self) -> None:
-        pooled, self._pooled = self._pooled, None
-        if pooled is not None:
-            pooled.invalidate()
-
-    def close(self) -> None:
-        """Stop listening, and keep the connection for the next listener."""
-        if self._pooled is None:
-            return
-        if self._backend.is_closed or self._pool is not self._backend.listening.pool:
-            self._drop()  # The pool was closed while this was in use.
-            return
-        try:
-            # Otherwise the server queues notifications for it.
-            self._pooled.driver_connection.execute("UNLISTEN *")
-        except self._backend.driver_errors:
-            self._drop()
-        else:
-            self._pooled.close()
-            if self._pool is not self._backend.listening.pool:
-                # It was closed at that moment, and would keep what came back.
-                self._pool.dispose()
-
 
 COPY_FROM_ROWS = 50
 LIST_FROM_IDS = 10
@@ -702,7 +630,6 @@ class PostgresqlBackend(Backend):
 
     listening: Engine
     cluster: ClusterExtension | None = None
-    listen_pause: ListenPause
     begin_read = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
     begin_write = "BEGIN ISOLATION LEVEL READ COMMITTED"
     durable = _DURABLE.format("false")
@@ -714,20 +641,18 @@ class PostgresqlBackend(Backend):
     _lost_at = 0.0
     # Of a backend that has few connections for many knowledge bases.
     _turns: WriterTurns | None = None
-    _shared_listening: SharedListening | None = None
+    _shared_listening: SharedListening
 
     def create_engine(self) -> Engine:
         """Create the engines; sessions control transactions."""
         # Listeners must not exhaust the pool of sessions.
         self.listening = self._create_pool(1, -1)
-        self.listen_pause = ListenPause(self)
+        self._shared_listening = SharedListening(self)
         most = self.most_connections
         if most is None:
             return self._create_pool(POOL_SIZE, MAX_CONNECTIONS - POOL_SIZE)
-        made = self._create_pool(most, 0)
         self._turns = WriterTurns(most)
-        self._shared_listening = SharedListening(self)
-        return made
+        return self._create_pool(most, 0)
 
     def _create_pool(self, size: int, overflow: int) -> Engine:
         pooler = read_pooler(self.url)
@@ -768,19 +693,16 @@ class PostgresqlBackend(Backend):
         with ExitStack() as steps:
             # The last one comes first.
             steps.callback(self.listening.dispose)
-            if self._shared_listening is not None:
-                steps.callback(self._shared_listening.close)
+            steps.callback(self._shared_listening.close)
             steps.callback(super().close)
 
     def leave_connections(self) -> None:
         """Leave the connections to the parent process, in its child."""
         super().leave_connections()
         self.listening.dispose(close=False)
-        self.listen_pause = ListenPause(self)
         if self.most_connections is not None:
             self._turns = WriterTurns(self.most_connections)
-        if self._shared_listening is not None:
-            self._shared_listening.forked()
+        self._shared_listening.forked()
 
     def take_listening(self) -> PoolProxiedConnection:
         """Take a connection that listens, unless a pooler answers."""
@@ -796,9 +718,7 @@ class PostgresqlBackend(Backend):
 
     def listener(self) -> Listener:
         """Create a listener."""
-        if self._shared_listening is None:
-            return PostgresqlListener(self)
-        return SharedListener(self._shared_listening, self, self.listen_pause)
+        return PostgresqlListener(self._shared_listening)
 
     def listening_failed(self, error: Exception) -> None:
         """Distrust the other connections, if the one that listened was lost."""

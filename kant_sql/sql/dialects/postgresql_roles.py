@@ -64,10 +64,8 @@ class RoleScope(NamedTuple):
         """The schema of its auditor's views; None for that of the tables."""
         return None if self.knowledge_base is None else f"{PREFIX}{self.suffix[1:]}"
 
-    def roles(
-        self, *, has_writer: bool, statements: Iterable[str] = (), remaining: Iterable[str] = ()
-    ) -> Roles:
-        """Return its roles."""
+    def roles(self, *, has_writer: bool) -> Roles:
+        """Return its roles; there is no writer where the tables are distributed."""
         return Roles(
             f"{PREFIX}writer{self.suffix}" if has_writer else None,
             f"{PREFIX}reader{self.suffix}",
@@ -75,8 +73,6 @@ class RoleScope(NamedTuple):
             f"{PREFIX}eraser{self.suffix}" if has_writer else None,
             self.schema,
             self.knowledge_base,
-            tuple(statements),
-            tuple(remaining),
         )
 
 
@@ -486,22 +482,12 @@ class RoleMaker:
         if has_writers is None:
             schema = self._names.schema
             has_writers = not (self._cluster and self._cluster.is_distributed(connection, schema))
-        self._has_writers = has_writers
+        self.has_writers = has_writers
 
     @property
     def in_force(self) -> bool:
         """Whether this database has roles already."""
         return bool(self._old)
-
-    @property
-    def is_in_the_way(self) -> bool:
-        """Whether policies or views block changes of tables."""
-        return bool(self._old or self._own)
-
-    @property
-    def has_tables(self) -> bool:
-        """Whether there are tables to grant rights on."""
-        return bool(self._tables)
 
     def scopes(self) -> list[RoleScope]:
         """List the scopes that have roles, and the one of all knowledge bases."""
@@ -522,11 +508,13 @@ class RoleMaker:
         return scopes[knowledge_base]
 
     def withdraw(self) -> Iterator[str]:
-        """Yield the statements that drop policies and auditors' own views.
+        """Yield the statements that drop policies and auditors' own views, if there are any.
 
         The roles of a knowledge base that is gone or renamed lose their rights: another knowledge
         base may get its id.
         """
+        if not (self._old or self._own):
+            return
         for table, policy in self._old:
             yield f"DROP POLICY {self._names.quote(policy)} ON {self._names.relation(table)}"
         if self._own:
@@ -541,15 +529,17 @@ class RoleMaker:
                 yield f"REVOKE ALL ON TABLE {self._listed(self._relations())} FROM {named}"
 
     def make(self, scopes: Iterable[RoleScope], *, is_upgrade: bool = False) -> Iterator[str]:
-        """Yield the statements that create roles, grants and policies.
+        """Yield the statements that create roles, grants and policies, if there are tables.
 
         An upgrade needs no right to create roles: erasers are made when this is asked for.
         """
+        if not self._tables:
+            return
         existing = self._roles()
         for table in self._tables:
             yield f"ALTER TABLE {self._names.relation(table.name)} ENABLE ROW LEVEL SECURITY"
         for scope in scopes:
-            roles = self.roles_of(scope)
+            roles = scope.roles(has_writer=self.has_writers)
             if is_upgrade and roles.eraser not in existing:
                 roles = roles._replace(eraser=None)
             for role in _names_of(roles):
@@ -598,12 +588,6 @@ class RoleMaker:
         if roles.eraser is not None:
             own = partial(EraserRights, tables=self._tables, names=self._names)
             yield "erase_", self._quoted(roles.eraser), own
-
-    def roles_of(
-        self, scope: RoleScope, statements: Iterable[str] = (), remaining: Iterable[str] = ()
-    ) -> Roles:
-        """Return the roles of a scope that this database can have."""
-        return scope.roles(has_writer=self._has_writers, statements=statements, remaining=remaining)
 
     def revocations(self, by_caller: bool) -> list[str]:
         """List the statements that revoke temporary tables and large objects from PUBLIC.
@@ -655,7 +639,7 @@ class RoleMaker:
                 f"SELECT * FROM {names.relation(view)} WHERE knowledge_base = (SELECT k.name FROM "
                 f"{names.relation('knowledge_base')} AS k WHERE k.id = {scope.kb_id})"
             )
-            if self._cluster is not None and not self._has_writers:
+            if self._cluster is not None and not self.has_writers:
                 whole = self._connection.scalar(_VIEW_QUERY, {"view": names.relation(view)})
                 query = str(whole).rstrip().rstrip(";")
                 query = self._cluster.of_one_shard(query, names.schema, int(scope.kb_id or 0))
@@ -664,7 +648,7 @@ class RoleMaker:
 
     def _table_readers(self, roles: Roles) -> tuple[str | None, ...]:
         """Return the roles that read tables: where they are distributed, also the auditor."""
-        if not self._has_writers:
+        if not self.has_writers:
             return (roles.reader, roles.auditor)
         return (roles.reader, roles.writer, roles.eraser)
 
@@ -719,7 +703,9 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
     if not dry_run:
         lock_tables(connection)
         run_all(connection, statements)
-    return maker.roles_of(wanted, statements, maker.revocations(by_caller=False))
+    roles = wanted.roles(has_writer=maker.has_writers)
+    remaining = maker.revocations(by_caller=False)
+    return roles._replace(statements=tuple(statements), remaining=tuple(remaining))
 
 
 @contextmanager
@@ -732,12 +718,10 @@ def roles_set_aside(connection: Connection) -> Iterator[None]:
     maker = RoleMaker(connection)
     scopes = maker.scopes() if maker.in_force else []
     lock_tables(connection)
-    if maker.is_in_the_way:
-        run_all(connection, maker.withdraw())
+    run_all(connection, maker.withdraw())
     yield
-    after = RoleMaker(connection)
-    if scopes and after.has_tables:
-        run_all(connection, after.make(scopes, is_upgrade=True))
+    if scopes:
+        run_all(connection, RoleMaker(connection).make(scopes, is_upgrade=True))
 
 
 def run_all(connection: Connection, statements: Iterable[str]) -> None:

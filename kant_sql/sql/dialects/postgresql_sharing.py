@@ -400,7 +400,8 @@ class SharedListening:
     """The listener thread of a process: made when somebody watches, and again after it ended."""
 
     def __init__(self, backend: ListeningBackend) -> None:
-        self._backend = backend
+        self.backend = backend
+        self.pause = ListenPause(backend)
         self._current: ListenerThread | None = None
         self._lock = threading.Lock()
 
@@ -408,12 +409,12 @@ class SharedListening:
         """Begin to watch a knowledge base."""
         with self._lock:
             # A closed backend ends the thread afterwards, under this lock: no later one stays.
-            self._backend.refuse_closed()
+            self.backend.refuse_closed()
             if self._current is not None:
                 found = self._current.join(kb_id)
                 if found is not None:
                     return self._current, found
-            thread = ListenerThread(self._backend)
+            thread = ListenerThread(self.backend)
             first = thread.start(kb_id)
             # Only now: nobody may join one whose thread could not be started.
             self._current = thread
@@ -428,27 +429,23 @@ class SharedListening:
 
     def forked(self) -> None:
         """Leave the thread and its connection to the parent process, in its child."""
-        self._lock = threading.Lock()
+        self._lock, self.pause = threading.Lock(), ListenPause(self.backend)
         thread, self._current = self._current, None
         if thread is not None:
             thread.close_sockets()
 
 
-class SharedListener(Listener):
+class PostgresqlListener(Listener):
     """Waits for what the thread of the process hears of one knowledge base."""
 
-    def __init__(
-        self, shared: SharedListening, backend: ListeningBackend, pause: ListenPause
-    ) -> None:
-        self._shared_listening = shared
-        self._backend = backend
-        self._pause = pause
+    def __init__(self, shared: SharedListening) -> None:
+        self._shared = shared
         self._joined: tuple[ListenerThread, _Channel] | None = None
         self._seen: int | None = None
 
     def wait(self, kb_id: int | None, seconds: float) -> None:
         """Wait for a notification; the first call begins to listen."""
-        if kb_id is None or not self._pause.is_over:
+        if kb_id is None or not self._shared.pause.is_over:
             # There is no channel yet, or LISTEN is not possible.
             time.sleep(min(POLL_PAUSE, seconds))
             return
@@ -461,15 +458,15 @@ class SharedListener(Listener):
 
     def _join(self, kb_id: int) -> tuple[ListenerThread, _Channel]:
         try:
-            return self._shared_listening.join(kb_id)
+            return self._shared.join(kb_id)
         except RuntimeError as error:
             # No further thread can be started.
-            raise self._backend.heard(error) from error
+            raise self._shared.backend.heard(error) from error
 
     def _fail(self, error: Exception) -> None:
         self.close()
-        if not self._pause.explains(error):
-            raise self._backend.heard(error) from error
+        if not self._shared.pause.explains(error):
+            raise self._shared.backend.heard(error) from error
 
     def close(self) -> None:
         """Stop watching; the thread listens on for a while."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
@@ -318,7 +318,8 @@ def index_faults(
     """Compare the indexes of some tables with the tables, in constant memory."""
     indexes = _indexes_of(session, tables, nodes)
     if indexes:
-        had = _numbers_of_tables(session, _by_tables(indexes), nodes)
+        rows = _rows(session, _TABLES_ONLY, _by_tables(indexes), nodes)
+        had = _found(each for arrays in rows for each in zip(*arrays, strict=True))
         found = _by_indexes(session, indexes, nodes)
         for index in indexes:
             # An index that is not used even now is used by no other query.
@@ -365,10 +366,10 @@ def _by_indexes(session: Session, indexes: list[_Index], nodes: Nodes | None) ->
         chosen = [index for index in indexes if index.method == method]
         if chosen:
             query = " UNION ALL ".join(index.reading() for index in chosen)
-            with _settings(session, off, nodes):
-                ((plan,),) = session.rows_of(f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}")
+            explain = f"EXPLAIN (FORMAT JSON, COSTS OFF) {query}"
+            ((plan,),) = _rows(session, off, explain, nodes)
             used = {nodes.whole_index(name) if nodes else name for name in _used(plan)}
-            found = _numbers(session, off, query, nodes)
+            found = _found(_rows(session, off, query, nodes))
             numbers |= {each.number: found[each.number] for each in chosen if each.name in used}
     return numbers
 
@@ -384,28 +385,17 @@ def _used(plan: Any) -> Iterator[str]:
             yield from _used(part)
 
 
-def _numbers(session: Session, off: Iterable[str], query: str, nodes: Nodes | None) -> _Found:
-    with _settings(session, off, nodes):
-        return {number: (int(count), digest) for number, count, digest in session.rows_of(query)}
+def _found(rows: Iterable[Sequence[Any]]) -> _Found:
+    return {number: (int(count), digest) for number, count, digest in rows}
 
 
-def _numbers_of_tables(session: Session, query: str, nodes: Nodes | None) -> _Found:
-    with _settings(session, _TABLES_ONLY, nodes):
-        return {
-            number: (int(count), digest)
-            for row in session.rows_of(query)
-            for number, count, digest in zip(*row, strict=True)
-        }
-
-
-@contextmanager
-def _settings(session: Session, off: Iterable[str], nodes: Nodes | None) -> Iterator[None]:
-    """Switch off planner settings for a while."""
+def _rows(session: Session, off: Iterable[str], query: str, nodes: Nodes | None) -> list[Row]:
+    """Run a query with some planner settings switched off."""
     savepoint = session.savepoint()
     settings = {**(nodes.settings() if nodes else {}), **_PLAIN, **dict.fromkeys(off, "off")}
     try:
         session.define("; ".join(f"SET LOCAL {name} = '{settings[name]}'" for name in settings))
-        yield
+        return session.rows_of(query)
     finally:
         session.rollback_to(savepoint)
 

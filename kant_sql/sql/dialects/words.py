@@ -184,8 +184,8 @@ def quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _sqlite_rows(parameter: str, columns: int, name: str = "c") -> str:
-    values = [f", json_extract(value, '$[{n}]') AS {name}{n}" for n in range(columns)]
+def _sqlite_rows(parameter: str, columns: int) -> str:
+    values = [f", json_extract(value, '$[{n}]') AS c{n}" for n in range(columns)]
     return f"(SELECT key AS place{''.join(values)} FROM json_each(:{parameter}))"
 
 
@@ -196,8 +196,8 @@ def _sqlite_list(values: Sequence[int] | Sequence[str]) -> str:
     return quoted("[" + ", ".join(f'"{value}"' for value in values) + "]")
 
 
-def _postgresql_rows(parameter: str, columns: int, name: str = "c") -> str:
-    values = [f", CAST(value ->> {n} AS bigint) AS {name}{n}" for n in range(columns)]
+def _postgresql_rows(parameter: str, columns: int) -> str:
+    values = [f", CAST(value ->> {n} AS bigint) AS c{n}" for n in range(columns)]
     rows = f"json_array_elements(CAST(:{parameter} AS json)) WITH ORDINALITY"
     return f"(SELECT place - 1 AS place{''.join(values)} FROM {rows} AS listed (value, place))"
 
@@ -302,13 +302,11 @@ class NestedLoops:
         larger: the function of the largest of some numbers.
         smaller: the function of the smallest.
         contains: the operator between a text and a pattern; see `containing.py`.
+        rows: as of `Words`.
     """
 
     larger, smaller, contains = "max", "min", OPERATORS["sqlite"]
-
-    def rows(self, parameter: str, columns: int) -> str:
-        """Write the relation of rows of ids, as JSON, with `place`, from 0, `id0`, `id1` ..."""
-        return _sqlite_rows(parameter, columns, "id")
+    rows = staticmethod(_sqlite_rows)
 
     def times(self, parameter: str) -> str:
         """Write the relation of times, as JSON texts, with columns `place` and `moment`."""
@@ -352,10 +350,7 @@ class _LateralLoops(NestedLoops):
     """
 
     larger, smaller, contains = "greatest", "least", OPERATORS["postgresql"]
-
-    @override
-    def rows(self, parameter: str, columns: int) -> str:
-        return _postgresql_rows(parameter, columns, "id")
+    rows = staticmethod(_postgresql_rows)
 
     @override
     def times(self, parameter: str) -> str:
