@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from decimal import Decimal
 from functools import lru_cache, wraps
@@ -139,9 +139,8 @@ def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:
 
 
 @contextmanager
-def saving(transaction: Transaction, given: Iterable[Any]) -> Iterator[None]:
-    """Save a batch of what applies to objects; the names of those of DTOs are looked up at once."""
-    dtos = (each for each in given if not isinstance(each, str | Node))
+def saving(transaction: Transaction, dtos: Iterable[Any]) -> Iterator[None]:
+    """Save a batch of what applies to objects; their names are looked up at once."""
     names = (object_.name for dto in dtos for object_ in dto.objects)
     # What has no name is refused in its turn.
     transaction.look_up("object", {name for name in names if isinstance(name, str)})
@@ -178,7 +177,8 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
             for batch in batches(dtos):
                 for dto in batch:
                     self._check(dto)
-                changed += self._save_batch(transaction, batch)
+                with self._saving(transaction, batch):
+                    changed += self._save_batch(transaction, batch)
         return changed
 
     @override
@@ -199,12 +199,18 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
                 removed += self._remove(transaction, dto)
         return removed
 
+    def _saving(
+        self, transaction: Transaction, batch: Sequence[Given]
+    ) -> AbstractContextManager[None]:
+        """Open what a batch is saved in."""
+        return nullcontext()
+
     @abstractmethod
     def _check(self, dto: object) -> None:
         """Refuse what is of another class."""
 
     @abstractmethod
-    def _save_batch(self, transaction: Transaction, dtos: Sequence[Given]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
         """Save DTOs, texts and nodes that were checked; return the number of changes."""
 
     @abstractmethod
@@ -255,6 +261,11 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
             return found
 
         return self._open_store.read(read, self._at)
+
+    def _saving(
+        self, transaction: Transaction, batch: Sequence[Ground]
+    ) -> AbstractContextManager[None]:
+        return saving(transaction, [dto for dto in batch if not isinstance(dto, str | Node)])
 
     @staticmethod
     def _refuse_all_of_past(transaction: Transaction) -> None:

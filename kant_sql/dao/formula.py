@@ -6,7 +6,7 @@ stored formula can be read back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, Generic, TypeVar, get_args
 
 from typing_extensions import override
@@ -216,7 +216,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         """Return whether it is stored, where that cannot be seen by saving it."""
         return False
 
-    def _save_batch(self, transaction: Transaction, dtos: Sequence[Given]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
         return sum(self._put_given(transaction, dto) for dto in dtos)
 
     def _put_given(self, transaction: Transaction, formula: Any) -> bool:
@@ -263,7 +263,7 @@ class SqlDerivedPredicateDao(SqlFormulaDao[f.Derived, f.Derived | str], DerivedP
     section = DERIVED_PREDICATE
     example = "(:derived (reachable ?p - place) (connected dock ?p))"
 
-    def _save_batch(self, transaction: Transaction, dtos: Sequence[f.Derived | str]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[f.Derived | str]) -> int:
         changed = super()._save_batch(transaction, dtos)
         if changed:
             check_stratified(transaction.definitions)
@@ -344,12 +344,13 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
         found = transaction.propositions.find_one(existing_key(transaction, formula, is_goal=True))
         return found is not None and transaction.propositions.holds(found)
 
-    def _save_batch(self, transaction: Transaction, dtos: Sequence[GoalLike]) -> int:
-        atoms = [each for each in dtos if isinstance(each, PddlPropositionDto)]
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[GoalLike]) -> int:
+        given = [*dtos]
+        atoms = [each for each in given if isinstance(each, PddlPropositionDto)]
         with saving(transaction, atoms):
             resolve = References(transaction, are_goals=True).resolve
             changed = transaction.propositions.hold_all(dict(map(resolve, atoms)))
-        others = [each for each in dtos if not isinstance(each, PddlPropositionDto)]
+        others = (each for each in given if not isinstance(each, PddlPropositionDto))
         return changed + super()._save_batch(transaction, others)
 
     def _remove(self, transaction: Transaction, dto: Any) -> bool:

@@ -29,7 +29,7 @@ from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
 from ..store.caches import FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao, saving
+from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
 from .dependants import function_values_on
 from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao, ValueLike
 from .proposition import Arguments
@@ -362,10 +362,9 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         fluent = found.fluent
         return existing_key(transaction.definitions, fluent.function, names_of(fluent))
 
-    def _save_batch(self, transaction: Transaction, dtos: Sequence[ValueLike]) -> int:
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[ValueLike]) -> int:
         entry = FluentReferences(transaction).entry
-        with saving(transaction, dtos):
-            return transaction.values.set_many([entry(dto) for dto in dtos])
+        return transaction.values.set_many([entry(dto) for dto in dtos])
 
     def _remove_all(self, transaction: Transaction) -> int:
         self._refuse_all_of_past(transaction)

@@ -31,7 +31,7 @@ from ..sql.valid_time import OWN
 from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
-from .base import DtoBuilder, Reading, SqlGroundDao, batches, saving
+from .base import DtoBuilder, Reading, SqlGroundDao, batches
 from .dependants import propositions_on, retract
 from .interfaces import FactLike, PddlPropositionDao
 from .signatures import PREDICATES
@@ -316,12 +316,11 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
         else:
             expect_text(dto, "the proposition DAO", "a fact", FACT, PddlPropositionDto)
 
-    def _save_batch(self, transaction: Transaction, dtos: Sequence[FactLike]) -> int:
-        with saving(transaction, dtos):
-            texts = dict(map(References(transaction, are_goals=False).resolve, dtos))
-            changed = transaction.propositions.hold_all(texts)
-            if transaction.confirms:
-                transaction.confirm(transaction.propositions.find(texts).values())
+    def _save_batch(self, transaction: Transaction, dtos: Iterable[FactLike]) -> int:
+        texts = dict(map(References(transaction, are_goals=False).resolve, dtos))
+        changed = transaction.propositions.hold_all(texts)
+        if transaction.confirms:
+            transaction.confirm(transaction.propositions.find(texts).values())
         return changed
 
     def _confirm_batch(
