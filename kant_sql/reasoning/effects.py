@@ -219,7 +219,7 @@ class EffectReader:
 def not_applicable(step: object, failed: Sequence[FailedCondition]) -> NotApplicableError:
     """Make the error for a step."""
     return NotApplicableError(
-        f"{step} cannot be applied: {few_of(failed, 5)}; nothing was written", failed
+        f"{step} cannot be applied: {few_of(failed, 5)}; the state is unchanged", failed
     )
 
 
