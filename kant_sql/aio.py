@@ -918,10 +918,10 @@ class AsyncKnowledgeBase(_Part):
         call = partial(self._kb.branch, name, at=at, url=url)
         block = self._door.own_block()
         if block is not None:
-            return Opening(partial(block.run_in_thread, call), _front_door)
+            return Opening(partial(block.run_in_thread, call), wrap=_front_door)
         if self._door.has_one_connection:
             self._door.refuse_inherited()
-        return Opening(call, _front_door)
+        return Opening(call, wrap=_front_door)
 
     async def diff(
         self,
@@ -1127,7 +1127,7 @@ class AsyncKnowledgeStore:
 class Opening(AbstractAsyncContextManager[A]):
     """What is being opened: await it, or use it in `async with`."""
 
-    def __init__(self, make: Callable[[], C], wrap: Callable[[C], A]) -> None:
+    def __init__(self, make: Callable[[], C], *, wrap: Callable[[C], A]) -> None:
         self._make: Callable[[], Any] = make
         self._wrap: Callable[[Any], A] = wrap
         self._opened: A | None = None
@@ -1193,7 +1193,7 @@ def connect(
     """
     own: Any = {"knowledge_base": knowledge_base, "actor": actor, "read_only": read_only}
     make = partial(sync.connect, url, **own, clock=clock)
-    return Opening(make, _front_door)
+    return Opening(make, wrap=_front_door)
 
 
 def open_store(
@@ -1224,4 +1224,4 @@ def open_store(
         ['tiago', 'pepper']
     """
     make = partial(sync.open_store, url, connections=connections, read_only=read_only)
-    return Opening(make, AsyncKnowledgeStore)
+    return Opening(make, wrap=AsyncKnowledgeStore)
