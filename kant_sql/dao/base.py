@@ -48,7 +48,7 @@ from ..knowledge.definitions import (
     LiteralTemplate,
 )
 from ..knowledge.formulas import action_of
-from ..knowledge.trees import ParameterDefinition, Scope
+from ..knowledge.trees import Mentioned, ParameterDefinition
 from ..pddl.cursor import hint
 from ..pddl.document import ACTION, EVENT, PROCESS
 from ..sql.dialects.base import Row
@@ -59,7 +59,7 @@ from ..sql.tables import HeadRow
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .dependants import clear_for_redefinition, delete_scope
+from .dependants import clear_for_redefinition, delete_mentioned
 from .interfaces import AnyDao, Dao, FactLike, NamedDao, ValueLike
 from .text import TextReader, refuse_unknown
 
@@ -608,9 +608,9 @@ class Definer(ABC, Generic[D, F]):
         """Insert or redefine an element; return whether that is a change."""
         return self._define(transaction, dto, cascade)[1]
 
-    def scope(self, definitions: Definitions, ids: Collection[int]) -> Scope:
+    def scope(self, definitions: Definitions, ids: Collection[int]) -> Mentioned:
         """Find what is defined in terms of some elements, these included."""
-        return Scope(**{f"{self.kind}s": {*ids}})
+        return Mentioned(**{f"{self.kind}s": {*ids}})
 
     def _define(self, transaction: Transaction, dto: D, cascade: bool) -> tuple[F, bool]:
         """Define an element; the types above a type are known."""
@@ -824,4 +824,4 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return self.definer.put(transaction, dto, cascade)
 
     def _remove(self, transaction: Transaction, ids: list[int]) -> None:
-        delete_scope(transaction, self.definer.scope(transaction.definitions, ids))
+        delete_mentioned(transaction, self.definer.scope(transaction.definitions, ids))

@@ -9,7 +9,7 @@ from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError, few_of
 from ..knowledge.definitions import Definitions
-from ..knowledge.trees import ParameterDefinition, Scope, mentions
+from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value
 from ..sql.query import Query, in_list, in_rows
@@ -56,7 +56,7 @@ _OF_OBJECTS = Query(
 
 def _rows(
     transaction: Transaction,
-    scope: Scope | None,
+    scope: Mentioned | None,
     everything: Query,
     parts: Sequence[tuple[Query, str]],
 ) -> list[Row]:
@@ -77,7 +77,7 @@ def fluent_of(row: Sequence[Any]) -> GroundFluent:
     return GroundFluent(id_, FluentKey(function_id, arguments), text)
 
 
-def function_values_on(transaction: Transaction, scope: Scope | None) -> list[HeldValue]:
+def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
     """Find the live values that mention something."""
     if next(iter(transaction.definitions.functions), None) is None:
         return []
@@ -128,14 +128,14 @@ _ATOMS_OF_OBJECTS = atoms_among(
 )
 
 
-def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
+def of_types(definitions: Definitions, type_ids: Collection[int]) -> Mentioned:
     """Find what is defined in terms of types."""
     types = definitions.subtypes(*type_ids)
 
     def has(parameters: Iterable[ParameterDefinition]) -> bool:
         return any(not types.isdisjoint(parameter.type_ids) for parameter in parameters)
 
-    return Scope(
+    return Mentioned(
         types,
         {each.id for each in definitions.objects if not types.isdisjoint(each.type_ids)},
         {each.id for each in definitions.predicates if has(each.parameters)},
@@ -147,7 +147,7 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Scope:
     )
 
 
-def _definitions_on(definitions: Definitions, scope: Scope) -> Iterator[tuple[str, int, str]]:
+def _definitions_on(definitions: Definitions, scope: Mentioned) -> Iterator[tuple[str, int, str]]:
     """Find the kinds, the ids and the texts of what is defined by trees and mentions something."""
     # Of actions, processes, events and rules, the name is enough.
     for action in definitions.actions:
@@ -163,7 +163,7 @@ def _definitions_on(definitions: Definitions, scope: Scope) -> Iterator[tuple[st
             yield "rule", rule.id, rule.name
 
 
-def propositions_on(transaction: Transaction, scope: Scope | None) -> list[GroundAtom]:
+def propositions_on(transaction: Transaction, scope: Mentioned | None) -> list[GroundAtom]:
     """Find the live facts and goals that mention something."""
     transaction.flush()
     parts = ((_OF_PREDICATES, "predicates"), (_ATOMS_OF_OBJECTS, "objects"))
@@ -180,7 +180,7 @@ def retract(transaction: Transaction, atoms: list[GroundAtom]) -> None:
         transaction.propositions.set(transaction.propositions.know(atom), False)
 
 
-def _undefine_users(transaction: Transaction, scope: Scope) -> None:
+def _undefine_users(transaction: Transaction, scope: Mentioned) -> None:
     # Definitions have one clock, and what goes with them, too.
     with transaction.of_now():
         retract(transaction, propositions_on(transaction, scope))
@@ -189,7 +189,7 @@ def _undefine_users(transaction: Transaction, scope: Scope) -> None:
         transaction.undefine(kind, id_)
 
 
-def delete_scope(transaction: Transaction, scope: Scope) -> None:
+def delete_mentioned(transaction: Transaction, scope: Mentioned) -> None:
     """Delete definitions and all that depends on them."""
     _undefine_users(transaction, scope)
     for kind, ids in (
@@ -202,7 +202,7 @@ def delete_scope(transaction: Transaction, scope: Scope) -> None:
             transaction.undefine(kind, id_)
 
 
-def _users(transaction: Transaction, scope: Scope) -> list[str]:
+def _users(transaction: Transaction, scope: Mentioned) -> list[str]:
     """Name all that mentions something."""
     atoms = propositions_on(transaction, scope)
     return [
@@ -213,7 +213,7 @@ def _users(transaction: Transaction, scope: Scope) -> list[str]:
 
 
 def clear_for_redefinition(
-    transaction: Transaction, scope: Scope, before: str, after: str, cascade: bool
+    transaction: Transaction, scope: Mentioned, before: str, after: str, cascade: bool
 ) -> None:
     """Refuse a redefinition while something live depends on the present definition."""
     if cascade:

@@ -12,7 +12,7 @@ from ..dto.lexical import ROOT_TYPE, check_name, fold
 from ..errors import InvalidKnowledgeError, TypeCycleError
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import Definitions, ObjectDefinition, TypeDefinition
-from ..knowledge.trees import Scope
+from ..knowledge.trees import Mentioned
 from ..pddl.given import read_object, read_type
 from ..store.transaction import Transaction
 from .base import Definer, DtoBuilder, SqlNamedDao
@@ -34,7 +34,7 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
             self._ensure_above(transaction, dto, is_saved=True)
         return super().put(transaction, dto, cascade)
 
-    def scope(self, definitions: Definitions, ids: Collection[int]) -> Scope:
+    def scope(self, definitions: Definitions, ids: Collection[int]) -> Mentioned:
         """Find what is defined in terms of some types, those below them included."""
         return of_types(definitions, ids)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..dao.action import read_parts
 from ..dao.base import batches, identify
-from ..dao.dependants import delete_scope
+from ..dao.dependants import delete_mentioned
 from ..dao.formula import read_formula, read_given
 from ..dao.text import TextReader
 from ..dto.elements import atom_text
@@ -18,7 +18,7 @@ from ..knowledge import definitions as d
 from ..knowledge.canonical import canonical_text, with_text
 from ..knowledge.formulas import TreeReader, action_of
 from ..knowledge.rules import check_stratified
-from ..knowledge.trees import ParameterDefinition, Scope, Tree
+from ..knowledge.trees import Mentioned, ParameterDefinition, Tree
 from ..pddl.given import read_rules
 from ..sql.rows import FACT, GOAL, VALUE
 from ..store.caches import AtomKey, FluentKey, FluentValue
@@ -165,7 +165,7 @@ def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> No
         for kind in d.DECLARED
     ]
     if any(gone):
-        delete_scope(transaction, Scope(*gone))
+        delete_mentioned(transaction, Mentioned(*gone))
     if any(kind == d.DERIVED_PREDICATE for kind, _ in wanted):
         check_stratified(definitions)
 

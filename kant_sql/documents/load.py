@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from ..dao.action import action_trees, put_action
 from ..dao.base import batches, identify
-from ..dao.dependants import delete_scope, function_values_on, propositions_on, retract
+from ..dao.dependants import delete_mentioned, function_values_on, propositions_on, retract
 from ..dao.formula import is_ground, make_formula, read_formula, read_formulas, read_given
 from ..dao.interfaces import Progress
 from ..dao.signatures import same_types
@@ -19,7 +19,7 @@ from ..errors import ConflictError, InvalidKnowledgeError
 from ..knowledge import definitions as d
 from ..knowledge.canonical import with_text
 from ..knowledge.rules import check_stratified
-from ..knowledge.trees import ParameterDefinition, Scope
+from ..knowledge.trees import Mentioned, ParameterDefinition
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
 from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..store.transaction import Transaction
@@ -434,7 +434,7 @@ def _retract_undeclared(transaction: Transaction, declaring: Declaring, actions:
     constants = {id_ for id_ in undeclared if definitions.objects.live(id_).is_constant}
     objects = {each.id for each in definitions.objects if not types.isdisjoint(each.type_ids)}
     others = declaring.undeclared("predicate"), declaring.undeclared("function")
-    delete_scope(transaction, Scope(types, constants | objects, *others))
+    delete_mentioned(transaction, Mentioned(types, constants | objects, *others))
 
 
 def store_problem(
@@ -469,7 +469,7 @@ def store_problem(
         formulas.retract_others(d.PROBLEM_SECTIONS)
         objects = declaring.undeclared("object") - constant_ids(transaction.definitions)
         if objects:
-            delete_scope(transaction, Scope(objects=objects))
+            delete_mentioned(transaction, Mentioned(objects=objects))
     _refuse_second_metric(transaction, formulas.ids)
     items = [
         *(d.Item(REQUIREMENT, name) for name in problem.requirements),

@@ -20,7 +20,7 @@ from ..errors import (
 from ..moment_text import When
 from ..sql.dialects import base as retry
 from ..sql.dialects.base import FIRST_PAUSE, LONGEST_PAUSE, PASSING, Listener, Session
-from ..store.snapshot import Position, archive_of, read_position
+from ..store.snapshot import HeadPosition, archive_of, read_position
 from ..store.state import State
 from ..store.store import Store
 from .moments import last_before
@@ -201,7 +201,7 @@ class _Watch:
                 "waited for a revision; connect again"
             )
 
-    def _read(self) -> Position:
+    def _read(self) -> HeadPosition:
         if self._unknown_since is None:
             self._unknown_since = time.monotonic()
         position = self._store.query_once(read_position)
@@ -217,7 +217,7 @@ class _Watch:
         position = self._store.query_in_snapshot(read_position)
         return position.head if self._is_news(position) else None
 
-    def _is_news(self, position: Position) -> bool:
+    def _is_news(self, position: HeadPosition) -> bool:
         if self._after is None:
             self._after = position.head
         refuse_unknown(self._store.name, self._after, position.head)

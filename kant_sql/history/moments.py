@@ -19,7 +19,7 @@ from ..sql.query import Query, StoreClock
 from ..sql.tables import HeadRow
 from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime
-from ..store.snapshot import POSITION, Position, make_position, read_position, vanished
+from ..store.snapshot import POSITION, HeadPosition, make_position, read_position, vanished
 from ..store.state import State
 from ..store.store import Store
 from ..store.valid_store import ValidStore
@@ -40,12 +40,12 @@ _WITH_TIMES = Query(
 )
 
 
-def _read_head(store: Store, moments: Sequence[datetime]) -> tuple[Position, list[int]]:
+def _read_head(store: Store, moments: Sequence[datetime]) -> tuple[HeadPosition, list[int]]:
     """Read the head, and the last revision up to each of some times, with one statement."""
     for moment in moments:
         check_zone(moment)
 
-    def work(session: Session, kb_id: int | None) -> tuple[Position, list[int]]:
+    def work(session: Session, kb_id: int | None) -> tuple[HeadPosition, list[int]]:
         if kb_id is None or not moments:
             for moment in moments:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
@@ -105,7 +105,7 @@ def last_before(state: State, after: When) -> int:
     return whole_number(after, "after", expected=expected, error=UnknownRevisionError)
 
 
-def states_at(state: State, whens: Sequence[When]) -> tuple[list[int], Position]:
+def states_at(state: State, whens: Sequence[When]) -> tuple[list[int], HeadPosition]:
     """Return the revisions of one or two states with one statement; refuse archived states."""
     revisions, head = _find(state, whens)
     for revision in revisions:
@@ -114,7 +114,7 @@ def states_at(state: State, whens: Sequence[When]) -> tuple[list[int], Position]
     return revisions, head
 
 
-def _find(state: State, whens: Sequence[When]) -> tuple[list[int], Position]:
+def _find(state: State, whens: Sequence[When]) -> tuple[list[int], HeadPosition]:
     refuse_valid(state, "this")
     # The store's clock says when now is, which may be behind this process's.
     given = [(read_when(when), is_now(when)) for when in whens]
@@ -132,7 +132,7 @@ def _find(state: State, whens: Sequence[When]) -> tuple[list[int], Position]:
     return revisions, head
 
 
-def _last_known(state: State, position: Position) -> int:
+def _last_known(state: State, position: HeadPosition) -> int:
     """Return the last revision that a caller may ask for."""
     return position.head if state.upto is None else state.upto
 
@@ -204,7 +204,7 @@ def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     since, until = read_when(since), None if is_now(until) else read_when(until)
     after = _moment_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
-    head, found = Position(redefined=LARGEST), list[int]()
+    head, found = HeadPosition(redefined=LARGEST), list[int]()
     if upto is None or moments:
         head, found = _read_head(store, moments)
     last = _last_known(state, head)

@@ -68,7 +68,7 @@ def children(tree: Tree) -> dict[int | None, list[TreeNode]]:
     return below
 
 
-class Scope(NamedTuple):
+class Mentioned(NamedTuple):
     """The ids of definitions that an element may mention."""
 
     types: Collection[int] = ()
@@ -77,10 +77,10 @@ class Scope(NamedTuple):
     functions: Collection[int] = ()
 
 
-def mentioned(trees: Iterable[Tree]) -> Scope:
+def mentioned(trees: Iterable[Tree]) -> Mentioned:
     """Find the ids of what trees mention."""
     nodes = [node for tree in trees for node in tree]
-    return Scope(
+    return Mentioned(
         {id_ for node in nodes for variable in node.variables for id_ in variable.type_ids},
         {term.object_id for node in nodes for term in node.terms if term.object_id is not None},
         {node.predicate_id for node in nodes if node.predicate_id is not None},
@@ -88,7 +88,7 @@ def mentioned(trees: Iterable[Tree]) -> Scope:
     )
 
 
-def mentions(trees: Iterable[Tree], scope: Scope) -> bool:
+def mentions(trees: Iterable[Tree], scope: Mentioned) -> bool:
     """Return whether trees mention something."""
     return any(
         id_ in wanted for own, wanted in zip(mentioned(trees), scope, strict=True) for id_ in own

@@ -34,7 +34,7 @@ _ARCHIVE = Query(
 )
 
 
-class Position(NamedTuple):
+class HeadPosition(NamedTuple):
     """Where a knowledge base stands, read without its lock."""
 
     kb_id: int | None = None  # None before the first write
@@ -44,22 +44,22 @@ class Position(NamedTuple):
     erased: int | None = None  # the last erasure; None if there is none
 
 
-def read_position(session: Session, kb_id: int | None) -> Position:
+def read_position(session: Session, kb_id: int | None) -> HeadPosition:
     """Read where a knowledge base stands, in one statement."""
     if kb_id is None:
-        return Position()
+        return HeadPosition()
     row = session.first(_POSITION, kb=kb_id)
     if row is None:
         raise vanished(session)
     return make_position(session, kb_id, row)
 
 
-def make_position(session: Session, kb_id: int, row: Row) -> Position:
+def make_position(session: Session, kb_id: int, row: Row) -> HeadPosition:
     """Check a row that begins with the columns of `POSITION`."""
     # A log from an endless revision would never end.
     numbers = zip((column.key for column in _NUMBERS), row, strict=False)
     check_numbers(session, kb_id, numbers)
-    return Position(kb_id, *row[:4])
+    return HeadPosition(kb_id, *row[:4])
 
 
 class View(NamedTuple):
