@@ -26,7 +26,6 @@ from ..store.transaction import Transaction
 
 T = TypeVar("T")
 
-# The kinds of definitions that formulas name.
 _KEYWORDS = frozenset({ROOT_TYPE, "preference", *MODALS}).union(*RESERVED.values())
 
 

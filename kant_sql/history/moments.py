@@ -82,7 +82,8 @@ def _refuse_future(moment: datetime, now: datetime, last: datetime) -> None:
 
 def head_revision(state: State) -> int:
     """Return the last revision that a state knows; 0 before the first."""
-    return state.store.query(read_position).head if state.upto is None else state.upto
+    upto = state.upto
+    return state.store.query(read_position).head if upto is None else upto
 
 
 def revision_at(state: State, when: When) -> int:
@@ -134,7 +135,8 @@ def _find(state: State, whens: Sequence[When]) -> tuple[list[int], HeadPosition]
 
 def _last_known(state: State, position: HeadPosition) -> int:
     """Return the last revision that a caller may ask for."""
-    return position.head if state.upto is None else state.upto
+    upto = state.upto
+    return position.head if upto is None else upto
 
 
 def check_number(name: str, when: int, last: int) -> int:
@@ -165,12 +167,13 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
     if isinstance(store, ValidStore):
         valid = store.valid.moment if valid is None else valid
         store = store.origin
+    base = State(store, at)
     if valid is None:
         if known is None:
             raise UnknownRevisionError(
                 "give a revision's number, or an aware time, also as known= or as valid="
             )
-        return State(store, state_at(State(store, at), known))
+        return State(store, state_at(base, known))
     moment = store.query(lambda session, _: store.clock(session)) if is_now(valid) else valid
     moment = read_when(moment)
     if not isinstance(moment, datetime):
@@ -178,7 +181,7 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
             f"valid is {shown(valid)}, expected a time; give a revision as known="
         )
     asked = "now" if known is None else known, moment
-    (last, committed), head = states_at(State(store, at), asked)
+    (last, committed), head = states_at(base, asked)
     true = ValidTime(moment, last, min(last, committed))
     if true.oldest < head.archived:
         refuse_archived_revision(store, true.oldest)
@@ -200,12 +203,12 @@ class Bounds(NamedTuple):
 def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     """Find the first and last revision of a range, with one statement at most."""
     refuse_valid(state, "this")
-    store, upto = state
+    store = state.store
     since, until = read_when(since), None if is_now(until) else read_when(until)
     after = _moment_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
     head, found = HeadPosition(redefined=LARGEST), list[int]()
-    if upto is None or moments:
+    if state.at is None or moments:
         head, found = _read_head(store, moments)
     last = _last_known(state, head)
     low, high = 1, last

@@ -296,7 +296,8 @@ def blame(state: State, element: Element) -> Version | None:
 
 def _last_known(state: State) -> int:
     """Return the last visible revision; in memory, the tables hold uncommitted versions, too."""
-    return LARGEST if state.upto is None else state.upto
+    upto = state.upto
+    return LARGEST if upto is None else upto
 
 
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:

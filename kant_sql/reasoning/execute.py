@@ -222,7 +222,7 @@ class Executive:
     def run(self) -> ExecutedPlan:
         """Execute the plan, in this thread and one for each step that runs."""
         self._begun = time.monotonic()
-        self._seen = head_revision(State(self._store))
+        self._seen = head_revision(self.state)
         self._thread(self._watch, self._seen)
         try:
             self._do_what_is_asked()
@@ -313,7 +313,7 @@ class Executive:
                 return True
         steps = [step for key, step in self._running.items() if key in running]
         # At each revision: what broke may hold again by now.
-        for at in range(self._seen + 1, head_revision(State(self._store)) + 1):
+        for at in range(self._seen + 1, head_revision(self.state) + 1):
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
             broken = find_broken(self._store, begun, at) if begun else []

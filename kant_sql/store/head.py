@@ -17,7 +17,7 @@ from ..errors import (
     unreadable,
 )
 from ..sql.dialects.base import Session
-from ..sql.query import Insert, Query, StoreClock
+from ..sql.query import Insert, Query, StoreClock, integer
 from ..sql.rows import KB, table_of
 from ..sql.tables import EMPTY_HEAD, HeadRow, KnowledgeBaseRow, RevisionRow
 
@@ -55,6 +55,16 @@ _LOCK = Query(
     .where(_HEAD.kb_id == KB)
     .with_for_update()
 )
+
+
+# What each revision changes of a head, whether it is written there or copied.
+MOVED: dict[str, Any] = {
+    "revision": integer("number"),
+    "definition_revision": integer("definitions"),
+    "next_id": integer("next"),
+    "hash": bindparam("digest"),
+    "committed_at": bindparam("time"),
+}
 
 
 def set_head(**values: Any) -> Query:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import BigInteger, bindparam, func, select
 
@@ -13,19 +13,16 @@ from ..sql.answers import Reader
 from ..sql.dialects.base import Row, Session
 from ..sql.intervals import then
 from ..sql.query import Query
-from ..sql.rows import KB
+from ..sql.rows import KB, table_of
 from ..sql.tables import ArchiveRow, ErasureRow, HeadRow
 from .caches import DefinitionCache
 from .head import check_numbers
 
-_LAST_ERASURE = select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery()
-_NUMBERS: tuple[Any, ...] = (
-    HeadRow.revision,
-    HeadRow.archived_revision,
-    HeadRow.definition_revision,
-)
+LAST_ERASURE = select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery()
+_NUMBERS = "revision", "archived_revision", "definition_revision"
+_HEAD = table_of(HeadRow).c
 # What `make_position` reads.
-POSITION = select(*_NUMBERS, _LAST_ERASURE).where(HeadRow.kb_id == KB)
+POSITION = select(*(_HEAD[name] for name in _NUMBERS), LAST_ERASURE).where(_HEAD.kb_id == KB)
 _POSITION = Query(POSITION)
 _ARCHIVE = Query(
     select(ArchiveRow.target)
@@ -57,8 +54,7 @@ def read_position(session: Session, kb_id: int | None) -> HeadPosition:
 def make_position(session: Session, kb_id: int, row: Row) -> HeadPosition:
     """Check a row that begins with the columns of `POSITION`."""
     # A log from an endless revision would never end.
-    numbers = zip((column.key for column in _NUMBERS), row, strict=False)
-    check_numbers(session, kb_id, numbers)
+    check_numbers(session, kb_id, zip(_NUMBERS, row, strict=False))
     return HeadPosition(kb_id, *row[:4])
 
 

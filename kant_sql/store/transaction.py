@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import chain
 from typing import Any
 
-from sqlalchemy import Table, bindparam, func, select
+from sqlalchemy import Table, func, select
 
 from ..errors import ConnectionLostError, InvalidArgumentError
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
@@ -30,7 +30,7 @@ from ..sql.query import Insert, Query, whole_rows
 from ..sql.rows import FACT, KB, table_of
 from ..sql.tables import ConfirmationRow, PlanRow, RequestRow, RevisionExecutionRow, RevisionRow
 from .caches import Agreements, AtomCache, FluentCache, GroundAtom
-from .head import Committed, Head, set_head
+from .head import MOVED, Committed, Head, set_head
 from .journal import JournalScope
 from .ledger import (
     DefinitionLedger,
@@ -53,13 +53,7 @@ _NEW_REVISION = Insert(
 _NEW_REQUEST = Insert(table_of(RequestRow), "kb_id", "number", "key", "digest", "results")
 _NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
-_MOVE_HEAD = set_head(
-    revision=bindparam("number"),
-    definition_revision=bindparam("definitions"),
-    next_id=bindparam("next"),
-    hash=bindparam("digest"),
-    committed_at=bindparam("time"),
-)
+_MOVE_HEAD = set_head(**MOVED)
 
 # Flush above this count of pending propositions to bound memory.
 SPILL_AT = 10_000

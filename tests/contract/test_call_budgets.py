@@ -13,12 +13,9 @@ from types import FrameType
 import pytest
 
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlPredicateDto, PddlPropositionDto, PddlTypeDto
+from tests.benchmarks.adding import DOMAIN
 from tests.support.stores import Connect
 
-DOMAIN = """(define (domain rounds) (:requirements :typing) (:types robot place)
- (:predicates (at ?r - robot ?p - place))
- (:action move :parameters (?r - robot ?a ?b - place) :precondition (at ?r ?a)
-  :effect (and (not (at ?r ?a)) (at ?r ?b))))"""
 FACTS = 20
 
 

@@ -15,7 +15,7 @@ from ...knowledge.canonical import text_time, time_text
 from ...sql.changes import FEW, few_change_rows
 from ...sql.dialects.base import Backend, Row, Session
 from ...sql.query import integer
-from ...store.head import Head, set_head
+from ...store.head import MOVED, Head, set_head
 from ..verify.chain import Link, Step, stream_chain
 from .copy import Copied, Copy, CopyRange, Stores
 from .erasures import Followed
@@ -62,11 +62,7 @@ def wipe(backend: Backend) -> tuple[str, ...]:
 
 
 _MOVE = set_head(
-    revision=integer("number"),
-    definition_revision=integer("definitions"),
-    next_id=integer("next"),
-    hash=bindparam("digest"),
-    committed_at=bindparam("time"),
+    **MOVED,
     origin=bindparam("label"),
     origin_revision=integer("last"),
     origin_committed_at=bindparam("last_time"),

@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager, suppress
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import func, select
+from sqlalchemy import select
 
 from ...errors import (
     ConflictError,
@@ -22,7 +22,7 @@ from ...sql.dialects.base import Backend, Session
 from ...sql.query import Query, StorePlace
 from ...sql.rows import KB, table_of
 from ...sql.schema import ensure_schema
-from ...sql.tables import ArchiveRow, ErasureRow, HeadRow
+from ...sql.tables import ArchiveRow, HeadRow
 from ...store.head import (
     Head,
     check_numbers,
@@ -32,13 +32,13 @@ from ...store.head import (
     lock_head,
     to_time_of_head,
 )
-from ...store.snapshot import vanished
+from ...store.snapshot import LAST_ERASURE, vanished
 from ...store.store import end_session
 from .copy import Stores
 
 
 class HeadState(NamedTuple):
-    """Where a knowledge base stands, read without its lock."""
+    """The head of one side of a replication, read without its lock."""
 
     revision: int  # the last revision; 0 before the first
     definition_revision: int  # the last revision that changed a definition
@@ -50,11 +50,11 @@ class HeadState(NamedTuple):
     erased: int  # the revision of the last erasure; 0: there is none
 
 
-_HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
+_HEAD = table_of(HeadRow).c
 _STATE = Query(
     select(
         *(_HEAD[name] for name in HeadState._fields[:-1]),
-        select(func.max(_ERASURE.since)).where(_ERASURE.kb_id == KB).scalar_subquery(),
+        LAST_ERASURE,
     ).where(_HEAD.kb_id == KB)
 )
 

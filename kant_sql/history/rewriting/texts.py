@@ -273,10 +273,10 @@ class TextWriter:
         before = {row["id"]: row["text"] for row in rows}
         goals = {row["id"] for row in rows if row["is_goal"]}
         self._items.update((before[id_], texts[id_]) for id_ in goals)
-        began = "proposition_id", "since"
-        for id_, since, until in self._rows(_of(_HELD, began[0], *began, "until"), texts):
+        owner = "proposition_id"
+        for id_, since, until in self._rows(_of(_HELD, owner, owner, "since", "until"), texts):
             self._note(since, until, GOAL if id_ in goals else FACT, before[id_], id_)
-        for id_, since in self._rows(_of(_SEEN, began[0], *began), texts):
+        for id_, since in self._rows(_of(_SEEN, owner, owner, "since"), texts):
             self._note(since, None, CONFIRMATION, before[id_], id_)
         self._sayings(_SAID, texts, lambda row: texts[row["proposition_id"]])
 
