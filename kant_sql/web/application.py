@@ -135,6 +135,7 @@ def create_app(
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     _answer_errors(app)
     own = None if tokens is None else Programs(tokens, WRITES.scopes, LONGEST_BODY)
+    app.state.accepts = (lambda scope: True) if own is None else own.accepts
     app.add_middleware(
         Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token, programs=own
     )

@@ -10,9 +10,10 @@ import asyncio
 import json
 import logging
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from datetime import datetime
+from functools import partial
 from typing import Annotated, NamedTuple
 
 from fastapi import APIRouter, Header, Query, Request
@@ -219,7 +220,7 @@ async def events(
     Each event `revision` has the number of the last revision as its id, and a document with
     `knowledge_base`, `revision`, `committed_at`, `actor`, `reason` and `message` as its data.
     Several revisions may be told by one event. A reader who connects again gives the last id, by
-    the header `Last-Event-ID`, and misses nothing.
+    the header `Last-Event-ID`, and misses nothing. The stream ends when its token is revoked.
     """
     store: OpenStore = request.app.state.store
     hub: LiveHub = request.app.state.live
@@ -231,19 +232,23 @@ async def events(
         seen = int(last_event_id[:20])
     hub.admit(kb_name)
     return StreamingResponse(
-        _stream(hub, kb_name, seen),
+        _stream(hub, kb_name, seen, partial(request.app.state.accepts, request.scope)),
         media_type="text/event-stream",
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )
 
 
-async def _stream(hub: LiveHub, name: str | None, seen: int | None) -> AsyncIterator[str]:
+async def _stream(
+    hub: LiveHub, name: str | None, seen: int | None, is_accepted: Callable[[], bool]
+) -> AsyncIterator[str]:
     # Not before: of a reader who leaves at once, this never begins.
     feed = hub.join(name)
     try:
         yield f"retry: {RETRY}\n\n"
         while not hub.is_closed:
             event = await feed.following(seen, HEARTBEAT)
+            if not is_accepted():
+                break
             if event is not None:
                 seen, data = event.revision, json.dumps(json_value(event))
                 yield f"id: {seen}\nevent: revision\ndata: {data}\n\n"

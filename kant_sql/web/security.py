@@ -113,6 +113,10 @@ class Programs:
         """What is said of a request that is too long."""
         return f"the request has more than {self._longest:,} bytes; write it in several"
 
+    def accepts(self, scope: Scope) -> bool:
+        """Return whether the token of a request that was admitted still has its rights."""
+        return "token" not in scope or self._tokens.has(scope["token"])
+
     def bounded(self, scope: Scope, receive: Receive) -> Receive:
         """Bound a body that comes in parts, without its length."""
         if "token" not in scope:
@@ -124,8 +128,10 @@ class Programs:
             message = await receive()
             left -= len(message.get("body", b""))
             if left < 0:
-                log_refusal(scope, 413, self.too_long)
-                raise HTTPException(413, self.too_long)
+                raise refused(scope, 413, self.too_long)
+            # A client may take its time to send the body.
+            if message["type"] == "http.request" and not self.accepts(scope):
+                raise refused(scope, 401, _UNKNOWN)
             return message
 
         return receive_bounded
@@ -154,6 +160,12 @@ def log_refusal(scope: Scope, status: int, why: str) -> None:
     logger.warning("refused %s %s to %s at %s: %d, %s", scope["method"], *said[:3], status, said[3])
 
 
+def refused(scope: Scope, status: int, why: str) -> HTTPException:
+    """Log a refusal and return its error, for where no answer can be returned."""
+    log_refusal(scope, status, why)
+    return HTTPException(status, why)
+
+
 def refusal(scope: Scope, status: int, why: str) -> Response:
     """Log a refusal and return its answer, as the JSON API writes errors."""
     log_refusal(scope, status, why)
@@ -167,8 +179,7 @@ def require_all(request: Request) -> None:
     token: Token | None = request.scope.get("token")
     if token is not None and not token.is_for(""):
         why = f"the token is for {', '.join(token.knowledge_bases)} only, and this is about all"
-        log_refusal(request.scope, 403, why)
-        raise HTTPException(403, why)
+        raise refused(request.scope, 403, why)
 
 
 class Guard:

@@ -86,16 +86,22 @@ class TokenFile:
 
         A file that cannot be read knows no token.
         """
-        try:
-            known = {one.id: one for one in self.tokens()}
-        except (OSError, InvalidArgumentError) as error:
-            logger.error("no token is accepted: %s", error)
-            return None
-        token = known.get(given.partition(".")[0])
+        token = self._known().get(given.partition(".")[0])
         expected = "" if token is None else token.sha256
         if not hmac.compare_digest(_hash(given), expected) or token is None:
             return None
         return token if token.revoked_at is None else None
+
+    def has(self, token: Token) -> bool:
+        """Return whether a token that was found before still has its rights."""
+        return self._known().get(token.id) == token
+
+    def _known(self) -> dict[str, Token]:
+        try:
+            return {one.id: one for one in self.tokens()}
+        except (OSError, InvalidArgumentError) as error:
+            logger.error("no token is accepted: %s", error)
+            return {}
 
     def add(self, actor: str, knowledge_bases: Iterable[str], scopes: Iterable[str]) -> str:
         """Make a token.

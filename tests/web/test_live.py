@@ -19,6 +19,7 @@ import pytest
 
 from kant_sql import KnowledgeBase
 from kant_sql.web import live
+from kant_sql.web.tokens import TokenFile
 from tests.support.faults import terminate
 from tests.support.processes.workers import wait_for
 from tests.support.servers import MortalServer
@@ -58,8 +59,8 @@ class Listening:
                 return Event(fields["id"], json.loads(fields["data"]))
         raise AssertionError("the stream has ended")
 
-    def rest(self) -> list[str]:
-        return list(self._lines)
+    def rest(self) -> Iterator[str]:
+        return self._lines
 
 
 @contextmanager
@@ -75,6 +76,21 @@ def kb(shared_url: str, connect: Connect) -> KnowledgeBase:
     kb = connect(shared_url, knowledge_base="tiago", actor="perception")
     kb.propositions.save(at())
     return kb
+
+
+def test_a_stream_ends_when_its_token_is_revoked(
+    kb: KnowledgeBase, shared_url: str, tmp_path: Path
+) -> None:
+    tokens = TokenFile(tmp_path / "tokens.json")
+    secret = tokens.add("screen", ["tiago"], ["read"])
+    with (
+        running(shared_url, tokens=tokens) as address,
+        listening(address, authorization=f"Bearer {secret}") as stream,
+    ):
+        assert stream.next().id == "1"
+        tokens.revoke(secret.partition(".")[0])
+        write(kb, 2, "nobody hears this")
+        assert not any("nobody" in line for line in stream.rest())
 
 
 def write(kb: KnowledgeBase, number: int, reason: str | None = None) -> None:
@@ -195,7 +211,7 @@ def test_a_server_that_stops_ends_its_streams(shared_url: str, kb: KnowledgeBase
         with running(shared_url) as address:
             stream = stack.enter_context(listening(address, "kb=tiago&after=1"))
             started = time.monotonic()
-        assert stream.rest() is not None
+        assert list(stream.rest()) is not None
         assert time.monotonic() - started < SOON
     wait_for(lambda: not watchers())
 

@@ -242,6 +242,23 @@ def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: To
     assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 401
 
 
+def test_a_token_is_revoked_while_its_request_is_being_sent(
+    client: TestClient, tokens: TokenFile
+) -> None:
+    secret = tokens.add("driver", ["*"], ["read", "write"])
+    headers = {"authorization": f"Bearer {secret}", "content-type": "application/json"}
+
+    def parts() -> Iterator[bytes]:
+        yield b"{"
+        tokens.revoke(secret.partition(".")[0])
+        yield b"}"
+
+    path = "/api/facts?kb=tiago"
+    assert client.post(path, content=b"{}", headers=headers).status_code == 200
+    answer = client.post(path, content=parts(), headers=headers)
+    assert (answer.status_code, "was revoked" in answer.json()["error"]) == (401, True)
+
+
 def test_a_long_request_is_refused_unread(client: TestClient, tokens: TokenFile) -> None:
     headers = {"authorization": f"Bearer {tokens.add('driver', ['*'], ['write'])}"}
     path = "/api/facts?kb=tiago"
