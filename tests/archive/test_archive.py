@@ -161,6 +161,8 @@ def test_a_time_means_what_ended_before_it(counted: KnowledgeBase, tmp_path: Pat
     url = target_url(tmp_path)
     assert counted.store.archive(third, to=url, dry_run=True).upto == 2
     assert counted.store.archive(third + timedelta(microseconds=1), to=url, dry_run=True).upto == 3
+    first = datetime.min.replace(tzinfo=UTC)
+    assert counted.store.archive(first, to=url, dry_run=True).upto == 0
 
 
 @pytest.mark.parametrize("before", [0, 1, 2])
