@@ -35,10 +35,10 @@ from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, Key, read_out
 from ..sql.rows import FACT, VALUE
 from ..store.snapshot import View, read_position
 from ..store.state import State
-from .after import head_of
 from .derived import world_of
+from .reads import Reading, head_of, read_by
 from .steps import PreparedAction, prepared
-from .uses import Literal, Pattern, Uses, depends_on, parts_used, users_of
+from .uses import Literal, Uses, parts_used, users_of
 from .world import Head, Row, World
 
 # Versions of the element in question that are followed, and derived facts that are looked at.
@@ -252,7 +252,7 @@ class _Evaluation:
             yield definitions, own
             rest = rest[len(own) :]
 
-    def _states(self, wanted: set[tuple[Pattern, int]]) -> dict[int, list[Any]]:
+    def _states(self, wanted: set[tuple[Reading[int], int]]) -> dict[int, list[Any]]:
         """Read what held at each revision, of what is depended on."""
         states: defaultdict[int, list[Any]] = defaultdict(list)
         atoms: Any = [one for one in wanted if None not in one[0][2]]
@@ -291,7 +291,7 @@ class _Evaluation:
         ]
 
 
-def _patterns(world: World, job: _Job | _RuleJob) -> set[Pattern]:
+def _patterns(world: World, job: _Job | _RuleJob) -> set[Reading[int]]:
     """Return what a job depends on."""
     if isinstance(job, _RuleJob):
         parts = [one for some in users_of(world.definitions, job.literal).values() for one in some]
@@ -301,7 +301,7 @@ def _patterns(world: World, job: _Job | _RuleJob) -> set[Pattern]:
             for one in job.asked(world)
         ]
     rules = rules_of(world.definitions)
-    return {one for part, given in parts for one in depends_on(rules, part, given)}
+    return {one for part, given in parts for one in read_by(rules, [part], given)}
 
 
 def with_state(world: World, state: Iterable[Any]) -> None:

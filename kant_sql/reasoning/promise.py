@@ -21,12 +21,13 @@ from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
-from .after import After, OpaqueError, heads_of, is_linear, mapped, with_numbers
+from .after import After, OpaqueError, is_linear, mapped, with_numbers
 from .arithmetic import EXACT, Exact
 from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
+from .reads import heads_of
 from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits
 from .world import Head
 
