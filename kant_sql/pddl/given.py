@@ -411,12 +411,13 @@ def _parameters(parameters: Iterable[f.TypedName]) -> _Parameters:
     }
 
 
-def text_of(given: object, example: str) -> str:
-    """Return the text of a formula given as text or as a node."""
+def text_of(given: object) -> str:
+    """Return the text of a condition given as text or as a node."""
     if isinstance(given, str):
         return given
     if isinstance(given, f.Node):
         return str(given)
     raise InvalidKnowledgeError(
-        f"{type(given).__name__} is not a formula; give PDDL text such as '{example}', or a node"
+        f"{type(given).__name__} is not a formula; give PDDL text such as '(robot_at ?r kitchen)', "
+        "or a node"
     )

@@ -27,16 +27,7 @@ from ..store.snapshot import View
 from ..store.state import State
 from .after import After, weakened
 from .arithmetic import EXACT, Exact, decimal_of
-from .ask import (
-    EXAMPLE,
-    OF_ANSWERS,
-    OF_TRUTHS,
-    Binding,
-    asked,
-    given_numbers,
-    given_variable,
-    question,
-)
+from .ask import OF_ANSWERS, OF_TRUTHS, Binding, asked, given_numbers, given_variable, question
 from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition, conjuncts
 from .steps import EffectItem, of_time, preferred
 from .sweep import names_of, with_objects
@@ -327,7 +318,7 @@ def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
 def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) -> f.Formula:
     """Read a condition, with objects for its variables; others are quantified existentially."""
     symbols = symbols_of(view.definitions)
-    read = read_condition(text_of(condition, EXAMPLE), symbols=symbols)
+    read = read_condition(text_of(condition), symbols=symbols)
     if bindings:
         read = with_objects(read, names_of(bindings), symbols)
     return f.Exists(read.free, read.formula) if read.free else read.formula

@@ -50,9 +50,6 @@ from .world import World
 _WORD = re.compile(r"[^\s()?]+")
 T = TypeVar("T")
 
-EXAMPLE = "(robot_at rb1 kitchen)"
-
-
 Read = Callable[[SymbolTable], ReadCondition]
 
 
@@ -83,7 +80,7 @@ def ask(
     definitions: Definitions | None = None,
 ) -> PastQuestion:
     """Read a condition with given definitions, or the names of the latest state that has all."""
-    text = text_of(condition, EXAMPLE)
+    text = text_of(condition)
     objects = names_of(bindings)
 
     def whole(symbols: SymbolTable) -> ReadCondition:
