@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from unified_planning.model.types import Type
 
 
-_FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">=": "<=", ">": "<"}
-
-
 class UpDurations(UpConverter):
     """Converts the constraints on a duration."""
 
@@ -78,7 +75,7 @@ class UpDurations(UpConverter):
                     yield from self._bounds([inner], when)
                 case f.Comparison(operator, left, right):
                     if not _is_duration(left):
-                        operator, left, right = _FLIPPED[operator], right, left
+                        operator, left, right = f.MIRRORED[operator], right, left
                     if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
                         raise self._unsupported(constraint, "it is not a bound of ?duration")
                     if time == f.AT_END and not self.is_static(right):

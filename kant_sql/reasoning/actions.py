@@ -27,14 +27,12 @@ from ..knowledge.grounding import Binding, bound, substitute
 from ..knowledge.rules import rules_of
 from ..pddl.cursor import hint
 from ..pddl.document import Action
-from .arithmetic import CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
+from .arithmetic import ADDITIVE, CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
 from .evaluate import Compiler, Env, Rows, Search
 from .failures import FailedCondition, duration_failure, failed_parts
 from .reads import Reading, read_by
 from .steps import CONTINUOUS, EffectItem, PreparedAction
 from .world import FluentRow, Row, World
-
-_ADDITIVE = ("increase", "decrease")
 
 
 class Update(NamedTuple):
@@ -318,7 +316,7 @@ class Snap:
                 self.world.text((False, function), row), "two effects of the action change it"
             )
             for (function, row), updates in self.changes.updates.items()
-            if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates)
+            if len(updates) > 1 and any(one.operator not in ADDITIVE for one in updates)
         ]
 
     def reads(self) -> list[Reading[frozenset[int]]]:
@@ -353,7 +351,7 @@ def interference(
         return about([(True, fact) for fact in facts], reason)
     for fluent, updates in mine.updates.items():
         both = [*updates, *others.updates.get(fluent, ())]
-        if fluent in others.updates and any(one.operator not in _ADDITIVE for one in both):
+        if fluent in others.updates and any(one.operator not in ADDITIVE for one in both):
             return about([(False, fluent)], "two actions at the same time change it")
     changed = [(True, fact) for fact in others.adds | others.deletes]
     changed += [(False, fluent) for fluent in others.updates]

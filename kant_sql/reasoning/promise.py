@@ -22,7 +22,7 @@ from ..sql.answers import GUARDS
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, OpaqueError, is_linear, mapped, with_numbers
-from .arithmetic import EXACT, Exact
+from .arithmetic import ADDITIVE, EXACT, SCALING, Exact
 from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
@@ -32,7 +32,6 @@ from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits
 from .world import Head
 
 AFTER_START = "right after the start"
-_ADDITIVE, _SCALING = ("increase", "decrease"), ("scale-up", "scale-down")
 _LASTING = r.Parameter(f.DURATION)
 _HALF = Decimal("0.5")
 Numbers = dict[str, Decimal]
@@ -133,7 +132,7 @@ def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
 def _conflict(action: PreparedAction, one: EffectItem, other: EffectItem) -> r.Part:
     """Return that two effects do not change one fluent in ways that contradict each other."""
     operators = {one.operator, other.operator}
-    is_same_kind = any(operators <= set(group) for group in (_ADDITIVE, _SCALING))
+    is_same_kind = operators <= ADDITIVE or operators <= SCALING
     is_other = one.head != other.head or not operators.isdisjoint(("add", "delete"))
     if is_other or is_same_kind or (one is other and not one.bound):
         return r.TRUE
@@ -175,13 +174,10 @@ def limits_of(action: PreparedAction) -> list[tuple[str, r.Quantity, r.Needed]]:
     for constraint in action.constraints(AT_START):
         operator, side = constraint.operator, constraint.right
         if constraint.right == f.Variable(f.DURATION):
-            operator, side = _MIRRORED[operator], constraint.left
+            operator, side = f.MIRRORED[operator], constraint.left
         limit, needed = action.resolver.number(side)
         found.append((operator, limit, needed))
     return found
-
-
-_MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
 
 
 def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
@@ -270,7 +266,7 @@ def _contradictions(
     least: list[tuple[str, Decimal]] = [("0", Decimal(0))]
     most: list[tuple[str, Decimal]] = []
     for closed, is_left, limit in found:
-        operator = closed.operator if is_left else _MIRRORED[closed.operator]
+        operator = closed.operator if is_left else f.MIRRORED[closed.operator]
         assert limit is not None
         (least if operator in (">", ">=") else most).append((str(closed), limit))
     for upper, high in most:

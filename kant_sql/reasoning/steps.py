@@ -24,6 +24,7 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import Plan, PlanStep
+from .arithmetic import ADDITIVE
 from .failures import FailedCondition
 
 T = TypeVar("T")
@@ -309,7 +310,7 @@ def _is_continuous(node: f.Node) -> bool:
 
 def _check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> None:
     """Refuse a continuous effect that is not an unconditional increase or decrease."""
-    if is_conditional or effect.operator not in ("increase", "decrease"):
+    if is_conditional or effect.operator not in ADDITIVE:
         raise UnsupportedConstructError(
             f"the action {action} has the continuous effect {effect}, which cannot be executed; "
             "only (increase ...) and (decrease ...) without a condition can"
