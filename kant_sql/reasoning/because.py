@@ -310,11 +310,8 @@ def with_state(world: World, state: Iterable[Any]) -> None:
         world.remove(*fact)
     for fluent in world.values():
         world.set(*fluent, None)
-    for (is_fact, owner, row), value in state:
-        if is_fact:
-            world.add(owner, row)
-        else:
-            world.set(owner, row, value if isinstance(value, int) else Decimal(str(value)))
+    for atom, value in state:
+        world.change(atom, value)
 
 
 def _text(world: World, literal: Literal) -> str:
