@@ -366,6 +366,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "there is nothing to erase" in nothing.output
     for wrong in (("erase", url), ("erase", url, "bob", "--revision", "4"), ("retention", url)):
         assert commands.run(*wrong).exit_code == 2
+    (path := tmp_path / "rules").write_bytes(b"\xff 30d reason")
+    assert "unpaired surrogate" in commands.complaint("retention", url, "--rules", str(path))
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 
