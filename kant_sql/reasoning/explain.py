@@ -165,7 +165,7 @@ class Explainer(Explaining):
             statement = self._question().ended(predicate, keys)
             for arguments, until in self._view.reader.run(statement, self._numbers):
                 if until is not None:
-                    ends |= dict.fromkeys(keys[arguments], until)
+                    ends.update((place, until) for place in keys[arguments])
         session, kb_id, numbers = self._view.session, self._view.kb_id, {*ends.values()}
         known = {} if kb_id is None else read_numbered(session, kb_id, numbers)
         for position, until in ends.items():
