@@ -143,13 +143,12 @@ class EffectReader:
     ) -> None:
         ids = self._objects(item.terms, objects)
         arguments = " ".join(map(str, ids))
-        if item.operator in ("add", "delete"):
+        if item.operator == "delete":
+            self._changes.deletes[AtomKey(False, item.head, arguments)] = None
+            return
+        if item.operator == "add":
             predicate = self.view.definitions.predicates.live(item.head)
-            key = AtomKey(False, predicate.id, arguments)
-            if item.operator == "delete":
-                self._changes.deletes[key] = None
-            else:
-                self._changes.adds[key] = self._text(predicate, ids)
+            self._changes.adds[AtomKey(False, item.head, arguments)] = self._text(predicate, ids)
             return
         function = self.view.definitions.functions.live(item.head)
         text = self._text(function, ids)

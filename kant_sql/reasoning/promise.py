@@ -19,6 +19,7 @@ from ..knowledge import resolved as r
 from ..knowledge.grounding import bound, substitute
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
+from ..sql.relations import ConditionStatement
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, OpaqueError, is_linear, mapped, with_numbers
@@ -313,8 +314,12 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
     """Return whether a step can begin, or with a time, whether its conditions of then hold."""
     action = step.action
     key = ("truth", time, *statement_key(view, numbers))
-    part = promise_of(action).part if time is None else action.condition(time)
-    statement = action.kept(key, lambda: question(view, numbers).truths([part], step.places))
+
+    def write() -> ConditionStatement:
+        part = promise_of(action).part if time is None else action.condition(time)
+        return question(view, numbers).truths([part], step.places)
+
+    statement = action.kept(key, write)
     given = {**step.values, **given_numbers(numbers)} if numbers else step.values
     [row] = asked(view, statement, given, OF_TRUTHS)
     return bool(row[GUARDS])

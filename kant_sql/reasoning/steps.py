@@ -66,7 +66,7 @@ class GroundStep:
     def __str__(self) -> str:
         return f"({' '.join((self.action.name, *self.names))})"
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Any]:
         """The values of the parameters in statements."""
         return {f"b{number}": id_ for number, id_ in enumerate(self.ids)}
@@ -121,9 +121,10 @@ class EffectItem:
 class PreparedAction:
     """An action whose names are resolved: conditions and effects by their times."""
 
-    def __init__(self, definitions: Definitions, node: Action) -> None:
+    def __init__(self, definitions: Definitions, node: Action, id_: int | None = None) -> None:
         self.node = node
         self.definitions = definitions
+        self.id = id_  # that of its definition; None in a document
         self.name = node.name
         self.is_durative = node.kind == DURATIVE_ACTION  # whether it has a duration
         self.variables = node.parameters
@@ -137,9 +138,9 @@ class PreparedAction:
 
     def kept(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what is made of it once, such as a statement."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        found: T = self._kept[key]
+        found: T | None = self._kept.get(key)
+        if found is None:
+            found = self._kept[key] = make()
         return found
 
     @property
@@ -393,7 +394,7 @@ def prepared(definitions: Definitions, definition: ActionDefinition) -> Prepared
     found: PreparedAction | None = definitions.derived.get(key)
     if found is None:
         node = action_of(definitions, definition)
-        found = definitions.derived[key] = PreparedAction(definitions, node)
+        found = definitions.derived[key] = PreparedAction(definitions, node, definition.id)
     return found
 
 
