@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Action
+from ..pddl.requirements import functions_in
 from .names import ACTION_CLASSES
 from .up_formulas import Bindings, ConversionContext, UpConverter, UpFormulas, UpPreferences
 
@@ -87,8 +88,7 @@ class UpDurations(UpConverter):
 
     def is_static(self, node: f.Expression) -> bool:
         """Return whether the state has no part in the value of a duration."""
-        fluents = (part for part in f.walk(node) if isinstance(part, f.Fluent))
-        return all(fold(fluent.function) in self._context.static for fluent in fluents)
+        return functions_in(node) <= self._context.static
 
     def _tightest(self, bounds: list[tuple[FNode, bool]], sign: int) -> tuple[FNode, bool]:
         distinct = list(dict.fromkeys(bounds))
