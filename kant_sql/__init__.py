@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from .reasoning.complete import Completion as Completion
     from .reasoning.durative import Aborted as Aborted, BrokenInvariant as BrokenInvariant
     from .reasoning.execute import ExecutedPlan as ExecutedPlan
-    from .reasoning.executing import Durations as Durations
+    from .reasoning.step_run import Durations as Durations
     from .reasoning.failures import FailedCondition as FailedCondition
     from .reasoning.links import CausalLink as CausalLink
     from .reasoning.memory import KnowledgeState as KnowledgeState
@@ -103,7 +103,7 @@ _HOMES = {
     ".reasoning.complete": ["Completion"],
     ".reasoning.durative": ["Aborted", "BrokenInvariant"],
     ".reasoning.execute": ["ExecutedPlan"],
-    ".reasoning.executing": ["Durations"],
+    ".reasoning.step_run": ["Durations"],
     ".reasoning.failures": ["FailedCondition"],
     ".reasoning.links": ["CausalLink"],
     ".reasoning.memory": ["KnowledgeState"],

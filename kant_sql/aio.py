@@ -273,11 +273,8 @@ class _Crew:
 class _Door:
     """One front door: its threads, and the queue of its writers in each event loop."""
 
-    def __init__(
-        self, kb: KnowledgeBase, has_one_connection: bool, shared: _Crew | None = None
-    ) -> None:
+    def __init__(self, kb: KnowledgeBase, shared: _Crew | None = None) -> None:
         self.kb = kb
-        self.has_one_connection = has_one_connection
         self.is_closed = False
         self.is_closing = threading.Event()
         self._is_shared = shared is not None
@@ -327,6 +324,12 @@ class _Door:
                     "that opened it, or end the transaction first"
                 )
 
+    def refuse_to_wait(self) -> None:
+        """Refuse a read outside of a block, which may wait for a block, or after the end."""
+        self.refuse_closed()
+        if factory_of(self.kb).has_one_connection:
+            self.refuse_inherited()
+
     def queue(self) -> asyncio.Lock:
         """Return the queue of writers of the running event loop."""
         loop = asyncio.get_running_loop()
@@ -355,8 +358,7 @@ class _Door:
         block = self.own_block()
         if block is not None:
             return await block.run(call)
-        if self.has_one_connection:
-            self.refuse_inherited()
+        self.refuse_to_wait()
         return await asyncio.wrap_future(self._submit(call))
 
     async def write(self, call: Callable[[], R]) -> R:
@@ -637,9 +639,7 @@ async def _until_answered(door: _Door, ask: Callable[[], R]) -> R:
     with limited() as limit:
         if door.own_block() is not None:
             return await door.read(ask)
-        door.refuse_closed()
-        if door.has_one_connection:
-            door.refuse_inherited()
+        door.refuse_to_wait()
         return await _until_stopped(ask, lambda: asyncio.to_thread(limit.cancel))
 
 
@@ -919,8 +919,7 @@ class AsyncKnowledgeBase(_Part):
         block = self._door.own_block()
         if block is not None:
             return Opening(partial(block.run_in_thread, call), wrap=_front_door)
-        if self._door.has_one_connection:
-            self._door.refuse_inherited()
+        self._door.refuse_to_wait()
         return Opening(call, wrap=_front_door)
 
     async def diff(
@@ -933,10 +932,8 @@ class AsyncKnowledgeBase(_Part):
         """Compare two states, as `KnowledgeBase.diff`."""
         kinds = AsyncKnowledgeBase | KnowledgeBase
         if clock != COMMITTED or not (isinstance(a, kinds) or isinstance(b, kinds)):
-            first, second = (
-                one._kb if isinstance(one, AsyncKnowledgeBase) else one for one in (a, b)
-            )
-            return await self._door.read(partial(self._kb.diff, first, second, clock=clock))
+            call = partial(self._kb.diff, _plain(a), _plain(b), clock=clock)
+            return await self._door.read(call)
         here, there = await self._lines(a), await self._lines(b)
         return diff_lines(here, there)
 
@@ -947,8 +944,8 @@ class AsyncKnowledgeBase(_Part):
         decide: Mapping[str, Decision] | None = None,
     ) -> Merge:
         """Compare a branch with this knowledge base, as `KnowledgeBase.merge_preview`."""
-        other = branch._kb if isinstance(branch, AsyncKnowledgeBase) else branch
-        return await self._door.write(partial(self._kb.merge_preview, other, decide=decide))
+        call = partial(self._kb.merge_preview, _plain(branch), decide=decide)
+        return await self._door.write(call)
 
     async def merge(
         self,
@@ -960,16 +957,15 @@ class AsyncKnowledgeBase(_Part):
         expected_revision: int | None = None,
     ) -> Merge:
         """Merge a branch, as `KnowledgeBase.merge`."""
-        other = branch._kb if isinstance(branch, AsyncKnowledgeBase) else branch
         own: Any = {"decide": decide, "reason": reason, "actor": actor}
-        call = partial(self._kb.merge, other, **own, expected_revision=expected_revision)
+        call = partial(self._kb.merge, _plain(branch), **own, expected_revision=expected_revision)
         return await self._door.write(call)
 
     async def _lines(self, of: When | AsyncKnowledgeBase | KnowledgeBase) -> list[tuple[str, str]]:
         """Read a state where it can be read: in the block that its own task has open, if any."""
         if not isinstance(of, AsyncKnowledgeBase | KnowledgeBase):
             of = await self.at(of)
-        door, kb = (of._door, of._kb) if isinstance(of, AsyncKnowledgeBase) else (self._door, of)
+        door, kb = of._door if isinstance(of, AsyncKnowledgeBase) else self._door, _plain(of)
         return await door.read(lambda: state_lines(state_of(kb)))
 
     async def revision(self) -> int:
@@ -1031,9 +1027,7 @@ class AsyncKnowledgeBase(_Part):
         is_plain = isinstance(timeout, int | float) and timeout <= SHORT_WATCH
         if self._door.own_block() is not None or is_plain:
             return await self._door.read(partial(self._kb.watch, after, timeout=timeout))
-        if self._door.has_one_connection:
-            self._door.refuse_inherited()
-        self._door.refuse_closed()
+        self._door.refuse_to_wait()
         lane, cancelled = _Lane(), threading.Event()
         try:
             return await asyncio.wrap_future(
@@ -1092,7 +1086,7 @@ class AsyncKnowledgeStore:
         This takes no statement, so it is not awaited.
         """
         kb = self._store.knowledge_base(name, actor=actor, clock=clock)
-        return AsyncKnowledgeBase(_Door(kb, self._store.has_one_connection, self._crew), kb=kb)
+        return AsyncKnowledgeBase(_Door(kb, self._crew), kb=kb)
 
     async def knowledge_bases(self) -> list[Inventory]:
         """List the knowledge bases that have a revision, as `KnowledgeStore.knowledge_bases`."""
@@ -1157,8 +1151,13 @@ class Opening(AbstractAsyncContextManager[A]):
         return self._wrap(future.result())
 
 
+def _plain(given: T | AsyncKnowledgeBase) -> T | KnowledgeBase:
+    """Return the synchronous knowledge base of an asynchronous one; another argument as it is."""
+    return given._kb if isinstance(given, AsyncKnowledgeBase) else given
+
+
 def _front_door(kb: KnowledgeBase) -> AsyncKnowledgeBase:
-    return AsyncKnowledgeBase(_Door(kb, factory_of(kb).has_one_connection), kb=kb)
+    return AsyncKnowledgeBase(_Door(kb), kb=kb)
 
 
 def connect(

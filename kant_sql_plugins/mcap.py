@@ -36,8 +36,8 @@ from kant_sql.errors import (
 )
 from kant_sql.export.files import Exported, encoded, folder_name, new_export
 from kant_sql.export.snapshot import KnowledgeBaseState, StoreSnapshot, Window
-from kant_sql.history.moments import MICROSECOND, is_valid_clock
-from kant_sql.history.revisions import FIRST_MOMENT, read_numbered
+from kant_sql.history.moments import MICROSECOND, is_valid_clock, just_before
+from kant_sql.history.revisions import read_numbered
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.knowledge.sayings import COMMITTED
 from kant_sql.moment_text import When
@@ -58,6 +58,8 @@ CONTENT = "transitions"
 MOST_CHANNELS = 10_000
 # Changes of what was true whose names are read at a time.
 PAGE = 1_000
+# The last time that MCAP can express, in microseconds: it is in the year 2554.
+_LAST_TIME = (2**64 - 1) // 1_000
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _VALUE = re.compile(r"\(= (\(.*\)) (\S+)\)")
@@ -300,7 +302,7 @@ class _Recording:
         ]
         which = Subjects(predicates=wanted[0], functions=wanted[1])
         state, changes = read_valid(session, kb_id, which, span)
-        begin = Instant(max(span.since, FIRST_MOMENT + MICROSECOND) - MICROSECOND, span.before)
+        begin = Instant(just_before(span.since), span.before)
         touches = chain(((begin, touch) for touch in state), changes)
         said = chain.from_iterable(
             _told(session, kb_id, names, page) for page in batches(touches, PAGE)
@@ -394,7 +396,7 @@ def _read(change: _AuditedChange) -> tuple[str, list[str]]:
 
 
 def _nanoseconds(moment: datetime) -> int:
-    return max(0, (moment - _EPOCH) // MICROSECOND) * 1_000
+    return min(max(0, (moment - _EPOCH) // MICROSECOND), _LAST_TIME) * 1_000
 
 
 def _schema(type_: str) -> dict[str, object]:

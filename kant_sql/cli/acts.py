@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from ..errors import printable
 from ..knowledge.canonical import time_text
 from . import common as c
@@ -44,10 +42,9 @@ def acts(
 
     Steps of plans that were not started are omitted.
     """
-    if outcome is not None and outcome not in OUTCOMES:
-        hint = f"{outcome!r}: expected one of {', '.join(OUTCOMES)}"
-        raise typer.BadParameter(hint, param_hint="--outcome")
-    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    if outcome is not None:
+        c.require_word(outcome, OUTCOMES, "--outcome")
+    first, last = c.parse_range(since, until)
     given: Any = {"action": action, "object": object_, "outcome": outcome, "actor": actor}
     with c.open_to_read(url, kb) as (name, knowledge_base):
         found = knowledge_base.executions.get_all(since=first, until=last, limit=limit, **given)
@@ -80,10 +77,8 @@ def statistics(
     The success rate, with its 95 % interval (Wilson), covers executions that succeeded or failed.
     """
     for word in by or ():
-        if word not in _GROUPINGS:
-            hint = f"{word!r}: expected one of {', '.join(_GROUPINGS)}"
-            raise typer.BadParameter(hint, param_hint="--by")
-    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+        c.require_word(word, _GROUPINGS, "--by")
+    first, last = c.parse_range(since, until)
     given: Any = {"by": by or ["action"], "actor": actor, "limit": limit}
     with c.open_to_read(url, kb) as (name, knowledge_base):
         groups = knowledge_base.statistics(since=first, until=last, **given)

@@ -234,7 +234,7 @@ def when(
     """
     url, (condition,) = _CONDITION.split(words)
     fixed = c.parse_fixed(fix)
-    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    first, last = c.parse_range(since, until)
     with c.open_state(url, kb, at) as (_, state):
         given = {"clock": clock, **fixed}
         periods = state.when(condition, since=first, until=last, parameters=parameters, **given)
@@ -298,10 +298,12 @@ def rules(
     """
     url, given = _RULES.split(words)
     source = next(map(rules_source, given), None)
+    if refuse and save is None:
+        raise typer.BadParameter("goes with --save", param_hint="--refuse")
     if save is not None or delete is not None:
         with c.open_to_read(url, kb, actor) as (_, knowledge_base):
             return _change_kept(knowledge_base, save, delete, source, refuse)
-    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    first, last = c.parse_range(since, until)
     with c.open_state(url, kb, at) as (name, state):
         if kept:
             found = state.rules.standing()

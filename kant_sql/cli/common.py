@@ -179,7 +179,7 @@ Fixed = Annotated[
     ),
 ]
 # Names of arguments that are not variables.
-_RESERVED = frozenset({"limit", "name", "parameters", "since", "until"})
+_RESERVED = frozenset({"clock", "limit", "name", "parameters", "since", "until"})
 
 
 def parse_fixed(pairs: Sequence[str] | None) -> dict[str, str]:
@@ -216,6 +216,20 @@ def parse_optional(text: str | None, hint: str) -> int | datetime | None:
 def parse_state(text: str | None, hint: str = "--at") -> int | datetime | None:
     """Parse a revision's number or a time; None for the present."""
     return None if text is None or is_now(text) else parse_when(text, hint)
+
+
+def parse_range(
+    since: str | None, until: str | None
+) -> tuple[int | datetime | None, int | datetime | None]:
+    """Parse the first and the last moment of a range; None for an end that is open."""
+    return parse_optional(since, "--since"), parse_state(until, "--until")
+
+
+def require_word(given: str, words: Sequence[str], hint: str) -> None:
+    """Refuse a word that is not one of some."""
+    if given not in words:
+        expected = f"{given!r}: expected one of {', '.join(words)}"
+        raise typer.BadParameter(expected, param_hint=hint)
 
 
 _NAMES_SHOWN = 20

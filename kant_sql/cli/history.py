@@ -107,7 +107,7 @@ def log(
     as_json: Annotated[bool, c.json_lines("revision")] = False,
 ) -> None:
     """Show the revisions, newest first: when, who, why and what."""
-    first, last = c.parse_optional(since, "--since"), c.parse_state(until, "--until")
+    first, last = c.parse_range(since, until)
     with c.open_to_read(url, kb) as (name, knowledge_base):
         found = knowledge_base.log(
             since=first, until=last, actor=actor, element=element, limit=limit
@@ -183,8 +183,9 @@ def corrections(
     as_json: Annotated[bool, c.json_lines("correction")] = False,
 ) -> None:
     """Show sayings that differ from earlier beliefs of that time."""
+    first, last = c.parse_range(since, until)
     with c.open_state(url, kb, None) as (_, state):
-        found = state.corrections(since=since, until=until, limit=limit)
+        found = state.corrections(since=first, until=last, limit=limit)
         write_each(found, as_json, _write_correction)
 
 

@@ -92,7 +92,8 @@ def plan(
         raise typer.BadParameter("these go with --record", param_hint="--actor and --reason")
     if costs not in (None, "history"):
         raise typer.BadParameter(f"{costs!r}: expected history", param_hint="--costs")
-    if read is not None and (engine or best or costs or (timeout or memory) is not None or strict):
+    of_planning = engine, best, costs, timeout is not None, memory is not None, strict
+    if read is not None and any(of_planning):
         hint = "--engine, --best, --costs, --timeout, --memory and --strict"
         raise typer.BadParameter("these do not go with --read", param_hint=hint)
     with c.open_state(url, kb, at) as (name, state):

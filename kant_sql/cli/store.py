@@ -451,11 +451,8 @@ def _plugged_format(format: str) -> PluggedFormat | None:
         return None
     from ..export import PLUGGED_FORMATS
 
-    found = PLUGGED_FORMATS.get(format)
-    if found is None:
-        known = ", ".join((*_FORMATS, *PLUGGED_FORMATS.names()))
-        raise typer.BadParameter(f"{format!r}: expected one of {known}", param_hint="--format")
-    return found
+    c.require_word(format, (*_FORMATS, *PLUGGED_FORMATS.names()), "--format")
+    return PLUGGED_FORMATS.get(format)
 
 
 def _write_exported(printer: Printer, done: Exported) -> None:

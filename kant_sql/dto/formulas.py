@@ -502,6 +502,8 @@ DURATION, TOTAL_TIME, TOTAL_COST = "duration", "total-time", "total-cost"
 AT_START, OVER_ALL, AT_END = "at start", "over all", "at end"
 TIMES = (AT_START, OVER_ALL, AT_END)
 COMPARISONS = ("<", "<=", "=", ">=", ">")
+# How each compares its right side with its left one.
+MIRRORED = dict(zip(COMPARISONS, reversed(COMPARISONS), strict=True))
 ARITHMETIC = ("+", "-", "*", "/")
 COUNTS = ("at-most-one", "exactly-one")
 ASSIGNMENTS = ("assign", "increase", "decrease", "scale-up", "scale-down")

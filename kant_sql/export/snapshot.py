@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..arguments import optional_text, shown
 from ..errors import InvalidArgumentError, KantSqlError
-from ..history.moments import MICROSECOND, check_number, check_zone, clamped
+from ..history.moments import MICROSECOND, check_number, check_zone, clamped, just_before
 from ..history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
@@ -77,8 +77,7 @@ class StoreSnapshot:
             return None
         low, high, kb_id = 1, state.revision, self.ids[state.name]
         if isinstance(since, datetime):
-            before = max(clamped(since), FIRST_MOMENT + MICROSECOND) - MICROSECOND
-            low = self._revision_at(kb_id, before) + 1
+            low = self._revision_at(kb_id, just_before(since)) + 1
         elif since is not None:
             low = max(1, check_number(state.name, since, state.revision))
         if isinstance(until, datetime):

@@ -213,15 +213,16 @@ def _valid_differences(
 ) -> tuple[list[Change], tuple[ValidRange, bool]]:
     """Read the changes from one time to another; the flag says whether there are more."""
     times = valid_times(state, (a, b))
-    begin, end = sorted(times)
+    begin, end = sorted(map(clamped, times))
     # What changes at the earlier time is true then.
-    span = find_valid_range(state, min(begin + MICROSECOND, end), end)
+    after = begin if begin == end else begin + MICROSECOND
+    span = find_valid_range(state, after, end)
     if begin == end:
         return [], (span, False)
 
     def work(session: Session, kb_id: int) -> tuple[set[_Line], bool]:
         ends = (end, span.high), (begin, span.before)
-        views = [ValidTime(clamped(time), span.known, at) for time, at in ends]
+        views = [ValidTime(time, span.known, at) for time, at in ends]
         archived = read_position(session, kb_id).archived
         refuse_archived(session, kb_id, views[-1].oldest, archived)
         lines, is_cut = _valid_lines(session, kb_id, views, most)
@@ -234,7 +235,7 @@ def _valid_differences(
 
     nothing: tuple[set[_Line], bool] = set(), False
     lines, is_cut = state.store.query_known(work, nothing)
-    signs = (ASSERTED, RETRACTED) if begin == times[0] else (RETRACTED, ASSERTED)
+    signs = (ASSERTED, RETRACTED) if times[0] <= times[1] else (RETRACTED, ASSERTED)
     return sorted(Change(signs[side], *line) for side, *line in lines), (span, is_cut)
 
 

@@ -182,7 +182,7 @@ def past_state(state: State, when: When | None, known: When | None, valid: When 
         )
     asked = "now" if known is None else known, moment
     (last, committed), head = states_at(base, asked)
-    true = ValidTime(moment, last, min(last, committed))
+    true = ValidTime(clamped(moment), last, min(last, committed))
     if true.oldest < head.archived:
         refuse_archived_revision(store, true.oldest)
     return State(ValidStore(store, true), last)
@@ -205,7 +205,11 @@ def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     refuse_valid(state, "this")
     store = state.store
     since, until = read_when(since), None if is_now(until) else read_when(until)
-    after = _moment_before(since)
+    after = None
+    if isinstance(since, datetime):
+        check_zone(since)
+        # Nothing was committed between this time and the one before.
+        after = just_before(since)
     moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
     head, found = HeadPosition(redefined=LARGEST), list[int]()
     if state.at is None or moments:
@@ -271,6 +275,11 @@ def clamped(moment: datetime) -> datetime:
     return min(max(moment, FIRST_MOMENT), LAST_MOMENT).astimezone(UTC)
 
 
+def just_before(moment: datetime) -> datetime:
+    """Return the time a microsecond before another one; times have no smaller parts."""
+    return max(clamped(moment), FIRST_MOMENT + MICROSECOND) - MICROSECOND
+
+
 def _refuse_reversed(since: Moment | None, until: Moment | None, bounds: Bounds) -> None:
     """Refuse a range that ends before it begins; between two times there may be no revision."""
     if since is None or until is None:
@@ -287,12 +296,3 @@ def _refuse_reversed(since: Moment | None, until: Moment | None, bounds: Bounds)
             f"the range ends before it begins: since {shown[0]} is after until {shown[1]}; "
             "swap them"
         )
-
-
-def _moment_before(since: Moment | None) -> datetime | None:
-    """Return the last moment before a range; None without one."""
-    if not isinstance(since, datetime):
-        return None
-    check_zone(since)
-    # Times have microseconds: nothing was committed between this one and the one before.
-    return since - MICROSECOND if since > FIRST_MOMENT else None

@@ -88,8 +88,7 @@ class ConditionReader(FormulaReader):
         if self.tokens[self.at + 1] == "=" or self.tokens[self.at] != "(":
             return self.whole(0)
         fluent = self._fluent()
-        if self.tokens[self.at]:
-            self.fail("the end of the text after one function")
+        _refuse_more(self, "one function")
         return fluent
 
     def _named_term(self) -> Entity:
@@ -204,10 +203,10 @@ def read_goal(text: str, *, symbols: SymbolTable) -> f.Formula:
     return ConditionReader(symbols, text, "the goal", "()").whole(PREFERENCES)
 
 
-def _refuse_more(reader: Cursor) -> None:
-    """Refuse a text that goes on."""
+def _refuse_more(reader: Cursor, read: str | None = None) -> None:
+    """Refuse a text that goes on after what was read."""
     if reader.tokens[reader.at]:
-        reader.fail(f"the end of the text after {reader.nesting}")
+        reader.fail(f"the end of the text after {read or reader.nesting}")
 
 
 def read_metric(text: str, *, symbols: SymbolTable) -> f.Metric:
@@ -304,8 +303,7 @@ def read_step(
             reader.fail("an object, or ')' after the arguments")
         arguments.append(str(reader.term()[0]))
     reader.at += 1
-    if reader.tokens[reader.at]:
-        reader.fail("the end of the text after one step")
+    _refuse_more(reader, "one step")
     return found, tuple(arguments)
 
 
@@ -394,8 +392,7 @@ def read_action(text: str, *, symbols: SymbolTable | None = None) -> PddlActionD
         reader.fail(f"one of {', '.join(ACTIONS)}{hint(keyword, list(ACTIONS))}", at=1)
     _refuse_unclosed(reader)
     action, _ = reader.action(_section(text, keyword.lower()))
-    if reader.tokens[reader.at]:
-        reader.fail("the end of the text after one action")
+    _refuse_more(reader, "one action")
     dto = CLASSES.get(action.kind, PddlActionDto)(action.name)
     dto.parameters = [PddlObjectDto(_type_dto(each.types), each.name) for each in action.parameters]
     dto.conditions, dto.effects = list(action.condition), list(action.effect)
@@ -411,12 +408,13 @@ def _parameters(parameters: Iterable[f.TypedName]) -> _Parameters:
     }
 
 
-def text_of(given: object, example: str) -> str:
-    """Return the text of a formula given as text or as a node."""
+def text_of(given: object) -> str:
+    """Return the text of a condition given as text or as a node."""
     if isinstance(given, str):
         return given
     if isinstance(given, f.Node):
         return str(given)
     raise InvalidKnowledgeError(
-        f"{type(given).__name__} is not a formula; give PDDL text such as '{example}', or a node"
+        f"{type(given).__name__} is not a formula; give PDDL text such as '(robot_at ?r kitchen)', "
+        "or a node"
     )

@@ -72,8 +72,12 @@ def _needs_numbers(domain: pddl.Domain, problem: pddl.Problem | None) -> bool:
 
 
 def _measures(metric: f.Metric | None) -> bool:
-    fluents = [node for node in f.walk(metric) if isinstance(node, f.Fluent)] if metric else []
-    return any(fold(fluent.function) != f.TOTAL_TIME for fluent in fluents)
+    return metric is not None and not functions_in(metric) <= {f.TOTAL_TIME}
+
+
+def functions_in(*nodes: f.Node) -> set[str]:
+    """Return the folded names of the functions that nodes mention."""
+    return {fold(node.function) for node in f.walk(*nodes) if isinstance(node, f.Fluent)}
 
 
 def is_function(node: f.Node, *names: str) -> bool:

@@ -12,7 +12,7 @@ from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge.grounding import rebuilt
 from ..pddl import document as pddl
-from ..pddl.requirements import used_requirements
+from ..pddl.requirements import functions_in, used_requirements
 from .names import declared, number, unused_name
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
@@ -190,8 +190,7 @@ def _kept(effects: Iterable[f.Formula], free: frozenset[str]) -> Iterator[f.Form
 def _pruned(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Domain, pddl.Problem]:
     """Leave out the numeric functions that nothing mentions."""
     nodes = [*pddl.formulas(domain, problem), *problem.timed]
-    mentioned = {fold(n.function) for n in f.walk(*nodes) if isinstance(n, f.Fluent)}
-    mentioned |= {fold(one.name) for one in domain.functions if one.types}
+    mentioned = functions_in(*nodes) | {fold(one.name) for one in domain.functions if one.types}
     functions = tuple(one for one in domain.functions if fold(one.name) in mentioned)
     values = tuple(one for one in problem.values if fold(one.fluent.function) in mentioned)
     return replace(domain, functions=functions), replace(problem, values=values)
@@ -251,8 +250,7 @@ def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
         node = pending.pop()
         if isinstance(node, f.Assign):
             pending.extend(node.fluent.terms)
-            names = {fold(one.function) for one in f.walk(node.value) if isinstance(one, f.Fluent)}
-            sources.setdefault(fold(node.fluent.function), set()).update(names)
+            sources.setdefault(fold(node.fluent.function), set()).update(functions_in(node.value))
             continue
         if isinstance(node, f.Fluent):
             read.add(fold(node.function))

@@ -11,7 +11,7 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
-from ..pddl.requirements import is_function
+from ..pddl.requirements import functions_in, is_function
 from ..plugins import Plugins
 
 
@@ -103,7 +103,7 @@ def _adds_up(action: Action, static: frozenset[str]) -> bool:
             if _mentions(effect):
                 return False
             continue
-        functions = {fold(n.function) for n in f.walk(effect.value) if isinstance(n, f.Fluent)}
+        functions = functions_in(effect.value)
         if effect.operator != "increase" or f.TOTAL_COST in functions:
             return False
         if action.kind == DURATIVE_ACTION and not functions <= static:

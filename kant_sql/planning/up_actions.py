@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..pddl.document import ACTION, DURATIVE_ACTION, EVENT, PROCESS, Action
+from ..pddl.requirements import functions_in
 from .names import ACTION_CLASSES
 from .up_formulas import Bindings, ConversionContext, UpConverter, UpFormulas, UpPreferences
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from unified_planning.model import DurationInterval, DurativeAction, FNode, Timing, Transition
     from unified_planning.model import Variable as UpVariable
     from unified_planning.model.types import Type
-
-
-_FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">=": "<=", ">": "<"}
 
 
 class UpDurations(UpConverter):
@@ -78,7 +76,7 @@ class UpDurations(UpConverter):
                     yield from self._bounds([inner], when)
                 case f.Comparison(operator, left, right):
                     if not _is_duration(left):
-                        operator, left, right = _FLIPPED[operator], right, left
+                        operator, left, right = f.MIRRORED[operator], right, left
                     if not _is_duration(left) or any(map(_is_duration, f.walk(right))):
                         raise self._unsupported(constraint, "it is not a bound of ?duration")
                     if time == f.AT_END and not self.is_static(right):
@@ -90,8 +88,7 @@ class UpDurations(UpConverter):
 
     def is_static(self, node: f.Expression) -> bool:
         """Return whether the state has no part in the value of a duration."""
-        fluents = (part for part in f.walk(node) if isinstance(part, f.Fluent))
-        return all(fold(fluent.function) in self._context.static for fluent in fluents)
+        return functions_in(node) <= self._context.static
 
     def _tightest(self, bounds: list[tuple[FNode, bool]], sign: int) -> tuple[FNode, bool]:
         distinct = list(dict.fromkeys(bounds))

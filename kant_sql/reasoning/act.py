@@ -56,7 +56,7 @@ def applicable_actions(
     """Find the steps that can be executed in this state.
 
     Each action takes one statement, when its first step is needed. A durative step is one that
-    `start` starts: see `is_applicable`. A step whose duration has to be chosen is left out,
+    `start` starts: see `why_not`. A step whose duration has to be chosen is left out,
     and so are actions with continuous change that is not linear. Preferences do not count.
 
     Args:

@@ -13,7 +13,7 @@ An effect on a fluent without a value is undefined, except `assign`, and fails.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
@@ -27,13 +27,12 @@ from ..knowledge.grounding import Binding, bound, substitute
 from ..knowledge.rules import rules_of
 from ..pddl.cursor import hint
 from ..pddl.document import Action
-from .arithmetic import CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
+from .arithmetic import ADDITIVE, CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
 from .evaluate import Compiler, Env, Rows, Search
 from .failures import FailedCondition, duration_failure, failed_parts
+from .reads import Reading, read_by
 from .steps import CONTINUOUS, EffectItem, PreparedAction
-from .world import FluentRow, Head, Row, World
-
-_ADDITIVE = ("increase", "decrease")
+from .world import FluentRow, Row, World
 
 
 class Update(NamedTuple):
@@ -269,10 +268,6 @@ class Schema:
         return None
 
 
-# What an argument may be: one object, or some.
-_Pattern = tuple[frozenset[int], ...]
-
-
 @dataclass(eq=False)
 class Snap:
     """A ground action at one of its times."""
@@ -321,20 +316,27 @@ class Snap:
                 self.world.text((False, function), row), "two effects of the action change it"
             )
             for (function, row), updates in self.changes.updates.items()
-            if len(updates) > 1 and any(one.operator not in _ADDITIVE for one in updates)
+            if len(updates) > 1 and any(one.operator not in ADDITIVE for one in updates)
         ]
 
-    def reads(self) -> list[tuple[Head, _Pattern]]:
-        """Return the facts and fluents that it reads."""
-        parameters = [each.slot for each in self.schema.action.parameters]
-        objects = {
-            slot: frozenset((id_,)) for slot, id_ in zip(parameters, self.arguments, strict=True)
+    def reads(self) -> list[Reading[frozenset[int]]]:
+        """Return the facts and fluents that it reads, each argument as a set of objects."""
+        world, parameters = self.world, self.schema.action.parameters
+        given = {
+            each.slot: frozenset((id_,))
+            for each, id_ in zip(parameters, self.arguments, strict=True)
         }
-        return [*_patterns(self.world, self.phase.reads, objects)]
+        return read_by(
+            rules_of(world.definitions),
+            self.phase.reads,
+            given,
+            lambda id_: frozenset((id_,)),
+            lambda each: world.members(each.types),
+        )
 
 
 def interference(
-    world: World, mine: Changes, reads: Sequence[tuple[Head, _Pattern]], others: Changes
+    world: World, mine: Changes, reads: Sequence[Reading[frozenset[int]]], others: Changes
 ) -> FailedCondition | None:
     """Return what others change at the same time that this action reads or changes."""
 
@@ -349,55 +351,20 @@ def interference(
         return about([(True, fact) for fact in facts], reason)
     for fluent, updates in mine.updates.items():
         both = [*updates, *others.updates.get(fluent, ())]
-        if fluent in others.updates and any(one.operator not in _ADDITIVE for one in both):
+        if fluent in others.updates and any(one.operator not in ADDITIVE for one in both):
             return about([(False, fluent)], "two actions at the same time change it")
     changed = [(True, fact) for fact in others.adds | others.deletes]
     changed += [(False, fluent) for fluent in others.updates]
-    for head, pattern in reads:
+    for *head, pattern in reads:
         found = [
             (is_fact, (id_, row))
             for is_fact, (id_, row) in changed
-            if (is_fact, id_) == head and _matches(row, pattern)
+            if [is_fact, id_] == head
+            and all(own is None or one in own for one, own in zip(row, pattern, strict=True))
         ]
         if found:
             return about(found, "an action reads it at the same time as another changes it")
     return None
-
-
-def _matches(row: Row, pattern: _Pattern) -> bool:
-    return all(id_ in objects for id_, objects in zip(row, pattern, strict=True))
-
-
-def _patterns(
-    world: World, parts: Sequence[r.Part | r.Quantity], objects: Mapping[r.Slot, frozenset[int]]
-) -> Iterator[tuple[Head, _Pattern]]:
-    """Yield what parts read: what it is about, with the objects that each argument may be."""
-    rules, everything = rules_of(world.definitions), world.members(())
-    derived: set[tuple[int, _Pattern]] = set()
-    stack: list[tuple[Any, dict[r.Slot, frozenset[int]]]] = [(one, dict(objects)) for one in parts]
-    while stack:
-        whole, known = stack.pop()
-        # A witness comes before what it is about.
-        for part in r.parts_of(whole):
-            if isinstance(part, r.Witness):
-                known.update((each.slot, world.members(each.types)) for each in part.bound)
-            if not isinstance(part, r.HoldsFact | r.FluentIs | r.NumberOf):
-                continue
-            pattern = tuple(
-                [
-                    frozenset((one.id,)) if isinstance(one, r.Known) else known.get(one, everything)
-                    for one in part.terms
-                ]
-            )
-            if not isinstance(part, r.HoldsFact):
-                yield (False, part.function), pattern
-                continue
-            yield (True, part.predicate), pattern
-            if (part.predicate, pattern) not in derived:
-                derived.add((part.predicate, pattern))
-                for rule in rules.of(part.predicate):
-                    slots = [each.slot for each in rule.parameters]
-                    stack.append((rule.body, dict(zip(slots, pattern, strict=True))))
 
 
 def apply_changes(world: World, changes: Sequence[Changes]) -> None:

@@ -19,6 +19,7 @@ from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRules, rules_of
 from .arithmetic import CHANGES
+from .reads import head_of, heads_of
 from .steps import EffectItem
 from .world import Head
 
@@ -59,30 +60,6 @@ def with_numbers(part: r.Compares, values: Mapping[r.Quantity, r.Quantity]) -> r
     """Replace numbers within a comparison."""
     left, right = (with_quantities(side, values) for side in (part.left, part.right))
     return r.Compares(part.operator, left, right)
-
-
-def heads_of(rules: DerivationRules, *parts: r.Part | r.Quantity) -> set[Head]:
-    """Return what parts depend on, through rules, too."""
-    found: set[Head] = set()
-    pending: list[r.Part | r.Quantity] = list(parts)
-    while pending:
-        for each in r.parts_of(pending.pop()):
-            head = head_of(each)
-            if head is not None and head not in found:
-                found.add(head)
-                if head[0]:
-                    pending += [rule.body for rule in rules.of(head[1])]
-    return found
-
-
-def head_of(part: r.Part | r.Quantity) -> Head | None:
-    """Return what a part without parts, or a number, is about."""
-    match part:
-        case r.HoldsFact(predicate, _):
-            return True, predicate
-        case r.FluentIs(function, _, _) | r.NumberOf(function, _):
-            return False, function
-    return None
 
 
 class After:

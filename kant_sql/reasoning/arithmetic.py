@@ -22,6 +22,8 @@ Exact = Decimal | Fraction
 
 # What an effect does to the value of a fluent, as an operator of arithmetic.
 CHANGES = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
+# Changes of one of these kinds commute.
+ADDITIVE, SCALING = {"increase", "decrease"}, {"scale-up", "scale-down"}
 
 
 def _operations(context: Context) -> dict[str, Callable[[Any, Any], Decimal]]:

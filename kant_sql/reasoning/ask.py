@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _ATOM = re.compile(r"\s*\(\s*[a-z][\w-]*(?:\s+[a-z][\w-]*)*\s*\)\s*", re.ASCII | re.IGNORECASE)
 Binding = str | PddlObjectDto
-EXAMPLE = "(robot_at ?r kitchen)"
 # How many prepared conditions a snapshot of definitions keeps, and rows that `str` shows.
 KEPT, SHOWN = 512, 20
 
@@ -138,7 +137,7 @@ def prepare(
     bindings: Mapping[str, Binding],
 ) -> Prepared:
     """Read and resolve a condition, or find it among those of the snapshot."""
-    text = condition if isinstance(condition, str) else text_of(condition, EXAMPLE)
+    text = condition if isinstance(condition, str) else text_of(condition)
     if parameters is not None:
         expect(parameters, str, "the parameters", InvalidArgumentError)
     key = (text, parameters, *sorted(bindings))
@@ -286,7 +285,7 @@ def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | Non
     seen = _seen(definitions, condition)
     if seen[0] is not None:
         return seen
-    text = text_of(condition, EXAMPLE)
+    text = text_of(condition)
     formula = read_condition(text, symbols=symbols_of(definitions)).formula
     is_negative = isinstance(formula, f.Not)
     atom = formula.formula if isinstance(formula, f.Not) else formula

@@ -35,10 +35,10 @@ from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, Key, read_out
 from ..sql.rows import FACT, VALUE
 from ..store.snapshot import View, read_position
 from ..store.state import State
-from .after import head_of
 from .derived import world_of
+from .reads import Reading, head_of, read_by
 from .steps import PreparedAction, prepared
-from .uses import Literal, Pattern, Uses, depends_on, parts_used, users_of
+from .uses import Literal, Uses, parts_used, users_of
 from .world import Head, Row, World
 
 # Versions of the element in question that are followed, and derived facts that are looked at.
@@ -178,7 +178,6 @@ class _RuleJob(NamedTuple):
 
 
 _Job = _ActJob | _FactJob
-_Used = list[tuple[r.Part, list[_Dated]]]
 
 
 class _Evaluation:
@@ -192,15 +191,15 @@ class _Evaluation:
         # Since when the definitions of the view are as they are.
         self._epoch: int | None = None
 
-    def run(self, jobs: Sequence[_Job]) -> list[_Used]:
-        """Return for each job what each of its parts used, with the texts of literals."""
-        found: list[list[tuple[r.Part, list[Literal]]]] = [[] for _ in jobs]
+    def run(self, jobs: Sequence[_Job]) -> list[list[_Dated]]:
+        """Return the literals that each job used."""
+        found: list[list[Literal]] = [[] for _ in jobs]
         texts: dict[Literal, str] = {}
         for world, uses, place in self._in_states(jobs):
             for asked in jobs[place].asked(world):
-                own = list(dict.fromkeys(uses.of(*asked)))
+                own = dict.fromkeys(uses.of(*asked))
                 texts |= {one: _text(world, one) for one in own if one not in texts}
-                found[place].append((asked.part, own))
+                found[place] += own
         return self._dated(jobs, found, texts)
 
     def derived(self, jobs: Sequence[_RuleJob]) -> Iterator[tuple[str, str]]:
@@ -252,7 +251,7 @@ class _Evaluation:
             yield definitions, own
             rest = rest[len(own) :]
 
-    def _states(self, wanted: set[tuple[Pattern, int]]) -> dict[int, list[Any]]:
+    def _states(self, wanted: set[tuple[Reading[int], int]]) -> dict[int, list[Any]]:
         """Read what held at each revision, of what is depended on."""
         states: defaultdict[int, list[Any]] = defaultdict(list)
         atoms: Any = [one for one in wanted if None not in one[0][2]]
@@ -264,17 +263,11 @@ class _Evaluation:
         return states
 
     def _dated(
-        self,
-        jobs: Sequence[_Job],
-        found: list[list[tuple[r.Part, list[Literal]]]],
-        texts: dict[Literal, str],
-    ) -> list[_Used]:
-        """Add since when literals were so."""
-        wanted = {
-            (one[:3], job.at) for job, own in zip(jobs, found, strict=True)
-            for _, literals in own for one in literals
-        }  # fmt: skip
-        versions = self._reader.versions(wanted)
+        self, jobs: Sequence[_Job], found: list[list[Literal]], texts: dict[Literal, str]
+    ) -> list[list[_Dated]]:
+        """Add since when literals were so, and their texts."""
+        pairs = [*zip(jobs, found, strict=True)]
+        versions = self._reader.versions({(one[:3], job.at) for job, own in pairs for one in own})
 
         def dated(literal: Literal, at: int) -> _Dated:
             last = versions.get((literal[:3], at))
@@ -285,13 +278,10 @@ class _Evaluation:
                 since = since if holds == literal.holds else 0
             return _Dated(literal, since, at, texts[literal])
 
-        return [
-            [(part, [dated(one, job.at) for one in literals]) for part, literals in own]
-            for job, own in zip(jobs, found, strict=True)
-        ]
+        return [[dated(one, job.at) for one in own] for job, own in pairs]
 
 
-def _patterns(world: World, job: _Job | _RuleJob) -> set[Pattern]:
+def _patterns(world: World, job: _Job | _RuleJob) -> set[Reading[int]]:
     """Return what a job depends on."""
     if isinstance(job, _RuleJob):
         parts = [one for some in users_of(world.definitions, job.literal).values() for one in some]
@@ -301,7 +291,7 @@ def _patterns(world: World, job: _Job | _RuleJob) -> set[Pattern]:
             for one in job.asked(world)
         ]
     rules = rules_of(world.definitions)
-    return {one for part, given in parts for one in depends_on(rules, part, given)}
+    return {one for part, given in parts for one in read_by(rules, [part], given)}
 
 
 def with_state(world: World, state: Iterable[Any]) -> None:
@@ -310,11 +300,8 @@ def with_state(world: World, state: Iterable[Any]) -> None:
         world.remove(*fact)
     for fluent in world.values():
         world.set(*fluent, None)
-    for (is_fact, owner, row), value in state:
-        if is_fact:
-            world.add(owner, row)
-        else:
-            world.set(owner, row, value if isinstance(value, int) else Decimal(str(value)))
+    for atom, value in state:
+        world.change(atom, value)
 
 
 def _text(world: World, literal: Literal) -> str:
@@ -469,8 +456,7 @@ class _Tracer:
             jobs += [(key, _ActJob(acts[key], time, at)) for time in TIMES]
         ready = {(one.literal, one.since) for one in targets}
         used: _Texts = defaultdict(dict)
-        for (owner, _), parts in zip(jobs, self._run(jobs), strict=True):
-            own = [one for _, literals in parts for one in literals]
+        for (owner, _), own in zip(jobs, self._run(jobs), strict=True):
             texts = dict.fromkeys(one.text for one in own if (one.literal, one.since) in ready)
             if texts:
                 used[owner].update(texts)
@@ -581,10 +567,9 @@ class _Tracer:
         ]
         jobs += [(one, _FactJob(one.literal, one.at)) for one in level if not one.since]
         used: defaultdict[Any, list[_Dated]] = defaultdict(list)
-        for (owner, job), parts in zip(jobs, self._run(jobs), strict=True):
-            for _, literals in parts:
-                # The first literal of a fact is that fact.
-                used[owner] += literals[isinstance(job, _FactJob) :]
+        for (owner, job), own in zip(jobs, self._run(jobs), strict=True):
+            # The first literal of a fact is that fact.
+            used[owner] += own[isinstance(job, _FactJob) :]
         found = _Links()
         for number in made.keys() - {number for number, _ in acted} - {0}:
             kind = "document" if number in loaded else "observation"
@@ -601,7 +586,7 @@ class _Tracer:
         self._add(found)
         return [one for own in used.values() for one in own]
 
-    def _run(self, jobs: list[tuple[Any, _Job]]) -> list[_Used]:
+    def _run(self, jobs: list[tuple[Any, _Job]]) -> list[list[_Dated]]:
         return self._evaluation.run([job for _, job in jobs])
 
 
@@ -709,8 +694,8 @@ def literals_used(state: State, executions: Sequence[Execution]) -> list[list[tu
         found: list[list[tuple[str, int]]] = [[] for _ in executions]
         head = read_position(view.session, view.kb_id).head
         used = _Evaluation(view, head).run([job for _, job in jobs]) if jobs else []
-        for (place, _), parts in zip(jobs, used, strict=True):
-            found[place] += [(one.text, one.since) for _, literals in parts for one in literals]
+        for (place, _), own in zip(jobs, used, strict=True):
+            found[place] += [(one.text, one.since) for one in own]
         return found
 
     return state.store.read_in_snapshot(work, state.at)

@@ -12,8 +12,8 @@ from ..knowledge.definitions import Definitions
 from ..knowledge.resolved import Bound, HoldsFact, Part, closure
 from ..knowledge.rules import DerivationRule, mentioned, rules_of
 from ..pddl.document import Domain, Problem
-from .after import heads_of
 from .evaluate import Compiler, alternatives
+from .reads import heads_of
 from .world import Relation, Row, World, definitions_of, fill
 
 

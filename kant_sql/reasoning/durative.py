@@ -197,16 +197,8 @@ def _record(
     """Record a step of no plan."""
     given = (numbers or {}).get(f.DURATION, step.duration)
     duration = given if step.action.is_durative else None
-    action = transaction.definitions.current().actions.named(step.action.name)
-    assert action is not None
-    made = ExecutionDefinition(
-        None,
-        None if duration is None else number_text(duration),
-        action.id,
-        None,
-        step.ids,
-        str(step),
-    )
+    lasts = None if duration is None else number_text(duration)
+    made = ExecutionDefinition(None, lasts, step.action.id, None, step.ids, str(step))
     said = () if message is None else (None, message)
     return transaction.executions.record(made, outcome, *said)
 

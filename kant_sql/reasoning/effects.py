@@ -23,15 +23,11 @@ from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .after import ground_item
-from .arithmetic import CHANGES, EXACT, Exact, decimal_of
+from .arithmetic import ADDITIVE, CHANGES, EXACT, SCALING, Exact, decimal_of
 from .ask import given_numbers, question, statement_key
 from .explain import decimals, exact, read_numbers
 from .failures import FailedCondition
 from .steps import EffectItem, GroundStep
-
-# Changes of these commute; a set has one of them.
-_GROUPS = ({"increase", "decrease"}, {"scale-up", "scale-down"})
-
 
 # For which objects the earlier condition of each effect held.
 Earlier = Mapping[int, set[tuple[Any, ...]]]
@@ -110,6 +106,7 @@ class EffectReader:
         }
 
     def _run(self, item: EffectItem, which: str) -> list[Any]:
+        """Return for which objects, and with which numbers, a condition of an effect holds."""
         condition, bound, numbers = item.condition, item.bound, item.numbers
         if which == "earlier":
             condition, numbers = item.earlier, []
@@ -117,14 +114,13 @@ class EffectReader:
             condition, bound, numbers = item.lacking, item.around, []
         given = {**self.step.values, **given_numbers(self.numbers)}
         rows = self._asked((which, id(item)), condition, bound, numbers, given)
-        # Without columns, a row says that the condition holds.
-        has_columns = item.around if which == "lacking" else item.bound
-        if not (has_columns or (item.numbers and which == "now")):
+        if not (bound or numbers):
+            # Without columns, a row says that the condition holds.
             rows = [()] * len(rows)
         if which == "earlier" or item.earlier == AllOf(()):
             return rows
-        held = {row[: len(has_columns)] for row in self.held[id(item)]}
-        return [row for row in rows if row[: len(has_columns)] in held]
+        held = {row[: len(bound)] for row in self.held[id(item)]}
+        return [row for row in rows if row[: len(bound)] in held]
 
     def _asked(
         self,
@@ -147,13 +143,12 @@ class EffectReader:
     ) -> None:
         ids = self._objects(item.terms, objects)
         arguments = " ".join(map(str, ids))
-        if item.operator in ("add", "delete"):
+        if item.operator == "delete":
+            self._changes.deletes[AtomKey(False, item.head, arguments)] = None
+            return
+        if item.operator == "add":
             predicate = self.view.definitions.predicates.live(item.head)
-            key = AtomKey(False, predicate.id, arguments)
-            if item.operator == "delete":
-                self._changes.deletes[key] = None
-            else:
-                self._changes.adds[key] = self._text(predicate, ids)
+            self._changes.adds[AtomKey(False, item.head, arguments)] = self._text(predicate, ids)
             return
         function = self.view.definitions.functions.live(item.head)
         text = self._text(function, ids)
@@ -262,7 +257,7 @@ def combined(
             return FailedCondition(text, "the step assigns it several values")
         value = values.pop()
         return value if isinstance(value, int) else decimal_of(value)
-    if len(made) > 1 and not any(operators <= group for group in _GROUPS):
+    if len(made) > 1 and not (operators <= ADDITIVE or operators <= SCALING):
         return FailedCondition(text, "the step both adds to it and scales it")
     # The cost of a plan begins at 0, also where the problem does not say so, as VAL has it.
     if before is None and fold(text) != f"({TOTAL_COST})":

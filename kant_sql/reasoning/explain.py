@@ -27,16 +27,7 @@ from ..store.snapshot import View
 from ..store.state import State
 from .after import After, weakened
 from .arithmetic import EXACT, Exact, decimal_of
-from .ask import (
-    EXAMPLE,
-    OF_ANSWERS,
-    OF_TRUTHS,
-    Binding,
-    asked,
-    given_numbers,
-    given_variable,
-    question,
-)
+from .ask import OF_ANSWERS, OF_TRUTHS, Binding, asked, given_numbers, given_variable, question
 from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition, conjuncts
 from .steps import EffectItem, of_time, preferred
 from .sweep import names_of, with_objects
@@ -105,18 +96,10 @@ class Explainer(Explaining):
 
     @override
     def false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
-        # Ground facts are looked up together.
         parts = [self._resolve(node) for node in nodes]
-        groups: dict[int, dict[str, list[int]]] = {}
-        others: list[int] = []
-        for position, part in enumerate(parts):
-            key = self._key(part)
-            if key is None:
-                others.append(position)
-            else:
-                groups.setdefault(key[0], {}).setdefault(key[1], []).append(position)
+        facts, others = self._grouped(parts)
         false: set[int] = set()
-        for predicate, keys in groups.items():
+        for predicate, keys in facts.items():
             statement = self._question().held(predicate, keys)
             held = {row[0] for row in self._view.reader.run(statement, self._numbers)}
             false.update(at for key, places in keys.items() if key not in held for at in places)
@@ -130,6 +113,20 @@ class Explainer(Explaining):
     def _question(self) -> Any:
         rules = None if self._changed is None else self._changed.rules
         return question(self._view, self._numbers, rules)
+
+    def _grouped(
+        self, parts: Iterable[r.Part]
+    ) -> tuple[dict[int, dict[str, list[int]]], list[int]]:
+        """Return the places of ground facts, which are looked up together, and of other parts."""
+        facts: dict[int, dict[str, list[int]]] = {}
+        others = []
+        for place, part in enumerate(parts):
+            key = self._key(part)
+            if key is None:
+                others.append(place)
+            else:
+                facts.setdefault(key[0], {}).setdefault(key[1], []).append(place)
+        return facts, others
 
     def _key(self, part: r.Part) -> tuple[int, str] | None:
         """Return the predicate and the arguments of a ground fact that no rule derives."""
@@ -162,17 +159,13 @@ class Explainer(Explaining):
         self, nodes: Sequence[f.Formula], found: list[FailedCondition]
     ) -> list[FailedCondition]:
         """Add which revision retracted each fact that held before."""
-        keys: dict[int, dict[str, int]] = {}
-        for position, node in enumerate(nodes):
-            key = self._key(self._resolve(node)) if isinstance(node, f.Atom) else None
-            if key is not None:
-                keys.setdefault(key[0], {})[key[1]] = position
+        atoms = (self._resolve(one) if isinstance(one, f.Atom) else r.FALSE for one in nodes)
         ends: dict[int, int] = {}
-        for predicate, of_predicate in keys.items():
-            statement = self._question().ended(predicate, of_predicate)
+        for predicate, keys in self._grouped(atoms)[0].items():
+            statement = self._question().ended(predicate, keys)
             for arguments, until in self._view.reader.run(statement, self._numbers):
                 if until is not None:
-                    ends[of_predicate[arguments]] = until
+                    ends.update((place, until) for place in keys[arguments])
         session, kb_id, numbers = self._view.session, self._view.kb_id, {*ends.values()}
         known = {} if kb_id is None else read_numbered(session, kb_id, numbers)
         for position, until in ends.items():
@@ -327,7 +320,7 @@ def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
 def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) -> f.Formula:
     """Read a condition, with objects for its variables; others are quantified existentially."""
     symbols = symbols_of(view.definitions)
-    read = read_condition(text_of(condition, EXAMPLE), symbols=symbols)
+    read = read_condition(text_of(condition), symbols=symbols)
     if bindings:
         read = with_objects(read, names_of(bindings), symbols)
     return f.Exists(read.free, read.formula) if read.free else read.formula

@@ -72,7 +72,12 @@ def get(state: State, name: str) -> KeptRule | None:
         >>> kb.rules.get("one-place") is None
         True
     """
-    return next((one for one in get_all(state) if one.name.lower() == name.lower()), None)
+
+    def read(definitions: Definitions) -> KeptRule | None:
+        found = definitions.rules.named(name)
+        return None if found is None else kept(definitions, found)
+
+    return state.store.read_definitions(read, state.at)
 
 
 def get_all(state: State) -> list[KeptRule]:

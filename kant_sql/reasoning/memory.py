@@ -27,9 +27,9 @@ from ..store.store import Store
 from .ask import Answers, Binding, Prepared, prepare
 from .effects import StepChanges, objects_of, write
 from .evaluate import Compiler
-from .executing import Durations, StepRun, listed
 from .explain import hard_goals
 from .operators import GroundedTask, Near, Values, changing_heads, task_of
+from .step_run import Durations, StepRun, listed
 from .steps import Step, ground, misfits
 from .sweep import revision_text
 from .world import FluentRow, Row, Value

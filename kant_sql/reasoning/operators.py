@@ -28,13 +28,13 @@ from ..knowledge import resolved as r
 from ..knowledge.definitions import KINDS, Definitions
 from ..knowledge.rules import rules_of
 from ..planning import PlanStep
-from .after import heads_of
 from .arithmetic import CHANGES, EXACT, FEW_DIGITS, NOT_FEW, Exact
 from .derived import world_of
 from .effects import combined
 from .evaluate import Compiler, Env, Search, alternatives
 from .failures import FailedCondition
 from .promise import promise_of
+from .reads import heads_of
 from .steps import EffectItem, PreparedAction, executable, prepared
 from .world import FluentRow, Head, Relation, Row, Value
 

@@ -19,19 +19,20 @@ from ..knowledge import resolved as r
 from ..knowledge.grounding import bound, substitute
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
+from ..sql.relations import ConditionStatement
 from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
-from .after import After, OpaqueError, heads_of, is_linear, mapped, with_numbers
-from .arithmetic import EXACT, Exact
+from .after import After, OpaqueError, is_linear, mapped, with_numbers
+from .arithmetic import ADDITIVE, EXACT, SCALING, Exact
 from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
+from .reads import heads_of
 from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits
 from .world import Head
 
 AFTER_START = "right after the start"
-_ADDITIVE, _SCALING = ("increase", "decrease"), ("scale-up", "scale-down")
 _LASTING = r.Parameter(f.DURATION)
 _HALF = Decimal("0.5")
 Numbers = dict[str, Decimal]
@@ -132,7 +133,7 @@ def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
 def _conflict(action: PreparedAction, one: EffectItem, other: EffectItem) -> r.Part:
     """Return that two effects do not change one fluent in ways that contradict each other."""
     operators = {one.operator, other.operator}
-    is_same_kind = any(operators <= set(group) for group in (_ADDITIVE, _SCALING))
+    is_same_kind = operators <= ADDITIVE or operators <= SCALING
     is_other = one.head != other.head or not operators.isdisjoint(("add", "delete"))
     if is_other or is_same_kind or (one is other and not one.bound):
         return r.TRUE
@@ -174,13 +175,10 @@ def limits_of(action: PreparedAction) -> list[tuple[str, r.Quantity, r.Needed]]:
     for constraint in action.constraints(AT_START):
         operator, side = constraint.operator, constraint.right
         if constraint.right == f.Variable(f.DURATION):
-            operator, side = _MIRRORED[operator], constraint.left
+            operator, side = f.MIRRORED[operator], constraint.left
         limit, needed = action.resolver.number(side)
         found.append((operator, limit, needed))
     return found
-
-
-_MIRRORED = {"=": "=", "<=": ">=", "<": ">", ">=": "<=", ">": "<"}
 
 
 def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
@@ -269,7 +267,7 @@ def _contradictions(
     least: list[tuple[str, Decimal]] = [("0", Decimal(0))]
     most: list[tuple[str, Decimal]] = []
     for closed, is_left, limit in found:
-        operator = closed.operator if is_left else _MIRRORED[closed.operator]
+        operator = closed.operator if is_left else f.MIRRORED[closed.operator]
         assert limit is not None
         (least if operator in (">", ">=") else most).append((str(closed), limit))
     for upper, high in most:
@@ -316,8 +314,12 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
     """Return whether a step can begin, or with a time, whether its conditions of then hold."""
     action = step.action
     key = ("truth", time, *statement_key(view, numbers))
-    part = promise_of(action).part if time is None else action.condition(time)
-    statement = action.kept(key, lambda: question(view, numbers).truths([part], step.places))
+
+    def write() -> ConditionStatement:
+        part = promise_of(action).part if time is None else action.condition(time)
+        return question(view, numbers).truths([part], step.places)
+
+    statement = action.kept(key, write)
     given = {**step.values, **given_numbers(numbers)} if numbers else step.values
     [row] = asked(view, statement, given, OF_TRUTHS)
     return bool(row[GUARDS])

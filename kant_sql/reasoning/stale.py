@@ -18,7 +18,7 @@ from ..pddl.given import read_condition, text_of
 from ..sql.intervals import FIND
 from ..store.snapshot import View
 from ..store.state import State
-from .ask import EXAMPLE, query
+from .ask import query
 
 
 def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
@@ -41,8 +41,7 @@ def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
         >>> kb.stale("(robot_at ?r ?w)", than=60)
         []
     """
-    text = condition if isinstance(condition, str) else text_of(condition, EXAMPLE)
-
+    text = text_of(condition)
     atoms = state.store.read_definitions(lambda known: _needed(known, text), state.at)
     answers = query(state, text)
     names = [f"?{fold(name)}" for name in answers.columns]

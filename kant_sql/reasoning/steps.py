@@ -24,6 +24,7 @@ from ..pddl.document import ACTION, DURATIVE_ACTION, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import Plan, PlanStep
+from .arithmetic import ADDITIVE
 from .failures import FailedCondition
 
 T = TypeVar("T")
@@ -65,7 +66,7 @@ class GroundStep:
     def __str__(self) -> str:
         return f"({' '.join((self.action.name, *self.names))})"
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Any]:
         """The values of the parameters in statements."""
         return {f"b{number}": id_ for number, id_ in enumerate(self.ids)}
@@ -120,9 +121,10 @@ class EffectItem:
 class PreparedAction:
     """An action whose names are resolved: conditions and effects by their times."""
 
-    def __init__(self, definitions: Definitions, node: Action) -> None:
+    def __init__(self, definitions: Definitions, node: Action, id_: int | None = None) -> None:
         self.node = node
         self.definitions = definitions
+        self.id = id_  # that of its definition; None in a document
         self.name = node.name
         self.is_durative = node.kind == DURATIVE_ACTION  # whether it has a duration
         self.variables = node.parameters
@@ -136,9 +138,9 @@ class PreparedAction:
 
     def kept(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what is made of it once, such as a statement."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        found: T = self._kept[key]
+        found: T | None = self._kept.get(key)
+        if found is None:
+            found = self._kept[key] = make()
         return found
 
     @property
@@ -309,7 +311,7 @@ def _is_continuous(node: f.Node) -> bool:
 
 def _check_continuous(action: str, effect: f.Assign, is_conditional: bool) -> None:
     """Refuse a continuous effect that is not an unconditional increase or decrease."""
-    if is_conditional or effect.operator not in ("increase", "decrease"):
+    if is_conditional or effect.operator not in ADDITIVE:
         raise UnsupportedConstructError(
             f"the action {action} has the continuous effect {effect}, which cannot be executed; "
             "only (increase ...) and (decrease ...) without a condition can"
@@ -392,7 +394,7 @@ def prepared(definitions: Definitions, definition: ActionDefinition) -> Prepared
     found: PreparedAction | None = definitions.derived.get(key)
     if found is None:
         node = action_of(definitions, definition)
-        found = definitions.derived[key] = PreparedAction(definitions, node)
+        found = definitions.derived[key] = PreparedAction(definitions, node, definition.id)
     return found
 
 

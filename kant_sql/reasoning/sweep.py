@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from bisect import bisect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from decimal import Decimal
 from itertools import groupby
 from typing import Any, NamedTuple, TypeVar
 
@@ -50,9 +49,6 @@ from .world import World
 _WORD = re.compile(r"[^\s()?]+")
 T = TypeVar("T")
 
-EXAMPLE = "(robot_at rb1 kitchen)"
-
-
 Read = Callable[[SymbolTable], ReadCondition]
 
 
@@ -83,7 +79,7 @@ def ask(
     definitions: Definitions | None = None,
 ) -> PastQuestion:
     """Read a condition with given definitions, or the names of the latest state that has all."""
-    text = text_of(condition, EXAMPLE)
+    text = text_of(condition)
     objects = names_of(bindings)
 
     def whole(symbols: SymbolTable) -> ReadCondition:
@@ -297,7 +293,7 @@ class Sweep:
             self._world = world_of(self._definitions)
             self._last = base
             for touch in state_of(session, kb_id, self._subjects, base) if base else ():
-                self._apply(self._world, touch)
+                self._apply(touch)
         self._following_redefined = iter([one for one in self._redefined if base < one <= high])
         self._next_redefined = next(self._following_redefined, None)
         touches = stream_touches(session, kb_id, self._subjects, base, high)
@@ -338,7 +334,7 @@ class Sweep:
             self._next_redefined = next(self._following_redefined, None)
         if self._next_touched is not None and self._next_touched[0] == revision:
             for touch in self._next_touched[1]:
-                self._apply(self._world, touch)
+                self._apply(touch)
             self._next_touched = next(self._touches, None)
         return Visit(revision, self._world, self._definitions)
 
@@ -350,15 +346,9 @@ class Sweep:
         while self.following is not None:
             yield self.step()
 
-    def _apply(self, world: World, touch: Touch) -> None:
-        row = tuple(touch.objects)
-        if touch.is_fact:
-            (world.remove if touch.is_end else world.add)(touch.owner, row)
-        elif touch.is_end:
-            world.set(touch.owner, row, None)
-        else:
-            value = touch.value
-            world.set(touch.owner, row, value if isinstance(value, int) else Decimal(str(value)))
+    def _apply(self, touch: Touch) -> None:
+        atom = touch.is_fact, touch.owner, tuple(touch.objects)
+        self._world.change(atom, touch.value, not touch.is_end)
 
 
 def object_id(definitions: Definitions, term: f.Term) -> int | None:

@@ -22,9 +22,9 @@ from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRules, rules_of
-from .after import head_of
 from .derived import fitting
 from .evaluate import Compiler, Env, Rows, Test
+from .reads import head_of
 from .steps import CONTINUOUS, PreparedAction
 from .world import Row, World
 
@@ -58,28 +58,7 @@ def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
             yield r.Witness(item.bound, part) if item.bound else part
 
 
-# Objects of a predicate (True) or a function; None for any.
-Pattern = tuple[bool, int, tuple[int | None, ...]]
 Given = Mapping[r.Place, int | None]
-
-
-def depends_on(rules: DerivationRules, part: r.Part, given: Given) -> set[Pattern]:
-    """Return what a part depends on, through rules, too, where some variables have objects."""
-    found, pending = set[Pattern](), [(part, given)]
-    while pending:
-        part, given = pending.pop()
-        for one in r.parts_of(part):
-            head = head_of(one)
-            if head is None:
-                continue
-            row = [one_.id if isinstance(one_, r.Known) else given.get(one_) for one_ in one.terms]
-            pattern = (*head, tuple(row))
-            if pattern not in found:
-                found.add(pattern)
-                for rule in rules.of(head[1]) if head[0] else ():
-                    slots = (each.slot for each in rule.parameters)
-                    pending.append((rule.body, dict(zip(slots, row, strict=False))))
-    return found
 
 
 class RuleUse(NamedTuple):

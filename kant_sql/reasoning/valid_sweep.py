@@ -119,7 +119,7 @@ class ValidSweep(Sweep):
         span = self._past.span
         state, changes = self._past.read(self._session, self._kb_id, self._subjects)
         for touch in state:
-            self._apply(self._world, touch)
+            self._apply(touch)
         ends: list[tuple[Instant, Touch | Lost]] = [
             (Instant(one.time, one.revision), one) for one in lost if one.time <= span.until
         ]
@@ -149,7 +149,7 @@ class ValidSweep(Sweep):
             if isinstance(event, Lost):
                 lost.append(event)
             else:
-                self._apply(self._world, event)
+                self._apply(event)
         if lost:
             self._definitions = without(self._definitions, lost)
             self._world = moved(self._world, self._definitions)

@@ -44,7 +44,6 @@ from ..store.state import State
 from . import valid_sweep
 from .evaluate import Compiler
 from .sweep import (
-    EXAMPLE,
     RULE,
     PastQuestion,
     Range,
@@ -281,7 +280,7 @@ def when(
     store, upto = state
     where = _find_range(state, since, until, clock)
     given = where.definitions if isinstance(where, valid_sweep.ValidPast) else None
-    text = text_of(condition, EXAMPLE)
+    text = text_of(condition)
     questions = _questions(lambda part: ask(store, part, parameters, bindings, upto, given), text)
 
     def work(session: Session, kb_id: int | None) -> tuple[list[Span], dict[int, str]]:

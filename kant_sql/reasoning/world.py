@@ -199,19 +199,15 @@ class World:
             rules.refresh()
         return row in self.relation(predicate).rows
 
-    def add(self, predicate: int, row: Row) -> bool:
-        """Add a fact; return False if it holds already."""
-        added = self.relation(predicate, is_stored=True).add(row)
-        if added:
+    def add(self, predicate: int, row: Row) -> None:
+        """Add a fact."""
+        if self.relation(predicate, is_stored=True).add(row):
             self.touch((True, predicate))
-        return added
 
-    def remove(self, predicate: int, row: Row) -> bool:
-        """Remove a fact; return False if it does not hold."""
-        removed = self.relation(predicate, is_stored=True).discard(row)
-        if removed:
+    def remove(self, predicate: int, row: Row) -> None:
+        """Remove a fact."""
+        if self.relation(predicate, is_stored=True).discard(row):
             self.touch((True, predicate))
-        return removed
 
     def set(self, function: int, row: Row, value: Value | None) -> None:
         """Set or, with None, remove the value of a fluent."""
@@ -220,6 +216,16 @@ class World:
         else:
             self.table(function)[row] = value
         self.touch((False, function))
+
+    def change(self, atom: tuple[bool, int, Row], value: Any, holds: bool = True) -> None:
+        """Change a fact (True), or the value of a fluent, which is as in a row of the store."""
+        is_fact, owner, row = atom
+        if is_fact:
+            (self.add if holds else self.remove)(owner, row)
+        elif not holds or isinstance(value, int):
+            self.set(owner, row, value if holds else None)
+        else:
+            self.set(owner, row, Decimal(str(value)))
 
     def touch(self, head: Head) -> None:
         """Note that the facts of a predicate, or the values of a function, have changed."""

@@ -70,12 +70,12 @@ PREDICATES = [
 
 
 def fact(predicate: PddlPredicateDto, *objects: PddlObjectDto) -> PddlPropositionDto:
-    """Return the facts."""
+    """Return a fact."""
     return PddlPropositionDto(predicate, objects)
 
 
 def goal(predicate: PddlPredicateDto, *objects: PddlObjectDto) -> PddlPropositionDto:
-    """Return the goals."""
+    """Return a goal."""
     return PddlPropositionDto(predicate, objects, is_goal=True)
 
 

@@ -72,6 +72,22 @@ def test_all_rows_of_the_archive_are_those_of_the_store(
     assert there == before
 
 
+@pytest.mark.every_backend
+def test_a_reported_time_is_the_same_on_another_database(
+    shared_url: str, any_archive_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    at = datetime(2026, 1, 31, 9, 30, tzinfo=UTC)
+    made = kb.executions.report("dock", outcome="running", started_at=at)
+    kb.executions.report(made, outcome="failed", code="E4", ended_at=at)
+    kb.objects.save(RB1)
+    assert kb.store.archive(3, to=any_archive_url).versions == {"execution_version": 1}
+    with connect(any_archive_url, knowledge_base="tiago") as archive:
+        found = archive.executions.get(made.id)
+    assert found is not None
+    assert (found.outcome, found.started_at) == ("failed", at)
+
+
 def test_what_is_archived_is_refused_with_the_place_where_it_is(
     kb: KnowledgeBase, archive_url: str
 ) -> None:
@@ -145,6 +161,8 @@ def test_a_time_means_what_ended_before_it(counted: KnowledgeBase, tmp_path: Pat
     url = target_url(tmp_path)
     assert counted.store.archive(third, to=url, dry_run=True).upto == 2
     assert counted.store.archive(third + timedelta(microseconds=1), to=url, dry_run=True).upto == 3
+    first = datetime.min.replace(tzinfo=UTC)
+    assert counted.store.archive(first, to=url, dry_run=True).upto == 0
 
 
 @pytest.mark.parametrize("before", [0, 1, 2])

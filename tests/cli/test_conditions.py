@@ -43,8 +43,9 @@ def test_variables_are_typed_fixed_and_counted(breakfast: str) -> None:
 def test_variables_may_be_called_like_options(breakfast: str) -> None:
     words = "query", breakfast, "(at ?limit ?name)", "--fix", "limit=rb1"
     assert documents(*words) == [{"name": "kitchen"}]
-    (held, _) = documents("when", breakfast, "(at ?since ?w)", "--fix", "since=rb1")
-    assert held["binding"] == {"w": "table1"}
+    for name in ("since", "clock"):
+        (held, _) = documents("when", breakfast, f"(at ?{name} ?w)", "--fix", f"{name}=rb1")
+        assert held["binding"] == {"w": "table1"}
 
 
 def test_a_condition_without_variables_has_no_columns(breakfast: str) -> None:

@@ -214,6 +214,7 @@ def test_before_the_first_revision_there_was_nothing(
     fresh_kb.types.save(ROBOT)
     assert fresh_kb.at(moment).revision == 0
     assert fresh_kb.at(moment).types.get_all() == []
+    assert fresh_kb.at(valid=moment).propositions.get_all() == []
 
 
 @pytest.mark.parametrize(
@@ -229,6 +230,8 @@ def test_a_time_in_the_future_is_refused(fresh_kb: KnowledgeBase, moment: dateti
     for _ in range(2):
         with pytest.raises(UnknownRevisionError, match="is in the future: the store's clock says"):
             fresh_kb.at(moment)
+        with pytest.raises(UnknownRevisionError, match="is in the future: the store's clock says"):
+            fresh_kb.diff(moment, moment, clock="valid")
         fresh_kb.types.save(ROBOT)
 
 

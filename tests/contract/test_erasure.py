@@ -302,7 +302,7 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     for actor in ("camera", "executive"):
         with kb.transaction(actor=actor, reason="seen", source={"by": actor}):
             kb.types.save(PddlTypeDto(f"by_{actor}"))
-    rules = read_rules(["# of cameras", "", "camera 0s reason,source"])
+    rules = read_rules(["# of cameras", "  # and", "", "camera 0s reason,source"])
     done = kb.store.retain(rules)
     assert (done.revision, done.parts, done.revisions) == (3, 2, 1)
     said = {entry.revision.actor: entry.revision.reason for entry in kb.log()}
@@ -317,6 +317,10 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):
         with pytest.raises(errors.InvalidArgumentError, match="camera 30d reason,source"):
             read_rules([wrong])
+    none: tuple[Any, ...] = (None, 5, "camera 30d reason", [None], [b"camera 30d reason"])
+    for given in none:
+        with pytest.raises(errors.InvalidArgumentError, match="rules of retention"):
+            read_rules(given)
 
 
 @pytest.mark.more
@@ -366,6 +370,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "there is nothing to erase" in nothing.output
     for wrong in (("erase", url), ("erase", url, "bob", "--revision", "4"), ("retention", url)):
         assert commands.run(*wrong).exit_code == 2
+    (path := tmp_path / "rules").write_bytes(b"\xff 30d reason")
+    assert "unpaired surrogate" in commands.complaint("retention", url, "--rules", str(path))
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 

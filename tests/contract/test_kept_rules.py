@@ -89,6 +89,9 @@ def test_a_rule_is_an_element_with_a_history(kb: KnowledgeBase) -> None:
     kept = present(kb.rules.get("ONE-place"))
     assert (kept.name, kept.rule, kept.on_violation) == ("one-place", ONE_PLACE, "refuse")
     assert str(kept) == f"one-place (refuse): {ONE_PLACE}"
+    for ask in (kb.rules.get, kb.rules.delete):
+        with pytest.raises(InvalidNameError, match="a name is a string, not int: 3"):
+            ask(3)  # type: ignore[arg-type]
     past = present(kb.at(before).rules.get("one-place"))
     assert past.on_violation == "report"
     assert [kb.rules.delete("one-place"), kb.rules.delete("one-place")] == [True, False]

@@ -210,7 +210,7 @@ def test_the_parts_of_an_asynchronous_knowledge_base_are_public() -> None:
 
     public = {id(value) for _, value in public_objects()}
     with kant_sql.connect("sqlite://") as kb:
-        door = _Door(kb, True)
+        door = _Door(kb)
         opened = AsyncKnowledgeBase(door, kb=kb)
         daos = [part(opened, path) for path in PATHS]
     assert len(daos) == len(DAOS) + len(FRONTS) == 22

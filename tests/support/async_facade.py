@@ -158,8 +158,7 @@ def beside(loop: Loop, kb: KnowledgeBase, name: str) -> Face:
     """Another knowledge base on the same connections, which stay open when it is closed."""
     own = same_store(kb, name)
     own.close = lambda: None  # type: ignore[method-assign]
-    has_one_connection = kb.store.factory.has_one_connection
-    return Face(loop, aio.AsyncKnowledgeBase(aio._Door(own, has_one_connection), kb=own))
+    return Face(loop, aio.AsyncKnowledgeBase(aio._Door(own), kb=own))
 
 
 def connect(loop: Loop, url: str, **options: Any) -> Face:

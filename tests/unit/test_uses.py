@@ -24,7 +24,8 @@ from kant_sql.knowledge.resolved import HoldsFact, Known, Resolver
 from kant_sql.knowledge.rules import rules_of
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.reasoning.derived import read_world, world_of
-from kant_sql.reasoning.uses import Literal, Pattern, Uses, depends_on, users_of
+from kant_sql.reasoning.reads import Reading, read_by
+from kant_sql.reasoning.uses import Literal, Uses, users_of
 from kant_sql.reasoning.world import World
 from tests.support.evaluator import Evaluator, Ground, State
 from tests.support.generators.episodes import NUMBERS, Episode, episode
@@ -111,7 +112,7 @@ def judge_users(world: World, seed: int) -> int:
         part = fact_of(one)
         for literal in uses.of(part):
             users[literal].add(one)
-        again = Uses(restricted(world, depends_on(rules, part, {})))
+        again = Uses(restricted(world, {*read_by(rules, [part], {})}))
         assert {*again.of(part)} == {*uses.of(part)}, f"{seed}: {one}"
     literals = random.sample(sorted(users), min(len(users), 2 * SAMPLED))
     literals += [Literal(True, *one, True) for one in islice(sorted(world.facts()), SAMPLED)]
@@ -119,7 +120,7 @@ def judge_users(world: World, seed: int) -> int:
         found = {*uses.users(literal)}
         assert found & {*derived[:DERIVED]} == users[literal] - {literal}, f"{seed}: {literal}"
         parts = [one for some in users_of(world.definitions, literal).values() for one in some]
-        some = {pattern for part, given in parts for pattern in depends_on(rules, part, given)}
+        some = {pattern for part, given in parts for pattern in read_by(rules, [part], given)}
         assert {*Uses(restricted(world, some)).users(literal)} == found, f"{seed}: {literal}"
     return len(literals)
 
@@ -128,7 +129,7 @@ def fact_of(literal: Literal) -> HoldsFact:
     return HoldsFact(literal.owner, tuple(map(Known, literal.row)))
 
 
-def restricted(world: World, patterns: set[Pattern]) -> World:
+def restricted(world: World, patterns: set[Reading[int]]) -> World:
     """Return a state that has only what fits some patterns."""
 
     def fits(*atom: Any) -> bool:

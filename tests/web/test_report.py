@@ -23,6 +23,7 @@ from kant_sql.errors import PddlError, SourceError, UnknownNameError, UnknownRev
 from kant_sql.operations import parse_anchor
 from kant_sql.planning import Plan, PlanStep
 from kant_sql.web import report_sections
+from kant_sql.web.rendering import STATIC
 from kant_sql.web.report import report_html, write_report
 from tests.audit.story import at, record_store
 from tests.support.crawling import Markup
@@ -111,6 +112,13 @@ def test_it_says_what_happened(story: KnowledgeBase) -> None:
     ):
         assert said in page.text, said
     assert "Left out" not in page.text
+
+
+def test_each_link_of_a_cause_is_further_in_than_the_one_before() -> None:
+    sheet = (STATIC / "style.css").read_text()
+    found = re.findall(r"^\.depth-(\d) { margin-inline-start: ([\d.]+)em; }$", sheet, re.MULTILINE)
+    assert [int(depth) for depth, _ in found] == [*range(2, report_sections.DEPTH + 1)]
+    assert [float(indent) for _, indent in found] == [1.5, 3, 4.5, 6]
 
 
 def test_it_lists_the_acts_of_its_range_as_they_were_then(

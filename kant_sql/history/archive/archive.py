@@ -24,7 +24,7 @@ from ...store.snapshot import read_position
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
-from ..moments import MICROSECOND, revision_at
+from ..moments import just_before, revision_at
 from ..replication.batch import Batches, copy_batch, wipe
 from ..replication.copy import Stores
 from ..replication.target import (
@@ -188,7 +188,7 @@ def _last_before(state: State, before: When) -> int:
         return max(revision_at(state, before) - 1, 0)
     # A time in the future is refused as it stands.
     revision_at(state, before)
-    return revision_at(state, before - MICROSECOND)
+    return revision_at(state, just_before(before))
 
 
 def _count(session: Session, kb_id: int | None, upto: int) -> Leaving:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import Boolean, ColumnElement, Select, Table, delete, func, select, union_all
+from sqlalchemy import ColumnElement, Select, Table, delete, func, select, union_all
 
 from ...dao.base import batches
-from ...errors import ConflictError, StoreError
+from ...errors import ConflictError, StoreError, reading_rows
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, constant, in_list, in_rows, integer
@@ -25,6 +26,7 @@ from ..replication.copy import (
     ArchivedTable,
     children_of,
     converted,
+    converters,
     references,
 )
 from ..replication.target import begin_on
@@ -86,10 +88,12 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
     for part in ARCHIVED_TABLES:
         if part.version.name not in leaving.versions:
             continue
-        for table, statement in _statements(part):
-            here, there = (
-                _digest(session, kb_id, statement, leaving) for session, kb_id in (source, target)
-            )
+        for table, query, columns in _statements(part):
+            sums = []
+            for session, kb_id in (source, target):
+                with reading_rows(table.name, f"a row in {session.backend.label}"):
+                    sums.append(_digest(session, kb_id, query, columns, leaving))
+            here, there = sums
             if here != there:
                 raise ConflictError(
                     f"{target[0].backend.label}: its {there[0]} rows of {table.name} that ended in "
@@ -99,8 +103,8 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
                 )
 
 
-# A query, and how to convert its rows: SQLite stores booleans as numbers.
-_Statement = tuple[Query, dict[int, type[bool]]]
+# A table, the query of some of its rows, and what that reads: stores write some values otherwise.
+_Statement = tuple[Table, Query, tuple[ColumnElement[Any], ...]]
 
 
 def _leaving(part: ArchivedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
@@ -111,15 +115,15 @@ def _leaving(part: ArchivedTable) -> dict[Table, tuple[ColumnElement[bool], ...]
 
 
 @cache
-def _statements(part: ArchivedTable) -> tuple[tuple[Table, _Statement], ...]:
-    """Return the queries of the rows to compare, by table."""
+def _statements(part: ArchivedTable) -> tuple[_Statement, ...]:
+    """Return the queries of the rows to compare, table by table."""
     leaving = _leaving(part)
     if part.atoms is not None:
         identity, arguments, *_ = part.atoms
         owners = select(part.version.c[part.owner[0]]).where(*_ended(part))
         leaving[identity] = (in_rows(identity.c.id, owners),)
         leaving[arguments] = (in_rows(arguments.c[part.owner[0]], owners),)
-    return tuple((table, _read(table, *which)) for table, which in leaving.items())
+    return tuple(_read(table, *which) for table, which in leaving.items())
 
 
 def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
@@ -133,16 +137,19 @@ def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
             columns.append(looked_up(atom.text, atom.id, column))
         elif column not in own and column.name != "kb_id":
             columns.append(column)
-    convert = {n: bool for n, column in enumerate(columns) if isinstance(column.type, Boolean)}
     statement: Select[Any] = select(*columns).where(table.c.kb_id == KB, *condition)
-    return Query(statement), convert
+    return table, Query(statement), tuple(columns)
 
 
 def _digest(
-    session: Session, kb_id: int, statement: _Statement, leaving: Leaving
+    session: Session,
+    kb_id: int,
+    query: Query,
+    columns: Iterable[ColumnElement[Any]],
+    leaving: Leaving,
 ) -> tuple[int, int]:
     """Count rows and add up their hashes, independent of their order."""
-    query, convert = statement
+    convert = converters(columns, session.to_time)
     number = total = 0
     for row in session.stream(query, kb=kb_id, low=leaving.low, high=leaving.high):
         number += 1

@@ -56,7 +56,10 @@ def read_rules(lines: Iterable[str]) -> list[RetentionRule]:
         >>> read_rules(["camera 30d reason"])[0].after.days
         30
     """
-    return [_read_rule(line) for line in lines if line.strip() and not line.startswith("#")]
+    error = InvalidArgumentError
+    given = iterate(lines, "the rules of retention", "a list of lines", error)
+    texts = (expect(line, str, "a line of the rules of retention", error).strip() for line in given)
+    return [_read_rule(text) for text in texts if text and not text.startswith("#")]
 
 
 def _read_rule(line: str) -> RetentionRule:

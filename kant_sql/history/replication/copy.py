@@ -42,17 +42,16 @@ def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
 
 
 def converters(
-    columns: Iterable[ColumnElement[Any]], source: Session, target: Session
+    columns: Iterable[ColumnElement[Any]], time: Callable[[Any], Any]
 ) -> dict[int, Callable[[Any], Any]]:
-    """Return the functions that convert the values of some columns, by index."""
+    """Return the functions that convert the values of some columns, by index: `time` for times."""
     found: dict[int, Callable[[Any], Any]] = {}
     for index, column in enumerate(columns):
         if isinstance(column.type, Boolean):
+            # A boolean is a number on SQLite.
             found[index] = bool
         elif isinstance(column.type, UtcTime):
-            found[index] = lambda raw: (
-                None if raw is None else target.from_time(source.to_time(raw))
-            )
+            found[index] = lambda raw: None if raw is None else time(raw)
     return found
 
 
@@ -132,6 +131,10 @@ class Stores(NamedTuple):
     source_kb: int
     target: Session
     target_kb: int
+
+    def time_there(self, raw: Any) -> Any:
+        """Return a time of the source as the target stores it."""
+        return self.target.from_time(self.source.to_time(raw))
 
 
 @cache
@@ -253,7 +256,7 @@ class Identities:
             return
         source, source_kb, target, target_kb = self._stores
         self.bring(table, rows)
-        convert = converters(table.columns, source, target)
+        convert = converters(table.columns, self._stores.time_there)
         target.insert(
             whole_rows(table), [(target_kb, *converted(row, convert)[1:]) for row in rows]
         )
@@ -434,9 +437,7 @@ class Copy:
 
     def _adapter(self, table: Table) -> Callable[[Row], Row]:
         """Return the function that converts a row of the source for the target."""
-        convert: dict[int, Callable[[Any], Any]] = converters(
-            table.columns, self._reader, self._stores.target
-        )
+        convert = converters(table.columns, self._stores.time_there)
         names = [column.name for column in table.columns]
         for index, identity in references(table):
             if identity in ATOMS:

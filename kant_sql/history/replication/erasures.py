@@ -22,7 +22,7 @@ from ..revisions import LARGEST
 from ..rewriting.parts import next_salt, whole_salt
 from ..rewriting.texts import Renaming, TextWriter
 from ..verify.chain import read_links, texts_of
-from ..verify.erasures import ErasureCheck
+from ..verify.erasures import ErasureCheck, read_erasures
 from ..verify.parts import Part, kept_parts, whole_part
 from ..verify.sides import Check, Report
 from .copy import ATOMS, COMMITMENT, REPLACEMENT, CopyRange, Identities, Stores
@@ -194,7 +194,7 @@ def first_fault(session: Session, kb_id: int, name: str, touched: Collection[int
     # Of a revision of which a part is in an archive, what is left is checked with the digests
     # alone.
     report, upto = Report(), read_position(session, kb_id).archived
-    erasures = ErasureCheck(Check(session, kb_id, report))
+    erasures = ErasureCheck(Check(session, kb_id, report), read_erasures(session, kb_id))
     erased = [number for (number,) in session.rows(_ERASED, kb=kb_id)]
     for numbers in batches(erased):
         lines = lines_by_revision(keyed_changes_of(session, kb_id, numbers))

@@ -60,12 +60,12 @@ def add_part(digest: Any, number: int, part: Part, replacement: str) -> None:
 class ErasureCheck:
     """Recomputes the digests of all erasures, revision by revision."""
 
-    def __init__(self, check: Check) -> None:
+    def __init__(self, check: Check, erasures: list[Erasure]) -> None:
         self._check = check
-        self.erasures = read_erasures(check.session, check.kb_id)
+        self._erasures = erasures
         self._digests: defaultdict[int, Any] = defaultdict(sha256)
         self._counts: defaultdict[int, int] = defaultdict(int)
-        rows = check.session.stream(_REPLACEMENTS, kb=check.kb_id) if self.erasures else iter(())
+        rows = check.session.stream(_REPLACEMENTS, kb=check.kb_id) if erasures else iter(())
         # Not a method of its own: a circle would keep the cursor of a check that was given up, and
         # psycopg, which the collection may interrupt, would wait for itself to close it.
         self._rows = Side(rows, 2, partial(_stray, check.report))
@@ -107,10 +107,10 @@ class ErasureCheck:
         """Compare the digests with those on record."""
         self._rows.end()
         add = self._check.report.add
-        known = {each.id for each in self.erasures}
+        known = {each.id for each in self._erasures}
         for id_ in sorted({*self._counts} - known):
             add(None, "erasure", f"parts are of erasure {id_}, which is not on record")
-        for each in self.erasures:
+        for each in self._erasures:
             id_, since, upto, *_ = each
             if erasure_text(id_, *each[2:8]) != each.text or upto != since - 1:
                 add(since, "erasure", f"the columns of erasure {id_} differ from its text")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from sqlalchemy import bindparam, delete, func, select, update
 
@@ -129,7 +129,7 @@ def forget(store: Store, kb_id: int) -> None:
     store.write_beside(lambda session: session.run(_FORGET, kb=kb_id))
 
 
-__all__ = ["Finding", "Progress", "Verification", "verify", "verify_session"]
+T = TypeVar("T")
 
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # What is kept saves time, and proves nothing: these take no verdict away.
@@ -245,14 +245,11 @@ def verify(
 
     def check(session: Session, kb_id: int | None) -> tuple[Verification, End | None]:
         report, kept, after = Report(), None, 0
-
-        def find_start() -> None:
-            nonlocal kept, after
-            if resume and kb_id is not None:
-                kept = read_kept(session, kb_id)
-                after = 0 if kept is None else _first_to_check(session, kb_id, kept)
-
-        _guarded(session, report, find_start)
+        if resume and kb_id is not None:
+            kept = _guarded(session, report, partial(read_kept, session, kb_id))
+        if kept is not None and kb_id is not None:
+            start = partial(_first_to_check, session, kb_id, kept)
+            after = _guarded(session, report, start) or 0
         if structure:
             _guarded(session, report, partial(check_structure, session, report))
             _guarded(session, report, partial(check_generated, session, kb_id, report))
@@ -328,12 +325,7 @@ def _verify(
             name, 0, 0, report.findings(), anchored=anchored and anchored.revision
         ), None
     verifier = _Verifier(Check(session, kb_id, report, after), name, progress)
-    done = verifier.run(anchored, kept)
-    if kept is not None:
-        done = replace(done, complete_at=kept.complete_at)
-    if kept is not None and after:
-        done = replace(done, continued_from=after, continued_at=kept.verified_at)
-    last = verifier.chain.last
+    done, last = verifier.run(anchored, kept), verifier.chain.last
     before = kept if after else None
     return done, None if last is None else End(kb_id, last.number, last.hash, before)
 
@@ -376,6 +368,9 @@ class _Verifier:
             tuple(_archive_words(archive) for archive in self._archives),
             tuple(erasure.words for erasure in self._erasures),
             anchored and anchored.revision,
+            check.after or None,
+            kept.verified_at if kept is not None and check.after else None,
+            kept and kept.complete_at,
         )
 
     def _check_chain(self, wanted: frozenset[int]) -> None:
@@ -384,9 +379,9 @@ class _Verifier:
         self._archived = archived
         # An archive has the records of its own versions, which are complete there.
         self._archives = archives if archived else []
-        # Later erasures change earlier revisions: what is continued has none that is new.
-        erasures = None if self._check.after else ErasureCheck(self._check)
         self._erasures = read_erasures(self._check.session, self._check.kb_id)
+        # Later erasures change earlier revisions: what is continued has none that is new.
+        erasures = None if self._check.after else ErasureCheck(self._check, self._erasures)
         chain = Chain(self._check, self._tell, archived, wanted, erasures=erasures)
         chain.run()
         self.chain = chain
@@ -412,11 +407,11 @@ class _Verifier:
             self._progress(min(done, whole), whole)
 
 
-def _guarded(session: Session, report: Report, check: Callable[[], None]) -> None:
+def _guarded(session: Session, report: Report, check: Callable[[], T]) -> T | None:
     """Run a check; a value that it cannot read is a finding, not an error."""
-    savepoint, fault = session.savepoint(), None
+    savepoint, fault, found = session.savepoint(), None, None
     try:
-        check()
+        found = check()
     except _WRONG_VALUES as error:
         fault = f"a value cannot be read: {error}"
     except NotADatabaseError as error:
@@ -432,6 +427,7 @@ def _guarded(session: Session, report: Report, check: Callable[[], None]) -> Non
     else:
         session.rollback_to(savepoint)
         report.add(None, None, fault)
+    return found
 
 
 def _check_anchor(check: Check, number: int, digest: str, place: str, chain: Chain) -> None:

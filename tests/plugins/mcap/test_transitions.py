@@ -191,6 +191,19 @@ def topic_of(kind: str, text: str) -> str:
     return "/".join(["/courier", kind, *words])
 
 
+def test_a_time_beyond_what_mcap_can_express_is_its_last_one(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'late.db'}"
+    late = datetime.max.replace(tzinfo=UTC)
+    with (
+        kant_sql.connect(url, knowledge_base="courier") as kb,
+        kb.transaction(observed_at=late),
+    ):
+        kb.propositions.save(robot_at())
+    export(url, tmp_path / "export")
+    (message,) = messages(tmp_path / "export")
+    assert (message.at.year, message.data["observed_at"][:4]) == (2554, "9999")
+
+
 def test_each_transition_is_a_change_of_the_history(story_url: str, tmp_path: Path) -> None:
     """Nothing is lost and nothing is added, and each message says what the state then says."""
     export(story_url, tmp_path)
