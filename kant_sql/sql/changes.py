@@ -154,6 +154,12 @@ class ChangeEnd(NamedTuple):
         return self.line(*conditions, joined=joined).add_columns(owner, place.label("place"))
 
     @property
+    def is_archived(self) -> bool:
+        """Whether versions are moved to an archive when they have ended."""
+        # Outcomes stay: when an act began is that of its first one.
+        return "until" in self.source.version and self.source is not EXECUTIONS
+
+    @property
     def _is_atom(self) -> bool:
         return self.source is VERSION_COLUMNS[PROPOSITION]
 
@@ -225,8 +231,8 @@ def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:
 
 
 def _held(end: ChangeEnd, left: bool) -> tuple[ColumnElement[bool], ...]:
-    """Return the condition of what the range changed, or asserted and did not retract."""
-    until = end.source.version.get("until") if left else None
+    """Return the condition of what the range changed, or of what an archive of it leaves."""
+    until = end.source.version.until if left and end.is_archived else None
     rest = () if until is None else (or_(until.is_(None), until > HIGH),)
     return in_range(end.revision), *rest
 
@@ -235,7 +241,7 @@ def _held(end: ChangeEnd, left: bool) -> tuple[ColumnElement[bool], ...]:
 def _streamed(left: bool, keyed: bool, joined: bool) -> Query:
     """Build the statement of all changes of a range, or of those that an archive leaves."""
     line = ChangeEnd.keyed_line if keyed else ChangeEnd.line
-    ends = [end for end in _ENDS if not (left and end.retracted)]
+    ends = [end for end in _ENDS if not (left and end.retracted and end.is_archived)]
     lines = (line(end, *_held(end, left), joined=joined) for end in ends)
     # Sorted at once: SQLite would merge the parts of a union pair by pair, in the order of its
     # plain columns; a sum is none.

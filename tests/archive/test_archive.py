@@ -73,19 +73,22 @@ def test_all_rows_of_the_archive_are_those_of_the_store(
 
 
 @pytest.mark.every_backend
-def test_a_reported_time_is_the_same_on_another_database(
-    shared_url: str, any_archive_url: str, connect: Connect
-) -> None:
+def test_acts_stay_as_they_are(shared_url: str, any_archive_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     at = datetime(2026, 1, 31, 9, 30, tzinfo=UTC)
     made = kb.executions.report("dock", outcome="running", started_at=at)
     kb.executions.report(made, outcome="failed", code="E4", ended_at=at)
     kb.objects.save(RB1)
-    assert kb.store.archive(3, to=any_archive_url).versions == {"execution_version": 1}
+    kb.objects.delete(RB1)
+    before = kb.executions.get_all()
+    assert kb.store.archive(4, to=any_archive_url).upto == 3
+    kb.objects.save(RB1)
+    assert set(kb.store.archive(5, to=any_archive_url).versions) == {"object_version"}
+    assert kb.executions.get_all() == before
+    assert kb.store.verify().is_intact
     with connect(any_archive_url, knowledge_base="tiago") as archive:
-        found = archive.executions.get(made.id)
-    assert found is not None
-    assert (found.outcome, found.started_at) == ("failed", at)
+        assert archive.executions.get_all() == before
+        assert archive.store.verify().is_intact
 
 
 def test_what_is_archived_is_refused_with_the_place_where_it_is(

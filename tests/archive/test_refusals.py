@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,6 @@ from kant_sql.errors import (
     ReadOnlyStoreError,
     ReplicaError,
     SchemaMissingError,
-    StoreIntegrityError,
     UnknownRevisionError,
 )
 from kant_sql.history.archive import archive as archiving
@@ -127,24 +126,6 @@ def test_nothing_is_removed_that_the_archive_has_lost(
             file_kb.store.archive(7, to=f"{file_url}.damaged")
         assert rows_of(file_url) == before
     assert file_kb.store.archive(7, to=archive_url).revision == 9
-
-
-def test_a_time_that_cannot_be_read_is_named(
-    file_kb: KnowledgeBase, file_url: str, archive_url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    now = datetime.now(UTC)
-    made = file_kb.executions.report("dock", outcome="running", started_at=now)
-    file_kb.executions.report(made, outcome="failed")
-    file_kb.objects.save(RB1)
-    with monkeypatch.context() as patch:
-        patch.setattr(archiving, "_move_all", never)
-        with pytest.raises(KeyboardInterrupt):
-            file_kb.store.archive(3, to=archive_url)
-    damage(archive_url, "UPDATE execution_version SET started_at = 'noon' WHERE until = 2")
-    before = rows_of(file_url)
-    with pytest.raises(StoreIntegrityError, match=r"execution_version, .*archive\.db"):
-        file_kb.store.archive(3, to=archive_url)
-    assert rows_of(file_url) == before
 
 
 def test_an_archive_that_lost_what_holds_is_not_gone_on_with(

@@ -98,12 +98,14 @@ def _as_of(table: Table, row: Row, upto: int) -> Row:
 
 
 def versions_after(rows: Rows, upto: int) -> Rows:
-    """The versions that had not ended at a revision."""
+    """The versions that had not ended at a revision; those of executions, the outcomes, stay."""
     return {
         table.name: Counter(
             row
             for row in rows[table.name]
-            if row[_place(table, "until")] is None or row[_place(table, "until")] > upto
+            if table.name == "execution_version"
+            or row[_place(table, "until")] is None
+            or row[_place(table, "until")] > upto
         )
         for table in VERSIONS
     }

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Table, delete, func, select, union_all
+from sqlalchemy import Boolean, ColumnElement, Select, Table, delete, func, select, union_all
 
 from ...dao.base import batches
-from ...errors import ConflictError, StoreError, reading_rows
+from ...errors import ConflictError, StoreError
 from ...sql.changes import in_range
 from ...sql.dialects.base import Session
 from ...sql.query import Query, constant, in_list, in_rows, integer
@@ -23,10 +22,9 @@ from ..replication.copy import (
     ATOMS,
     CONFIRMATION,
     SAYINGS,
-    ArchivedTable,
+    CopiedTable,
     children_of,
     converted,
-    converters,
     references,
 )
 from ..replication.target import begin_on
@@ -47,7 +45,7 @@ class Leaving(NamedTuple):
         return sum(self.versions.values())
 
 
-def _ended(part: ArchivedTable) -> tuple[ColumnElement[bool], ...]:
+def _ended(part: CopiedTable) -> tuple[ColumnElement[bool], ...]:
     return part.version.c.kb_id == KB, in_range(part.version.c.until)
 
 
@@ -88,12 +86,10 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
     for part in ARCHIVED_TABLES:
         if part.version.name not in leaving.versions:
             continue
-        for table, query, columns in _statements(part):
-            sums = []
-            for session, kb_id in (source, target):
-                with reading_rows(table.name, f"a row in {session.backend.label}"):
-                    sums.append(_digest(session, kb_id, query, columns, leaving))
-            here, there = sums
+        for table, statement in _statements(part):
+            here, there = (
+                _digest(session, kb_id, statement, leaving) for session, kb_id in (source, target)
+            )
             if here != there:
                 raise ConflictError(
                     f"{target[0].backend.label}: its {there[0]} rows of {table.name} that ended in "
@@ -103,11 +99,11 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
                 )
 
 
-# A table, the query of some of its rows, and what that reads: stores write some values otherwise.
-_Statement = tuple[Table, Query, tuple[ColumnElement[Any], ...]]
+# A query, and how to convert its rows: SQLite stores booleans as numbers.
+_Statement = tuple[Query, dict[int, type[bool]]]
 
 
-def _leaving(part: ArchivedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
+def _leaving(part: CopiedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
     """Return the conditions of the rows to remove, by table, parents first."""
     ended = in_range(part.version.c.until)
     children = {child: children_of(part, child, ended) for child in part.children}
@@ -115,15 +111,15 @@ def _leaving(part: ArchivedTable) -> dict[Table, tuple[ColumnElement[bool], ...]
 
 
 @cache
-def _statements(part: ArchivedTable) -> tuple[_Statement, ...]:
-    """Return the queries of the rows to compare, table by table."""
+def _statements(part: CopiedTable) -> tuple[tuple[Table, _Statement], ...]:
+    """Return the queries of the rows to compare, by table."""
     leaving = _leaving(part)
     if part.atoms is not None:
         identity, arguments, *_ = part.atoms
         owners = select(part.version.c[part.owner[0]]).where(*_ended(part))
         leaving[identity] = (in_rows(identity.c.id, owners),)
         leaving[arguments] = (in_rows(arguments.c[part.owner[0]], owners),)
-    return tuple(_read(table, *which) for table, which in leaving.items())
+    return tuple((table, _read(table, *which)) for table, which in leaving.items())
 
 
 def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
@@ -137,19 +133,16 @@ def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
             columns.append(looked_up(atom.text, atom.id, column))
         elif column not in own and column.name != "kb_id":
             columns.append(column)
+    convert = {n: bool for n, column in enumerate(columns) if isinstance(column.type, Boolean)}
     statement: Select[Any] = select(*columns).where(table.c.kb_id == KB, *condition)
-    return table, Query(statement), tuple(columns)
+    return Query(statement), convert
 
 
 def _digest(
-    session: Session,
-    kb_id: int,
-    query: Query,
-    columns: Iterable[ColumnElement[Any]],
-    leaving: Leaving,
+    session: Session, kb_id: int, statement: _Statement, leaving: Leaving
 ) -> tuple[int, int]:
     """Count rows and add up their hashes, independent of their order."""
-    convert = converters(columns, session.to_time)
+    query, convert = statement
     number = total = 0
     for row in session.stream(query, kb=kb_id, low=leaving.low, high=leaving.high):
         number += 1
@@ -171,14 +164,14 @@ _GONE_OBJECTS = Query(select(_OBJECT.id).where(_OBJECT.kb_id == KB, ~_OBJECT_VER
 
 
 @cache
-def _ended_ids(part: ArchivedTable) -> tuple[Query, ...]:
+def _ended_ids(part: CopiedTable) -> tuple[Query, ...]:
     """Build the statements that delete ended versions, children first."""
     leaving = reversed(_leaving(part).items())
     return tuple(Query(delete(table).where(*which)) for table, which in leaving)
 
 
 @cache
-def _without_version(part: ArchivedTable, atoms: AtomTables) -> Query:
+def _without_version(part: CopiedTable, atoms: AtomTables) -> Query:
     """Select the atoms that mention some objects and have no version."""
     version, argument = part.version.c, atoms.arguments.c
     (name,) = part.owner
@@ -198,7 +191,7 @@ def _without_version(part: ArchivedTable, atoms: AtomTables) -> Query:
 
 
 @cache
-def _remove_atoms(part: ArchivedTable, atoms: AtomTables) -> tuple[Query, ...]:
+def _remove_atoms(part: CopiedTable, atoms: AtomTables) -> tuple[Query, ...]:
     owners = (atoms.arguments.c[part.owner[0]], atoms.identity.c.id)
     return tuple(
         Query(delete(owner.table).where(owner.table.c.kb_id == KB, in_list(owner, "ids")))
@@ -241,7 +234,7 @@ def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
 
 
 def _remove_atoms_of(
-    session: Session, kb_id: int, part: ArchivedTable, atoms: AtomTables, objects: Any
+    session: Session, kb_id: int, part: CopiedTable, atoms: AtomTables, objects: Any
 ) -> None:
     rows = session.rows(_without_version(part, atoms), kb=kb_id, objects=objects)
     if rows:

@@ -42,16 +42,17 @@ def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
 
 
 def converters(
-    columns: Iterable[ColumnElement[Any]], time: Callable[[Any], Any]
+    columns: Iterable[ColumnElement[Any]], source: Session, target: Session
 ) -> dict[int, Callable[[Any], Any]]:
-    """Return the functions that convert the values of some columns, by index: `time` for times."""
+    """Return the functions that convert the values of some columns, by index."""
     found: dict[int, Callable[[Any], Any]] = {}
     for index, column in enumerate(columns):
         if isinstance(column.type, Boolean):
-            # A boolean is a number on SQLite.
             found[index] = bool
         elif isinstance(column.type, UtcTime):
-            found[index] = lambda raw: None if raw is None else time(raw)
+            found[index] = lambda raw: (
+                None if raw is None else target.from_time(source.to_time(raw))
+            )
     return found
 
 
@@ -65,13 +66,13 @@ def converted(row: Row, convert: Mapping[int, Callable[[Any], Any]]) -> Row:
     return tuple(values)
 
 
-class ArchivedTable(NamedTuple):
+class CopiedTable(NamedTuple):
     """A table of versions, each of which holds from one revision until another."""
 
     version: Table
     owner: tuple[str, ...]  # the columns of the identity, without `kb_id`
     children: tuple[Table, ...] = ()  # the tables below it, parents first
-    # of what is removed with its last version; None for named elements and executions
+    # of what is removed with its last version; None for named elements and outcomes
     atoms: AtomTables | None = None
     is_definition: bool = False  # whether its changes move `head.definition_revision`
 
@@ -79,13 +80,10 @@ class ArchivedTable(NamedTuple):
 ATOMS = {atoms.identity: atoms for atoms in ATOM_TABLES.values()}
 ARCHIVED_TABLES = (
     *(
-        ArchivedTable(
-            kind.version.table, (f"{name}_id",), kind.version.children, is_definition=True
-        )
+        CopiedTable(kind.version.table, (f"{name}_id",), kind.version.children, is_definition=True)
         for name, kind in KIND_TABLES.items()
     ),
-    *(ArchivedTable(each.version, (each.owner,), atoms=each) for each in ATOMS.values()),
-    ArchivedTable(table_of(t.ExecutionVersionRow), ("plan_id", "position")),
+    *(CopiedTable(each.version, (each.owner,), atoms=each) for each in ATOMS.values()),
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN = table_of(t.PlanRow)
@@ -98,10 +96,12 @@ SAYINGS = tuple(atoms.sayings for atoms in ATOMS.values())
 COMMITMENT, REPLACEMENT = table_of(t.CommitmentRow), table_of(t.ReplacementRow)
 EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 VERSION = table_of(t.ExecutionVersionRow)
+# When an act began is its first outcome: all of them stay in the store.
+OUTCOMES = CopiedTable(VERSION, ("plan_id", "position"))
 
 
 def children_of(
-    part: ArchivedTable, child: Table, held: ColumnElement[bool]
+    part: CopiedTable, child: Table, held: ColumnElement[bool]
 ) -> tuple[ColumnElement[bool], ...]:
     """Write the condition that a row belongs to a version for which `held` is true."""
     version, (owner,) = part.version, part.owner
@@ -131,10 +131,6 @@ class Stores(NamedTuple):
     source_kb: int
     target: Session
     target_kb: int
-
-    def time_there(self, raw: Any) -> Any:
-        """Return a time of the source as the target stores it."""
-        return self.target.from_time(self.source.to_time(raw))
 
 
 @cache
@@ -256,7 +252,7 @@ class Identities:
             return
         source, source_kb, target, target_kb = self._stores
         self.bring(table, rows)
-        convert = converters(table.columns, self._stores.time_there)
+        convert = converters(table.columns, source, target)
         target.insert(
             whole_rows(table), [(target_kb, *converted(row, convert)[1:]) for row in rows]
         )
@@ -317,7 +313,7 @@ def _asserted(table: Table) -> Query:
 
 
 @cache
-def _closed(part: ArchivedTable) -> Query:
+def _closed(part: CopiedTable) -> Query:
     """Select the versions that the range retracted and earlier revisions asserted."""
     version = part.version.c
     owner = (version[name] for name in part.owner)
@@ -329,7 +325,7 @@ def _closed(part: ArchivedTable) -> Query:
 
 
 @cache
-def _close(part: ArchivedTable) -> Query:
+def _close(part: CopiedTable) -> Query:
     version = part.version.c
     owner = (version[name] == bindparam(f"own_{name}") for name in part.owner)
     since, until = map(integer, ("own_since", "own_until"))
@@ -344,7 +340,7 @@ def _close(part: ArchivedTable) -> Query:
 
 
 @cache
-def _children(part: ArchivedTable, child: Table) -> Query:
+def _children(part: CopiedTable, child: Table) -> Query:
     held = children_of(part, child, in_range(part.version.c.since))
     return _all_of(child, *held[1:], in_range(child.c.since))
 
@@ -390,13 +386,13 @@ class Copy:
     def run(self) -> Copied:
         """Copy the range."""
         self._insert(_REVISION, _asserted(_REVISION))
-        for part in ARCHIVED_TABLES[:-1]:
+        for part in ARCHIVED_TABLES:
             if self._redefined or not part.is_definition:
                 self._copy_part(part)
         self._insert(PLAN, _asserted(PLAN))
         if self._insert(EXECUTION, _recorded(EXECUTION)):
             self._insert(ARGUMENT, _recorded(ARGUMENT))
-        self._copy_part(ARCHIVED_TABLES[-1])
+        self._copy_part(OUTCOMES)
         # Commitments last: they name atoms of these revisions by ids, which may be others in the
         # target.
         for table in (_LINK, *RECORDS, CONFIRMATION, *SAYINGS, COMMITMENT, REPLACEMENT):
@@ -405,7 +401,7 @@ class Copy:
         largest = max(self._largest, self._identities.largest)
         return Copied(self._rows, self._definition_revision, largest)
 
-    def _copy_part(self, part: ArchivedTable) -> None:
+    def _copy_part(self, part: CopiedTable) -> None:
         # First: at most one version of an element is open.
         closed = self._close(part)
         inserted = self._insert(part.version, _asserted(part.version), part)
@@ -414,7 +410,7 @@ class Copy:
                 self._insert(child, _children(part, child))
         self._rows += inserted + closed
 
-    def _insert(self, table: Table, query: Query, part: ArchivedTable | None = None) -> int:
+    def _insert(self, table: Table, query: Query, part: CopiedTable | None = None) -> int:
         target, target_kb = self._stores.target, self._stores.target_kb
         adapt = self._adapter(table)
         count = 0
@@ -437,7 +433,9 @@ class Copy:
 
     def _adapter(self, table: Table) -> Callable[[Row], Row]:
         """Return the function that converts a row of the source for the target."""
-        convert = converters(table.columns, self._stores.time_there)
+        convert: dict[int, Callable[[Any], Any]] = converters(
+            table.columns, self._reader, self._stores.target
+        )
         names = [column.name for column in table.columns]
         for index, identity in references(table):
             if identity in ATOMS:
@@ -459,7 +457,7 @@ class Copy:
 
         return adapt
 
-    def _close(self, part: ArchivedTable) -> int:
+    def _close(self, part: CopiedTable) -> int:
         """Close versions that earlier revisions asserted."""
         names = [f"own_{name}" for name in (*part.owner, "since", "until")]
         target, target_kb = self._stores.target, self._stores.target_kb
@@ -480,7 +478,7 @@ class Copy:
                 self._see(row[-1] for row in rows)
         return count
 
-    def _with_own_ids(self, part: ArchivedTable, rows: list[Row]) -> list[Row]:
+    def _with_own_ids(self, part: CopiedTable, rows: list[Row]) -> list[Row]:
         """Replace the ids that rows begin with by those in the target."""
         if part.atoms is None:
             return rows
