@@ -351,11 +351,11 @@ def report(
     one_of(outcome, OUTCOMES, "the outcome")
     optional_text(reason, "the reason")
     said = _said(outcome, code, text, started_at, ended_at)
+    named = check_words(str(act) if isinstance(act, Execution) else act, arguments)
     if not isinstance(act, Execution):
-        named = check_words(act, arguments)
         # It did not begin after its end.
         said = said._replace(started_at=said.started_at or said.ended_at)
-    elif [*arguments]:
+    elif named[1]:
         raise PlanError(f"{act} has its arguments already; leave them out")
     with state.store.transaction(reason=reason) as transaction:
         remedy = "give its times here: started_at=..., ended_at=..."
