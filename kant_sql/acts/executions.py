@@ -215,17 +215,21 @@ def _began_by() -> Any:
     return revision.correlate(_NOW.kb_id.table).exists()
 
 
+def find_outcomes(state: State, since: When | None, until: When | None) -> tuple[int, int]:
+    """Find the first and last revision of outcomes; what is pending in a transaction counts."""
+    bounds = find_bounds(state, since, until)
+    return bounds.low, LARGEST if until is None and state.at is None else bounds.high
+
+
 def _read_all(
     state: State, asked: ExecutionFilter, since: When | None, until: When | None, limit: int | None
 ) -> Iterator[Execution]:
     """Read executions in pages."""
-    bounds = find_bounds(state, since, until)
-    # What is pending in this transaction counts, too.
-    high = LARGEST if until is None and state.at is None else bounds.high
+    low, high = find_outcomes(state, since, until)
     before: Before | None = (high, LARGEST, LARGEST)
     left = at_most(limit)
     while before is not None and left > 0:
-        page, before = read_page(state, asked, bounds.low, before, min(left, PAGE))
+        page, before = read_page(state, asked, low, before, min(left, PAGE))
         yield from page
         left -= len(page)
 
