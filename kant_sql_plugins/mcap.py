@@ -118,8 +118,8 @@ def export_transitions(
         The written files.
 
     Raises:
-        InvalidArgumentError: the folder has other files, an element is not a ground atom, or there
-            are more than 10,000 channels, or there is no such clock.
+        InvalidArgumentError: the folder has other files, an element is not a ground atom, there are
+            more than 10,000 channels, there is no such clock, or the range ends before it begins.
         UnknownNameError: there never was such a predicate or function.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.

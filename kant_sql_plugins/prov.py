@@ -67,8 +67,8 @@ def export_provenance(
         What was written; the rows of a file are its revisions.
 
     Raises:
-        InvalidArgumentError: the folder has other files, or names or elements are given,
-            or the clock is `valid`.
+        InvalidArgumentError: the folder has other files, names or elements are given, the clock is
+            `valid`, or the range ends before it begins.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
         ExtraMissingError: prov is not installed; the extra `prov` has it.

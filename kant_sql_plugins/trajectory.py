@@ -126,8 +126,8 @@ def export_trajectories(
         What was written; the rows of a trajectory are its executions.
 
     Raises:
-        InvalidArgumentError: the folder has other files, or names or elements are given,
-            or there is no such clock.
+        InvalidArgumentError: the folder has other files, names or elements are given, there is no
+            such clock, or the range ends before it begins.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.

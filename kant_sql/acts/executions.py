@@ -215,17 +215,21 @@ def _began_by() -> Any:
     return revision.correlate(_NOW.kb_id.table).exists()
 
 
+def find_outcomes(state: State, since: When | None, until: When | None) -> tuple[int, int]:
+    """Find the first and last revision of outcomes; what is pending in a transaction counts."""
+    bounds = find_bounds(state, since, until)
+    return bounds.low, LARGEST if until is None and state.at is None else bounds.high
+
+
 def _read_all(
     state: State, asked: ExecutionFilter, since: When | None, until: When | None, limit: int | None
 ) -> Iterator[Execution]:
     """Read executions in pages."""
-    bounds = find_bounds(state, since, until)
-    # What is pending in this transaction counts, too.
-    high = LARGEST if until is None and state.at is None else bounds.high
+    low, high = find_outcomes(state, since, until)
     before: Before | None = (high, LARGEST, LARGEST)
     left = at_most(limit)
     while before is not None and left > 0:
-        page, before = read_page(state, asked, bounds.low, before, min(left, PAGE))
+        page, before = read_page(state, asked, low, before, min(left, PAGE))
         yield from page
         left -= len(page)
 
@@ -351,11 +355,11 @@ def report(
     one_of(outcome, OUTCOMES, "the outcome")
     optional_text(reason, "the reason")
     said = _said(outcome, code, text, started_at, ended_at)
+    named = check_words(str(act) if isinstance(act, Execution) else act, arguments)
     if not isinstance(act, Execution):
-        named = check_words(act, arguments)
         # It did not begin after its end.
         said = said._replace(started_at=said.started_at or said.ended_at)
-    elif [*arguments]:
+    elif named[1]:
         raise PlanError(f"{act} has its arguments already; leave them out")
     with state.store.transaction(reason=reason) as transaction:
         remedy = "give its times here: started_at=..., ended_at=..."

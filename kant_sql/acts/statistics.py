@@ -17,8 +17,7 @@ from ..arguments import one_of, shown, storable_text
 from ..dao.text import refuse_unknown_actor
 from ..errors import InvalidArgumentError
 from ..history.confirmations import unconfirmed
-from ..history.moments import find_bounds
-from ..history.revisions import LARGEST, at_most
+from ..history.revisions import at_most
 from ..moment_text import When
 from ..sql import tables as t
 from ..sql.executions import OUTCOMES, Key, of_execution
@@ -27,7 +26,7 @@ from ..sql.rows import KB, looked_up, table_of
 from ..store.snapshot import View
 from ..store.state import State
 from . import Execution
-from .executions import began, had_outcome
+from .executions import began, find_outcomes, had_outcome
 from .recording import ExecutionReader, parse_id, parse_words
 
 Grouping = Literal["action", "argument", "arguments", "actor"]
@@ -162,10 +161,8 @@ def statistics(
     wanted = _checked(by)
     storable_text(actor, "actor")
     most = at_most(limit)
-    bounds = find_bounds(state, since, until)
-    # What is pending in this transaction counts, too.
-    high = LARGEST if until is None and state.at is None else bounds.high
-    given: dict[str, Any] = {"low": bounds.low, "high": high}
+    low, high = find_outcomes(state, since, until)
+    given: dict[str, Any] = {"low": low, "high": high}
     given |= {} if actor is None else {"actor": actor}
     given |= {} if state.at is None else {"at": state.at}
     key = wanted, actor is not None, state.at is not None
@@ -183,7 +180,7 @@ def statistics(
     if actor is not None and not found:
         refuse_unknown_actor(state.store, actor)
     group = attrgetter(*GROUPINGS)
-    waiting = _unconfirmed(state, wanted, actor, bounds.low, high) if found else {}
+    waiting = _unconfirmed(state, wanted, actor, low, high) if found else {}
     return [replace(one, unconfirmed=waiting.get(group(one), 0)) for one in found]
 
 

@@ -359,7 +359,8 @@ def export_store(
         The written files.
 
     Raises:
-        InvalidArgumentError: the folder has other files, or there is no such view or format.
+        InvalidArgumentError: the folder has other files, there is no such view or format, or the
+            range ends before it begins.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
         ExtraMissingError: pyarrow is not installed; the extra `data` has it.

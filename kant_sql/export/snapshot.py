@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..arguments import optional_text, shown
 from ..errors import InvalidArgumentError, KantSqlError
-from ..history.moments import MICROSECOND, check_number, check_zone, clamped, just_before
+from ..history.moments import (
+    MICROSECOND,
+    check_number,
+    check_zone,
+    clamped,
+    just_before,
+    refuse_reversed,
+)
 from ..history.revisions import FIRST_MOMENT, LAST_MOMENT, read_numbered
 from ..knowledge.canonical import time_text
 from ..moment_text import Moment, When, read_when
@@ -75,6 +82,13 @@ class StoreSnapshot:
         """Return the revisions from `since` to `until`, both inclusive; None for all."""
         if since is None and until is None:
             return None
+        low, high = self._revisions(state, since, until)
+        refuse_reversed(since, until, low, high)
+        return low, high
+
+    def _revisions(
+        self, state: KnowledgeBaseState, since: Moment | None, until: Moment | None
+    ) -> Window:
         low, high, kb_id = 1, state.revision, self.ids[state.name]
         if isinstance(since, datetime):
             low = self._revision_at(kb_id, just_before(since)) + 1
@@ -102,7 +116,7 @@ class StoreSnapshot:
         if state.archived:
             begin = max(begin, times[state.archived] + MICROSECOND)
         end = clamped(end or LAST_MOMENT)
-        low, high = self.window(state, begin, end) or (1, 0)
+        low, high = self._revisions(state, begin, end)
         return ValidRange(begin, end, low - 1, high, state.revision)
 
     def batches(

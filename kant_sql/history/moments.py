@@ -224,9 +224,8 @@ def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
         high = min(found[len(moments) - 1], last)
     elif until is not None:
         high = check_number(store.name, until, last)
-    bounds = Bounds(low, high, head.redefined, last)
-    _refuse_reversed(since, until, bounds)
-    return bounds
+    refuse_reversed(since, until, low, high)
+    return Bounds(low, high, head.redefined, last)
 
 
 # What a question about a range goes by: the times of commits, or those that knowledge is about.
@@ -280,14 +279,15 @@ def just_before(moment: datetime) -> datetime:
     return max(clamped(moment), FIRST_MOMENT + MICROSECOND) - MICROSECOND
 
 
-def _refuse_reversed(since: Moment | None, until: Moment | None, bounds: Bounds) -> None:
+def refuse_reversed(since: Moment | None, until: Moment | None, low: int, high: int) -> None:
     """Refuse a range that ends before it begins; between two times there may be no revision."""
+    # `low` and `high` are the revisions that it has.
     if since is None or until is None:
         return
     if isinstance(since, datetime) and isinstance(until, datetime):
         is_reversed = since > until
     elif isinstance(since, datetime) or isinstance(until, datetime):
-        is_reversed = bounds.low > bounds.high
+        is_reversed = low > high
     else:
         is_reversed = since > until
     if is_reversed:

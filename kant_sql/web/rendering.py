@@ -87,8 +87,7 @@ def breaking(value: object) -> Markup:
 
 def shorten(value: object, length: int = SHORT) -> str:
     """Return the beginning of a long text."""
-    text = shown_text(value)
-    return text if len(text) <= length else f"{text[:length]}…"
+    return cut(shown_text(value), length)
 
 
 def cut(text: str, length: int) -> str:

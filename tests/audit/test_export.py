@@ -249,6 +249,21 @@ WRONG: dict[str, tuple[dict[str, Any], type[KantSqlError], str]] = {
     "future": ({"since": 99, "knowledge_base": "courier"}, UnknownRevisionError, "it is at 36"),
     "text": ({"until": "late", "knowledge_base": "courier"}, InvalidArgumentError, "nor a time"),
     "zone": ({"since": datetime(2026, 3, 2)}, UnknownRevisionError, "no zone"),
+    "reversed": (
+        {"since": 5, "until": 4, "knowledge_base": "courier"},
+        InvalidArgumentError,
+        "since 5 is after until 4; swap them",
+    ),
+    "times": (
+        {"since": datetime(2026, 3, 2, 14, tzinfo=UTC), "until": "2026-03-02 12:00"},
+        InvalidArgumentError,
+        "ends before it begins",
+    ),
+    "time and number": (
+        {"since": "2026-03-02 14:00", "until": 3, "knowledge_base": "courier"},
+        InvalidArgumentError,
+        "is after until 3; swap them",
+    ),
     "replace": ({"replace": "yes"}, InvalidArgumentError, "replace"),
     "progress": ({"progress": 3}, InvalidArgumentError, "progress"),
     "folder": ({"to": ""}, InvalidArgumentError, "folder"),

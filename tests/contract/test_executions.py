@@ -188,12 +188,15 @@ def test_what_is_no_report_is_refused(kb: KnowledgeBase) -> None:
     report: Any = kb.executions.report
     now, noon = datetime.now(UTC), datetime(2026, 1, 1, 12, tzinfo=UTC)
     last = datetime.max.replace(tzinfo=timezone(timedelta(hours=-5)))
+    made = report("dock", arguments=["front"], outcome="running")
     for wrong, given, message in (
         ((3,), {"outcome": "failed"}, "the name of the act is 3"),
         (("",), {"outcome": "failed"}, "is empty"),
         (("a\0",), {"outcome": "failed"}, "NUL"),
         (("a",), {"outcome": "done"}, "expected one of running"),
         (("a",), {"outcome": "failed", "arguments": "front"}, "expected a list"),
+        ((made,), {"outcome": "failed", "arguments": None}, "expected a list"),
+        ((made,), {"outcome": "failed", "arguments": ["front"]}, "has its arguments already"),
         (("a",), {"outcome": "succeeded", "code": "E"}, "is the code of a failure"),
         (("a",), {"outcome": "running", "ended_at": now}, "for a running execution"),
         (("a",), {"outcome": "failed", "started_at": now, "ended_at": noon}, "before it began"),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from urllib.parse import parse_qs
 
 import pytest
 
@@ -12,6 +14,7 @@ from kant_sql.history import corrections as asked
 from kant_sql.json_values import json_value
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.web.pages import revisions
+from tests.support.crawling import Markup
 from tests.support.statements import fill
 from tests.web.conftest import Filled, statements_of
 
@@ -94,3 +97,24 @@ def test_pages_take_either_clock(late: Filled) -> None:
         for valid in ({"valid": (BEGIN - timedelta(minutes=1)).isoformat()}, {"valid": within})
     ]
     assert [fact in each for each in states] == [False, True]
+
+
+def test_further_pages_of_what_was_true_are_of_the_same_time(
+    late: Filled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, client = late
+    monkeypatch.setattr(revisions, "FEW", 3)
+    monkeypatch.setattr(revisions, "MANY", 3)
+    within = (BEGIN + timedelta(minutes=5)).isoformat()
+    page = client.get("/state", params={"kb": "courier", "valid": within}).text
+    parts = page.partition('id="parts"')[2].partition("</main>")[0]
+    every = next(one for one in Markup(parts).links if "kind=fact" in one)
+    seen = set[str]()
+    following: str | None = every
+    while following is not None:
+        assert parse_qs(following)["valid"] == [within]
+        page = client.get(following).text
+        seen |= set(re.findall(r"\(robot_at rb1 wp\d\)", page))
+        links = [one for one in Markup(page).links if "after=" in one and one.startswith("/state")]
+        following = links[0] if links else None
+    assert len(seen) == SIZE

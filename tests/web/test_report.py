@@ -41,7 +41,10 @@ from tests.support.worlds.hostile import (
 )
 from tests.web.conftest import do_some
 
-SECTIONS = {"summary", "timeline", "plans", "acts", "rules", "goals", "log", "verification"}
+SECTIONS = {
+    *("summary", "timeline", "plans", "acts", "rules", "goals", "effects", "corrections", "log"),
+    "verification",
+}
 LIMITS = {"ACTORS": 2, "LANES": 3, "BARS": 2, "STEPS": 1, "ENTRIES": 4, "CHANGES": 1}
 DOORS = """(define (domain doors) (:predicates (open) (seen))
   (:action look :precondition (open) :effect (seen)))"""
@@ -149,6 +152,7 @@ def test_it_needs_nothing_else(story: KnowledgeBase) -> None:
     assert page.loads == []
     assert page.handlers == []
     assert all(link.startswith("#") and link[1:] in page.ids for link in page.links), page.links
+    assert {f"#{section}" for section in SECTIONS} <= {*page.links}
     assert page.policy["default-src"] == "'none'"
     assert "script" not in page.elements
     assert not {"script-src", "img-src", "connect-src"} & page.policy.keys()
@@ -245,6 +249,7 @@ def test_a_range_without_a_revision_says_so(story: KnowledgeBase) -> None:
     page = Page(report_html(story, since=at("10:10"), until=at("10:20")))
     assert "This range has no revision." in page.text
     assert "Intact" in page.text
+    assert page.links == ["#summary", "#verification"]
 
 
 @pytest.mark.more

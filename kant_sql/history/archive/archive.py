@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable
 from contextlib import closing
 from datetime import datetime
 from typing import NamedTuple
@@ -59,7 +58,7 @@ def replicate(
     source: ReplicationSide,
     target: Target,
     upto: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[str, ...]:
     """Replicate revisions up to one, resuming where an earlier call ended."""
     # Each of several transactions leaves the target complete at some revision. Returns where bytes

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import (
     Boolean,
     ColumnElement,
+    Select,
     Table,
     Text,
     and_,
@@ -34,11 +35,12 @@ from ...sql.tables.base import UtcTime
 _REVISION, _LINK = table_of(t.RevisionRow), table_of(t.RevisionExecutionRow)
 
 
-def columns_of(table: Table) -> tuple[ColumnElement[Any], ...]:
-    """Return the columns of a table as they are read, in order."""
+def _rows_of(table: Table, *conditions: ColumnElement[bool]) -> Select[Any]:
+    """Select rows of a table, with all of its columns in order."""
     # As text: a driver would parse the JSON document, whose text was hashed.
     is_json = {_REVISION.c.source}
-    return tuple(cast(column, Text) if column in is_json else column for column in table.columns)
+    columns = (cast(column, Text) if column in is_json else column for column in table.columns)
+    return select(*columns).where(table.c.kb_id == KB, *conditions)
 
 
 def converters(
@@ -137,8 +139,9 @@ class Stores(NamedTuple):
 def _of_ids(owner: ColumnElement[int], *columns: ColumnElement[Any]) -> Query:
     """Read columns of the rows of a table, or all of them, by the ids in one of them."""
     table: Any = owner.table
-    rows = select(*(columns or columns_of(table))).where(table.c.kb_id == KB)
-    return Query(select(*found_rows(rows, owner, "ids").c))
+    rows = _rows_of(table)
+    some = rows.with_only_columns(*columns) if columns else rows
+    return Query(select(*found_rows(some, owner, "ids").c))
 
 
 @cache
@@ -301,15 +304,15 @@ class Copied(NamedTuple):
 
 
 def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
-    statement = select(*columns_of(table)).where(table.c.kb_id == KB, *condition)
-    return Query(statement.order_by(*table.primary_key.columns.values()[1:]))
+    rows = _rows_of(table, *condition)
+    return Query(rows.order_by(*table.primary_key.columns.values()[1:]))
 
 
 @cache
 def _asserted(table: Table) -> Query:
     """Select the rows that begin in the range, or that have a number in it."""
     number = table.c.since if "since" in table.c else table.c.number
-    return Query(select(*columns_of(table)).where(table.c.kb_id == KB, in_range(number)))
+    return Query(_rows_of(table, in_range(number)))
 
 
 @cache

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
+from ...dao.interfaces import Progress
 from ...errors import (
     ArchivedError,
     AuthenticationError,
@@ -25,8 +26,6 @@ from .copy import Stores
 from .target import HeadState, ReplicationSide, Target, begin_on, diverged, last_archive, read_state
 
 T = TypeVar("T")
-
-Progress = Callable[[int, int], None]
 
 
 class Pushed(NamedTuple):
@@ -215,18 +214,19 @@ class _Push:
 
     def _find_archive(self, stores: Stores, here: HeadState, head: Head) -> ReplicationSide:
         if self._archive is None:
-            said = last_archive(stores.source, stores.source_kb) or ""
-            url = said if self._terms.archive is None else self._terms.archive
+            url = self._terms.archive
+            if url is None:
+                url = last_archive(stores.source, stores.source_kb) or ""
             try:
                 backend = create_backend(url, read_only=True)
                 self._stack.callback(backend.close)
                 if backend.is_server and self._terms.archive is None:
                     # Who wrote the source's file may name any server, which would get a password.
                     why = ", a server, which only who pushes may name"
-                    raise _lacking(self._source, here, head, said, why)
+                    raise self._lacking(stores, here, head, why)
                 ensure_schema(backend)
             except (AuthenticationError, InvalidUrlError, SchemaError) as error:
-                raise _lacking(self._source, here, head, said, f": {error}") from error
+                raise self._lacking(stores, here, head, f": {error}") from error
             self._archive = ReplicationSide(backend, self._source.name)
         return self._archive
 
@@ -239,21 +239,18 @@ class _Push:
             stores.source, stores.source_kb, upto
         )
         if not is_it or state.archived_revision > head.revision:
-            said = last_archive(stores.source, stores.source_kb) or ""
             label = whole.source.backend.label
-            raise _lacking(self._source, here, head, said, f", and {label} does not have them")
+            raise self._lacking(stores, here, head, f", and {label} does not have them")
 
-
-def _lacking(
-    source: ReplicationSide, here: HeadState, head: Head, said: str, why: str
-) -> ArchivedError:
-    """Build the error for revisions that only an archive has."""
-    low, high = head.revision + 1, here.archived_revision
-    return ArchivedError(
-        f"{source.backend.label}: a part of revisions {low} to {high} of knowledge base "
-        f"{source.name!r} was moved to the archive {said}{why}; nothing of these was written: give "
-        "the URL of that archive, with its password, as archive= (--archive URL)"
-    )
+    def _lacking(self, stores: Stores, here: HeadState, head: Head, why: str) -> ArchivedError:
+        """Build the error for revisions that only an archive has."""
+        low, high = head.revision + 1, here.archived_revision
+        place = last_archive(stores.source, stores.source_kb) or ""
+        return ArchivedError(
+            f"{self._source.backend.label}: a part of revisions {low} to {high} of knowledge base "
+            f"{self._source.name!r} was moved to the archive {place}{why}; nothing of these was "
+            "written: give the URL of that archive, with its password, as archive= (--archive URL)"
+        )
 
 
 def _hash(session: Session, kb_id: int, at: int, head: HeadState | Head) -> str | None:

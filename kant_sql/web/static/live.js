@@ -38,7 +38,6 @@
     if (revision.revision === head) return;
     head = revision.revision;
     say(revision.message, revision);
-    document.dispatchEvent(new CustomEvent("kant-sql:revision", { detail: revision }));
     isStale = true;
     if (!timer) refresh();
   }
@@ -81,7 +80,6 @@
       const focused = part.contains(document.activeElement) ? document.activeElement : null;
       part.replaceChildren(...fresh.childNodes);
       if (focused) refocus(part, focused);
-      document.dispatchEvent(new CustomEvent("kant-sql:updated", { detail: { part } }));
     }
   }
 

@@ -79,7 +79,7 @@ def test_a_range_without_revisions_is_an_empty_document(url: str, tmp_path: Path
     windows: list[dict[str, Any]] = [
         {"since": datetime(2100, 1, 1, tzinfo=UTC)},
         {"until": datetime(1990, 1, 1, tzinfo=UTC)},
-        {"knowledge_base": "ward", "since": 4, "until": 2},
+        {"since": datetime(1990, 1, 1, tzinfo=UTC), "until": datetime(1990, 1, 2, tzinfo=UTC)},
     ]
     for number, given in enumerate(windows):
         folder = tmp_path / str(number)
