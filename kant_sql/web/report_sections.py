@@ -55,6 +55,13 @@ class ReportRows(ReportSection, Generic[T]):
     rows: list[T]
 
 
+@dataclass(frozen=True)
+class ReportActs(ReportSection):
+    """What was done, as it was at the end of the range."""
+
+    acts: list[Execution]
+
+
 class ReportCount(NamedTuple):
     """How much of a kind changed."""
 
@@ -296,12 +303,12 @@ class ReportReader(NamedTuple):
             self.command("plans", "--plan", str(plan.id)),
         )
 
-    def acts(self) -> ReportRows[Execution]:
-        """Read the last acts that got their outcome in the range, oldest first, as at its end."""
+    def acts(self) -> ReportActs:
+        """Read the last acts that got their outcome in the range, oldest first."""
         then = self.kb.at(self.tally.last).executions
         found = [*then.get_all(since=self.tally.first, limit=ACTS + 1)]
         left_out = "earlier acts" if len(found) > ACTS else None
-        return ReportRows(left_out, self.ranged("acts"), found[:ACTS][::-1])
+        return ReportActs(left_out, self.ranged("acts"), found[:ACTS][::-1])
 
     def rules(self, rules: Rules | None) -> ReportRules:
         """Hold rules against the range."""
