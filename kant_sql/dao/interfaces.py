@@ -391,8 +391,8 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
         Args:
             facts: PDDL text or an atom of a fact, or a DTO; or several of these, which are
                 confirmed in one revision.
-            not_within: seconds; what this actor confirmed less than that ago is left out, and a
-                call with nothing else writes nothing.
+            not_within: seconds; what this actor confirmed less than that ago, and nobody has
+                retracted since, is left out; a call with nothing else writes nothing.
 
         Returns:
             How many facts were confirmed.

@@ -242,12 +242,18 @@ _FIRST = first_rows(
     1,
 ).scalar_subquery()
 _ACTOR = looked_up(_REVISION.actor, _REVISION.number, _CONFIRMED.since)
-# What an actor has confirmed since a moment.
+_HELD = table_of(PropositionVersionRow).c
+# A fact that was retracted since and saved again is another effect, which nobody has seen.
+_SINCE = looked_up(
+    _HELD.since, _HELD.proposition_id, _CONFIRMED.proposition_id, _HELD.until.is_(None)
+)
+# What an actor has confirmed since a moment, and since it began to hold.
 _RECENT = Query(
     select(_CONFIRMED.proposition_id).where(
         _CONFIRMED.kb_id == KB,
         in_list(_CONFIRMED.proposition_id, "ids", bounded=_CONFIRMED.since),
         _CONFIRMED.since >= _FIRST,
+        _CONFIRMED.since >= _SINCE,
         _ACTOR.is_not_distinct_from(bindparam("actor", type_=String)),
     )
 )

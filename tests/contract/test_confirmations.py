@@ -88,6 +88,14 @@ def test_repeated_ones_by_one_actor_write_nothing(kb: KnowledgeBase) -> None:
     assert confirm(kb, AT_ROOM) == 1
 
 
+def test_what_came_back_is_confirmed_however_soon(kb: KnowledgeBase) -> None:
+    assert confirm(kb, AT_ROOM, not_within=60) == 1
+    kb.propositions.delete(AT_ROOM)
+    kb.propositions.save(AT_ROOM)
+    assert confirm(kb, AT_ROOM, not_within=60) == 1
+    assert confirm(kb, AT_ROOM, not_within=60) == 0
+
+
 def test_a_transaction_confirms_what_it_saves_again(kb: KnowledgeBase) -> None:
     with kb.transaction(actor="camera", confirm=True):
         kb.propositions.save_all([AT_ROOM, "(at rb2 hall)", "(clean hall)"])
