@@ -24,12 +24,13 @@ from ..sql.lanes import LANE_SOURCES, LaneSource, value_of
 from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, constant, first_rows, integer
 from ..sql.rows import FACT, KB, VALUE, looked_up, table_of
+from ..store.snapshot import read_position
 from ..store.state import State
 from .moments import find_bounds
 from .revisions import LARGEST, LAST_MOMENT, Revision, at_most, read_numbered
 
 SAYING, VERSION = "saying", "version"
-HELD, NOT_HELD, NO_VALUE = "held", "not held", "no value"
+HELD, NOT_HELD, NO_VALUE, ARCHIVED = "held", "not held", "no value", "archived"
 # So many sayings are compared at once with what was believed before.
 BATCH = 200
 # A page goes through so many batches at most.
@@ -41,8 +42,10 @@ class Belief:
     """What was believed of an element, and who said so.
 
     Attributes:
-        content: `held` or `not held` of a fact; of a fluent its value, or `no value`.
-        revision: the revision that said so, with its actor and reason; None: nobody had.
+        content: `held` or `not held` of a fact; of a fluent its value, or `no value`. `archived`:
+            an archive has what was believed, if anything.
+        revision: the revision that said so, with its actor and reason; None: nobody had, or an
+            archive has it.
     """
 
     content: str
@@ -228,12 +231,13 @@ def read_corrections_page(
 
     def work(session: Session, kb_id: int) -> CorrectionsPage:
         found: list[Correction] = []
+        archived = _archived_layers(session, kb_id)
         place: Place | None = begin if begin.key else Place(key=(high, 0))
         for _ in range(most):
             if place is None or len(found) == limit:
                 break
             top, behind = (int(one or 0) for one in place.key)
-            made, following = _batch(session, kb_id, low, top, behind)
+            made, following = _batch(session, kb_id, archived, low, top, behind)
             fitting = made[place.skip :][: limit - len(found)]
             found += fitting
             place = place._replace(skip=place.skip + len(fitting))
@@ -244,8 +248,15 @@ def read_corrections_page(
     return state.store.query_known(work, CorrectionsPage([], None))
 
 
+def _archived_layers(session: Session, kb_id: int) -> list[_Layer]:
+    """Return what counts least of the time of revisions whose versions are in an archive."""
+    upto = read_position(session, kb_id).archived
+    of = read_numbered(session, kb_id, {1, upto} if upto else ())
+    return [_Layer(0, of[1].committed_at, of[upto].committed_at, ARCHIVED)] if of else []
+
+
 def _batch(
-    session: Session, kb_id: int, low: int, high: int, behind: int
+    session: Session, kb_id: int, archived: Sequence[_Layer], low: int, high: int, behind: int
 ) -> tuple[list[Correction], tuple[int, int] | None]:
     """Compare some sayings with what was believed; return where the next ones begin."""
     rows = session.rows(_newest(), kb=kb_id, low=low, high=high, behind=behind, size=BATCH)
@@ -258,7 +269,7 @@ def _batch(
     compared = []
     for row, layers in zip(rows, _read_layers(session, kb_id, spans), strict=True):
         said = _layer(session, *row[2:6])
-        for part in _differing(row[0], said, layers):
+        for part in _differing(row[0], said, [*archived, *layers]):
             compared.append((row[0], row[6], said, *part))
     numbers = {said.since for _, _, said, *_ in compared}
     numbers |= {part[-1] for part in compared if part[-1] is not None}

@@ -94,7 +94,8 @@ class CauseLinks:
     Attributes:
         element: the element.
         links: the links, the nearest first, and among them the newest.
-        searched: the first revision from which all acts were searched; None for all.
+        searched: the first revision from which all acts were searched; None for all. After an
+            archive, these are the acts since: ask the archive for earlier ones.
         has_more: whether there are more than the limit.
     """
 
@@ -405,7 +406,8 @@ class _Tracer:
         self.archived = position.archived
         self.limit = limit
         self.links: _Links = []
-        self.searched = 0
+        # The state after the last archived revision is the first that conditions are judged in.
+        self.searched = position.archived and position.archived + 1
         self._reader = ExecutionReader(state.store, view, view.kb_id)
         self._evaluation = _Evaluation(view, position.head)
 
@@ -426,7 +428,7 @@ class _Tracer:
     def follow(self, found: _Sought, depth: int) -> None:
         """Find what used an element, and what used what that made, and so on."""
         if found.is_cut:
-            self.searched = max(1, found.targets[-1].since)
+            self.searched = max(1, self.searched, found.targets[-1].since)
         targets, seen = found.targets, set[Key]()
         for level in range(1, depth + 1):
             if not targets or self.is_full:

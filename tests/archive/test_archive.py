@@ -91,6 +91,36 @@ def test_acts_stay_as_they_are(shared_url: str, any_archive_url: str, connect: C
         assert archive.store.verify().is_intact
 
 
+def test_what_was_believed_before_a_correction_may_be_archived(
+    file_url: str, archive_url: str, connect: Connect
+) -> None:
+    kb = connect(file_url, knowledge_base="tiago", actor="robot")
+    kb.load_domain("(define (domain d) (:predicates (open) (lit) (wet)))")
+    kb.propositions.save(["(open)", "(lit)"])
+    then = datetime.now(UTC)
+    kb.propositions.delete_all(["(open)", "(lit)"])
+    kb.propositions.save("(wet)")
+    with kb.transaction(valid_from=then - timedelta(hours=1), valid_until=then):
+        kb.propositions.save(["(open)", "(wet)"])
+        kb.propositions.delete("(lit)")
+    upto = kb.store.archive(kb.revision, to=archive_url).upto
+    kb.propositions.delete("(wet)")
+    with kb.transaction(valid_from=datetime.now(UTC) - timedelta(microseconds=1)):
+        kb.propositions.save("(wet)")
+    found = [(one.text, one.believed, one.said.content) for one in kb.corrections(since=upto)]
+    seen = [(text, believed.content, said) for text, believed, said in found]
+    # Whether they were believed before then is known where the versions are.
+    assert seen == [
+        ("(wet)", "not held", "held"),
+        ("(open)", "not held", "held"),
+        ("(open)", "archived", "held"),
+        ("(lit)", "archived", "not held"),
+        ("(wet)", "not held", "held"),
+        ("(wet)", "archived", "held"),
+    ]
+    assert all(believed.revision is None for _, believed, _ in found[1:])
+
+
 def test_what_is_archived_is_refused_with_the_place_where_it_is(
     kb: KnowledgeBase, archive_url: str
 ) -> None:

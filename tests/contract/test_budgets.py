@@ -245,7 +245,7 @@ VALID: dict[str, tuple[int, Call]] = {
     "timeline": (18, lambda kb: kb.timeline(clock="valid")),
     "query": (6, lambda kb: list(kb.at(valid=LATE[0]).query("(robot_at ?r ?w)"))),
     "holds": (5, lambda kb: kb.at(valid=LATE[0]).holds("(robot_at rb1 wp1)")),
-    "corrections": (4, lambda kb: kb.corrections(limit=10)),
+    "corrections": (5, lambda kb: kb.corrections(limit=10)),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -175,6 +176,13 @@ def test_of_many_acts_the_newest_are_searched(
     assert found.searched is not None
     assert 0 < len(found) < 9
     assert acts(kb.at(found.searched), "(lit lab)")
+
+
+def test_an_archive_has_what_was_used_before(kb: KnowledgeBase, tmp_path: Path) -> None:
+    assert acts(kb, "(at rb1 hall)") == [(1, "(move rb1 hall lab)")]
+    upto = kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}").upto
+    for found in (kb.consequences("(at rb1 hall)"), kb.origins("(seen lab)")):
+        assert found.searched == upto + 1
 
 
 def test_acts_of_other_objects_do_not_hide_those_that_used_a_fact(kb: KnowledgeBase) -> None:
