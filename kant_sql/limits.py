@@ -6,7 +6,6 @@ A limit is kept in a context variable, so that it reaches the calls of `kant_sql
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -233,8 +232,3 @@ def obeying(limit: Limit) -> Iterator[None]:
         yield
     finally:
         LIMIT.reset(token)
-
-
-def is_endless(seconds: float) -> bool:
-    """Return whether a limit leaves statements as much time as they take."""
-    return math.isinf(seconds)
