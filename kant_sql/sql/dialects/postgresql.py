@@ -232,6 +232,7 @@ def _unnest_text(into: Insert) -> str:
 class PostgresqlSession(Session):
     """A session on PostgreSQL."""
 
+    backend: PostgresqlBackend
     placeholder = "%s"
     keeps_limit = True
     _is_replanned = False
@@ -471,12 +472,12 @@ class PostgresqlSession(Session):
 
     def query_of_view(self, name: str, kb_id: int) -> str | None:
         """Return a query that one shard answers, on a cluster."""
-        nodes = self._nodes
-        row = None if nodes is None else self.first(_VIEW, view=name)
-        if nodes is None or row is None:
+        cluster = self.backend.cluster
+        row = None if cluster is None else self.first(_VIEW, view=name)
+        if cluster is None or row is None:
             return None
         query, schema = row
-        return nodes.of_one_shard(query.rstrip().rstrip(";"), schema, kb_id)
+        return cluster.of_one_shard(query.rstrip().rstrip(";"), schema, kb_id)
 
     def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
         """Compare the indexes of some tables with the tables."""
