@@ -17,11 +17,11 @@ from ..dto.formulas import Atom, Constant, Node, Not, Number, TypedName
 from ..dto.lexical import ROOT_TYPE, decimal_text, fold
 from ..errors import ConflictError, InvalidKnowledgeError
 from ..knowledge import definitions as d
+from ..knowledge.atoms import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..knowledge.canonical import with_text
 from ..knowledge.rules import check_stratified
 from ..knowledge.trees import Mentioned, ParameterDefinition
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
-from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..store.transaction import Transaction
 from .build import REQUIREMENT, check_title, constant_ids, put_document
 

@@ -16,10 +16,10 @@ from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
 from ..dto.lexical import fold
 from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstructError
 from ..knowledge import resolved as r
+from ..knowledge.atoms import FluentKey
 from ..knowledge.grounding import bound, substitute
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
-from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, OpaqueError, heads_of, is_linear, mapped, with_numbers
 from .arithmetic import EXACT, Exact

@@ -20,6 +20,7 @@ from typing import Any
 from sqlalchemy import Table, func, select
 
 from ..errors import ConnectionLostError, InvalidArgumentError
+from ..knowledge.atoms import GroundAtom
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, PendingDefinitions
 from ..knowledge.sayings import FROM_NOW_ON, Given, Period
@@ -29,7 +30,7 @@ from ..sql.executions import Key
 from ..sql.query import Insert, Query, whole_rows
 from ..sql.rows import FACT, KB, table_of
 from ..sql.tables import ConfirmationRow, PlanRow, RequestRow, RevisionExecutionRow, RevisionRow
-from .caches import Agreements, AtomCache, FluentCache, GroundAtom
+from .caches import Agreements, AtomCache, FluentCache
 from .head import MOVED, Committed, Head, set_head
 from .journal import JournalScope
 from .ledger import (
