@@ -85,21 +85,23 @@ class Transaction:
     _fluents: FluentCache
     given: Given = FROM_NOW_ON  # where the period that it speaks of begins and ends, as given
     number: int = field(init=False)  # the revision that it makes
-    committed: Committed | None = None  # the revision, from just before COMMIT is sent
-    redefined: bool = False  # whether the revision changes a definition
+    # The revision, from just before COMMIT is sent.
+    committed: Committed | None = field(default=None, init=False)
+    redefined: bool = field(default=False, init=False)  # whether the revision changes a definition
     # Within a batch, the types that agree with what is stored, by address.
-    agreed_types: dict[int, object] | None = None
-    changed: int = 0  # how many changes the revision has
-    confirms: bool = False  # whether to save a fact that holds already is to confirm it
+    agreed_types: dict[int, object] | None = field(default=None, init=False)
+    changed: int = field(default=0, init=False)  # how many changes the revision has
+    # Whether to save a fact that holds already is to confirm it.
+    confirms: bool = field(default=False, init=False)
     # Whether it changes texts of earlier revisions, so that nothing cached is right.
-    erases: bool = False
+    erases: bool = field(default=False, init=False)
     # The key, the digest and the results of the request that makes it, if it may be repeated.
-    request: tuple[str, str, str] | None = None
+    request: tuple[str, str, str] | None = field(default=None, init=False)
     _started: float = field(init=False)
     # The ledgers of the kinds touched so far.
-    _ledgers: dict[str, PendingChanges] = field(default_factory=dict)
-    _propositions: PropositionLedger | None = None
-    _values: FunctionValueLedger | None = None
+    _ledgers: dict[str, PendingChanges] = field(default_factory=dict, init=False)
+    _propositions: PropositionLedger | None = field(default=None, init=False)
+    _values: FunctionValueLedger | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.number = self._context.number
