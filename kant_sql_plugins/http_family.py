@@ -386,8 +386,8 @@ class HttpDaoFactory(DaoFactory):
         self._refuse_to_write()
         metadata = make_metadata(self._actor if actor is None else actor, None, source)
         self._refuse_other(actor)
-        if said.get("plan_step") is not None:
-            raise daos_only(self, "steps of plans")
+        if said.get("execution") is not None:
+            raise daos_only(self, "executions")
         outer = self._opened()
         if outer is None:
             self._wait_for_none()

@@ -142,6 +142,10 @@ def test_what_only_reads_refuses_to_write(
             connect(f"{address}/other")
     with pytest.raises(InvalidUrlError, match="lacks plans"):
         _ = kb.plans
+    direct = connect(server.url, knowledge_base="tiago")
+    act = direct.executions.report("go", outcome="running")
+    with pytest.raises(InvalidUrlError, match="lacks executions"), kb.transaction(execution=act):
+        pass
 
 
 @pytest.mark.parametrize(
