@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 from sqlalchemy import null
 
-from ...arguments import expect, flag, optional_call, optional_text
+from ...arguments import Progress, expect, flag, optional_call, optional_text
 from ...errors import (
     ClosedError,
     InvalidArgumentError,
@@ -28,7 +28,7 @@ from ...sql.tables import PromotionRow
 from ...store.head import check_last, set_head
 from ...store.state import State
 from ...store.store import Store
-from .push import Progress, Pushed, Terms, send
+from .push import Pushed, Terms, send
 from .target import ReplicationSide, Target, open_store
 
 logger = logging.getLogger("kant_sql.history")

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
+from ...arguments import Progress
 from ...errors import (
     ArchivedError,
     AuthenticationError,
@@ -25,8 +26,6 @@ from .copy import Stores
 from .target import HeadState, ReplicationSide, Target, begin_on, diverged, last_archive, read_state
 
 T = TypeVar("T")
-
-Progress = Callable[[int, int], None]
 
 
 class Pushed(NamedTuple):

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, closing
 from typing import NamedTuple
 
+from ...arguments import Progress
 from ...errors import (
     ArchivedError,
     AuthenticationError,
@@ -31,7 +32,7 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import PASSING, Backend, Listener
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
-from .push import Progress, Pushed, Terms, send
+from .push import Pushed, Terms, send
 from .target import ReplicationSide, Target, begin_on, open_store, read_state
 
 # What may be over at the next attempt.

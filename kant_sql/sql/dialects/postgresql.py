@@ -597,7 +597,6 @@ _TIMEOUT, _UNKNOWN = "statement_timeout", -1
 _LONGEST_TIMEOUT = 2**31 - 1
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
-# SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 # Which tables belong to a role that this user is not, and are not its to maintain.
 _OF_OTHERS = text(
     "SELECT c.relname FROM pg_class AS c WHERE c.oid = ANY (SELECT to_regclass(n) FROM "
@@ -607,6 +606,7 @@ _OF_OTHERS = text(
 )
 _ROWS_GONE = "rows that were replaced in the tables of"
 _OWNER_VACUUMS = "run VACUUM (FULL, ANALYZE) as the owner of the tables"
+# SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 _IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
 # What the server and PgBouncer answer when all of their connections are in use.
 _CROWDED = re.compile(
