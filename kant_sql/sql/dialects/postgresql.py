@@ -32,7 +32,7 @@ from sqlalchemy import (
     text,
 )
 from sqlalchemy.dialects.postgresql.base import PGDialect
-from sqlalchemy.exc import DBAPIError, DisconnectionError
+from sqlalchemy.exc import ArgumentError, DBAPIError, DisconnectionError
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.pool import NullPool, QueuePool
 from sqlalchemy.types import TypeEngine
@@ -769,6 +769,8 @@ class PostgresqlBackend(Backend):
                 f"{self.label}: PostgreSQL needs the psycopg driver; "
                 "install it with: pip install 'kant-sql[postgres]'"
             ) from error
+        except ArgumentError as error:
+            raise InvalidUrlError(f"{self.label}: {error}") from error
 
         @event.listens_for(engine, "connect")
         def refuse_old_server(connection: Any, _: object) -> None:
