@@ -219,9 +219,7 @@ class ConditionCompiler(JoinWriter):
         A subquery is better there than a junction: fewer rows are found for it.
         """
         levels = self.words.levels
-        if levels is None or not weight:
-            return False
-        if not self._level:
+        if levels is None or not weight or not self._level:
             return False
         spare = 0 if weight >= _SUBQUERY else 15
         return self._level + weight > levels + spare and not self._is_growing(part)
@@ -314,11 +312,14 @@ class ConditionCompiler(JoinWriter):
             if made is None:
                 return None
             found += made
+        return [*found, self.stored(predicate)]
+
+    def stored(self, predicate: int) -> _Alternative:
+        """Return that a fact of a derived predicate is stored, and so holds; in new variables."""
         declared = self.definitions.predicates.live(predicate).parameters
-        # New variables: a fact that is stored holds, too.
-        slots = [r.Bound(r.Slot(next(self.rules.numbers)), ()) for _ in declared]
-        stored = r.HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
-        return [*found, _Alternative(tuple(slots), (stored,), (), ())]
+        slots = tuple([r.Bound(r.Slot(next(self.rules.numbers)), ()) for _ in declared])
+        fact = r.HoldsFact(predicate, tuple([each.slot for each in slots]), is_stored=True)
+        return _Alternative(slots, (fact,), (), ())
 
     def _limits(
         self,
@@ -655,7 +656,4 @@ def _selects(
                 newest = r.HoldsFact(-use.predicate, use.terms)
                 parts = [newest if part is use else part for part in each.parts]
                 yield further._select(each, {}, parts=parts), False
-    declared = first.definitions.predicates.live(predicate).parameters
-    slots = tuple(r.Bound(r.Slot(next(first.rules.numbers)), ()) for _ in declared)
-    stored = r.HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
-    yield first._select(_Alternative(slots, (stored,), (), ()), {}), True
+    yield first._select(first.stored(predicate), {}), True
