@@ -26,10 +26,10 @@ from ..knowledge import resolved as r
 from ..knowledge.rules import DerivationRule
 from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
-from .dialects.words import HEAD, Words, quoted
+from .dialects.words import HEAD, Words
 from .intervals import MOST_FORKS
 from .joins import JoinWriter
-from .query import Query
+from .query import Query, text_literal
 
 # A rule whose recursive disjunctions have more combinations is computed without parting them.
 MAX_ALTERNATIVES = 64
@@ -80,7 +80,7 @@ class ConditionStatement:
                 return found[0]
             value = known[found[1]]
             if isinstance(value, str):
-                return quoted(value)
+                return text_literal(value)
             if value in (inf, -inf):
                 # More than a double holds, as both dialects read it.
                 return f"{'-' if value < 0 else ''}9e999"

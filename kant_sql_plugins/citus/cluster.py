@@ -22,7 +22,7 @@ from sqlalchemy.schema import AddConstraint, CreateTable, DropTable
 
 from kant_sql.errors import SchemaError
 from kant_sql.sql.dialects.postgresql_structure import Qualifier
-from kant_sql.sql.dialects.words import quoted
+from kant_sql.sql.query import text_literal
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import VERSION_TABLE
 
@@ -178,12 +178,12 @@ def _kind(place: tuple[str | None, int | None], first: tuple[str | None, int | N
 def distribution_of(names: Qualifier, table: str, shards: int | None = None) -> str:
     """Write the statement that distributes a table; `shards` is for the first of them."""
     if table in REFERENCE_TABLES:
-        return f"SELECT create_reference_table({quoted(names.relation(table))})"
-    how = f"colocate_with => {quoted(names.relation(FIRST))}"
+        return f"SELECT create_reference_table({text_literal(names.relation(table))})"
+    how = f"colocate_with => {text_literal(names.relation(FIRST))}"
     if table == FIRST:
         count = "" if shards is None else f", shard_count => {shards:d}"
         how = f"colocate_with => 'none'{count}"
-    return f"SELECT create_distributed_table({quoted(names.relation(table))}, '{KEY}', {how})"
+    return f"SELECT create_distributed_table({text_literal(names.relation(table))}, '{KEY}', {how})"
 
 
 def of_one_shard(query: str, schema: str, kb_id: int) -> str:

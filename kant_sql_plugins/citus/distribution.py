@@ -19,8 +19,8 @@ from kant_sql.sql.dialects.base import retrying
 from kant_sql.sql.dialects.postgresql import PostgresqlBackend
 from kant_sql.sql.dialects.postgresql_roles import RoleMaker, lock_tables, run_all
 from kant_sql.sql.dialects.postgresql_structure import Qualifier
-from kant_sql.sql.dialects.words import quoted
 from kant_sql.sql.predicate_views import CHANGES_AT_ONCE, recreated_views, update_views
+from kant_sql.sql.query import text_literal
 from kant_sql.sql.schema import check, upgrade_sql
 from kant_sql.sql.tables import Base
 
@@ -402,7 +402,7 @@ class Distributor:
                 what = f"TABLE {relation}"
                 if column is not None:
                     what = f"COLUMN {relation}.{self._names.quote(column)}"
-                yield f"COMMENT ON {what} IS {quoted(comment)}"
+                yield f"COMMENT ON {what} IS {text_literal(comment)}"
 
     def _lists(self, due: Sequence[str]) -> Iterator[str]:
         """Yield the statements that make the conditions with lists as the migrations do."""
@@ -433,7 +433,7 @@ class Distributor:
                 yield f"ALTER TABLE {self._names.relation(table)} ADD CONSTRAINT {constraint}"
 
     def _literal(self, table: str) -> str:
-        return quoted(self._names.relation(table))
+        return text_literal(self._names.relation(table))
 
     def _refused(self, what: str, remedy: str) -> StoreError:
         return StoreError(f"{self._label}: nothing was changed: {what}; {remedy}")
