@@ -214,12 +214,10 @@ class Transaction:
         self._ledger(kind).put(definition.id, definition)
         return True
 
-    def redefine(self, kind: str, definition: Definition) -> bool:
+    def redefine(self, kind: str, definition: Definition) -> None:
         """Set what an element is whose name this process may never have met."""
-        if not self.define(kind, definition):
-            return False
-        self._ledger(kind).know(definition)
-        return True
+        if self.define(kind, definition):
+            self._ledger(kind).know(definition)
 
     def adopt(self, kind: str, definition: Definition) -> None:
         """Define an element of another knowledge base, under its id, where nothing is known."""
