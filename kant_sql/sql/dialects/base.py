@@ -160,10 +160,11 @@ class Shared(Protocol):
 
 
 class Commits:
-    """Counts the commits to a store that only this process has."""
+    """Counts commits, for the threads of this process that wait for the next one."""
 
     def __init__(self) -> None:
         self._number = self._waiting = 0
+        # Entered itself: a condition takes two more calls, with each commit in memory.
         self._lock = threading.Lock()
         self._changed = threading.Condition(self._lock)
 
