@@ -6,7 +6,7 @@ import math
 import re
 import reprlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from datetime import timedelta
 from itertools import islice
 from typing import Any, TypeVar
@@ -16,6 +16,9 @@ from typing_extensions import TypeIs
 from .errors import InvalidArgumentError, InvalidKnowledgeError, InvalidTimeoutError, KantSqlError
 
 T = TypeVar("T")
+
+# Called with the number of items done, and the number in total.
+Progress = Callable[[int, int], None]
 
 # No list of knowledge is longer; this limit refuses endless iterators.
 MAX_ITEMS = 1_000_000

@@ -31,6 +31,14 @@ from .sql.dialects.base import Backend
 from .store.state import State
 from .store.store import Store
 
+__all__ = [
+    "FAMILIES",
+    "DaoFactory",
+    "PostgresqlDaoFactory",
+    "SqliteDaoFactory",
+    "create_dao_factory",
+]
+
 
 def daos_only(factory: DaoFactory, lacked: str) -> InvalidUrlError:
     """Return the error for what a family that is not built on an SQL store has not."""
@@ -420,14 +428,6 @@ class SqliteDaoFactory(SqlDaoFactory):
 class PostgresqlDaoFactory(SqlDaoFactory):
     """The PostgreSQL family: a fleet, on a server."""
 
-
-__all__ = [
-    "FAMILIES",
-    "DaoFactory",
-    "PostgresqlDaoFactory",
-    "SqliteDaoFactory",
-    "create_dao_factory",
-]
 
 JOINED: Plugins[object] = Plugins("kant_sql.dao_families")
 

@@ -6,7 +6,6 @@ A limit is kept in a context variable, so that it reaches the calls of `kant_sql
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -29,73 +28,6 @@ STOP_AGAIN = 0.05
 CANCEL_WITHIN = 5.0
 
 
-class Questions:
-    """The sessions that obey a limit, and the limits around it. Threads share it."""
-
-    def __init__(self, outer: Questions | None) -> None:
-        self._all: tuple[Questions, ...] = (self,) if outer is None else (self, *outer._all)
-        self._changed: threading.Condition = outer._changed if outer else threading.Condition()
-        self._asked: set[StatementGuard] = set()
-        self._is_cancelled = False
-
-    @property
-    def is_cancelled(self) -> bool:
-        """Whether this limit, or one around it, was cancelled."""
-        return any(each._is_cancelled for each in self._all)
-
-    def cancel(self) -> None:
-        """Stop the statements that run, and wait for their end; refuse others."""
-        deadline, pause = time.monotonic() + CANCEL_WITHIN, STOP_AGAIN
-        with self._changed:
-            self._is_cancelled = True
-            while (running := self._running()) and time.monotonic() < deadline:
-                # The lock is held: a question that ends now waits with its connection, which the
-                # next one is to get in peace.
-                for question in running:
-                    # A server that does not answer makes each request wait.
-                    if time.monotonic() < deadline:
-                        question.stop()
-                self._changed.wait_for(lambda: not self._running(), pause)
-                pause *= 2
-
-    def _running(self) -> list[StatementGuard]:
-        return [question for question in self._asked if question.is_running]
-
-    def join(self, question: StatementGuard) -> None:
-        """Let a session's statements obey."""
-        with self._changed:
-            for each in self._all:
-                each._asked.add(question)
-
-    def leave(self, question: StatementGuard) -> None:
-        """Release a session: once this returns, nothing that it runs is stopped."""
-        with self._changed:
-            question.is_running = False
-            for each in self._all:
-                each._asked.discard(question)
-            self._changed.notify_all()
-
-    def begin(self, question: StatementGuard) -> None:
-        """Note that a statement begins, unless the limit is cancelled."""
-        with self._changed:
-            self.check()
-            question.is_running = True
-
-    def end(self, question: StatementGuard) -> None:
-        """Note that a statement has ended."""
-        with self._changed:
-            question.is_running = False
-            self._changed.notify_all()
-
-    def check(self) -> None:
-        """Raise if the limit was cancelled."""
-        if self.is_cancelled:
-            raise QuestionCancelledError(
-                "this question was cancelled by Limit.cancel(), and reads nothing any more; ask in "
-                "another block of kant_sql.limited()"
-            )
-
-
 class Limit:
     """The limit of the questions in a `limited` block. Threads may share it.
 
@@ -111,15 +43,20 @@ class Limit:
             outer: the limit of the block around this one, which is obeyed, too.
         """
         self.seconds: float = seconds_of(seconds)
+        # Those that are obeyed, this one first, and the sessions that obey this one.
+        self._all: tuple[Limit, ...] = (self,)
+        self._obeying: set[StatementGuard] = set()
+        self._changed = threading.Condition()
+        self._is_cancelled = False
         if outer is not None:
             expect(outer, Limit, "the outer limit", InvalidArgumentError)
             self.seconds = min(self.seconds, outer.seconds)
-        self._questions: Questions = Questions(None if outer is None else outer._questions)
+            self._all, self._changed = (self, *outer._all), outer._changed
 
     @property
     def is_cancelled(self) -> bool:
         """Whether this limit, or one around it, was cancelled."""
-        return self._questions.is_cancelled
+        return any(each._is_cancelled for each in self._all)
 
     def cancel(self) -> None:
         """End the questions that run in the block, and refuse further ones; from any thread.
@@ -128,7 +65,21 @@ class Limit:
         any more, or after some seconds. It may open a connection to the server, so that an event
         loop calls it in a thread.
         """
-        self._questions.cancel()
+        deadline, pause = time.monotonic() + CANCEL_WITHIN, STOP_AGAIN
+        with self._changed:
+            self._is_cancelled = True
+            while (running := self._running()) and time.monotonic() < deadline:
+                # The lock is held: a question that ends now waits with its connection, which the
+                # next one is to get in peace.
+                for question in running:
+                    # A server that does not answer makes each request wait.
+                    if time.monotonic() < deadline:
+                        question.stop()
+                self._changed.wait_for(lambda: not self._running(), pause)
+                pause *= 2
+
+    def _running(self) -> list[StatementGuard]:
+        return [question for question in self._obeying if question.is_running]
 
     def check(self) -> None:
         """Raise if the limit was cancelled: for work between statements.
@@ -136,7 +87,11 @@ class Limit:
         Raises:
             QuestionCancelledError: it was.
         """
-        self._questions.check()
+        if self.is_cancelled:
+            raise QuestionCancelledError(
+                "this question was cancelled by Limit.cancel(), and reads nothing any more; ask in "
+                "another block of kant_sql.limited()"
+            )
 
 
 class StatementGuard:
@@ -146,23 +101,29 @@ class StatementGuard:
     to end one.
     """
 
-    __slots__ = ("_deadline", "_questions", "_stop", "cursor", "is_running", "limit", "was_stopped")
+    __slots__ = ("_changed", "_deadline", "_stop", "cursor", "is_running", "limit", "was_stopped")
 
     def __init__(self, limit: Limit, cursor: Any, stop: Callable[[], None]) -> None:
         self.limit = limit
         self.cursor = cursor
         self.is_running = self.was_stopped = False
-        self._questions = limit._questions
+        self._changed = limit._changed
         self._stop = stop
         self._deadline = 0.0
 
     def join(self) -> None:
         """Let the statements obey from now on."""
-        self._questions.join(self)
+        with self._changed:
+            for each in self.limit._all:
+                each._obeying.add(self)
 
     def leave(self) -> None:
         """Let them obey no more; nothing is stopped once this returns."""
-        self._questions.leave(self)
+        with self._changed:
+            self.is_running = False
+            for each in self.limit._all:
+                each._obeying.discard(self)
+            self._changed.notify_all()
 
     def stop(self) -> None:
         """Ask the database to end the statement that runs."""
@@ -174,11 +135,15 @@ class StatementGuard:
         return time.monotonic() > self._deadline or self.limit.is_cancelled
 
     def __enter__(self) -> None:
-        self._questions.begin(self)
+        with self._changed:
+            self.limit.check()
+            self.is_running = True
         self._deadline = time.monotonic() + self.limit.seconds
 
     def __exit__(self, *_: object) -> None:
-        self._questions.end(self)
+        with self._changed:
+            self.is_running = False
+            self._changed.notify_all()
 
 
 class GuardedCursor:
@@ -267,8 +232,3 @@ def obeying(limit: Limit) -> Iterator[None]:
         yield
     finally:
         LIMIT.reset(token)
-
-
-def is_endless(seconds: float) -> bool:
-    """Return whether a limit leaves statements as much time as they take."""
-    return math.isinf(seconds)

@@ -19,8 +19,9 @@ from copy import copy
 from decimal import Decimal
 from functools import wraps
 from itertools import islice
+from threading import TIMEOUT_MAX
 from typing import Any, NamedTuple, Self, cast
-from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
+from urllib.parse import SplitResult, parse_qsl, quote, unquote, urlencode, urlsplit
 
 from typing_extensions import override
 
@@ -65,16 +66,17 @@ class _Place(NamedTuple):
 
 
 def _place_of(url: str, knowledge_base: str) -> _Place:
-    # `family_of` has read it: a port is a number. No message has a part of the URL with the token.
+    # No message has a part of the URL with the token.
     parts = urlsplit(url)
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
     if not options.keys() <= {*_OPTIONS} or parts.fragment:
         raise InvalidUrlError(f"a URL of a server has the options {' and '.join(_OPTIONS)} only")
-    if not parts.hostname or parts.username:
-        raise InvalidUrlError(f"this is not the URL of a server; write {_URL}")
+    host, port = _server_of(parts)
     timeout = options.get("timeout", str(TIMEOUT))
-    if not timeout.replace(".", "", 1).isdecimal() or not float(timeout):
-        raise InvalidUrlError("timeout is a number of seconds, more than 0")
+    if not timeout.replace(".", "", 1).isdecimal() or not 0 < float(timeout) <= TIMEOUT_MAX:
+        raise InvalidUrlError(
+            f"timeout is a number of seconds, more than 0, {TIMEOUT_MAX:.0f} at most"
+        )
     folder, _, last = parts.path.rpartition("/")
     name = unquote(last) or knowledge_base
     if knowledge_base not in ("default", name):
@@ -87,13 +89,23 @@ def _place_of(url: str, knowledge_base: str) -> _Place:
     token, is_secure = given or None, parts.scheme.lower() == "https"
     if token is not None and not (token.isascii() and token.isprintable()):
         raise InvalidUrlError("the token has characters that HTTP headers cannot carry")
-    host, insecure = parts.hostname, options.get("insecure") == "1"
+    insecure = options.get("insecure") == "1"
     if token is not None and not (is_secure or insecure or dao_calls.is_loopback(host)):
         raise InvalidUrlError(
             f"http://{host} would carry the token in the clear; use https://, or add ?insecure=1 on"
             " a network that you trust"
         )
-    return _Place(is_secure, host, parts.port, folder, name, token, float(timeout))
+    return _Place(is_secure, host, port, folder, name, token, float(timeout))
+
+
+def _server_of(parts: SplitResult) -> tuple[str, int | None]:
+    """Read the host and the port, as a socket and a header take them."""
+    host = parts.hostname or ""
+    with suppress(ValueError):
+        # A port may be no number, and a part of a name too long.
+        if host.encode("idna") and host.isprintable() and " " not in host and not parts.username:
+            return host, parts.port
+    raise InvalidUrlError(f"this is not the URL of a server; write {_URL}")
 
 
 class _BrokenError(Exception):
@@ -374,8 +386,8 @@ class HttpDaoFactory(DaoFactory):
         self._refuse_to_write()
         metadata = make_metadata(self._actor if actor is None else actor, None, source)
         self._refuse_other(actor)
-        if said.get("plan_step") is not None:
-            raise daos_only(self, "steps of plans")
+        if said.get("execution") is not None:
+            raise daos_only(self, "executions")
         outer = self._opened()
         if outer is None:
             self._wait_for_none()

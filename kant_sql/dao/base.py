@@ -26,7 +26,7 @@ from ..dto import (
     PddlPropositionDto,
     PddlTypeDto,
 )
-from ..dto.actions import CLASSES, DEFAULT_DURATION, trusted_literal
+from ..dto.actions import CLASSES, DEFAULT_DURATION
 from ..dto.elements import NamedDto, trusted, trusted_object, trusted_proposition
 from ..dto.formulas import Atom, Comparison, Constant, Fluent, Node, Not, Number, Timed, Variable
 from ..dto.lexical import check_name, decimal_text, fold, number_text, variable_name
@@ -456,8 +456,13 @@ class DtoBuilder:
         self, template: LiteralTemplate, parameters: Sequence[PddlObjectDto]
     ) -> PddlConditionEffectDto:
         terms = [parameters[~one] if one < 0 else self.object(one) for one in template.terms]
-        predicate = self.predicate(template.predicate_id)
-        return trusted_literal(predicate, terms, template.time, template.is_negative)
+        return trusted(
+            PddlConditionEffectDto,
+            predicate=self.predicate(template.predicate_id),
+            objects=terms,
+            time=template.time,
+            is_negative=template.is_negative,
+        )
 
     def _template(self, definition: ActionDefinition) -> ActionTemplate:
         read = action_of(self._definitions, definition)

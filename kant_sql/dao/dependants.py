@@ -8,48 +8,49 @@ from typing import Any
 from sqlalchemy import Select, select, union_all
 
 from ..errors import DependantsError, few_of
+from ..knowledge.atoms import GroundAtom, GroundFluent, HeldValue
 from ..knowledge.definitions import Definitions
 from ..knowledge.trees import Mentioned, ParameterDefinition, mentions
 from ..sql.dialects.base import Row
 from ..sql.intervals import open_value
 from ..sql.query import Query, in_list, in_rows
-from ..sql.rows import KB, table_of
-from ..sql.tables import (
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    FunctionValueVersionRow,
-    PropositionArgumentRow,
-    PropositionRow,
-    PropositionVersionRow,
-)
-from ..store.caches import AtomKey, FluentKey, GroundAtom, GroundFluent, HeldValue, read_value
+from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, AtomTables
 from ..store.transaction import Transaction
 
-_LIVE = select(FunctionValueVersionRow.function_value_id).where(
-    FunctionValueVersionRow.kb_id == KB, FunctionValueVersionRow.until.is_(None)
-)
-_MENTIONING = select(FunctionValueArgumentRow.function_value_id).where(
-    FunctionValueArgumentRow.kb_id == KB, in_list(FunctionValueArgumentRow.object_id, "ids")
-)
+_FACT, _VALUE = ATOM_TABLES[PROPOSITION], ATOM_TABLES[VALUE]
+
+
+def _mentioning(atoms: AtomTables) -> Select[Any]:
+    """Select the ids of what has one of some objects as an argument."""
+    arguments = atoms.arguments.c
+    return select(arguments[atoms.owner]).where(
+        arguments.kb_id == KB, in_list(arguments.object_id, "ids")
+    )
+
+
+def _atoms(versions: Select[Any]) -> Query:
+    identities = _FACT.identities()
+    return Query(identities.where(in_rows(_FACT.identity.c.id, versions)))
 
 
 def _values(versions: Select[Any]) -> Select[Any]:
-    return select(
-        FunctionValueRow.id,
-        FunctionValueRow.function_id,
-        FunctionValueRow.arguments,
-        FunctionValueRow.text,
-        *open_value(table_of(FunctionValueRow).c.id),
-    ).where(FunctionValueRow.kb_id == KB, in_rows(FunctionValueRow.id, versions))
+    id_ = _VALUE.identity.c.id
+    return _VALUE.identities(*open_value(id_)).where(in_rows(id_, versions))
 
 
-_ALL = Query(_values(_LIVE))
-_OF_FUNCTIONS = Query(_values(_LIVE.where(in_list(FunctionValueVersionRow.function_id, "ids"))))
-_OF_OBJECTS = Query(
+_FACTS_NOW, _VALUES_NOW = _FACT.live(), _VALUE.live()
+_ALL_ATOMS = _atoms(_FACTS_NOW)
+_OF_PREDICATES = _atoms(_FACTS_NOW.where(in_list(_FACT.version.c.predicate_id, "ids")))
+_ATOMS_OF_OBJECTS = _atoms(
+    _FACTS_NOW.where(in_rows(_FACT.version.c.proposition_id, _mentioning(_FACT)))
+)
+_ALL_VALUES = Query(_values(_VALUES_NOW))
+_OF_FUNCTIONS = Query(_values(_VALUES_NOW.where(in_list(_VALUE.version.c.function_id, "ids"))))
+_VALUES_OF_OBJECTS = Query(
     union_all(
         # With those that have no value now, which are few: SQLite would go through all live ones.
-        _values(_MENTIONING),
-        _values(_LIVE.where(in_list(FunctionValueVersionRow.object_id, "ids"))),
+        _values(_mentioning(_VALUE)),
+        _values(_VALUES_NOW.where(in_list(_VALUE.version.c.object_id, "ids"))),
     )
 )
 
@@ -71,61 +72,21 @@ def _rows(
     return rows
 
 
-def fluent_of(row: Sequence[Any]) -> GroundFluent:
-    """Make a fluent of its id, its function, its arguments and its text."""
-    id_, function_id, arguments, text = row
-    return GroundFluent(id_, FluentKey(function_id, arguments), text)
-
-
 def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
     """Find the live values that mention something."""
     if next(iter(transaction.definitions.functions), None) is None:
         return []
     transaction.flush()
-    parts = ((_OF_FUNCTIONS, "functions"), (_OF_OBJECTS, "objects"))
+    parts = ((_OF_FUNCTIONS, "functions"), (_VALUES_OF_OBJECTS, "objects"))
     found = {
-        row[0]: HeldValue(fluent_of(row), read_value(row[3], held, object_id))
-        for *row, held, object_id in _rows(transaction, scope, _ALL, parts)
+        row[0]: HeldValue.of(GroundFluent.of(row), held, object_id)
+        for *row, held, object_id in _rows(transaction, scope, _ALL_VALUES, parts)
         if held is not None
     }
     return [found[id_] for id_ in sorted(found)]
 
 
 SHOWN = 10
-
-# The ids of the propositions that hold now, goals too.
-LIVE_ATOMS = select(PropositionVersionRow.proposition_id).where(
-    PropositionVersionRow.kb_id == KB, PropositionVersionRow.until.is_(None)
-)
-_ATOMS_MENTIONING = select(PropositionArgumentRow.proposition_id).where(
-    PropositionArgumentRow.kb_id == KB, in_list(PropositionArgumentRow.object_id, "ids")
-)
-
-
-def atoms_among(versions: Select[Any]) -> Query:
-    """Read the rows of the propositions whose ids a query gives."""
-    return Query(
-        select(
-            PropositionRow.id,
-            PropositionRow.is_goal,
-            PropositionRow.predicate_id,
-            PropositionRow.arguments,
-            PropositionRow.text,
-        ).where(PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions))
-    )
-
-
-def atom_of(row: Row) -> GroundAtom:
-    """Make a proposition of such a row."""
-    id_, is_goal, predicate_id, arguments, text = row
-    return GroundAtom(id_, AtomKey(bool(is_goal), predicate_id, arguments), text)
-
-
-_ALL_ATOMS = atoms_among(LIVE_ATOMS)
-_OF_PREDICATES = atoms_among(LIVE_ATOMS.where(in_list(PropositionVersionRow.predicate_id, "ids")))
-_ATOMS_OF_OBJECTS = atoms_among(
-    LIVE_ATOMS.where(in_rows(PropositionVersionRow.proposition_id, _ATOMS_MENTIONING))
-)
 
 
 def of_types(definitions: Definitions, type_ids: Collection[int]) -> Mentioned:
@@ -167,7 +128,7 @@ def propositions_on(transaction: Transaction, scope: Mentioned | None) -> list[G
     """Find the live facts and goals that mention something."""
     transaction.flush()
     parts = ((_OF_PREDICATES, "predicates"), (_ATOMS_OF_OBJECTS, "objects"))
-    found = {row[0]: atom_of(row) for row in _rows(transaction, scope, _ALL_ATOMS, parts)}
+    found = {row[0]: GroundAtom.of(row) for row in _rows(transaction, scope, _ALL_ATOMS, parts)}
     atoms = [found[id_] for id_ in sorted(found)]
     transaction.propositions.load(atoms)
     return atoms

@@ -16,6 +16,7 @@ from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidKnowledgeError, reading_rows
+from ..knowledge.atoms import AtomKey
 from ..knowledge.canonical import canonical_text
 from ..knowledge.definitions import (
     CONSTRAINT,
@@ -43,7 +44,6 @@ from ..pddl.given import (
     read_timed_literal,
 )
 from ..pddl.writer import node_text
-from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import SqlDao, SqlSavingDao, identify, saving

@@ -19,6 +19,7 @@ from ..dto.elements import atom_text, trusted_value
 from ..dto.formulas import Fluent, Node
 from ..dto.lexical import MAX_DIGITS, decimal_text, is_word, number_text
 from ..errors import InvalidKnowledgeError, TypeMismatchError, each_readable
+from ..knowledge.atoms import FluentKey, FluentValue
 from ..knowledge.definitions import Definitions, FunctionDefinition
 from ..pddl.given import read_value
 from ..sql.dialects.base import Row
@@ -26,7 +27,6 @@ from ..sql.intervals import ANY_FUNCTION, held_then
 from ..sql.query import constant
 from ..sql.rows import KB, looked_up, table_of
 from ..sql.tables import FunctionValueRow, FunctionValueVersionRow
-from ..store.caches import FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import NO_ID, DtoBuilder, Reading, SqlGroundDao
@@ -332,16 +332,8 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
     @staticmethod
     def _unset(transaction: Transaction, key: FluentKey | None) -> bool:
-        if key is None:
-            return False
-        values, definitions = transaction.values, transaction.definitions
-        fluent = values.find_one(key)
-        if fluent is None and transaction.says:
-            # It had a value at no time, and now somebody says so of one.
-            name = definitions.functions.live(key.function_id).name
-            text = atom_text(name, definitions.names(key.arguments))
-            fluent = values.intern({key: text})[key]
-        return fluent is not None and values.set(fluent, None)
+        fluent = transaction.values.find_or_say(key, transaction.definitions)
+        return fluent is not None and transaction.values.set(fluent, None)
 
     def _check(self, dto: object) -> None:
         self._check_writable()

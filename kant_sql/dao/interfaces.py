@@ -11,10 +11,11 @@ they refer to.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from typing import Generic, TypeVar
 
+from ..arguments import Progress
 from ..dto import (
     Dto,
     PddlActionDto,
@@ -57,9 +58,6 @@ __all__ = [
 FactLike = PddlPropositionDto | str | Node
 ValueLike = PddlFunctionValueDto | str | Node
 GoalLike = Formula | PddlPropositionDto | str
-
-# Called with the number of items done, and the number in total.
-Progress = Callable[[int, int], None]
 
 E = TypeVar("E", bound=Dto | Node)
 D = TypeVar("D", bound=Dto)

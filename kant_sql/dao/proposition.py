@@ -14,6 +14,7 @@ from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
 from ..dto.formulas import Atom, Node
 from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, all_readable
+from ..knowledge.atoms import AtomKey
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
 from ..pddl.given import read_fact
@@ -28,7 +29,6 @@ from ..sql.tables import (
     RevisionRow,
 )
 from ..sql.valid_time import OWN
-from ..store.caches import AtomKey
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .base import DtoBuilder, Reading, SqlGroundDao, batches
@@ -299,16 +299,8 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
 
     def _remove(self, transaction: Transaction, dto: FactLike) -> bool:
         key = existing_key(transaction, dto, is_goal=False)
-        if key is None:
-            return False
-        propositions, definitions = transaction.propositions, transaction.definitions
-        atom = propositions.find_one(key)
-        if atom is None and transaction.says:
-            # It held at no time, and now somebody says so of one.
-            name = definitions.predicates.live(key.predicate_id).name
-            text = atom_text(name, definitions.names(key.arguments))
-            atom = propositions.intern({key: text})[key]
-        return atom is not None and propositions.set(atom, False)
+        atom = transaction.propositions.find_or_say(key, transaction.definitions)
+        return atom is not None and transaction.propositions.set(atom, False)
 
     def _check(self, dto: object) -> None:
         self._check_writable()

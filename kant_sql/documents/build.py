@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeVar
 from sqlalchemy import case, select
 
 from ..dao.base import identify
-from ..dao.dependants import LIVE_ATOMS
 from ..dao.formula import read_formula, read_formulas
 from ..dao.function_value import ALL
 from ..dto import formulas as f
@@ -28,7 +27,7 @@ from ..pddl.writer import write_problem
 from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
 from ..sql.query import Query, in_rows
-from ..sql.rows import KB, table_of
+from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, table_of
 from ..sql.tables import FunctionValueVersionRow, PropositionRow, PropositionVersionRow
 from ..store.snapshot import View
 from ..store.transaction import Transaction
@@ -50,9 +49,10 @@ def constant_ids(definitions: d.Definitions) -> set[int]:
 REQUIREMENT = "requirement"
 # The root type exists undeclared: only an item, as of older versions, shows that a domain has it.
 _ROOT_ITEM = d.Item("type", ROOT_TYPE)
+_LIVE_ATOMS = ATOM_TABLES[PROPOSITION].live()
 _GOALS = Query(
     select(PropositionRow.id, PropositionRow.text).where(
-        PropositionRow.kb_id == KB, PropositionRow.is_goal, in_rows(PropositionRow.id, LIVE_ATOMS)
+        PropositionRow.kb_id == KB, PropositionRow.is_goal, in_rows(PropositionRow.id, _LIVE_ATOMS)
     )
 )
 

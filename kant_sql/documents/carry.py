@@ -15,13 +15,13 @@ from ..dto.elements import atom_text
 from ..dto.lexical import fold, is_same_number
 from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError, few_of
 from ..knowledge import definitions as d
+from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
 from ..knowledge.canonical import canonical_text, with_text
 from ..knowledge.formulas import TreeReader, action_of
 from ..knowledge.rules import check_stratified
 from ..knowledge.trees import Mentioned, ParameterDefinition, Tree
 from ..pddl.given import read_rules
 from ..sql.rows import FACT, GOAL, VALUE
-from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.transaction import Transaction
 from .load import misfits
 

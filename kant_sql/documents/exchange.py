@@ -11,8 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
 
 from .. import planning
-from ..arguments import one_of, optional_call
-from ..dao.interfaces import Progress
+from ..arguments import Progress, one_of, optional_call
 from ..dto.lexical import is_name
 from ..errors import InvalidKnowledgeError, PddlError, printable
 from ..knowledge.definitions import DOMAIN

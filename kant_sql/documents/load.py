@@ -7,21 +7,21 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
+from ..arguments import Progress
 from ..dao.action import action_trees, put_action
 from ..dao.base import batches, identify
 from ..dao.dependants import delete_mentioned, function_values_on, propositions_on, retract
 from ..dao.formula import is_ground, make_formula, read_formula, read_formulas, read_given
-from ..dao.interfaces import Progress
 from ..dao.signatures import same_types
 from ..dto.formulas import Atom, Constant, Node, Not, Number, TypedName
 from ..dto.lexical import ROOT_TYPE, decimal_text, fold
 from ..errors import ConflictError, InvalidKnowledgeError
 from ..knowledge import definitions as d
+from ..knowledge.atoms import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..knowledge.canonical import with_text
 from ..knowledge.rules import check_stratified
 from ..knowledge.trees import Mentioned, ParameterDefinition
 from ..pddl.document import Action, Domain, Function, FunctionValue, Predicate, Problem
-from ..store.caches import AtomKey, FluentKey, FluentValue, GroundAtom, HeldValue
 from ..store.transaction import Transaction
 from .build import REQUIREMENT, check_title, constant_ids, put_document
 

@@ -96,18 +96,6 @@ Duration = int | float | Decimal | Sequence[Node]
 _PARTS = (PddlConditionEffectDto, Node)
 
 
-def trusted_literal(
-    predicate: PddlPredicateDto, objects: list[PddlObjectDto], time: str | None, is_negative: bool
-) -> PddlConditionEffectDto:
-    """Make a literal without checks, of a definition that was checked."""
-    dto = object.__new__(PddlConditionEffectDto)
-    dto.predicate = predicate
-    dto.objects = objects
-    dto.time = time
-    dto.is_negative = is_negative
-    return dto
-
-
 @dataclass(init=False, eq=False)
 class PddlActionDto(NamedDto):
     """An action: its conditions, its effects, and for a durative action its duration.

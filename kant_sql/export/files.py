@@ -16,8 +16,16 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Protocol
 
-from ..arguments import expect, expect_list, flag, one_of, optional_call, optional_text, shown
-from ..dao.interfaces import Progress
+from ..arguments import (
+    Progress,
+    expect,
+    expect_list,
+    flag,
+    one_of,
+    optional_call,
+    optional_text,
+    shown,
+)
 from ..errors import InvalidArgumentError, printable
 from ..history.moments import is_valid_clock
 from ..json_values import json_value

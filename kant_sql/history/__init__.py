@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..later import asked_for
 
 if TYPE_CHECKING:
-    from ..dao.interfaces import Progress
+    from ..arguments import Progress
     from ..moment_text import When
     from . import anchors as anchors
     from . import archive as archive
@@ -30,7 +30,7 @@ else:
     __getattr__ = asked_for(
         __name__,
         {
-            "..dao.interfaces": ("Progress",),
+            "..arguments": ("Progress",),
             "..moment_text": ("When",),
             ".elements": ("Element",),
             ".revisions": ("ExecutionId",),

@@ -7,7 +7,6 @@ write the same documents.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -15,8 +14,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import Select, select, union_all
 
 from ..dao.base import batches
-from ..dao.dependants import atom_of, atoms_among, fluent_of
 from ..errors import ConflictError, StaleRevisionError, reading_rows
+from ..knowledge.atoms import FluentValue, GroundAtom, GroundFluent, HeldValue
 from ..knowledge.definitions import KINDS, Definitions
 from ..moment_text import When
 from ..sql.definition_rows import load_at
@@ -24,7 +23,6 @@ from ..sql.dialects.base import Row
 from ..sql.intervals import ANY_FUNCTION, ANY_PREDICATE, now_and_then
 from ..sql.query import Query, constant, found_rows, in_rows
 from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, THEN, VALUE, AtomTables
-from ..store.caches import GroundAtom, HeldValue, read_value
 from ..store.head import hash_of
 from ..store.snapshot import View, read_revision
 from ..store.state import State
@@ -50,18 +48,11 @@ def _moved(atoms: AtomTables, *names: str) -> Query:
     )
 
 
-def _identities(atoms: AtomTables) -> Select[Any]:
-    identity = atoms.identity.c
-    return select(*(identity[name] for name in ("id", *atoms.key, "text"))).where(
-        identity.kb_id == KB
-    )
-
-
 _FACT, _VALUE = ATOM_TABLES[PROPOSITION], ATOM_TABLES[VALUE]
 _MOVED_PROPOSITIONS = _moved(_FACT, "since")
 _MOVED_VALUES = _moved(_VALUE, "text", "object_id")
 _ATOMS, _FLUENTS = (
-    Query(select(*found_rows(_identities(one), one.identity.c.id, "ids").c))
+    Query(select(*found_rows(one.identities(), one.identity.c.id, "ids").c))
     for one in (_FACT, _VALUE)
 )
 
@@ -139,7 +130,7 @@ def _restore_propositions(transaction: Transaction, at: int, is_new: bool) -> No
         if not others:
             differing[id_] = None if past else since
     for batch in batches(differing):
-        atoms = [*map(atom_of, _read(transaction, _ATOMS, batch))]
+        atoms = [*map(GroundAtom.of, _read(transaction, _ATOMS, batch))]
         if is_new:
             propositions.note(
                 {atom.id: None if differing[atom.id] is None else atom for atom in atoms}
@@ -159,11 +150,11 @@ def _restore_values(transaction: Transaction, at: int) -> None:
         if held.get(True) != held.get(False):
             then[id_] = held.get(True, (None, None))
     for batch in batches(then):
-        fluents = [*map(fluent_of, _read(transaction, _FLUENTS, batch))]
+        fluents = [*map(GroundFluent.of, _read(transaction, _FLUENTS, batch))]
         transaction.values.load(fluents)
         for fluent in fluents:
             text, object_id = then[fluent.id]
-            value = None if text is None else read_value(fluent.text, text, object_id)
+            value = None if text is None else FluentValue.of(fluent.text, text, object_id)
             transaction.values.spell(fluent, value)
 
 
@@ -172,22 +163,25 @@ def _read(transaction: Transaction, query: Query, ids: list[int]) -> list[Row]:
     return session.rows(query, kb=transaction.kb_id, ids=session.list_value(ids))
 
 
-def _held(
-    atoms: AtomTables, any_owner: Any, read: Callable[[Any], Any], *names: str
-) -> dict[bool, Query]:
-    """Make queries of columns of the versions that hold, by whether they are about the past."""
+def _held(atoms: AtomTables, any_owner: Any, *names: str) -> dict[bool, Select[Any]]:
+    """Select columns of the versions that hold, by whether it is about the past."""
     version = atoms.version.c
     rows = select(*(version[name] for name in (atoms.owner, *names))).where(version.kb_id == KB)
-    return {past: read(rows.where(held)) for past, held in now_and_then(version, any_owner)}
+    return {past: rows.where(held) for past, held in now_and_then(version, any_owner)}
 
 
-_HELD_ATOMS = _held(_FACT, ANY_PREDICATE, atoms_among)
-_HELD_FLUENTS = _held(
-    _VALUE,
-    ANY_FUNCTION,
-    lambda ids: Query(_identities(_VALUE).where(in_rows(_VALUE.identity.c.id, ids))),
-)
-_HELD_VALUES = _held(_VALUE, ANY_FUNCTION, Query, "text", "object_id")
+def _held_identities(atoms: AtomTables, any_owner: Any) -> dict[bool, Query]:
+    """Make queries of the identities of those versions."""
+    id_, identities = atoms.identity.c.id, atoms.identities()
+    held = _held(atoms, any_owner)
+    return {past: Query(identities.where(in_rows(id_, ids))) for past, ids in held.items()}
+
+
+_HELD_ATOMS = _held_identities(_FACT, ANY_PREDICATE)
+_HELD_FLUENTS = _held_identities(_VALUE, ANY_FUNCTION)
+_HELD_VALUES = {
+    past: Query(rows) for past, rows in _held(_VALUE, ANY_FUNCTION, "text", "object_id").items()
+}
 
 
 class Origin(NamedTuple):
@@ -228,17 +222,17 @@ def origin_of(store: Store, view: View) -> Origin:
     digest = None
     if view.kb_id is not None and revision:
         digest = hash_of(view.session, view.kb_id, revision)
-    atoms = [*map(atom_of, sorted(view.rows(_HELD_ATOMS), key=itemgetter(0)))]
+    atoms = [*map(GroundAtom.of, sorted(view.rows(_HELD_ATOMS), key=itemgetter(0)))]
     return Origin(store.name, revision, digest, view.definitions, atoms, _read_values(view))
 
 
 def _read_values(view: View) -> list[HeldValue]:
-    fluents = {row[0]: fluent_of(row) for row in view.rows(_HELD_FLUENTS)}
+    fluents = {row[0]: GroundFluent.of(row) for row in view.rows(_HELD_FLUENTS)}
     held = []
     for id_, text, object_id in sorted(view.rows(_HELD_VALUES), key=itemgetter(0)):
         with reading_rows("function_value_version", f"function value {id_!r}"):
             fluent = fluents[id_]
-        held.append(HeldValue(fluent, read_value(fluent.text, text, object_id)))
+        held.append(HeldValue.of(fluent, text, object_id))
     return held
 
 

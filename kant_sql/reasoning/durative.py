@@ -16,7 +16,7 @@ from ..acts import Execution
 from ..acts.recording import key_of, read_execution, running_executions, set_outcome
 from ..arguments import flag
 from ..dto import formulas as f
-from ..dto.elements import atom_text, value_text
+from ..dto.elements import value_text
 from ..dto.formulas import AT_END, AT_START, OVER_ALL
 from ..dto.lexical import fold, number_text
 from ..errors import (
@@ -30,10 +30,10 @@ from ..errors import (
 from ..history.diff import diff
 from ..history.revisions import Revision
 from ..html import Listing
+from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, ExecutionDefinition, Key
-from ..store.caches import AtomKey, FluentKey, FluentValue, read_value
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
@@ -521,7 +521,7 @@ def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
         found = ground(view.definitions, step)
         numbers = {} if step.duration is None else {f.DURATION: step.duration}
         read = EffectReader(view, found, numbers).read(found.action.items(AT_START))
-        deleted = {key: _text(view, key) for key in read.deletes if key not in read.adds}
+        deleted = {key: key.text(view.definitions) for key in read.deletes if key not in read.adds}
         items, _ = settled(view, read)
         same = unchanged(view, items)
         return read, {**read.adds, **deleted}, same
@@ -539,11 +539,6 @@ def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
 _Lines = dict[tuple[str, str], Change]
 
 
-def _text(view: View, key: AtomKey) -> str:
-    predicate = view.definitions.predicates.live(key.predicate_id)
-    return atom_text(predicate.name, view.definitions.names(key.arguments))
-
-
 def _facts(read: StepChanges, texts: dict[AtomKey, str], lines: _Lines) -> Iterator[_Effect]:
     for key, text in texts.items():
         is_added = key in read.adds
@@ -558,7 +553,10 @@ def _values(
     for key, (text, made) in read.assignments.items():
         begin = value_text(text, "")[:-1]
         found = {
-            sign: (line, read_value(text, line.text, _object(store, line.text[len(begin) : -1])))
+            sign: (
+                line,
+                FluentValue.of(text, line.text, _object(store, line.text[len(begin) : -1])),
+            )
             for (sign, _), line in lines.items()
             if line.text.startswith(begin)
         }

@@ -17,9 +17,9 @@ from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import decimal_text, either_text, fold
 from ..errors import NotApplicableError, TypeMismatchError, few_of
+from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
 from ..knowledge.definitions import FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf, Bound, Known, NumberOf, Part, Place, Slot, closure, fits
-from ..store.caches import AtomKey, FluentKey, FluentValue
 from ..store.snapshot import View
 from ..store.transaction import Transaction
 from .after import ground_item

@@ -16,11 +16,11 @@ from ..errors import InvalidArgumentError, StaleRevisionError
 from ..history.diff import diff_lines
 from ..history.restore import Origin, origin_of, refuse_open
 from ..history.revisions import read_numbered
+from ..knowledge.atoms import AtomKey, FluentKey
 from ..knowledge.definitions import Definitions
 from ..planning import PlanStep
 from ..sql.changes import Change
 from ..sql.rows import FACT, VALUE
-from ..store.caches import AtomKey, FluentKey
 from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store

@@ -16,11 +16,11 @@ from ..dto.formulas import AT_START, OVER_ALL, TOTAL_COST
 from ..dto.lexical import fold
 from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstructError
 from ..knowledge import resolved as r
+from ..knowledge.atoms import FluentKey
 from ..knowledge.grounding import bound, substitute
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
 from ..sql.relations import ConditionStatement
-from ..store.caches import FluentKey
 from ..store.snapshot import DefinitionsMovedError, View
 from .after import After, OpaqueError, is_linear, mapped, with_numbers
 from .arithmetic import ADDITIVE, EXACT, SCALING, Exact

@@ -158,8 +158,6 @@ def backup(
         >>> kant_sql.operations.backup("sqlite:///robot.db", "monday.db").revisions
         {'default': 1}
     """
-    import tempfile
-
     expect(file, (str, PathLike), "the file of a backup", InvalidArgumentError)
     optional_call(progress, "progress")
     path = Path(file).absolute()
@@ -170,9 +168,7 @@ def backup(
             check(url)
         try:
             _refuse_existing(path)
-            handle, name = tempfile.mkstemp(".part", f".{path.name}.", path.parent)
-            os.close(handle)
-            part = Path(name)
+            part = _begin(path)
             try:
                 backend.copy_to(part, progress)
                 revisions = revision_counts(str(part))
@@ -193,6 +189,18 @@ def _refuse_existing(path: Path) -> None:
         raise InvalidArgumentError(
             f"{printable(str(path))} exists, and a backup never overwrites a file: name another one"
         )
+
+
+def _begin(path: Path) -> Path:
+    """Create the file that a copy is written to, beside its later place."""
+    import tempfile
+
+    try:
+        handle, name = tempfile.mkstemp(".part", f".{path.name}.", path.parent)
+    except ValueError as error:
+        raise InvalidArgumentError(f"{printable(str(path))} cannot name a file: {error}") from error
+    os.close(handle)
+    return Path(name)
 
 
 def _complete(part: Path, path: Path) -> int:

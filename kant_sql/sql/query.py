@@ -227,10 +227,15 @@ write_as(Unsought, "{0}")
 write_as(InRange, "{0} BETWEEN {1} AND {2}")
 
 
+def text_literal(text: str) -> str:
+    """Write a text as an SQL literal."""
+    return "'" + text.replace("'", "''") + "'"
+
+
 def constant(value: str | int) -> ColumnElement[Any]:
     """Write a text, a number or a truth value into the text of a statement."""
     if isinstance(value, str):
-        return literal_column("'" + value.replace("'", "''") + "'")
+        return literal_column(text_literal(value))
     return literal_column(str(value).upper())
 
 

@@ -26,10 +26,10 @@ from ..knowledge import resolved as r
 from ..knowledge.rules import DerivationRule
 from .comparisons import MAX_LEVELS, levels_of
 from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
-from .dialects.words import HEAD, Words, quoted
+from .dialects.words import HEAD, Words
 from .intervals import MOST_FORKS
 from .joins import JoinWriter
-from .query import Query
+from .query import Query, text_literal
 
 # A rule whose recursive disjunctions have more combinations is computed without parting them.
 MAX_ALTERNATIVES = 64
@@ -80,7 +80,7 @@ class ConditionStatement:
                 return found[0]
             value = known[found[1]]
             if isinstance(value, str):
-                return quoted(value)
+                return text_literal(value)
             if value in (inf, -inf):
                 # More than a double holds, as both dialects read it.
                 return f"{'-' if value < 0 else ''}9e999"
@@ -219,9 +219,7 @@ class ConditionCompiler(JoinWriter):
         A subquery is better there than a junction: fewer rows are found for it.
         """
         levels = self.words.levels
-        if levels is None or not weight:
-            return False
-        if not self._level:
+        if levels is None or not weight or not self._level:
             return False
         spare = 0 if weight >= _SUBQUERY else 15
         return self._level + weight > levels + spare and not self._is_growing(part)
@@ -314,11 +312,14 @@ class ConditionCompiler(JoinWriter):
             if made is None:
                 return None
             found += made
+        return [*found, self.stored(predicate)]
+
+    def stored(self, predicate: int) -> _Alternative:
+        """Return that a fact of a derived predicate is stored, and so holds; in new variables."""
         declared = self.definitions.predicates.live(predicate).parameters
-        # New variables: a fact that is stored holds, too.
-        slots = [r.Bound(r.Slot(next(self.rules.numbers)), ()) for _ in declared]
-        stored = r.HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
-        return [*found, _Alternative(tuple(slots), (stored,), (), ())]
+        slots = tuple([r.Bound(r.Slot(next(self.rules.numbers)), ()) for _ in declared])
+        fact = r.HoldsFact(predicate, tuple([each.slot for each in slots]), is_stored=True)
+        return _Alternative(slots, (fact,), (), ())
 
     def _limits(
         self,
@@ -655,7 +656,4 @@ def _selects(
                 newest = r.HoldsFact(-use.predicate, use.terms)
                 parts = [newest if part is use else part for part in each.parts]
                 yield further._select(each, {}, parts=parts), False
-    declared = first.definitions.predicates.live(predicate).parameters
-    slots = tuple(r.Bound(r.Slot(next(first.rules.numbers)), ()) for _ in declared)
-    stored = r.HoldsFact(predicate, tuple(each.slot for each in slots), is_stored=True)
-    yield first._select(_Alternative(slots, (stored,), (), ()), {}), True
+    yield first._select(first.stored(predicate), {}), True

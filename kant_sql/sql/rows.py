@@ -14,6 +14,7 @@ from sqlalchemy import (
     ColumnElement,
     FromClause,
     ScalarSelect,
+    Select,
     Table,
     and_,
     bindparam,
@@ -428,6 +429,17 @@ class AtomTables(NamedTuple):
     def head(self) -> str:
         """The column of the predicate or the function."""
         return self.key[-2]
+
+    def identities(self, *more: Any) -> Select[Any]:
+        """Select what `GroundAtom.of` or `GroundFluent.of` reads, and further columns."""
+        identity = self.identity.c
+        own = (identity[name] for name in ("id", *self.key, "text"))
+        return select(*own, *more).where(identity.kb_id == KB)
+
+    def live(self) -> Select[Any]:
+        """Select the ids of what holds now."""
+        version = self.version.c
+        return select(version[self.owner]).where(version.kb_id == KB, version.until.is_(None))
 
 
 def _atoms(key: tuple[str, ...], *mapped: type[Base]) -> AtomTables:

@@ -184,7 +184,7 @@ def alembic_config(out: TextIO | None = None) -> Config:
 
 def drop_generated_views(connection: Connection, views: ViewDialect) -> int:
     """Drop all generated views and count them: a table that has a view cannot be changed."""
-    names = sorted(views.list_generated(lambda sql: connection.exec_driver_sql(sql).all()))
+    names = sorted(views.list_generated(connection))
     for name in names:
         connection.exec_driver_sql(views.drop(name))
     return len(names)

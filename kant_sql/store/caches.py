@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Hashable, Mapping
-from decimal import Decimal
 from typing import Generic, NamedTuple, TypeVar
 
-from ..dto.elements import value_text
-from ..errors import reading_rows
+from ..knowledge.atoms import AtomKey, FluentKey, GroundAtom, GroundFluent, HeldValue
 from ..knowledge.definitions import Definition, Definitions
 from ..sql.definition_rows import last_change, load, load_at, refresh
 from ..sql.dialects.base import Session
@@ -24,22 +22,6 @@ CACHED_PASTS, CACHED_EPOCHS = 64, 8
 K = TypeVar("K")
 A = TypeVar("A")
 H = TypeVar("H")
-
-
-class AtomKey(NamedTuple):
-    """The key of a proposition."""
-
-    is_goal: bool  # whether it is a goal rather than a fact
-    predicate_id: int
-    arguments: str  # the ids of its objects in order, separated by spaces
-
-
-class GroundAtom(NamedTuple):
-    """An interned proposition."""
-
-    id: int
-    key: AtomKey  # its predicate or function, and its arguments
-    text: str  # its canonical PDDL text
 
 
 class InternCache(Generic[K, A, H]):
@@ -89,56 +71,9 @@ class InternCache(Generic[K, A, H]):
                 self.revision = after
 
 
-class FluentKey(NamedTuple):
-    """The key of a fluent."""
-
-    function_id: int
-    arguments: str  # the ids of its objects in order, separated by spaces
-
-
-class GroundFluent(NamedTuple):
-    """An interned fluent."""
-
-    id: int
-    key: FluentKey  # its predicate or function, and its arguments
-    text: str  # its canonical PDDL text, without a value
-
-
-class FluentValue(NamedTuple):
-    """What a fluent is."""
-
-    text: str  # the number, as exact decimal text, or the object's name
-    object_id: int | None = None  # the object; None for a number
-
-    def is_same(self, other: FluentValue | None) -> bool:
-        """Return whether a value is another one: 10 and 10.0 are the same number."""
-        if other is None or self.object_id != other.object_id:
-            return False
-        if self.text == other.text or self.object_id is not None:
-            return True
-        return Decimal(self.text) == Decimal(other.text)
-
-
-class HeldValue(NamedTuple):
-    """A fluent and what it is."""
-
-    fluent: GroundFluent
-    value: FluentValue
-
-    @property
-    def text(self) -> str:
-        """The canonical PDDL text, for example `(= (distance wp1 wp2) 10)`."""
-        return value_text(self.fluent.text, self.value.text)
-
-
-def read_value(fluent: str, held: str, object_id: int | None) -> FluentValue:
-    """Read a value from its canonical text, where it stands between the fluent and the end."""
-    begin = value_text(fluent, "")[:-1]
-    text = held[len(begin) : -1]
-    with reading_rows("function_value_version", f"the value of {fluent!r}"):
-        if not held.startswith(begin) or (object_id is None and not Decimal(text).is_finite()):
-            raise ValueError(f"{held!r} is not a value of it")
-    return FluentValue(text, object_id)
+# What holds of an id: the proposition or the value itself; None: nothing.
+AtomCache = InternCache[AtomKey, GroundAtom, GroundAtom | None]
+FluentCache = InternCache[FluentKey, GroundFluent, HeldValue | None]
 
 
 class Agreements:
@@ -177,11 +112,6 @@ class AgreementCache:
             known = {}
         known.update(agreements.new)
         self._kept = definitions, known
-
-
-# What holds of an id: the proposition or the value itself; None: nothing.
-AtomCache = InternCache[AtomKey, GroundAtom, GroundAtom | None]
-FluentCache = InternCache[FluentKey, GroundFluent, HeldValue | None]
 
 
 class Snapshot(NamedTuple):

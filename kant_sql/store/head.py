@@ -141,9 +141,8 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
         return None
     revision, definition_revision, next_id, digest, moment, archived, origin, clock = row
     numbers = (revision, definition_revision, next_id, archived)
-    for value in numbers:
-        if type(value) is not int or value < 0:
-            check_numbers(session, kb_id, zip(EMPTY_HEAD, numbers, strict=True))
+    if {*map(type, numbers)} != {int} or min(numbers) < 0:
+        check_numbers(session, kb_id, zip(EMPTY_HEAD, numbers, strict=True))
     # The next hash is chained to this one.
     if revision and (not isinstance(digest, str) or len(digest) != HASH_LENGTH):
         error = ValueError(f"column hash has {digest!r}, which is not a hash")
@@ -167,9 +166,8 @@ def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any
         if not isinstance(value, int) or value < 0:
             raise StoreIntegrityError(
                 f"{session.backend.label}: column {name} of table head has {value!r} for knowledge "
-                f"base {read_name(session, kb_id)!r}, which is not an integer from 0 on; "
-                "nothing was "
-                "written; 'kant-sql verify' shows what else was changed by hand"
+                f"base {read_name(session, kb_id)!r}, which is not an integer from 0 on; nothing "
+                "was written; 'kant-sql verify' shows what else was changed by hand"
             )
 
 

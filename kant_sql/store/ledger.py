@@ -15,7 +15,8 @@ from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 from ..dto.elements import value_text
 from ..dto.lexical import fold, is_word
-from ..knowledge.definitions import Definition, PendingElements
+from ..knowledge.atoms import AtomKey, FluentKey, FluentValue, GroundAtom, GroundFluent, HeldValue
+from ..knowledge.definitions import Definition, Definitions, PendingElements
 from ..knowledge.sayings import Period
 from ..sql.changes import ASSERTED, RETRACTED, SAYING, Change
 from ..sql.definition_rows import find_identities
@@ -60,16 +61,7 @@ from ..sql.rows import (
     RowsByTable,
     VersionTable,
 )
-from .caches import (
-    AtomKey,
-    FluentKey,
-    FluentValue,
-    GroundAtom,
-    GroundFluent,
-    HeldValue,
-    InternCache,
-    read_value,
-)
+from .caches import InternCache
 from .head import Head
 from .journal import Journal
 
@@ -354,6 +346,15 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
     def find_one(self, key: Any) -> I | None:
         """Find an identity; None for a key of None, too."""
         return None if key is None else self.find((key,)).get(key)
+
+    def find_or_say(self, key: Any, definitions: Definitions) -> I | None:
+        """Find an identity; make it for who says of a period that it was not so then."""
+        if key is None:
+            return None
+        found = self.find((key,)).get(key)
+        if found is None and self.context.says:
+            found = self.intern({key: key.text(definitions)})[key]
+        return found
 
     def know(self, identity: I) -> I:
         """Keep an identity for the rest of the transaction."""
@@ -794,13 +795,14 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
             arguments=session.list_value(arguments),
         ):
             fluent = GroundFluent(id_, FluentKey(function_id, text_arguments), text)
-            yield fluent, _held(fluent, held, object_id)
+            yield fluent, None if held is None else HeldValue.of(fluent, held, object_id)
 
     def _read(self, unknown: dict[int, GroundFluent]) -> None:
         session = self.context.session
         ids = session.list_value([*unknown])
         for id_, held, object_id in session.rows(OPEN_VALUE, kb=self.context.kb_id, ids=ids):
-            self.assign(self._before, id_, _held(unknown[id_], held, object_id))
+            now = None if held is None else HeldValue.of(unknown[id_], held, object_id)
+            self.assign(self._before, id_, now)
 
     def _line(self, key: int, value: HeldValue) -> tuple[str, str]:
         return VALUE, value.text
@@ -819,13 +821,6 @@ def _value_columns(value: FluentValue) -> tuple[str | None, float | None, int | 
     """Return the columns of a value: a number is exact text and a float, an object its id."""
     text, object_id = value
     return (text, float(text), None) if object_id is None else (None, None, object_id)
-
-
-def _held(fluent: GroundFluent, held: str | None, object_id: int | None) -> HeldValue | None:
-    """Read a value from its canonical text, which stands between that of its fluent and the end."""
-    if held is None:
-        return None
-    return HeldValue(fluent, read_value(fluent.text, held, object_id))
 
 
 _NO_TIMES = (None, None)

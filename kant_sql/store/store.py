@@ -98,7 +98,8 @@ class Store:
         *,
         is_one_of_many: bool = False,
     ) -> None:
-        make_metadata(actor, None, None)
+        # What revisions say that are made without a block.
+        self._metadata = make_metadata(actor, None, None)
         if not isinstance(name, str) or not name or len(name) > 255 or not name.isprintable():
             raise InvalidMetadataError(
                 f"{shown(name)} cannot name a knowledge base; give 1 to 255 printable characters"
@@ -300,7 +301,7 @@ class Store:
         if outer is not None:
             with outer.scope():
                 return work(outer)
-        begin = partial(self._begin, Metadata(self.actor, None, None))
+        begin = partial(self._begin, self._metadata)
 
         def once() -> T:
             with OwnTransaction(self, begin) as transaction:

@@ -20,6 +20,7 @@ from typing import Any
 from sqlalchemy import Table, func, select
 
 from ..errors import ConnectionLostError, InvalidArgumentError
+from ..knowledge.atoms import GroundAtom
 from ..knowledge.canonical import FORM, SEED, Metadata, revision_hash, time_text
 from ..knowledge.definitions import KINDS, Definition, PendingDefinitions
 from ..knowledge.sayings import FROM_NOW_ON, Given, Period
@@ -29,7 +30,7 @@ from ..sql.executions import Key
 from ..sql.query import Insert, Query, whole_rows
 from ..sql.rows import FACT, KB, table_of
 from ..sql.tables import ConfirmationRow, PlanRow, RequestRow, RevisionExecutionRow, RevisionRow
-from .caches import Agreements, AtomCache, FluentCache, GroundAtom
+from .caches import Agreements, AtomCache, FluentCache
 from .head import MOVED, Committed, Head, set_head
 from .journal import JournalScope
 from .ledger import (
@@ -84,21 +85,23 @@ class Transaction:
     _fluents: FluentCache
     given: Given = FROM_NOW_ON  # where the period that it speaks of begins and ends, as given
     number: int = field(init=False)  # the revision that it makes
-    committed: Committed | None = None  # the revision, from just before COMMIT is sent
-    redefined: bool = False  # whether the revision changes a definition
+    # The revision, from just before COMMIT is sent.
+    committed: Committed | None = field(default=None, init=False)
+    redefined: bool = field(default=False, init=False)  # whether the revision changes a definition
     # Within a batch, the types that agree with what is stored, by address.
-    agreed_types: dict[int, object] | None = None
-    changed: int = 0  # how many changes the revision has
-    confirms: bool = False  # whether to save a fact that holds already is to confirm it
+    agreed_types: dict[int, object] | None = field(default=None, init=False)
+    changed: int = field(default=0, init=False)  # how many changes the revision has
+    # Whether to save a fact that holds already is to confirm it.
+    confirms: bool = field(default=False, init=False)
     # Whether it changes texts of earlier revisions, so that nothing cached is right.
-    erases: bool = False
+    erases: bool = field(default=False, init=False)
     # The key, the digest and the results of the request that makes it, if it may be repeated.
-    request: tuple[str, str, str] | None = None
+    request: tuple[str, str, str] | None = field(default=None, init=False)
     _started: float = field(init=False)
     # The ledgers of the kinds touched so far.
-    _ledgers: dict[str, PendingChanges] = field(default_factory=dict)
-    _propositions: PropositionLedger | None = None
-    _values: FunctionValueLedger | None = None
+    _ledgers: dict[str, PendingChanges] = field(default_factory=dict, init=False)
+    _propositions: PropositionLedger | None = field(default=None, init=False)
+    _values: FunctionValueLedger | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.number = self._context.number
@@ -211,12 +214,10 @@ class Transaction:
         self._ledger(kind).put(definition.id, definition)
         return True
 
-    def redefine(self, kind: str, definition: Definition) -> bool:
+    def redefine(self, kind: str, definition: Definition) -> None:
         """Set what an element is whose name this process may never have met."""
-        if not self.define(kind, definition):
-            return False
-        self._ledger(kind).know(definition)
-        return True
+        if self.define(kind, definition):
+            self._ledger(kind).know(definition)
 
     def adopt(self, kind: str, definition: Definition) -> None:
         """Define an element of another knowledge base, under its id, where nothing is known."""

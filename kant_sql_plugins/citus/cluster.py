@@ -21,7 +21,8 @@ from sqlalchemy import Connection, event, text
 from sqlalchemy.schema import AddConstraint, CreateTable, DropTable
 
 from kant_sql.errors import SchemaError
-from kant_sql.sql.dialects.postgresql_structure import SCHEMA_OF_TABLES, Qualifier
+from kant_sql.sql.dialects.postgresql_structure import Qualifier
+from kant_sql.sql.query import text_literal
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import VERSION_TABLE
 
@@ -104,11 +105,6 @@ class CitusNodes(NamedTuple):
         """Return these with another setting of what a commit waits for."""
         return self._replace(synchronous_commit=synchronous_commit)
 
-    @staticmethod
-    def of_one_shard(query: str, schema: str, kb_id: int) -> str:
-        """Restrict each table of a view's query to one knowledge base."""
-        return of_one_shard(query, schema, kb_id)
-
     def whole_index(self, name: str) -> str:
         """Return the name of the index that an index of a shard belongs to."""
         return _OF_SHARD.sub("", name)
@@ -179,6 +175,17 @@ def _kind(place: tuple[str | None, int | None], first: tuple[str | None, int | N
     return "colocated" if place == first and method == "h" else "other"
 
 
+def distribution_of(names: Qualifier, table: str, shards: int | None = None) -> str:
+    """Write the statement that distributes a table; `shards` is for the first of them."""
+    if table in REFERENCE_TABLES:
+        return f"SELECT create_reference_table({text_literal(names.relation(table))})"
+    how = f"colocate_with => {text_literal(names.relation(FIRST))}"
+    if table == FIRST:
+        count = "" if shards is None else f", shard_count => {shards:d}"
+        how = f"colocate_with => 'none'{count}"
+    return f"SELECT create_distributed_table({text_literal(names.relation(table))}, '{KEY}', {how})"
+
+
 def of_one_shard(query: str, schema: str, kb_id: int) -> str:
     """Restrict each table of a view's query to one knowledge base, whose shard then answers it.
 
@@ -205,7 +212,7 @@ def _table_in(schema: str) -> re.Pattern[str]:
 
 def fault(connection: Connection, label: str) -> str | None:
     """Say what is wrong with a store of which some tables are distributed; None for nothing."""
-    layout = read_layout(connection, connection.scalar(SCHEMA_OF_TABLES) or "public")
+    layout = read_layout(connection, Qualifier.of(connection).schema)
     command = f"kant-sql db distribute '{label}'"
     if layout.misplaced:
         return (
@@ -227,11 +234,10 @@ def migrating(connection: Connection, label: str) -> Iterator[None]:
     A new table is created without foreign keys, distributed as the others are, and then given
     them.
     """
-    schema = connection.scalar(SCHEMA_OF_TABLES) or "public"
-    if not is_distributed(connection, schema):
+    names = Qualifier.of(connection)
+    if not is_distributed(connection, names.schema):
         yield
         return
-    names = Qualifier(schema)
 
     def before(_: object, statement: Any, multiparams: Any, params: Any, __: object) -> Any:
         if isinstance(statement, DropTable):
@@ -247,11 +253,7 @@ def migrating(connection: Connection, label: str) -> Iterator[None]:
     def after(_: object, statement: Any, *__: object) -> None:
         if isinstance(statement, CreateTable):
             table = statement.element
-            place = names.relation(table.name).replace("'", "''")
-            first = names.relation(FIRST).replace("'", "''")
-            connection.exec_driver_sql(
-                f"SELECT create_distributed_table('{place}', '{KEY}', colocate_with => '{first}')"
-            )
+            connection.exec_driver_sql(distribution_of(names, table.name))
             for key in table.foreign_key_constraints:
                 connection.execute(AddConstraint(key))
 

@@ -18,12 +18,13 @@ from kant_sql.sql.dialects import create_backend
 from kant_sql.sql.dialects.base import retrying
 from kant_sql.sql.dialects.postgresql import PostgresqlBackend
 from kant_sql.sql.dialects.postgresql_roles import RoleMaker, lock_tables, run_all
-from kant_sql.sql.dialects.postgresql_structure import SCHEMA_OF_TABLES, Qualifier
+from kant_sql.sql.dialects.postgresql_structure import Qualifier
 from kant_sql.sql.predicate_views import CHANGES_AT_ONCE, recreated_views, update_views
+from kant_sql.sql.query import text_literal
 from kant_sql.sql.schema import check, upgrade_sql
 from kant_sql.sql.tables import Base
 
-from .cluster import FIRST, KEY, REFERENCE_TABLES, SEQUENTIAL, own_tables, read_layout
+from .cluster import FIRST, REFERENCE_TABLES, SEQUENTIAL, distribution_of, own_tables, read_layout
 
 OLDEST = (13, 1)
 MOST_SHARDS = 64_000
@@ -215,9 +216,7 @@ def _run(
             wanted = distributor.undistribute() if undo else distributor.distribute(shards)
             if not wanted.statements:
                 return wanted
-            generated = sorted(
-                backend.views.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
-            )
+            generated = sorted(backend.views.list_generated(connection))
             withdrawn, made = _around(connection, has_writers=undo)
             drops = (backend.views.drop(name) for name in generated)
             statements = (*withdrawn, *drops, *wanted.statements, *made)
@@ -258,7 +257,7 @@ class Distributor:
         self._label = label
         self._views = views
         self._require_citus()
-        self._names = Qualifier(connection.scalar(SCHEMA_OF_TABLES) or "public")
+        self._names = Qualifier.of(connection)
         self._named = {"schema": self._names.schema, "names": own_tables()}
         self.nodes = [ClusterNode(*row) for row in connection.execute(_NODES)]
         self.layout = read_layout(connection, self._names.schema)
@@ -362,32 +361,22 @@ class Distributor:
     def _check_writers(self) -> None:
         writers = [row[0] for row in self._connection.execute(_WRITERS, self._named)]
         if writers:
-            quoted = ", ".join(map(self._names.quote, writers))
+            named = ", ".join(map(self._names.quote, writers))
             raise self._refused(
-                f"the row policies of {quoted} look up other rows, which those of a distributed "
+                f"the row policies of {named} look up other rows, which those of a distributed "
                 "table cannot do; readers and auditors stay",
-                f"DROP OWNED BY {quoted}; DROP ROLE {quoted}; and let writers connect as the owner",
+                f"DROP OWNED BY {named}; DROP ROLE {named}; and let writers connect as the owner",
             )
 
     def _distribution(self, due: Sequence[str], shards: int | None) -> Iterator[str]:
         yield from (SEQUENTIAL, _QUIET)
         yield from self._drop_foreign_keys(due)
         for table in due:
-            yield self.distribution_of(table, shards)
+            yield distribution_of(self._names, table, shards)
         for table in due:
             # The rows are in the shards now, and on the coordinator out of sight.
             yield f"SELECT truncate_local_data_after_distributing_table({self._literal(table)})"
         yield from self._add_foreign_keys(due)
-
-    def distribution_of(self, table: str, shards: int | None = None) -> str:
-        """Write the statement that distributes a table."""
-        if table in REFERENCE_TABLES:
-            return f"SELECT create_reference_table({self._literal(table)})"
-        how = f"colocate_with => {self._literal(FIRST)}"
-        if table == FIRST:
-            count = "" if shards is None else f", shard_count => {shards:d}"
-            how = f"colocate_with => 'none'{count}"
-        return f"SELECT create_distributed_table({self._literal(table)}, '{KEY}', {how})"
 
     def _reunion(self, due: Sequence[str]) -> Iterator[str]:
         """Yield the statements that make of shards the tables that migrations make."""
@@ -409,11 +398,11 @@ class Distributor:
     def _comments(self, due: Sequence[str]) -> Iterator[str]:
         for table, column, comment in self._connection.execute(_COMMENTS, self._named):
             if table in due:
-                relation, said = self._names.relation(table), comment.replace("'", "''")
+                relation = self._names.relation(table)
                 what = f"TABLE {relation}"
                 if column is not None:
                     what = f"COLUMN {relation}.{self._names.quote(column)}"
-                yield f"COMMENT ON {what} IS '{said}'"
+                yield f"COMMENT ON {what} IS {text_literal(comment)}"
 
     def _lists(self, due: Sequence[str]) -> Iterator[str]:
         """Yield the statements that make the conditions with lists as the migrations do."""
@@ -444,8 +433,7 @@ class Distributor:
                 yield f"ALTER TABLE {self._names.relation(table)} ADD CONSTRAINT {constraint}"
 
     def _literal(self, table: str) -> str:
-        quoted = self._names.relation(table).replace("'", "''")
-        return f"'{quoted}'"
+        return text_literal(self._names.relation(table))
 
     def _refused(self, what: str, remedy: str) -> StoreError:
         return StoreError(f"{self._label}: nothing was changed: {what}; {remedy}")

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kant_sql import KnowledgeBase, PddlFunctionDto
-from kant_sql.store.caches import FluentKey, FluentValue
+from kant_sql.knowledge.atoms import FluentKey, FluentValue
 from tests.support.chain import check_chain
 from tests.support.processes.workers import change, in_processes
 from tests.support.profile import PROFILE, hunting

@@ -42,9 +42,6 @@ CLUSTER = '''
         def committing(self, synchronous_commit):
             return self
 
-        def of_one_shard(self, query, schema, kb_id):
-            return f"{schema}, {kb_id}: {query}"
-
         def whole_index(self, name):
             return name
 
@@ -66,7 +63,7 @@ CLUSTER = '''
         yield
 
     def of_one_shard(query, schema, kb_id):
-        return query
+        return f"{schema}, {kb_id}: {query}"
 
     def has_lost_a_node(state, message):
         return "zero" in message

@@ -196,6 +196,7 @@ def test_a_family_that_nobody_has_is_refused_naming_those_that_there_are() -> No
         ("sqlite://?timeout=nan", "timeout is a number of seconds"),
         ("sqlite://?timeout=inf", "timeout is a number of seconds"),
         ("sqlite://?timeout=1&timeout=2", "timeout is a number of seconds"),
+        ("postgresql://nobody/db?port=soon", "Received non-integer port arguments: ('soon',)"),
     ],
 )
 def test_an_unknown_option_is_refused_naming_what_is_known(
@@ -213,7 +214,15 @@ def test_an_unknown_option_is_refused_naming_what_is_known(
     [
         *("", "robot.db", "sqlite", "sqlite:", "sqlite:/robot.db", "://", " sqlite://"),
         *("postgresql://host:port/db", "sqlite:///a\0b.db", "sqlite:///\ud800.db"),
-        *("postgresql://\ud800@host/db", None, 5, b"sqlite://", Path("robot.db"), object()),
+        *(
+            "postgresql://\ud800@host/db",
+            "sqlite:///a%00b.db",
+            None,
+            5,
+            b"sqlite://",
+            Path("robot.db"),
+            object(),
+        ),
     ],
 )
 def test_what_is_no_url_is_refused_with_examples_of_urls(url: object) -> None:

@@ -8,8 +8,7 @@ from contextlib import closing
 from datetime import datetime
 from typing import NamedTuple
 
-from ...arguments import flag, optional_call
-from ...dao.interfaces import Progress
+from ...arguments import Progress, flag, optional_call
 from ...errors import ConflictError, InvalidArgumentError
 from ...knowledge.canonical import archive_text
 from ...moment_text import When, read_when

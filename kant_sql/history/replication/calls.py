@@ -9,8 +9,7 @@ from weakref import WeakKeyDictionary
 
 from sqlalchemy import null
 
-from ...arguments import expect, flag, optional_call, optional_text
-from ...dao.interfaces import Progress
+from ...arguments import Progress, expect, flag, optional_call, optional_text
 from ...errors import (
     ClosedError,
     InvalidArgumentError,

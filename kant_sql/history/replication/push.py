@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
-from ...dao.interfaces import Progress
+from ...arguments import Progress
 from ...errors import (
     ArchivedError,
     AuthenticationError,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, closing
 from typing import NamedTuple
 
-from ...dao.interfaces import Progress
+from ...arguments import Progress
 from ...errors import (
     ArchivedError,
     AuthenticationError,

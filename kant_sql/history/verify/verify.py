@@ -14,8 +14,7 @@ from typing import NamedTuple, TypeVar
 from sqlalchemy import bindparam, delete, func, select, update
 
 from ... import html
-from ...arguments import flag, optional_call
-from ...dao.interfaces import Progress
+from ...arguments import Progress, flag, optional_call
 from ...errors import (
     UNREADABLE,
     InvalidArgumentError,

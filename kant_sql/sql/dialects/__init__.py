@@ -47,7 +47,7 @@ def _parse(url: object) -> URL | None:
             return None
         if "://" not in url and os.path.isfile(url):
             return URL.create("sqlite", database=url)
-        return make_url(url)
+        return None if "%00" in url else make_url(url)
     except (ArgumentError, ValueError):
         return None
 

@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
+from math import isinf
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -34,7 +35,7 @@ from ...errors import (
     StoreUnreachableError,
     printable,
 )
-from ...limits import LIMIT, PATIENCE, GuardedCursor, Limit, StatementGuard, is_endless
+from ...limits import LIMIT, PATIENCE, GuardedCursor, Limit, StatementGuard
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .structure import IndexFault, Statement, ViewDialect
 from .words import RAW, Words
@@ -159,10 +160,11 @@ class Shared(Protocol):
 
 
 class Commits:
-    """Counts the commits to a store that only this process has."""
+    """Counts commits, for the threads of this process that wait for the next one."""
 
     def __init__(self) -> None:
         self._number = self._waiting = 0
+        # Entered itself: a condition takes two more calls, with each commit in memory.
         self._lock = threading.Lock()
         self._changed = threading.Condition(self._lock)
 
@@ -332,7 +334,7 @@ class Session(ABC):
         self._execute(self.backend.begin_write if write else self.backend.begin_read)
 
     def commit(self, changed: int | None = None) -> None:
-        """Commit the transaction."""
+        """Commit the transaction; `changed` is the knowledge base that got a revision."""
         self._commit(changed)
 
     def _commit(self, changed: int | None) -> None:
@@ -457,7 +459,7 @@ class Session(ABC):
             return made
         if guard.limit.is_cancelled:
             return QuestionCancelledError(f"{self.backend.label}: this question was cancelled")
-        if is_endless(guard.limit.seconds):
+        if isinf(guard.limit.seconds):
             return made
         return StatementTimeoutError(
             f"{self.backend.label}: a statement of this question took longer than "

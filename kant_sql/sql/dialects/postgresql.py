@@ -32,7 +32,7 @@ from sqlalchemy import (
     text,
 )
 from sqlalchemy.dialects.postgresql.base import PGDialect
-from sqlalchemy.exc import DBAPIError, DisconnectionError
+from sqlalchemy.exc import ArgumentError, DBAPIError, DisconnectionError
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.pool import NullPool, QueuePool
 from sqlalchemy.types import TypeEngine
@@ -232,6 +232,7 @@ def _unnest_text(into: Insert) -> str:
 class PostgresqlSession(Session):
     """A session on PostgreSQL."""
 
+    backend: PostgresqlBackend
     placeholder = "%s"
     keeps_limit = True
     _is_replanned = False
@@ -471,12 +472,12 @@ class PostgresqlSession(Session):
 
     def query_of_view(self, name: str, kb_id: int) -> str | None:
         """Return a query that one shard answers, on a cluster."""
-        nodes = self._nodes
-        row = None if nodes is None else self.first(_VIEW, view=name)
-        if nodes is None or row is None:
+        cluster = self.backend.cluster
+        row = None if cluster is None else self.first(_VIEW, view=name)
+        if cluster is None or row is None:
             return None
         query, schema = row
-        return nodes.of_one_shard(query.rstrip().rstrip(";"), schema, kb_id)
+        return cluster.of_one_shard(query.rstrip().rstrip(";"), schema, kb_id)
 
     def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
         """Compare the indexes of some tables with the tables."""
@@ -596,7 +597,6 @@ _TIMEOUT, _UNKNOWN = "statement_timeout", -1
 _LONGEST_TIMEOUT = 2**31 - 1
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
-# SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 # Which tables belong to a role that this user is not, and are not its to maintain.
 _OF_OTHERS = text(
     "SELECT c.relname FROM pg_class AS c WHERE c.oid = ANY (SELECT to_regclass(n) FROM "
@@ -606,6 +606,7 @@ _OF_OTHERS = text(
 )
 _ROWS_GONE = "rows that were replaced in the tables of"
 _OWNER_VACUUMS = "run VACUUM (FULL, ANALYZE) as the owner of the tables"
+# SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 _IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
 # What the server and PgBouncer answer when all of their connections are in use.
 _CROWDED = re.compile(
@@ -768,6 +769,8 @@ class PostgresqlBackend(Backend):
                 f"{self.label}: PostgreSQL needs the psycopg driver; "
                 "install it with: pip install 'kant-sql[postgres]'"
             ) from error
+        except ArgumentError as error:
+            raise InvalidUrlError(f"{self.label}: {error}") from error
 
         @event.listens_for(engine, "connect")
         def refuse_old_server(connection: Any, _: object) -> None:

@@ -27,7 +27,7 @@ from ...errors import KantSqlError
 from ..tables import EMPTY_HEAD, Base
 from ..tables.base import VERSION_TABLE
 from .base import Roles
-from .postgresql_structure import SCHEMA_OF_TABLES, PostgresqlViews, Qualifier, cluster_of
+from .postgresql_structure import PostgresqlViews, Qualifier, cluster_of
 
 # The prefix of roles, and of all that is created for them.
 PREFIX = "kant_sql_"
@@ -36,7 +36,6 @@ _LONGEST_PART = 40
 _PLAIN = re.compile(rf"[a-z][a-z0-9_]{{0,{_LONGEST_PART - 1}}}")
 _LOOKS_MADE = re.compile(r".*_[0-9a-f]{12}")
 _STRANGE = re.compile(r"[^a-z0-9]+")
-_VIEWS = PostgresqlViews()
 
 
 def safe_part(knowledge_base: str) -> str:
@@ -105,7 +104,7 @@ def lock_schema(run: Callable[[str], bool]) -> None:
 
 def lock_tables(connection: Connection) -> None:
     """Lock all tables exclusively, before the first is changed."""
-    names = Qualifier(connection.scalar(SCHEMA_OF_TABLES) or "public")
+    names = Qualifier.of(connection)
     there = {row[0] for row in connection.execute(_TABLES, {"schema": names.schema})}
     # Writers begin with the head: once it is locked, none holds other tables.
     wanted = [name for name in ("head", *sorted(Base.metadata.tables)) if name in there]
@@ -467,13 +466,13 @@ class RoleMaker:
 
     def __init__(self, connection: Connection, *, has_writers: bool | None = None) -> None:
         self._connection = connection
-        self._names = Qualifier(connection.scalar(SCHEMA_OF_TABLES) or "public")
+        self._names = Qualifier.of(connection)
         present = {row[0]: row[1] for row in self._query(_COLUMNS)}
         tables = Base.metadata.tables.values()
         self._tables = [_as_it_is(t, present[t.name]) for t in tables if t.name in present]
         self._version = [VERSION_TABLE] if VERSION_TABLE in present else []
         self._views = [row[0] for row in self._query(_AUDIT_VIEWS)]
-        self._generated = _VIEWS.list_generated(lambda sql: connection.exec_driver_sql(sql).all())
+        self._generated = PostgresqlViews().list_generated(connection)
         self._old = [(row[0], row[1]) for row in self._query(_POLICIES)]
         self._own = [(row[0], row[1]) for row in self._query(_OWN_VIEWS)]
         # Policies of writers have subqueries, which tables on several nodes cannot have. There, a

@@ -22,7 +22,7 @@ from weakref import WeakValueDictionary
 from sqlalchemy import URL
 
 from ...errors import InvalidUrlError
-from .base import Listener, WriterLock, url_label
+from .base import Commits, Listener, WriterLock, url_label
 
 # The option of a URL that says what stands before the server.
 OPTION = "pooler"
@@ -205,53 +205,45 @@ class _Turn:
         self._lock.release()
 
 
-class _Channel:
+class _Channel(Commits):
     """What is heard of one knowledge base.
 
     The server notifies of it already if `is_heard`; `error` is the driver's that ended it.
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self.watchers = 0
         self.left_at = math.inf
         self.is_heard = False
         self.error: Exception | None = None
-        self._number = 0
-        self._changed = threading.Condition()
 
     def is_left(self, now: float) -> bool:
         """Whether nobody has watched it for a while."""
         return not self.watchers and now - self.left_at >= LINGER
 
-    def tell(self) -> None:
-        """Note a notification, and wake all watchers."""
-        with self._changed:
-            self._number += 1
-            self._changed.notify_all()
-
     def hear(self) -> None:
         """Note that it is listened to."""
         self.is_heard = True
-        self.tell()
+        self.notify()
 
     def fail(self, error: Exception | None) -> None:
         """End it, with an error if it was not ended on purpose."""
         self.is_heard, self.error = False, error
-        self.tell()
+        self.notify()
 
-    def wait(self, seen: int | None, seconds: float) -> int | None:
+    def wait_to_hear(self, seen: int | None, seconds: float) -> int | None:
         """Wait for a notification after what was seen, or until it is listened to.
 
         Returns what was seen now; None while it is not listened to.
         """
-        with self._changed:
-            if self.is_heard and seen is None:
-                return self._number
-            if self.error is not None:
-                return None
-            before = self._number if seen is None else seen
-            self._changed.wait_for(lambda: self._number != before, seconds)
-            return self._number if self.is_heard else None
+        before = self._number if seen is None else seen
+        if self.is_heard and seen is None:
+            return before
+        if self.error is not None:
+            return None
+        number = self.wait(before, seconds)
+        return number if self.is_heard else None
 
 
 class ListenerThread:
@@ -393,7 +385,7 @@ class ListenerThread:
         with self._lock:
             found = self._channels.get(int(name.removeprefix(channel(0)[:-1])))
         if found is not None:
-            found.tell()
+            found.notify()
 
 
 class SharedListening:
@@ -452,7 +444,7 @@ class PostgresqlListener(Listener):
         if self._joined is None:
             self._joined = self._join(kb_id)
         watched = self._joined[1]
-        self._seen = watched.wait(self._seen, seconds)
+        self._seen = watched.wait_to_hear(self._seen, seconds)
         if self._seen is None and watched.error is not None:
             self._fail(watched.error)
 

@@ -38,7 +38,7 @@ _SCHEMA = (
     f"coalesce((SELECT relnamespace FROM pg_class WHERE oid = to_regclass('{VERSION_TABLE}')),"
     " current_schema()::regnamespace)"
 )
-SCHEMA_OF_TABLES = text(
+_SCHEMA_OF_TABLES = text(
     "SELECT n.nspname FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace "
     f"WHERE c.oid = to_regclass('{VERSION_TABLE}')"
 )
@@ -467,6 +467,11 @@ class Qualifier:
     def __init__(self, schema: str) -> None:
         self.schema = schema
 
+    @classmethod
+    def of(cls, connection: Connection) -> Qualifier:
+        """Read the schema of the tables; before there are any, it is the one of new databases."""
+        return cls(connection.scalar(_SCHEMA_OF_TABLES) or "public")
+
     @staticmethod
     def quote(identifier: str) -> str:
         """Quote an identifier."""
@@ -492,9 +497,6 @@ class Nodes(Protocol):
 
     def committing(self, synchronous_commit: str) -> Nodes:
         """Return these with another setting of what a commit waits for."""
-
-    def of_one_shard(self, query: str, schema: str, kb_id: int) -> str:
-        """Restrict each table of a view's query to one knowledge base."""
 
     def whole_index(self, name: str) -> str:
         """Return the name of the index that an index of a part of a table belongs to."""

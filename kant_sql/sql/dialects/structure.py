@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from hashlib import sha256
 from typing import Any, NamedTuple
 
+from sqlalchemy import Connection
 from sqlalchemy.sql.compiler import IdentifierPreparer
 
 # Runs a statement without parameters and returns all its rows.
@@ -119,9 +120,10 @@ class ViewDialect(ABC):
         """List the names that a new view cannot have, with the marks of generated views."""
         return {name: self.read_mark(text) for name, text in rows(self.relations)}
 
-    def list_generated(self, rows: Rows) -> dict[str, Mark]:
+    def list_generated(self, connection: Connection) -> dict[str, Mark]:
         """List the generated views."""
-        return {name: mark for name, mark in self.list_relations(rows).items() if mark is not None}
+        found = self.list_relations(lambda sql: connection.exec_driver_sql(sql).all())
+        return {name: mark for name, mark in found.items() if mark is not None}
 
     def list_readers(self, rows: Rows) -> list[str]:
         """List the roles, quoted, that are granted to read new views."""

@@ -18,6 +18,7 @@ from typing import NamedTuple
 from typing_extensions import override
 
 from ...dto.lexical import EXACT_DECIMALS
+from ..query import text_literal
 
 
 class DecimalWords(NamedTuple):
@@ -179,11 +180,6 @@ class Words(NamedTuple):
 UNSOUGHT = {"sqlite": "+", "postgresql": ""}
 
 
-def quoted(text: str) -> str:
-    """Write a text as an SQL literal."""
-    return "'" + text.replace("'", "''") + "'"
-
-
 def _sqlite_rows(parameter: str, columns: int) -> str:
     values = [f", json_extract(value, '$[{n}]') AS c{n}" for n in range(columns)]
     return f"(SELECT key AS place{''.join(values)} FROM json_each(:{parameter}))"
@@ -191,9 +187,9 @@ def _sqlite_rows(parameter: str, columns: int) -> str:
 
 def _sqlite_list(values: Sequence[int] | Sequence[str]) -> str:
     if all(isinstance(value, int) for value in values):
-        return quoted(f"[{', '.join(map(str, values))}]")
+        return text_literal(f"[{', '.join(map(str, values))}]")
     # Arguments are ids and spaces: nothing in them needs an escape.
-    return quoted("[" + ", ".join(f'"{value}"' for value in values) + "]")
+    return text_literal("[" + ", ".join(f'"{value}"' for value in values) + "]")
 
 
 def _postgresql_rows(parameter: str, columns: int) -> str:
@@ -205,7 +201,7 @@ def _postgresql_rows(parameter: str, columns: int) -> str:
 def _postgresql_list(values: Sequence[int] | Sequence[str]) -> str:
     if all(isinstance(value, int) for value in values):
         return f"CAST(ARRAY[{', '.join(map(str, values))}] AS bigint[])"
-    return f"CAST(ARRAY[{', '.join(quoted(str(value)) for value in values)}] AS text[])"
+    return f"CAST(ARRAY[{', '.join(text_literal(str(value)) for value in values)}] AS text[])"
 
 
 # No version has a fork after the head.

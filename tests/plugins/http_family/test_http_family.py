@@ -142,6 +142,10 @@ def test_what_only_reads_refuses_to_write(
             connect(f"{address}/other")
     with pytest.raises(InvalidUrlError, match="lacks plans"):
         _ = kb.plans
+    direct = connect(server.url, knowledge_base="tiago")
+    act = direct.executions.report("go", outcome="running")
+    with pytest.raises(InvalidUrlError, match="lacks executions"), kb.transaction(execution=act):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -151,6 +155,10 @@ def test_what_only_reads_refuses_to_write(
         ("https://SECRET@host/kb", "write https://:TOKEN@HOST:PORT/KNOWLEDGE_BASE"),
         ("https://me:SECRET@host/kb", "not the URL of a server"),
         ("https:///kb", "not the URL of a server"),
+        ("https://:SECRET@a..b/kb", "not the URL of a server"),
+        ("https://:SECRET@my host/kb", "not the URL of a server"),
+        ("https://:SECRET@host:99999/kb", "not the URL of a server"),
+        (f"https://:SECRET@host/kb?timeout={'9' * 20}", "timeout is a number of seconds"),
         ("https://:SECRET@host/kb?frobnicate=1", "the options timeout and insecure only"),
         ("https://:SECRET@host/kb?timeout=0", "timeout is a number of seconds"),
         ("https://:SECRET@host/kb?timeout=soon", "timeout is a number of seconds"),
