@@ -78,7 +78,7 @@ from .limits import limited
 from .moment_text import When
 from .plans import PlanDao
 from .reasoning.ask import Answers
-from .reasoning.execute import Dispatch, ExecutedPlan, Executive
+from .reasoning.execute import Dispatch, ExecutedPlan, Executive, check_call
 from .reasoning.replan import PlanOptions
 from .reasoning.rule_watch import watcher_of
 from .reasoning.rules import Rules, Verdict
@@ -988,6 +988,7 @@ class AsyncKnowledgeBase(_Part):
         Coroutines run in this event loop, and are cancelled when the plan ends early; functions run
         in threads. When this call is cancelled, so is the plan.
         """
+        check_call(cancel, "cancel")
         loop = asyncio.get_running_loop()
         tasks: dict[str, asyncio.Task[Any] | None] = {}
 

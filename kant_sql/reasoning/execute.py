@@ -13,6 +13,7 @@ from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from inspect import iscoroutinefunction
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
@@ -128,7 +129,8 @@ def execute(
         PlanError: there is no such plan; a step is not one of the domain, or cannot begin, as it
             runs or has failed.
         PddlError: the text is not that of a plan.
-        InvalidArgumentError: `speed` is not a positive number, or there is nothing to call.
+        InvalidArgumentError: `speed` is not a positive number, or there is nothing to call, or a
+            coroutine function, which `kant_sql.aio` takes.
         ReadOnlyError: this is a view of the past, or a transaction is open.
 
     Examples:
@@ -163,6 +165,16 @@ def _failure(error: BaseException) -> _Said:
     return _Said("failed", code, text or None)
 
 
+def check_call(call: object, name: str) -> None:
+    """Refuse what cannot be called by a thread, which awaits nothing."""
+    optional_call(call, name)
+    if iscoroutinefunction(call):
+        # Else a step would count as done that has not begun.
+        raise InvalidArgumentError(
+            f"{name} is a coroutine function; give a function, which runs in a thread"
+        )
+
+
 @dataclass
 class Executive:
     """Executes one plan, given as for `execute`."""
@@ -178,7 +190,8 @@ class Executive:
 
     def __post_init__(self) -> None:
         expect(self.dispatch, Callable, "dispatch", InvalidArgumentError)  # type: ignore[arg-type]
-        optional_call(self.cancel, "cancel")
+        check_call(self.dispatch, "dispatch")
+        check_call(self.cancel, "cancel")
         optional_text(self.reason, "the reason")
         if self.replan is not None:
             check_options(self.replan)

@@ -164,9 +164,9 @@ def can_do(
             "parameters that are called limit or name cannot be fixed; write them in capitals"
         )
     state, end = past(kb, at, valid), offset + limit
-    named: Any = fixed or {}
+    arguments: Any = fixed or {}
     revision = state.revision
-    found = state.applicable_actions(action or None, limit=end + 1, **named)
+    found = state.applicable_actions(action or None, limit=end + 1, **arguments)
     steps = list(islice(found, offset, end + 1))
     return PossibleSteps(revision, steps[:limit], end if len(steps) > limit else None)
 

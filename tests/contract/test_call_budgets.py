@@ -71,4 +71,4 @@ def test_a_read_runs_few_functions(kb: KnowledgeBase) -> None:
 
 def test_an_act_runs_few_functions(kb: KnowledgeBase) -> None:
     steps = cycle(["(move rb0 hall ward)", "(move rb0 ward hall)"])
-    assert calls(lambda: kb.apply(next(steps))) <= 285
+    assert calls(lambda: kb.apply(next(steps))) <= 275

@@ -347,10 +347,17 @@ def test_what_cannot_be_executed_is_refused_before_anything_is_written(kb: Knowl
                 kb.execute("(switch room)", do_nothing, **options)
         with pytest.raises(InvalidArgumentError, match="dispatch"):
             kb.execute("(switch room)", None)  # type: ignore[arg-type]
+        for coroutines in ({"dispatch": later}, {"dispatch": do_nothing, "cancel": later}):
+            with pytest.raises(InvalidArgumentError, match="is a coroutine function"):
+                kb.execute("(switch room)", **coroutines)
         with pytest.raises(ReadOnlyError):
             kb.at(1).execute("(switch room)", do_nothing)
     with pytest.raises((ReadOnlyError, TransactionOpenError)), kb.transaction():
         kb.execute("(switch room)", do_nothing)
+
+
+async def later(step: Execution) -> None:
+    """Would have to be awaited."""
 
 
 @asynccontextmanager
@@ -385,6 +392,8 @@ async def test_coroutines_are_dispatched_side_by_side_and_cancelled(url: str) ->
 
 async def test_a_plan_is_cancelled_with_its_task(url: str) -> None:
     async with opened(url) as kb:
+        with pytest.raises(InvalidArgumentError, match="cancel is a coroutine function"):
+            await kb.execute("(clean hall)", do_nothing, cancel=later)
         running = asyncio.Event()
 
         async def dispatch(step: Execution) -> None:
