@@ -6,17 +6,21 @@ import itertools
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 from unittest.mock import patch
 
 import pytest
+from sqlalchemy import text
 
 import kant_sql
+from kant_sql.history.erasure import erase
 from kant_sql.history.rewriting.parts import Destroyer
 from kant_sql.history.rewriting.texts import Renaming, TextWriter
 from kant_sql.history.verify.chain import read_links
 from kant_sql.history.verify.parts import Part, kept_parts
 from kant_sql.knowledge.canonical import erasure_text
 from kant_sql.sql.changes import keyed_changes_of
+from kant_sql.sql.query import Query
 from tests.support.profile import PROFILE
 from tests.support.servers import Server
 from tests.support.worlds.robots import WP2, robot_at
@@ -165,6 +169,49 @@ def test_nobody_hides_a_change_behind_an_erasure(erased: Bare) -> None:
             if erased.is_intact():
                 missed.append(attack)
     assert missed == []
+
+
+_PLACE = Query(text("SELECT id FROM object WHERE kb_id = :kb AND name = 'wp1'"))
+
+
+def invented(*_: object) -> dict[str, str]:
+    return {"reason": "approved by the safety officer"}
+
+
+@pytest.mark.parametrize(
+    ("forged", "says"),
+    [
+        (patch.object(erase, "said_in_place", invented), "without the pseudonym"),
+        (patch.object(erase, "next_pseudonym", lambda *_: "wp2"), "the pseudonym 'wp2'"),
+    ],
+)
+def test_a_new_erasure_leaves_no_other_text_than_its_pseudonym(
+    kb: kant_sql.KnowledgeBase, forged: Any, says: str
+) -> None:
+    with kb.transaction(reason="nobody allowed it"):
+        kb.propositions.save(robot_at())
+    with forged:
+        kb.erase(revisions=[1], parts=["reason"], reason="asked for")
+    assert [says in one.message for one in kb.store.verify().findings] == [True]
+
+
+def test_a_new_erasure_changes_no_text_of_others(kb: kant_sql.KnowledgeBase) -> None:
+    kb.propositions.save(robot_at())
+    kb.objects.save("rb2 - robot")
+    run = TextWriter.run
+
+    def run_and_invent(writer: TextWriter) -> None:
+        run(writer)
+        ((place,),) = writer._session.rows(_PLACE, kb=writer._kb)
+        renaming = Renaming(place, "wp1", "wp7")
+        other = TextWriter(writer._session, writer._kb, writer._name, renaming)
+        run(other)
+        writer.old.update(other.old)
+
+    with patch.object(TextWriter, "run", run_and_invent):
+        kb.erase("rb2", reason="asked for")
+    found = [one.message for one in kb.store.verify().findings]
+    assert any("without the pseudonym erased-1" in message for message in found)
 
 
 def test_a_seed_without_an_erasure_can_be_exchanged_for_its_salts_without_effect(

@@ -25,14 +25,15 @@ from ...store.snapshot import archive_of
 from ...store.state import State
 from ...store.store import Store
 from ...store.transaction import Transaction
-from ..rewriting.parts import Destroyer, said_in_place
+from ..rewriting.parts import Destroyer
 from ..rewriting.texts import ChangeKey, Renaming, TextWriter, has_word, spellings
 from ..verify.chain import read_links
+from ..verify.parts import PREFIX, said_in_place
 from .archived import ArchiveDestroyer, ArchivedPart, open_archive
 
 logger = logging.getLogger("kant_sql.history")
 
-OBJECT, TEXTS, PREFIX = "object", "texts", "erased-"
+OBJECT, TEXTS = "object", "texts"
 _ERASURE, _REVISION = table_of(t.ErasureRow), table_of(t.RevisionRow)
 _OBJECTS = t.TABLES["object"].c
 _GIVEN_OUT = Query(

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from hashlib import sha256
-from json.encoder import encode_basestring
 from typing import Any, NamedTuple
 
 from sqlalchemy import bindparam, null, select, update
@@ -236,13 +235,6 @@ class Destroyer:
                 if label in texts
             ]
             session.run_many(query, rows)
-
-
-def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
-    """Return what takes the place of an actor, a reason or a source: the last is JSON."""
-    return {
-        label: encode_basestring(pseudonym) if label == "source" else pseudonym for label in labels
-    }
 
 
 _STAND = Query(

@@ -9,10 +9,11 @@ from hashlib import sha256
 from typing import Any, NamedTuple
 
 from ...knowledge.canonical import commit_to, erasure_text
+from ...sql.changes import PLAN
 from ...sql.dialects.base import Row, Session
 from ...sql.rows import columns_of, table_of
 from ...sql.tables import ErasureRow, ReplacementRow
-from .parts import WHOLE, Part
+from .parts import PREFIX, WHOLE, Part, said_in_place
 from .sides import Check, Report, Side
 
 
@@ -63,6 +64,7 @@ class ErasureCheck:
     def __init__(self, check: Check, erasures: list[Erasure]) -> None:
         self._check = check
         self._erasures = erasures
+        self._pseudonyms = {each.id: each.pseudonym for each in erasures}
         self._digests: defaultdict[int, Any] = defaultdict(sha256)
         self._counts: defaultdict[int, int] = defaultdict(int)
         rows = check.session.stream(_REPLACEMENTS, kb=check.kb_id) if erasures else iter(())
@@ -100,6 +102,9 @@ class ErasureCheck:
                 continue
             if each.salt is not None:
                 commitment = commit_to(each.salt, text or "")
+                pseudonym = self._pseudonyms.get(each.erasure_id, "")
+                if not _is_in_place(part, text or "", pseudonym):
+                    yield f"has a text without the pseudonym {pseudonym}, which no erasure leaves"
             self._counts[each.erasure_id] += 1
             add_part(self._digests[each.erasure_id], number, part, commitment or "")
 
@@ -114,12 +119,22 @@ class ErasureCheck:
             id_, since, upto, *_ = each
             if erasure_text(id_, *each[2:8]) != each.text or upto != since - 1:
                 add(since, "erasure", f"the columns of erasure {id_} differ from its text")
+            if not each.pseudonym.removeprefix(PREFIX).isdecimal():
+                add(since, "erasure", f"the pseudonym {each.pseudonym!r} is none of an erasure")
             if self._counts[id_] != each.parts or self._digests[id_].hexdigest() != each.digest:
                 message = (
                     f"erasure {id_} erased {each.parts} texts, and what is there now differs from "
                     "what it left: a text was altered, or a part added, removed or exchanged"
                 )
                 add(since, "erasure", message)
+
+
+def _is_in_place(part: Part, text: str, pseudonym: str) -> bool:
+    """Return whether a text can be what an erasure leaves: any other may be an invention."""
+    if part.position < 0:
+        return part.kind == WHOLE or text == said_in_place(pseudonym, [part.kind])[part.kind]
+    # Of a plan, it may be the problem that had the name, of which the text has the hash.
+    return part.kind == PLAN or pseudonym in text
 
 
 class Replacement(NamedTuple):

@@ -7,6 +7,7 @@ Form 2 of the hash covers commitments. Of what was erased, the commitment is kep
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from json.encoder import encode_basestring
 from typing import Any, NamedTuple
 
 from sqlalchemy import select
@@ -74,6 +75,17 @@ def kept_parts(seed: bytes, metadata: Metadata, changes: Iterable[Row]) -> list[
 def whole_part(digest: str, erasure_id: int) -> Part:
     """Make the part that keeps the hash of a revision of form 1, of which something is erased."""
     return Part(WHOLE_AT, "", WHOLE, 0, 0, None, digest, erasure_id)
+
+
+# Pseudonyms are this and a number.
+PREFIX = "erased-"
+
+
+def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
+    """Return what takes the place of an actor, a reason or a source: the last is JSON."""
+    return {
+        label: encode_basestring(pseudonym) if label == "source" else pseudonym for label in labels
+    }
 
 
 def committed(
