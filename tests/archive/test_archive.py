@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
@@ -73,15 +74,20 @@ def test_all_rows_of_the_archive_are_those_of_the_store(
 
 
 @pytest.mark.every_backend
-def test_a_reported_time_is_the_same_on_another_database(
+def test_a_time_and_a_tiny_number_are_the_same_on_another_database(
     shared_url: str, any_archive_url: str, connect: Connect
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
+    kb.objects.save(RB1)
     at = datetime(2026, 1, 31, 9, 30, tzinfo=UTC)
     made = kb.executions.report("dock", outcome="running", started_at=at)
     kb.executions.report(made, outcome="failed", code="E4", ended_at=at)
-    kb.objects.save(RB1)
-    assert kb.store.archive(3, to=any_archive_url).versions == {"execution_version": 1}
+    kb.functions.save("(battery ?r - robot)")
+    kb.function_values.set("(battery rb1)", value=Decimal("-1e-400"))
+    kb.function_values.set("(battery rb1)", value=1)
+    kb.types.save("truck")
+    moved = {"execution_version": 1, "function_value_version": 1}
+    assert kb.store.archive(kb.revision, to=any_archive_url).versions == moved
     with connect(any_archive_url, knowledge_base="tiago") as archive:
         found = archive.executions.get(made.id)
     assert found is not None

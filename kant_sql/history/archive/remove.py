@@ -7,7 +7,7 @@ from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Table, delete, func, select, union_all
+from sqlalchemy import ColumnElement, Float, Select, Table, delete, func, select, union_all
 
 from ...dao.base import batches
 from ...errors import ConflictError, StoreError, reading_rows
@@ -150,6 +150,10 @@ def _digest(
 ) -> tuple[int, int]:
     """Count rows and add up their hashes, independent of their order."""
     convert = converters(columns, session.to_time)
+    for place, column in enumerate(columns):
+        if isinstance(column.type, Float):
+            # SQLite drops the sign of a zero, as a number too small for a double is one.
+            convert[place] = lambda raw: raw if raw is None else raw + 0.0
     number = total = 0
     for row in session.stream(query, kb=kb_id, low=leaving.low, high=leaving.high):
         number += 1
