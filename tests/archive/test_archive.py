@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,20 @@ def test_all_rows_of_the_archive_are_those_of_the_store(
     there = rows_of(archive_url)
     del there["head"], before["head"]
     assert there == before
+
+
+@pytest.mark.every_backend
+def test_a_tiny_number_is_the_same_on_another_database(
+    shared_url: str, any_archive_url: str, connect: Connect
+) -> None:
+    kb = connect(shared_url, knowledge_base="tiago")
+    kb.objects.save(RB1)
+    kb.functions.save("(battery ?r - robot)")
+    kb.function_values.set("(battery rb1)", value=Decimal("-1e-400"))
+    kb.function_values.set("(battery rb1)", value=1)
+    kb.types.save("truck")
+    moved = {"function_value_version": 1}
+    assert kb.store.archive(kb.revision, to=any_archive_url).versions == moved
 
 
 @pytest.mark.every_backend

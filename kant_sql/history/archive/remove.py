@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
-from sqlalchemy import Boolean, ColumnElement, Select, Table, delete, func, select, union_all
+from sqlalchemy import Boolean, ColumnElement, Float, Select, Table, delete, func, select, union_all
 
 from ...dao.base import batches
 from ...errors import ConflictError, StoreError
@@ -99,8 +100,20 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
                 )
 
 
-# A query, and how to convert its rows: SQLite stores booleans as numbers.
-_Statement = tuple[Query, dict[int, type[bool]]]
+# A query, and how to convert its rows.
+_Statement = tuple[Query, dict[int, Callable[[Any], Any]]]
+
+
+def _unsigned(raw: float | None) -> float | None:
+    """Drop the sign of zero, as a number too small for a double is one on PostgreSQL alone."""
+    return None if raw is None else raw + 0.0
+
+
+# SQLite stores booleans as numbers.
+_AS_READ: tuple[tuple[type[Any], Callable[[Any], Any]], ...] = (
+    (Boolean, bool),
+    (Float, _unsigned),
+)
 
 
 def _leaving(part: CopiedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
@@ -133,7 +146,12 @@ def _read(table: Table, *condition: ColumnElement[bool]) -> _Statement:
             columns.append(looked_up(atom.text, atom.id, column))
         elif column not in own and column.name != "kb_id":
             columns.append(column)
-    convert = {n: bool for n, column in enumerate(columns) if isinstance(column.type, Boolean)}
+    convert = {
+        n: of
+        for n, column in enumerate(columns)
+        for kind, of in _AS_READ
+        if isinstance(column.type, kind)
+    }
     statement: Select[Any] = select(*columns).where(table.c.kb_id == KB, *condition)
     return Query(statement), convert
 

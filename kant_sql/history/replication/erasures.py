@@ -119,7 +119,7 @@ class Followed:
             elif link.form == 1 and not parts and link.number > whole:
                 previous = hash_of(target, target_kb, link.number - 1)
                 first = whole_salt(previous, self._name, link, lines[link.number])
-                parts = [whole_part(link.hash, 0)._replace(salt=first)]
+                parts = [whole_part(link.hash)._replace(salt=first)]
             for part in parts:
                 place = link.number, part.position
                 known, salt = own.get(place, ({}, part.salt))

@@ -161,7 +161,7 @@ class Destroyer:
         )
         if not link.parts and old != link.hash:
             raise self._damaged(link)
-        part = link.parts[0] if link.parts else whole_part(link.hash, 0)
+        part = link.parts[0] if link.parts else whole_part(link.hash)
         first = whole_salt(previous, self._name, link, before)
         self._take(link.number, part, old, now, not link.parts, first)
 

@@ -72,9 +72,9 @@ def kept_parts(seed: bytes, metadata: Metadata, changes: Iterable[Row]) -> list[
     ]
 
 
-def whole_part(digest: str, erasure_id: int) -> Part:
-    """Make the part that keeps the hash of a revision of form 1, of which something is erased."""
-    return Part(WHOLE_AT, "", WHOLE, 0, 0, None, digest, erasure_id)
+def whole_part(digest: str) -> Part:
+    """Make the part that keeps the hash of a revision of form 1; its erasure has no id yet."""
+    return Part(WHOLE_AT, "", WHOLE, 0, 0, None, digest, 0)
 
 
 # Pseudonyms are this and a number.
