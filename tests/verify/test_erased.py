@@ -171,6 +171,15 @@ def test_nobody_hides_a_change_behind_an_erasure(erased: Bare) -> None:
     assert missed == []
 
 
+def test_a_document_that_named_it_by_a_formula_is_right(kb: kant_sql.KnowledgeBase) -> None:
+    kb.load_domain(
+        "(define (domain d) (:requirements :adl) (:constants maria bob) (:predicates (well ?x)))"
+    )
+    kb.load_problem("(define (problem p) (:domain d) (:init) (:goal (or (well maria) (well bob))))")
+    kb.erase("maria", reason="asked for")
+    assert kb.store.verify().findings == ()
+
+
 _PLACE = Query(text("SELECT id FROM object WHERE kb_id = :kb AND name = 'wp1'"))
 
 

@@ -133,8 +133,11 @@ def _is_in_place(part: Part, text: str, pseudonym: str) -> bool:
     """Return whether a text can be what an erasure leaves: any other may be an invention."""
     if part.position < 0:
         return part.kind == WHOLE or text == said_in_place(pseudonym, [part.kind])[part.kind]
-    # Of a plan, it may be the problem that had the name, of which the text has the hash.
-    return part.kind == PLAN or pseudonym in text
+    return part.kind in _WITH_HASHES or pseudonym in text
+
+
+# Their texts have hashes: of the problem, or of formulas, where the name was.
+_WITH_HASHES = PLAN, "document"
 
 
 class Replacement(NamedTuple):
