@@ -151,6 +151,23 @@ def test_origins_lead_to_observations_and_documents(kb: KnowledgeBase) -> None:
     assert left.text == "(move rb1 hall lab)"
 
 
+def test_a_transaction_of_an_act_is_an_origin(kb: KnowledgeBase) -> None:
+    act = kb.executions.report("move", arguments=["rb1", "lab", "room"], outcome="running")
+    with kb.transaction(execution=act):
+        kb.propositions.save_all(["(at rb1 room)"])
+    kb.executions.report(act, outcome="succeeded")
+    moved, *_ = kb.origins("(at rb1 room)")
+    assert (moved.kind, moved.id, moved.made) == ("execution", act.id, ("(at rb1 room)",))
+    assert "(at rb1 lab)" in moved.used
+    # An act that is applied in its transaction is named beside it.
+    with kb.transaction(execution=act):
+        kb.apply("(move rb1 room lab)")
+    assert {one.text for one in kb.origins("(not (at rb1 room))", depth=1)} == {
+        "(move rb1 lab room)",
+        "(move rb1 room lab)",
+    }
+
+
 def test_definitions_are_those_of_the_time(kb: KnowledgeBase) -> None:
     kb.load_domain(DOMAIN.replace("(at ?r ?a) (way ?a ?b)", "(at ?r ?a)"))
     assert acts(kb, "(at rb1 hall)") == [(1, "(move rb1 hall lab)")]
