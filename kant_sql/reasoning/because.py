@@ -54,8 +54,9 @@ class CauseLink:
 
     Attributes:
         depth: how many links away from the element it is, from 1.
-        kind: `execution`, `plan`, `derived fact`, `observation` (a revision without an execution)
-            or `document` (a revision that loaded a domain or a problem).
+        kind: `execution`, `plan`, `derived fact`, `observation` (a revision without an execution),
+            `document` (a revision that loaded a domain or a problem) or `branch` (the first
+            revision of a branch, whose source names the knowledge base and the revision).
         id: the id of the execution or the plan; None for others.
         text: the act, the derived fact, or the document.
         revision: the revision in which it began, or the observation; for a plan, the revision that
@@ -395,6 +396,15 @@ def _link(
     return CauseLink(depth, kind, id_, text, None, tuple(used), tuple(made))
 
 
+def _at(link: CauseLink, revision: Revision | None) -> CauseLink:
+    """Give a link its revision; the first one of a branch loaded no document, but a state."""
+    source: Any = None if revision is None else revision.source
+    if link.kind == "document" and isinstance(source, dict) and {"parent", "hash"} <= source.keys():
+        said = f"{source['parent']} at revision {source.get('revision')}"
+        link = replace(link, kind="branch", text=f"branch of {said}")
+    return replace(link, revision=revision)
+
+
 class _Tracer:
     """Follows links within one snapshot."""
 
@@ -415,7 +425,7 @@ class _Tracer:
         """Return the links that were found, up to the limit."""
         shown = self.links[: self.limit]
         revisions = read_numbered(self.session, self.kb_id, {one for one, _ in shown if one})
-        links = tuple(replace(link, revision=revisions.get(number)) for number, link in shown)
+        links = tuple(_at(link, revisions.get(number)) for number, link in shown)
         return CauseLinks(text, links, self.searched or None, self.is_full)
 
     @property

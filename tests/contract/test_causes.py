@@ -10,7 +10,7 @@ import pytest
 from kant_sql import KnowledgeBase, Plan, PlanStep
 from kant_sql.errors import InvalidArgumentError, InvalidKnowledgeError, UnknownNameError
 from kant_sql.sql import causes
-from tests.support.reading import loaded, present
+from tests.support.reading import loaded, present, store_of
 from tests.support.statements import count
 
 DOMAIN = """
@@ -149,6 +149,13 @@ def test_origins_lead_to_observations_and_documents(kb: KnowledgeBase) -> None:
     assert gone.kind == "document"
     [left] = kb.origins("(not (at rb1 hall))", depth=1)
     assert left.text == "(move rb1 hall lab)"
+
+
+def test_what_a_branch_began_with_goes_back_to_its_parent(kb: KnowledgeBase) -> None:
+    with kb.branch() as branch:
+        [begun] = branch.origins("(door room lab)")
+    assert (begun.kind, begun.made) == ("branch", ("(door room lab)",))
+    assert begun.text == f"branch of {store_of(kb).name} at revision {kb.revision}"
 
 
 def test_a_transaction_of_an_act_is_an_origin(kb: KnowledgeBase) -> None:
