@@ -22,7 +22,7 @@ from ..arguments import shown, whole_number
 from ..dto.elements import Dto, atom_text
 from ..dto.formulas import AT_END, AT_START, OVER_ALL, TIMES, Node
 from ..errors import InvalidKnowledgeError
-from ..history.elements import Applied, Element, refuse_unknown_element, sought
+from ..history.elements import Applied, Element, comparable, refuse_unknown_element, sought
 from ..history.revisions import LARGEST, Revision, at_most, read_numbered
 from ..history.versions import read_newest
 from ..knowledge import resolved as r
@@ -336,11 +336,11 @@ class _Target(NamedTuple):
 
 
 class _Sought(NamedTuple):
-    """The versions of an element, the newest first, and its text."""
+    """The versions of an element, the newest first, and its text; the first revision, if cut."""
 
     text: str
     targets: list[_Target]
-    is_cut: bool
+    first: int
 
 
 def _find(view: View, element: Element, at: int) -> _Sought | None:
@@ -368,18 +368,22 @@ def _find(view: View, element: Element, at: int) -> _Sought | None:
     literal = Literal(kind == "predicate", owner, row, absent is None)
     of_kind = [wanted._replace(kinds=frozenset({FACT, VALUE}))]
     rows = read_newest(view.session, view.kb_id, of_kind, at, VERSIONS)
+    first = max(1, min(one[2] for one in rows)) if len(rows) == VERSIONS else 0
+    has_value = wanted.kinds == {VALUE} and not absent and not isinstance(element, Dto)
+    if has_value:
+        rows = [one for one in rows if comparable(one[1]) == comparable(text)]
     spans = sorted(((one[2], one[3]) for one in rows), reverse=True)
     if absent:
         begins = [*(until for _, until in spans), 0]
         ends = [None, *(since for since, _ in spans)]
         gaps = zip(begins, ends, strict=True)
         spans = [(begin, end) for begin, end in gaps if begin is not None]
-    elif not spans:
+    elif not spans and not has_value:
         # Rules derive it, if anything does.
         spans = [(0, None)]
     plain = f"(not {plain})" if absent else plain
     targets = [_Target(literal, since, until, plain) for since, until in spans if since <= at]
-    return _Sought(plain, targets, len(rows) == VERSIONS)
+    return _Sought(plain, targets, first)
 
 
 # The texts of the literals that an execution, a step of a plan or a derived fact used.
@@ -437,8 +441,7 @@ class _Tracer:
 
     def follow(self, found: _Sought, depth: int) -> None:
         """Find what used an element, and what used what that made, and so on."""
-        if found.is_cut:
-            self.searched = max(1, self.searched, found.targets[-1].since)
+        self.searched = max(self.searched, found.first)
         targets, seen = found.targets, set[Key]()
         for level in range(1, depth + 1):
             if not targets or self.is_full:
@@ -625,7 +628,8 @@ def consequences(
     effect read, count as well.
 
     Args:
-        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
+        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence;
+            `(= (battery rb1) 10)` for the versions with this value.
         depth: how many links to follow; 1 for direct uses.
         limit: the most links, the newest of each level first; None for all.
 
@@ -649,7 +653,7 @@ def origins(
     """Find the origins of a fact or a value: acts, observations and documents.
 
     Args:
-        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
+        element: a fact or a fluent, as for `consequences`.
             Its present version counts, or else its last one.
         depth: how many links to go back.
         limit: the most links, the newest of each level first; None for all.

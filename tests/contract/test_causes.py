@@ -74,6 +74,20 @@ def test_an_act_used_what_its_condition_rested_on(kb: KnowledgeBase) -> None:
         assert acts(kb, unused) == []
 
 
+def test_a_value_stands_for_the_times_when_it_was_so(kb: KnowledgeBase) -> None:
+    loaded_in = kb.revision
+    kb.function_values.save("(= (battery rb1) 20.50)")
+    kb.propositions.save("(door lab hall)")
+    kb.apply("(move rb1 lab hall)")
+    assert acts(kb, "(= (battery rb1) 90.0)") == [(1, "(move rb1 hall lab)")]
+    assert acts(kb, "(= (BATTERY rb1) 20.5)") == [(1, "(move rb1 lab hall)")]
+    assert len(acts(kb, "(battery rb1)")) == 2
+    for find in (kb.consequences, kb.origins):
+        assert find("(= (battery rb1) 99)").links == ()
+    [was], [now] = kb.origins("(= (battery rb1) 90)"), kb.origins("(= (battery rb1) 20.5)")
+    assert present(was.revision).number < loaded_in < present(now.revision).number
+
+
 def test_a_continuous_effect_used_its_rate(kb: KnowledgeBase) -> None:
     kb.function_values.set("rate", objects=[], value=2)
     kb.end(kb.start("(charge rb1)"))
