@@ -401,7 +401,14 @@ def _find(running: list[Execution], step: GroundStep) -> Execution | None:
 
 def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
     """Find a running step, and what its effects at the end need of the state before its start."""
-    found = store.read_definitions(lambda definitions: ground(definitions, step))
+    try:
+        found = store.read_definitions(lambda definitions: ground(definitions, step))
+    except InvalidKnowledgeError as error:
+        if not isinstance(step, Execution):
+            raise
+        # Its action or an object is gone.
+        remedy = "kb.executions.report(step, outcome='aborted') or kb.fail(step) ends it"
+        raise InvalidKnowledgeError(f"{error}; {remedy}") from error
     _check_durative(found)
     running = running_executions(store)
     recorded = _find(running, found)
