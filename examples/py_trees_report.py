@@ -25,23 +25,29 @@ OUTCOMES: dict[Status, Outcome] = {
 
 
 class Reporter(py_trees.visitors.VisitorBase):
-    """Reports the leaves of a tree when their status changes."""
+    """Reports each leaf that a tick runs, and those that are interrupted."""
 
     def __init__(self, kb: KnowledgeBase) -> None:
-        super().__init__(full=True)  # Those that were interrupted, too.
+        super().__init__(full=False)  # Those that are ticked.
         self.kb = kb
-        self.known: dict[object, tuple[Status, str | Execution]] = {}
+        self.running: dict[py_trees.behaviour.Behaviour, Execution] = {}
 
     def run(self, behaviour: py_trees.behaviour.Behaviour) -> None:
-        """Report a behaviour after a tick."""
-        now, text = behaviour.status, behaviour.feedback_message or None
-        before, act = self.known.get(behaviour.id, (Status.INVALID, behaviour.name))
-        if behaviour.children or now == before:
+        """Report a behaviour after its tick."""
+        now, act = behaviour.status, self.running.pop(behaviour, None)
+        if behaviour.children or (now == Status.INVALID and act is None):
             return
-        if now != Status.INVALID or before == Status.RUNNING:
-            done = self.kb.executions.report(act, outcome=OUTCOMES[now], text=text)
-            act = done if now == Status.RUNNING else behaviour.name
-        self.known[behaviour.id] = now, act
+        if act is None or now != Status.RUNNING:
+            name = behaviour.name.strip() or type(behaviour).__name__
+            text = behaviour.feedback_message or None
+            act = self.kb.executions.report(act or name, outcome=OUTCOMES[now], text=text)
+        if now == Status.RUNNING:
+            self.running[behaviour] = act
+
+    def finalise(self) -> None:
+        """Report what was interrupted, which was not ticked."""
+        for each in [each for each in self.running if each.status == Status.INVALID]:
+            self.run(each)
 
 
 def main(url: str, demos: list[str]) -> None:

@@ -107,7 +107,8 @@ def get_all(
         outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`.
         actor: who began it.
         since: the first revision that set an outcome, or the earliest time; both inclusive.
-        until: the last revision that set an outcome, or the latest time; both inclusive.
+        until: the last revision that set an outcome, or the latest time; both inclusive. What ran
+            then and ended later is left out: `kb.at(until).executions` has it, as running.
         limit: the maximum number of executions; None for all.
 
     Returns:

@@ -10,7 +10,7 @@ from math import sqrt
 from operator import attrgetter
 from typing import Any, Literal, get_args
 
-from sqlalchemy import Select, case, func, literal_column, select
+from sqlalchemy import Select, and_, case, func, literal_column, select
 
 from .. import html
 from ..arguments import one_of, shown, storable_text
@@ -62,6 +62,7 @@ class Statistics:
         aborted: the number that were aborted.
         refused: the number that were refused, and so not begun.
         mean: the mean duration of those that succeeded or failed, in seconds; None without any.
+            What ended before it began, by two clocks, has no duration.
         median: their median duration, in seconds.
         percentile_95: the 95th percentile of their durations, in seconds.
         codes: the number of failures with each code, the most frequent first.
@@ -287,9 +288,11 @@ def _measured(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
     begin = func.coalesce(had.started_at, committed(had.began))
     end = func.coalesce(had.ended_at, committed(had.since))
     is_decided = had.outcome.in_([constant("succeeded"), constant("failed")])
+    # A component's clock may be ahead of the database's; then there is no duration.
+    is_timed = and_(is_decided, begin <= end)
     names = [committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]
     labelled = [one.label(name) for one, name in zip(names, wanted, strict=True)]
-    times = case((is_decided, begin)).label("begin"), case((is_decided, end)).label("end_")
+    times = case((is_timed, begin)).label("begin"), case((is_timed, end)).label("end_")
     return select(*labelled, had.outcome, had.code, *times).subquery("ended").c
 
 

@@ -40,7 +40,7 @@ def acts(
 ) -> None:
     """Show executions: by whom, why, and with which outcome.
 
-    Steps of plans that were not started are omitted.
+    Steps of plans that were not started are omitted, and with --until, what ended later.
     """
     if outcome is not None:
         c.require_word(outcome, OUTCOMES, "--outcome")

@@ -105,7 +105,7 @@ def report(
         str | None,
         option(
             "Judge the range by these rules: a file of constraints (- is standard input), or "
-            "PDDL; default: those of the domain and the problem.",
+            "PDDL; default: those of the domain, the problem, and the kept ones.",
             metavar="FILE|PDDL",
         ),
     ] = None,

@@ -9,14 +9,15 @@ from typing import Any, ClassVar, Self, TypeVar
 from sqlalchemy import ColumnElement, String, bindparam, case, false, or_, select
 from typing_extensions import override
 
-from ..arguments import expect, expect_list, flag, period
+from ..arguments import expect, expect_list, flag, period, shown
 from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
 from ..dto.formulas import Atom, Node
-from ..errors import ArityError, InvalidKnowledgeError, TypeMismatchError, all_readable
+from ..errors import ArityError, InvalidKnowledgeError, PddlError, TypeMismatchError, all_readable
 from ..knowledge.atoms import AtomKey
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
+from ..knowledge.rules import rules_of
 from ..pddl.given import read_fact
 from ..sql.intervals import ANY_PREDICATE, held_then
 from ..sql.query import Query, constant, first_rows, in_list, in_rows, integer
@@ -213,6 +214,23 @@ def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) ->
     return AtomKey(is_goal, predicate.id, ids)
 
 
+def _key_to_confirm(transaction: Transaction, fact: FactLike) -> AtomKey | None:
+    """Find the key of a fact to be confirmed; refuse a value, which has no confirmations."""
+    try:
+        return existing_key(transaction, fact, is_goal=False)
+    except PddlError as error:
+        name = str(fact).translate(_NO_WORDS).split()[:1]
+        if not name or transaction.definitions.functions.named(name[0]) is None:
+            raise
+        raise InvalidKnowledgeError(
+            f"{shown(fact)} is a value, and values have no confirmations: save the measured value "
+            "with kb.function_values"
+        ) from error
+
+
+_NO_WORDS = str.maketrans("()=", "   ")
+
+
 def check_dto(dto: PddlPropositionDto) -> None:
     """Refuse a proposition whose fields have wrong types."""
     expect_list(dto.objects, PddlObjectDto, "the list of objects of a proposition")
@@ -326,11 +344,17 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
     ) -> int:
         """Confirm facts, with a bounded number of statements."""
         ledger = transaction.propositions
-        keys = [existing_key(transaction, fact, is_goal=False) for fact in facts]
+        keys = [_key_to_confirm(transaction, fact) for fact in facts]
         atoms = ledger.find([key for key in keys if key is not None])
         ledger.load(atoms.values())
         for fact, key in zip(facts, keys, strict=True):
             if key is None or key not in atoms or not ledger.holds(atoms[key]):
+                rules = rules_of(transaction.definitions.current())
+                if key is not None and rules.of(key.predicate_id):
+                    raise InvalidKnowledgeError(
+                        f"{fact} is not stored, as rules derive it, so it cannot be confirmed; "
+                        "nothing was confirmed: confirm the facts that it follows from"
+                    )
                 raise InvalidKnowledgeError(
                     f"{fact} does not hold, so it cannot be confirmed; nothing was confirmed: save "
                     f"it, as in kb.propositions.save('{fact}')"

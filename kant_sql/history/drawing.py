@@ -200,7 +200,10 @@ class _Pen:
         ends = "".join(self._ends)
         ends = f'<g transform="translate(-3)" stroke="#fff" stroke-width="0.6">{ends}</g>'
         name = f"Timeline of {_said(shown.knowledge_base)}, {self._window()}"
-        count = f"{len(shown.lanes):,} lanes and {len(shown.plans):,} plans"
+        # Acts without a plan stand beside the plans.
+        plans = sum(one.id is not None for one in shown.plans)
+        counts = ((len(shown.lanes), "lane"), (plans, "plan"))
+        count = " and ".join(f"{each:,} {noun}{'s' * (each != 1)}" for each, noun in counts)
         about = f"<title>{name}</title><desc>{count}: what held when, and who said so.</desc>"
         body = _svg(height, about + lines + "".join(self._parts) + ends, 'role="group"')
         return Drawing(self._axis(ticks), body, height)

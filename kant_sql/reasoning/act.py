@@ -232,7 +232,7 @@ def in_revision(
     optional_text(reason, "the reason")
     recorded = step if execution is None and isinstance(step, Execution) else execution
     place = None if recorded is None else key_of(recorded)
-    said = reason if reason is not None else f"{done} {_shown(step)}"
+    said = reason if reason is not None else f"{done} {step_text(step)}"
     with store.transaction(reason=said, plan_step=place) as transaction:
         transaction.refuse_period("an act", "save the facts that it brought about then")
         if recorded is not None:
@@ -241,7 +241,8 @@ def in_revision(
     return transaction.made
 
 
-def _shown(step: object) -> str:
+def step_text(step: object) -> str:
+    """Write a step as it is given, for the reason of its revision."""
     if not isinstance(step, str):
         try:
             return str(step)

@@ -22,7 +22,7 @@ from ..arguments import shown, whole_number
 from ..dto.elements import Dto, atom_text
 from ..dto.formulas import AT_END, AT_START, OVER_ALL, TIMES, Node
 from ..errors import InvalidKnowledgeError
-from ..history.elements import Applied, Element, refuse_unknown_element, sought
+from ..history.elements import Applied, Element, comparable, refuse_unknown_element, sought
 from ..history.revisions import LARGEST, Revision, at_most, read_numbered
 from ..history.versions import read_newest
 from ..knowledge import resolved as r
@@ -54,8 +54,9 @@ class CauseLink:
 
     Attributes:
         depth: how many links away from the element it is, from 1.
-        kind: `execution`, `plan`, `derived fact`, `observation` (a revision without an execution)
-            or `document` (a revision that loaded a domain or a problem).
+        kind: `execution`, `plan`, `derived fact`, `observation` (a revision without an execution),
+            `document` (a revision that loaded a domain or a problem) or `branch` (the first
+            revision of a branch, whose source names the knowledge base and the revision).
         id: the id of the execution or the plan; None for others.
         text: the act, the derived fact, or the document.
         revision: the revision in which it began, or the observation; for a plan, the revision that
@@ -335,11 +336,11 @@ class _Target(NamedTuple):
 
 
 class _Sought(NamedTuple):
-    """The versions of an element, the newest first, and its text."""
+    """The versions of an element, the newest first, and its text; the first revision, if cut."""
 
     text: str
     targets: list[_Target]
-    is_cut: bool
+    first: int
 
 
 def _find(view: View, element: Element, at: int) -> _Sought | None:
@@ -367,18 +368,22 @@ def _find(view: View, element: Element, at: int) -> _Sought | None:
     literal = Literal(kind == "predicate", owner, row, absent is None)
     of_kind = [wanted._replace(kinds=frozenset({FACT, VALUE}))]
     rows = read_newest(view.session, view.kb_id, of_kind, at, VERSIONS)
+    first = max(1, min(one[2] for one in rows)) if len(rows) == VERSIONS else 0
+    has_value = wanted.kinds == {VALUE} and not absent and not isinstance(element, Dto)
+    if has_value:
+        rows = [one for one in rows if comparable(one[1]) == comparable(text)]
     spans = sorted(((one[2], one[3]) for one in rows), reverse=True)
     if absent:
         begins = [*(until for _, until in spans), 0]
         ends = [None, *(since for since, _ in spans)]
         gaps = zip(begins, ends, strict=True)
         spans = [(begin, end) for begin, end in gaps if begin is not None]
-    elif not spans:
+    elif not spans and not has_value:
         # Rules derive it, if anything does.
         spans = [(0, None)]
     plain = f"(not {plain})" if absent else plain
     targets = [_Target(literal, since, until, plain) for since, until in spans if since <= at]
-    return _Sought(plain, targets, len(rows) == VERSIONS)
+    return _Sought(plain, targets, first)
 
 
 # The texts of the literals that an execution, a step of a plan or a derived fact used.
@@ -393,6 +398,15 @@ def _link(
 ) -> CauseLink:
     """Make a link whose revision is not read yet."""
     return CauseLink(depth, kind, id_, text, None, tuple(used), tuple(made))
+
+
+def _at(link: CauseLink, revision: Revision | None) -> CauseLink:
+    """Give a link its revision; the first one of a branch loaded no document, but a state."""
+    source: Any = None if revision is None else revision.source
+    if link.kind == "document" and isinstance(source, dict) and {"parent", "hash"} <= source.keys():
+        said = f"{source['parent']} at revision {source.get('revision')}"
+        link = replace(link, kind="branch", text=f"branch of {said}")
+    return replace(link, revision=revision)
 
 
 class _Tracer:
@@ -415,7 +429,7 @@ class _Tracer:
         """Return the links that were found, up to the limit."""
         shown = self.links[: self.limit]
         revisions = read_numbered(self.session, self.kb_id, {one for one, _ in shown if one})
-        links = tuple(replace(link, revision=revisions.get(number)) for number, link in shown)
+        links = tuple(_at(link, revisions.get(number)) for number, link in shown)
         return CauseLinks(text, links, self.searched or None, self.is_full)
 
     @property
@@ -427,8 +441,7 @@ class _Tracer:
 
     def follow(self, found: _Sought, depth: int) -> None:
         """Find what used an element, and what used what that made, and so on."""
-        if found.is_cut:
-            self.searched = max(1, self.searched, found.targets[-1].since)
+        self.searched = max(self.searched, found.first)
         targets, seen = found.targets, set[Key]()
         for level in range(1, depth + 1):
             if not targets or self.is_full:
@@ -615,7 +628,8 @@ def consequences(
     effect read, count as well.
 
     Args:
-        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
+        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence;
+            `(= (battery rb1) 10)` for the versions with this value.
         depth: how many links to follow; 1 for direct uses.
         limit: the most links, the newest of each level first; None for all.
 
@@ -639,7 +653,7 @@ def origins(
     """Find the origins of a fact or a value: acts, observations and documents.
 
     Args:
-        element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence.
+        element: a fact or a fluent, as for `consequences`.
             Its present version counts, or else its last one.
         depth: how many links to go back.
         limit: the most links, the newest of each level first; None for all.

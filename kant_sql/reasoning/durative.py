@@ -38,7 +38,7 @@ from ..store.snapshot import View
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
-from .act import begin, in_revision, view_of
+from .act import begin, in_revision, step_text, view_of
 from .effects import (
     Earlier,
     EffectReader,
@@ -137,8 +137,9 @@ def apply(
             with transaction.scope():
                 _apply(transaction, found)
         except NotApplicableError as error:
-            if reason is None and transaction.metadata.reason == f"{APPLIED} {found}":
-                said = f"refused {found}"
+            given = step_text(step)
+            if reason is None and transaction.metadata.reason == f"{APPLIED} {given}":
+                said = f"refused {given}"
                 transaction.metadata = transaction.metadata._replace(reason=said)
             _record(transaction, found, REFUSED, message=_why(error))
             refused.append(error)
@@ -400,7 +401,14 @@ def _find(running: list[Execution], step: GroundStep) -> Execution | None:
 
 def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
     """Find a running step, and what its effects at the end need of the state before its start."""
-    found = store.read_definitions(lambda definitions: ground(definitions, step))
+    try:
+        found = store.read_definitions(lambda definitions: ground(definitions, step))
+    except InvalidKnowledgeError as error:
+        if not isinstance(step, Execution):
+            raise
+        # Its action or an object is gone.
+        remedy = "kb.executions.report(step, outcome='aborted') or kb.fail(step) ends it"
+        raise InvalidKnowledgeError(f"{error}; {remedy}") from error
     _check_durative(found)
     running = running_executions(store)
     recorded = _find(running, found)

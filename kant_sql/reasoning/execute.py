@@ -13,7 +13,7 @@ from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from inspect import iscoroutinefunction
+from inspect import isawaitable, iscoroutine, iscoroutinefunction
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
@@ -390,7 +390,12 @@ class Executive:
         """Do a step, and have recorded what came of it."""
         try:
             said = _Said("failed", text="dispatch returned False")
-            if self.dispatch(step) is not False:
+            made = self.dispatch(step)
+            if isawaitable(made):
+                if iscoroutine(made):
+                    made.close()
+                said = _Said("failed", text="dispatch returned an awaitable, which nobody awaits")
+            elif made is not False:
                 said = _Said("succeeded")
         except _CANCELLED:
             said = _Said("aborted")

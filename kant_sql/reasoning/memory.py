@@ -232,6 +232,9 @@ class KnowledgeState:
     def __hash__(self) -> int:
         return hash((self._bits, *self._values))
 
+    def __deepcopy__(self, memo: object) -> KnowledgeState:
+        return self
+
     def __repr__(self) -> str:
         task, origin = self._task, self._first.origin
         facts = len(task.facts) + self._bits.bit_count()

@@ -42,7 +42,8 @@ def watch_rules(
 
     Args:
         rules: as for `check_rules`; None for those that are kept in the store (`kb.rules`), each
-            judged from the revision that saved it.
+            judged from the revision that saved it. These are the rules that are kept when it looks:
+            one that was redefined or deleted before that has no verdict.
         after: only verdicts after this revision, given as for `kb.at`; None for the present head.
         since: the first revision by which given rules are judged; None for the first of all.
         timeout: seconds to wait for each new revision, then it ends; None to wait without limit.

@@ -359,15 +359,17 @@ def _origins(dialect: str) -> Query:
     # As an equality, SQLite prefers the primary key, and reads all of the knowledge base.
     acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
     loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
-    found = f"SELECT w.c0, v.plan_id, v.position, NULL FROM {rows} AS w{acts}"
+    said = loops.loop("v", "revision_execution", "v.kb_id = :kb AND v.number BETWEEN w.c0 AND w.c0")
+    found = f"SELECT w.c0, v.plan_id, v.position, NULL FROM {rows} AS w"
     loaded = f"SELECT w.c0, NULL, NULL, v.text FROM {rows} AS w{loads}"
-    return Query(text(f"{found} WHERE v.outcome <> 'refused' UNION ALL {loaded}"))
+    parts = f"{found}{acts} WHERE v.outcome <> 'refused' UNION {found}{said}"
+    return Query(text(f"{parts} UNION ALL {loaded}"))
 
 
 def find_origins(
     session: Session, kb_id: int, revisions: Collection[int]
 ) -> tuple[list[tuple[int, Key]], dict[int, str]]:
-    """Find the executions whose outcomes revisions set, and the documents that they loaded."""
+    """Find the executions that revisions are of or set outcomes of, and the documents loaded."""
     query = _origins(session.backend.dialect.name)
     rows = session.rows(query, kb=kb_id, wanted=id_rows(revisions))
     acts = [(row[0], (row[1], row[2])) for row in rows if row[1] is not None]

@@ -102,10 +102,13 @@ def forbidden_by(
             resolver = r.Resolver(definitions)
             slots = resolver.variables(variables)
             part = r.negate(resolver.part(condition))
-            while isinstance(part, r.Witness):
-                slots, part = (*slots, *part.bound), part.part
-            r.check_levels(part)
-            yield Forbidden(rule, formula, variables, slots, part)
+            # Each way to violate it by itself, so that an error names its facts.
+            for way in part.parts if isinstance(part, r.OneOf) else (part,):
+                open_, within = slots, way
+                while isinstance(within, r.Witness):
+                    open_, within = (*open_, *within.bound), within.part
+                r.check_levels(within)
+                yield Forbidden(rule, formula, variables, open_, within)
         case _:
             raise UnsupportedConstructError(
                 f"no single state violates {formula}, so it cannot refuse a transaction: give "

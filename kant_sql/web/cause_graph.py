@@ -128,7 +128,7 @@ def _lines(one: CauseLink, shown: Sequence[str], link: Link) -> Iterator[tuple[s
         address = "" if number is None else link("/revision", number=number)
     named = f"{one.kind} {one.id or ''}".rstrip() + (f" by {who}" if who else "")
     yield named, address
-    if one.id is not None or one.kind == "document":
+    if one.id is not None or one.kind in ("document", "branch"):
         yield one.text, ""
     literals = [*dict.fromkeys([*shown, *one.made])]
     for text in literals[:LITERALS]:

@@ -69,7 +69,7 @@ def report_html(
         objects: the names of objects; the report says what involved each of them.
         facts: facts and fluents; the report has the consequences and origins of each.
         rules: constraints and preferences, as for `kb.pddl.check_rules`; None for those of
-            the domain and the problem.
+            the domain and the problem, and for those that are kept, each since it was saved.
         verify: whether to verify the whole history.
         anchor: an anchor that was kept elsewhere, to verify the history with.
         progress: called while the history is verified, as by `kb.store.verify`.

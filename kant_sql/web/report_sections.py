@@ -24,7 +24,8 @@ from ..moment_text import When
 from ..plans import RecordedPlan
 from ..reasoning import CauseLinks
 from ..reasoning.failures import FailedCondition
-from ..reasoning.rules import Rules, Verdict
+from ..reasoning.kept_rules import read_saved
+from ..reasoning.rules import Rules, Verdict, Verdicts
 
 T = TypeVar("T")
 
@@ -311,8 +312,15 @@ class ReportReader(NamedTuple):
         return ReportActs(left_out, self.ranged("acts"), found[:ACTS][::-1])
 
     def rules(self, rules: Rules | None) -> ReportRules:
-        """Hold rules against the range."""
-        verdicts = self.kb.pddl.check_rules(rules, since=self.tally.first, until=self.tally.last)
+        """Hold rules against the range; without any, those of the store and those that are kept."""
+        first, last = self.tally.first, self.tally.last
+        found = [*self.kb.pddl.check_rules(rules, since=first, until=last)]
+        then = self.kb.at(last)
+        for kept, saved in read_saved(state_of(then)) if rules is None else ():
+            since = max(first, saved.number)
+            own = then.pddl.check_rules(kept.rule, since=since, until=last)
+            found += [replace(one, name=kept.name) for one in own]
+        verdicts = Verdicts(found, first=first, last=last)
         ordered = verdicts.worst_first
         command = self.ranged("rules", *(() if rules is None else ("RULES",)))
         return ReportRules(

@@ -10,7 +10,7 @@ import pytest
 from kant_sql import KnowledgeBase, Plan, PlanStep
 from kant_sql.errors import InvalidArgumentError, InvalidKnowledgeError, UnknownNameError
 from kant_sql.sql import causes
-from tests.support.reading import loaded, present
+from tests.support.reading import loaded, present, store_of
 from tests.support.statements import count
 
 DOMAIN = """
@@ -72,6 +72,20 @@ def test_an_act_used_what_its_condition_rested_on(kb: KnowledgeBase) -> None:
     assert acts(kb, "(at rb1 lab)") == [(1, "(dock rb1)"), (1, "(look rb1 lab)")]
     for unused in ("(battery rb2)", "(not (door hall lab))", "(alarm room)", "(seen lab)"):
         assert acts(kb, unused) == []
+
+
+def test_a_value_stands_for_the_times_when_it_was_so(kb: KnowledgeBase) -> None:
+    loaded_in = kb.revision
+    kb.function_values.save("(= (battery rb1) 20.50)")
+    kb.propositions.save("(door lab hall)")
+    kb.apply("(move rb1 lab hall)")
+    assert acts(kb, "(= (battery rb1) 90.0)") == [(1, "(move rb1 hall lab)")]
+    assert acts(kb, "(= (BATTERY rb1) 20.5)") == [(1, "(move rb1 lab hall)")]
+    assert len(acts(kb, "(battery rb1)")) == 2
+    for find in (kb.consequences, kb.origins):
+        assert find("(= (battery rb1) 99)").links == ()
+    [was], [now] = kb.origins("(= (battery rb1) 90)"), kb.origins("(= (battery rb1) 20.5)")
+    assert present(was.revision).number < loaded_in < present(now.revision).number
 
 
 def test_a_continuous_effect_used_its_rate(kb: KnowledgeBase) -> None:
@@ -149,6 +163,30 @@ def test_origins_lead_to_observations_and_documents(kb: KnowledgeBase) -> None:
     assert gone.kind == "document"
     [left] = kb.origins("(not (at rb1 hall))", depth=1)
     assert left.text == "(move rb1 hall lab)"
+
+
+def test_what_a_branch_began_with_goes_back_to_its_parent(kb: KnowledgeBase) -> None:
+    with kb.branch() as branch:
+        [begun] = branch.origins("(door room lab)")
+    assert (begun.kind, begun.made) == ("branch", ("(door room lab)",))
+    assert begun.text == f"branch of {store_of(kb).name} at revision {kb.revision}"
+
+
+def test_a_transaction_of_an_act_is_an_origin(kb: KnowledgeBase) -> None:
+    act = kb.executions.report("move", arguments=["rb1", "lab", "room"], outcome="running")
+    with kb.transaction(execution=act):
+        kb.propositions.save_all(["(at rb1 room)"])
+    kb.executions.report(act, outcome="succeeded")
+    moved, *_ = kb.origins("(at rb1 room)")
+    assert (moved.kind, moved.id, moved.made) == ("execution", act.id, ("(at rb1 room)",))
+    assert "(at rb1 lab)" in moved.used
+    # An act that is applied in its transaction is named beside it.
+    with kb.transaction(execution=act):
+        kb.apply("(move rb1 room lab)")
+    assert {one.text for one in kb.origins("(not (at rb1 room))", depth=1)} == {
+        "(move rb1 lab room)",
+        "(move rb1 room lab)",
+    }
 
 
 def test_definitions_are_those_of_the_time(kb: KnowledgeBase) -> None:

@@ -88,6 +88,22 @@ def test_repeated_ones_by_one_actor_write_nothing(kb: KnowledgeBase) -> None:
     assert confirm(kb, AT_ROOM) == 1
 
 
+def test_what_has_no_confirmations_is_refused_for_what_it_is(kb: KnowledgeBase) -> None:
+    kb.functions.save("(battery ?r - robot) - number")
+    kb.function_values.save("(= (battery rb1) 5)")
+    with nothing_changes(kb):
+        for value in ("(battery rb1)", "(= (battery rb1) 5)"):
+            with pytest.raises(errors.InvalidKnowledgeError, match="values have no confirmations"):
+                confirm(kb, value)
+        with pytest.raises(errors.PddlError):
+            confirm(kb, "(batery rb1)")
+    kb.pddl.derived_predicates.save(
+        "(:derived (clean ?p - place) (exists (?r - robot) (at ?r ?p)))"
+    )
+    with pytest.raises(errors.InvalidKnowledgeError, match=r"\(clean room\) .* rules derive it"):
+        confirm(kb, "(clean room)")
+
+
 def test_what_came_back_is_confirmed_however_soon(kb: KnowledgeBase) -> None:
     assert confirm(kb, AT_ROOM, not_within=60) == 1
     kb.propositions.delete(AT_ROOM)

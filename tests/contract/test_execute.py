@@ -356,6 +356,15 @@ def test_what_cannot_be_executed_is_refused_before_anything_is_written(kb: Knowl
         kb.execute("(switch room)", do_nothing)
 
 
+def test_what_must_be_awaited_does_no_step(url: str) -> None:
+    with kant_sql.connect(url) as kb:
+        loaded(kb, DOMAIN, PROBLEM)
+        found = kb.execute("(switch room)", lambda step: asyncio.sleep(0, step))
+        assert found.outcome == "failed"
+        assert "nobody awaits" in str(found)
+        assert not kb.holds("(lit room)")
+
+
 async def later(step: Execution) -> None:
     """Would have to be awaited."""
 

@@ -90,12 +90,17 @@ def test_a_refused_act_is_recorded_if_that_is_wanted(kb: KnowledgeBase) -> None:
         assert (refused.outcome, refused.text) == ("refused", "(not (open front)): does not hold")
         assert [line.split()[1] for line in last_changes(kb)] == ["execution"]
         assert refused.reason == "refused (unlock front)"
-    assert len(texts(kb, outcome="refused")) == 2
+    for given in ("( UNLOCK  front)", "unlock front"):
+        with pytest.raises(NotApplicableError):
+            kb.apply(given, record_refusal=True)
+        assert present(latest(kb).reason).startswith("refused (")
+    assert len(texts(kb, outcome="refused")) == 4
     assert kb.apply("(unlock back)", record_refusal=True) == kb.revision
     # What ran before its end is refused leaves nothing.
     kb.propositions.delete("(open front)")
     with pytest.raises(NotApplicableError):
-        kb.apply("(paint front)", record_refusal=True)
+        kb.apply("(paint front) [5]", record_refusal=True)
+    assert latest(kb).reason == "refused (paint front) [5]"
     assert not kb.holds("(busy)")
     assert kb.store.verify().is_intact
 

@@ -79,6 +79,21 @@ def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     return fill(fresh_kb)
 
 
+def test_an_error_names_what_violates_a_part_of_a_rule(kb: KnowledgeBase) -> None:
+    kb.rules.save("one", RULES[2][0].replace("robot)", "drone)"), on_violation="refuse")
+    kb.rules.save("and", "(always (and (not (alarm)) (not (open hall))))", on_violation="refuse")
+    with pytest.raises(Refused, match=r"violated by \(open hall\);"):
+        kb.propositions.save("(open hall)")
+    kb.rules.delete("and")
+    with kb.transaction():
+        kb.objects.save("d9 - drone")
+        kb.propositions.save("(at d9 hall)")
+    with pytest.raises(Refused, match=r"violated by \(at d9 hall\), \(at d9 room\);"):
+        kb.propositions.save("(at d9 room)")
+    with pytest.raises(Refused, match=r"would be violated;"):
+        kb.propositions.delete("(at d9 hall)")
+
+
 def test_a_rule_is_an_element_with_a_history(kb: KnowledgeBase) -> None:
     assert kb.rules.get_all() == []
     assert kb.rules.save("one-place", ONE_PLACE)

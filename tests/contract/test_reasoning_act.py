@@ -599,6 +599,15 @@ def state(kb: KnowledgeBase) -> list[str]:
     return [*map(str, kb.propositions.get_all()), *map(str, kb.function_values.get_all())]
 
 
+def test_a_step_whose_action_is_gone_can_be_ended_by_hand(rooms: KnowledgeBase) -> None:
+    step = rooms.start("(drive) [4]")
+    rooms.actions.delete("drive")
+    for call in (rooms.abort, rooms.end):
+        with pytest.raises(InvalidKnowledgeError, match=r"is not known.*; kb\.executions\.report"):
+            call(step)
+    assert rooms.executions.report(step, outcome="aborted").outcome == "aborted"
+
+
 def test_an_aborted_step_is_undone_in_one_revision(rooms: KnowledgeBase) -> None:
     rooms.function_values.unset("rate")
     before, begun = state(rooms), rooms.revision

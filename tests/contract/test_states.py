@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import threading
 from decimal import Decimal
@@ -332,3 +333,8 @@ def test_an_empty_knowledge_base_has_a_state(fresh_kb: KnowledgeBase) -> None:
     state = fresh_kb.state()
     assert (state.revision, state.applicable_actions(), state.goal_reached()) == (0, [], True)
     assert fresh_kb.commit(state) is None
+
+
+def test_a_state_is_its_own_copy(kb: KnowledgeBase) -> None:
+    state = kb.state()
+    assert copy.deepcopy([state]) == [state]

@@ -123,6 +123,15 @@ def test_figures_are_those_of_a_loop(kb: KnowledgeBase, by: tuple[Any, ...]) -> 
     assert found(by, kb.statistics(by=by, **which)) == expected(by, kb.executions.get_all(**which))
 
 
+def test_what_ended_before_it_began_has_no_duration(fresh_kb: KnowledgeBase) -> None:
+    """The clock of a component may be ahead of the database's."""
+    fresh_kb.executions.report("say", outcome="succeeded", started_at=BEGIN.replace(year=2200))
+    [said] = fresh_kb.statistics()
+    assert (said.succeeded, said.mean, said.median, said.percentile_95) == (1, None, None, None)
+    fresh_kb.executions.report("say", outcome="failed", started_at=BEGIN, ended_at=BEGIN)
+    assert fresh_kb.statistics()[0].mean == 0
+
+
 def test_statements_do_not_grow_with_executions(kb: KnowledgeBase) -> None:
     for by in GROUPINGS:
         assert count(partial(kb.statistics, by=by, since=3)) <= 20

@@ -278,3 +278,12 @@ def test_a_thousand_lanes_are_drawn_and_bounded() -> None:
     made = timeline(*lanes)
     assert len(made.svg()) < 1_200_000
     assert "(p999 a b)" in texts(made)
+
+
+def test_acts_without_a_plan_are_no_plan() -> None:
+    step = StepBar(0, "(go)", "succeeded", 1, 2, NOON, NOON + HOUR)
+    plans = (PlanBar(3, 1, NOON, None, None, None, (step,)),)
+    acts = (PlanBar(None, None, None, None, None, None, (step,)),)
+    lane = Lane("fact", "(open)", (bar(1, 2),))
+    assert "0 lanes and 0 plans:" in timeline(plans=acts).svg()
+    assert "1 lane and 1 plan:" in timeline(lane, plans=plans + acts).svg()

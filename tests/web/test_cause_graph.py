@@ -134,6 +134,21 @@ def test_boxes_stand_by_how_far_they_are_and_lead_to_their_pages(filled: Filled)
     assert dict(parse_qsl(urlsplit(led.links[absent]).query))["text"] == absent[7:-1]
 
 
+def test_what_has_no_version_has_a_page_of_its_causes(filled: Filled) -> None:
+    kb, client = filled
+    kb.load_domain(DOMAIN.replace("(at ?r ?p) :effect", "(not (door ?p ?p)) :effect"))
+    kb.load_problem(PROBLEM)
+    kb.apply("(look rb1 lab)")
+    # A list links both without the `not`.
+    for text, why in (("(way hall lab)", "Rules derive it."), ("(door lab lab)", "its absence")):
+        page = client.get("/fact", params={"kb": "courier", "text": text})
+        assert page.status_code == 200
+        assert why in page.text
+        assert 'class="causes"' in page.text
+    found = client.get("/fact", params={"kb": "courier", "text": "(door lab hall)"})
+    assert found.status_code == 404
+
+
 @pytest.mark.more
 def test_a_line_comes_from_the_version_that_was_used(filled: Filled) -> None:
     """The robot was in the laboratory twice; each time it went on because of that."""

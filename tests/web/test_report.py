@@ -107,7 +107,7 @@ def test_it_says_what_happened(story: KnowledgeBase) -> None:
         "2 succeeded, 1 failed, 1 aborted",
         "1 not reached",
         "(robot_at rb2 dock)",
-        "The domain and the problem have no constraints.",
+        "There are no rules.",
         "Intact : 36 revisions and 83 changes",
         'Source: {"camera": 4}',
         "Observed at 2026-03-02 13:59:58",
@@ -268,6 +268,22 @@ def test_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> N
     said = Page(report_html(kb, rules=others, verify=False)).text
     assert "2 violated of 2" in said
     assert "door_sensor" in said
+
+
+def test_kept_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> None:
+    kb = connect(new_file_store(tmp_path / "ruled.db"), knowledge_base="courier")
+    fill(kb, 1)
+    kb.propositions.delete("(robot_at rb1 wp0)")
+    # What was before it was saved does not count.
+    kb.rules.save("gone", "(always (not (robot_at rb1 wp0)))")
+    kb.rules.save("away", "(always (not (robot_at rb1 wp0)))")
+    kb.propositions.save("(robot_at rb1 wp0)")
+    broken = kb.revision
+    kb.rules.delete("gone")
+    said = Page(report_html(kb, verify=False)).text
+    assert "1 violated of 1" in said
+    assert "away : (always (not (robot_at rb1 wp0))) violated" in said
+    assert "none violated" in Page(report_html(kb, until=broken - 1, verify=False)).text
 
 
 def test_wrong_rules_are_refused(sqlite_kb: KnowledgeBase, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 from fastapi import Query
 
-from ...errors import InvalidArgumentError
+from ...errors import InvalidArgumentError, InvalidKnowledgeError, UnknownNameError
 from ...history import element_pages
 from ...history.plan_pages import StepLine
 from ...history.revisions import Version
@@ -87,11 +87,32 @@ def _drawn(page: FactPage, query: Mapping[str, Any]) -> str:
 @PAGES.page("/fact", "fact.html", rows=["versions"], draw=_drawn)
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
     """Show who asserted and retracted an element, when and why, and what is related to it."""
-    found = element_pages.read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
+    try:
+        found = element_pages.read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
+    except UnknownNameError:
+        page = None if before is not None else _without_versions(kb, text)
+        if page is None:
+            raise
+        return page
     if before is not None or not {FACT, VALUE} & {one.kind for one in found.latest}:
         return FactPage(found, None, None)
+    return FactPage(found, *_causes(kb, text))
+
+
+def _causes(kb: KnowledgeBase, text: str) -> tuple[CauseLinks, CauseLinks]:
     links = {"depth": CAUSES_DEPTH, "limit": CAUSES}
-    return FactPage(found, kb.consequences(text, **links), kb.origins(text, **links))
+    return kb.consequences(text, **links), kb.origins(text, **links)
+
+
+def _without_versions(kb: KnowledgeBase, text: str) -> FactPage | None:
+    """Show the causes of a derived fact, or else of the absence of a fact, if there are any."""
+    with suppress(InvalidKnowledgeError):
+        for literal in (text, f"(not {text})"):
+            causes = _causes(kb, literal)
+            if any(causes):
+                page = element_pages.ElementPage(text, [], [], None, None, [], [], 0)
+                return FactPage(page, *causes)
+    return None
 
 
 @PAGES.page("/object", "object.html", rows=["changes"])
