@@ -177,8 +177,8 @@ def retention(
 
     lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]
     if rules is not None:
-        # What is no text is no rule, and is refused as one.
-        with open(rules, encoding="utf-8", errors="surrogateescape") as file:
+        # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
+        with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:
             lines += file.read().splitlines()
     wanted = read_rules(lines)
     if every is None:

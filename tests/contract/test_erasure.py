@@ -6,6 +6,7 @@ import json
 import signal
 import sqlite3
 from contextlib import closing
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 from unicodedata import normalize
@@ -15,7 +16,7 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan, errors
-from kant_sql.history.erasure.retention import read_rules
+from kant_sql.history.erasure.retention import RetentionRule, read_rules
 from kant_sql.history.verify.chain import stream_chain
 from kant_sql.knowledge.canonical import revision_hash
 from kant_sql.sql.dialects import create_backend
@@ -323,6 +324,36 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
             read_rules(given)
 
 
+def test_rules_that_defeat_each_other_are_refused(fresh_kb: KnowledgeBase) -> None:
+    for lines in (
+        ["camera 30d actor", "camera 60d reason"],
+        ["* 30d reason,actor", "camera 31d reason,source"],
+    ):
+        with pytest.raises(errors.InvalidArgumentError, match="another rule erases earlier"):
+            fresh_kb.store.retain(read_rules(lines))
+    for lines in (
+        ["camera 30d actor", "* 60d reason", "camera 30d source", "camera 90d actor"],
+        ["door 30d actor", "camera 60d reason", "camera 60d actor"],
+    ):
+        assert fresh_kb.store.retain(read_rules(lines)).revision is None
+
+
+def test_rules_that_are_none_are_refused(fresh_kb: KnowledgeBase) -> None:
+    age = timedelta(0)
+    wrong: tuple[Any, ...] = (
+        ("test", age, ("hash",)),
+        ("test", age, "reason"),
+        ("test", None, ("reason",)),
+        ("test", timedelta(-1), ("reason",)),
+        (5, age, ("reason",)),
+    )
+    for one in wrong:
+        with pytest.raises(errors.InvalidArgumentError):
+            fresh_kb.store.retain([RetentionRule(*one)])
+    longest = RetentionRule(None, timedelta.max, ("reason",))
+    assert fresh_kb.store.retain([longest]).revision is None
+
+
 @pytest.mark.more
 def test_a_service_forgets_again_and_again_until_it_is_asked_to_stop(
     tmp_path: Path, connect: Connect
@@ -372,6 +403,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
         assert commands.run(*wrong).exit_code == 2
     (path := tmp_path / "rules").write_bytes(b"\xff 30d reason")
     assert "unpaired surrogate" in commands.complaint("retention", url, "--rules", str(path))
+    path.write_bytes(b"\xef\xbb\xbfcamera 900d source\n  # and\n")
+    assert "nothing is old enough" in commands.run("retention", url, "--rules", str(path)).output
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 
