@@ -174,6 +174,22 @@ def test_a_name_goes_in_each_spelling(fresh_kb: KnowledgeBase) -> None:
     assert kb.store.verify().findings == ()
 
 
+def test_a_short_name_is_not_found_within_words(kb: KnowledgeBase) -> None:
+    kb.objects.save(PddlObjectDto(PddlTypeDto("person"), "ann"))
+    for number, (actor, reason) in enumerate((("planner", "it cannot"), ("ANN", "(ann)"))):
+        with kb.transaction(actor=actor, reason=reason, source={"who": reason}):
+            kb.predicates.save(f"(told{number})")
+    found = kb.erasure_preview("ann").mentions
+    assert [(one.place, one.text) for one in found[:2]] == [("actor", "ANN"), ("reason", "(ann)")]
+    assert len(found) == 3
+    kb.erase("ann", reason="she cannot", also=["actor", "reason", "source"])
+    said = [entry.revision for entry in kb.log(limit=3)]
+    assert [(one.actor, one.reason) for one in said] == [
+        *(("test", "she cannot"), ("erased-1", "erased-1"), ("planner", "it cannot"))
+    ]
+    assert kb.store.verify().findings == ()
+
+
 def test_what_revisions_say_is_erased(kb: KnowledgeBase) -> None:
     number = next(entry.revision.number for entry in kb.log() if entry.revision.reason)
     erased = kb.erase(revisions=[number], parts=["reason", "source", "actor"], reason="asked")

@@ -43,7 +43,7 @@ _GIVEN_OUT = Query(
 )
 _SAYING_IT = {
     label: Query(
-        select(_REVISION.c.number).where(
+        select(_REVISION.c.number, cast(_REVISION.c[label], Text)).where(
             _REVISION.c.kb_id == KB, contains(cast(_REVISION.c[label], Text))
         )
     )
@@ -296,11 +296,7 @@ class Eraser:
         for label, given in (("actor", said.actor), ("reason", said.reason)):
             if given is None:
                 continue
-            if len(text) < _TELLING:
-                is_contained = has_word(given, text)
-            else:
-                is_contained = any(is_in(one, given) for one in spellings(text))
-            if is_contained:
+            if tells(given, text):
                 raise InvalidArgumentError(
                     f"the {label} of the erasure contains the erased text, and would stay; give "
                     "another one"
@@ -313,8 +309,9 @@ class Eraser:
         if name is not None:
             for label in wanted.also:
                 for pattern in patterns_of(session, name):
-                    for (number,) in session.rows(_SAYING_IT[label], kb=kb, pattern=pattern):
-                        asked[number] = (*asked.get(number, ()), label)
+                    for number, text in session.rows(_SAYING_IT[label], kb=kb, pattern=pattern):
+                        if tells(text, name):
+                            asked[number] = (*asked.get(number, ()), label)
         links = {link.number: link for link in read_links(session, kb, sorted(asked))}
         said: dict[int, dict[str, str]] = {}
         for number, labels in asked.items():
@@ -331,6 +328,13 @@ class Eraser:
             if own:
                 said[number] = said_in_place(pseudonym, own)
         return said
+
+
+def tells(text: str, name: str) -> bool:
+    """Return whether a text has a name: a short one as a word, a longer one also within a word."""
+    if len(name) < _TELLING:
+        return has_word(text, name)
+    return any(is_in(one, text) for one in spellings(name))
 
 
 def patterns_of(session: Session, name: str) -> set[str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from difflib import SequenceMatcher
 from functools import cache
+from itertools import islice
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, null, select
@@ -16,10 +17,10 @@ from ...dto.lexical import fold
 from ...sql import tables as t
 from ...sql.dialects.base import Session
 from ...sql.dialects.containing import contains, is_in
-from ...sql.query import Query, first_rows
+from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, table_of
 from ...store.state import State
-from .erase import Eraser, NothingErasedError, begun, make_wanted, opened, patterns_of
+from .erase import Eraser, NothingErasedError, begun, make_wanted, opened, patterns_of, tells
 
 # Texts of one place that are listed.
 LISTED = 100
@@ -96,8 +97,7 @@ class ErasurePreview(NamedTuple):
 def _mentions(table: Any, column: str, revision: str | None) -> Query:
     said = cast(table.c[column], Text)
     at = null() if revision is None else table.c[revision]
-    rows = select(at, said).where(table.c.kb_id == KB, contains(said))
-    return Query(first_rows(rows, LISTED))
+    return Query(select(at, said).where(table.c.kb_id == KB, contains(said)))
 
 
 _NAMES = {
@@ -158,8 +158,11 @@ def _mentioned(
     patterns = patterns_of(session, name)
     for place, *column in places:
         query = _mentions(*column)
-        found = (session.rows(query, kb=kb_id, pattern=each) for each in patterns)
-        yield from (Mention(place, *row) for row in sorted({row for rows in found for row in rows}))
+        found: set[Any] = set()
+        for each in patterns:
+            rows = session.stream(query, kb=kb_id, pattern=each)
+            found |= {*islice((row for row in rows if tells(row[1], name)), LISTED)}
+        yield from (Mention(place, *row) for row in sorted(found))
 
 
 def _similar(session: Session, kb_id: int, name: str) -> Iterator[str]:
