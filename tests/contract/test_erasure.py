@@ -156,6 +156,19 @@ def test_a_reader_of_the_log_is_named(tmp_path: Path, connect: Connect) -> None:
         assert "wal_checkpoint" in remaining
 
 
+def test_a_reader_of_a_replica_is_named(tmp_path: Path, connect: Connect) -> None:
+    kb = fill(connect(f"sqlite:///{tmp_path / 'store.db'}", knowledge_base="tiago"))
+    replica = f"sqlite:///{tmp_path / 'replica.db'}?timeout=0.2"
+    kb.store.push(replica)
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    with closing(sqlite3.connect(tmp_path / "replica.db", isolation_level=None)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM object").fetchall()
+        (remaining,) = kb.store.push(replica).remaining
+    assert "wal_checkpoint" in remaining
+    assert kb.store.push(replica).remaining == ()
+
+
 def test_a_name_goes_in_each_spelling(fresh_kb: KnowledgeBase) -> None:
     kb, name = fresh_kb, "Weiß\\Ångström"
     kb.objects.save(PddlObjectDto(PddlTypeDto("person"), name))
