@@ -671,7 +671,8 @@ class PostgresqlBackend(Backend):
         def configure(connection: Any, record: Any) -> None:
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
-            settings = {"lock_timeout": LOCK_TIMEOUT}
+            # In another zone, the first and the last times of the calendar would be beyond it.
+            settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC"}
             if self.is_read_only:
                 settings["default_transaction_read_only"] = "on"
             record.info[IS_POOLED] = settle(connection, pooler, settings)
