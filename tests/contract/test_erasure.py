@@ -172,18 +172,19 @@ def test_a_reader_of_a_replica_is_named(tmp_path: Path, connect: Connect) -> Non
 def test_a_name_goes_in_each_spelling(fresh_kb: KnowledgeBase) -> None:
     kb, name = fresh_kb, "Weiß\\Ångström"
     kb.objects.save(PddlObjectDto(PddlTypeDto("person"), name))
-    for number, reason in enumerate((name.upper(), normalize("NFD", name).upper())):
+    reasons = name.upper(), normalize("NFD", name).upper(), json.dumps({"who": name})
+    for number, reason in enumerate(reasons):
         with kb.transaction(reason=f"{reason} came", source={"who": name}):
             kb.predicates.save(f"(awake{number})")
-    spelled = f"no {name.upper()}, {normalize('NFD', name)}"
+    spelled = f"no {name.upper()}, {normalize('NFD', name)}, {json.dumps(name)}"
     kb.executions.report("call", outcome="failed", text=spelled)
     found = kb.erasure_preview(name).mentions
-    assert [one.place for one in found] == ["reason", "reason", "source", "source"]
+    assert [one.place for one in found] == ["reason"] * 3 + ["source"] * 3
     kb.erase(name, reason="asked", also=["reason", "source"])
     (call,) = kb.executions.get_all()
-    assert call.text == "no erased-1, erased-1"
-    said = [entry.revision for entry in kb.log() if entry.revision.number in (2, 3)]
-    assert [(one.reason, one.source) for one in said] == [("erased-1", "erased-1")] * 2
+    assert call.text == 'no erased-1, erased-1, "erased-1"'
+    said = [entry.revision for entry in kb.log() if entry.revision.number in (2, 3, 4)]
+    assert [(one.reason, one.source) for one in said] == [("erased-1", "erased-1")] * 3
     assert kb.store.verify().findings == ()
 
 
@@ -253,6 +254,17 @@ def test_a_preview_lists_what_would_stay_and_changes_nothing(kb: KnowledgeBase) 
     assert {mention.place for mention in found.mentions} == {"reason", "source", "plan's problem"}
     assert (kb.revision, kb.store.verify().findings) == (before, ())
     assert kb.erase(NAME, reason="asked").parts == found.parts
+
+
+def test_a_preview_lists_names_that_are_no_objects(url: str, connect: Connect) -> None:
+    kb = connect(url, knowledge_base="home_of_maria")
+    kb.load_domain(DOMAIN.replace(NAME, "maria").replace("?p - ", "?maria - "))
+    kb.goals.save("(preference maria_wish (forall (?m_maria - room) (clean ?m_maria)))")
+    found = {(one.place, one.text) for one in kb.erasure_preview("maria").mentions}
+    assert found == {
+        *(("parameter", "maria"), ("variable", "m_maria"), ("preference", "maria_wish")),
+        ("knowledge base", "home_of_maria"),
+    }
 
 
 def test_other_connections_answer_with_the_pseudonym(shared_url: str, connect: Connect) -> None:
