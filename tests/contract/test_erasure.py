@@ -19,9 +19,11 @@ from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan, errors
 from kant_sql.history.erasure.retention import RetentionRule, read_rules
 from kant_sql.history.verify.chain import stream_chain
 from kant_sql.knowledge.canonical import revision_hash
-from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects import create_backend, postgresql
+from kant_sql.sql.dialects.postgresql import PostgresqlBackend
 from tests.support.processes import commands
 from tests.support.reading import loaded
+from tests.support.servers import Server
 from tests.support.stores import Connect
 
 NAME = "maria_sklodowska"
@@ -167,6 +169,23 @@ def test_a_reader_of_a_replica_is_named(tmp_path: Path, connect: Connect) -> Non
         (remaining,) = kb.store.push(replica).remaining
     assert "wal_checkpoint" in remaining
     assert kb.store.push(replica).remaining == ()
+
+
+def test_a_reader_of_a_table_is_no_hindrance_for_the_others(
+    server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = server.new_store()
+    kb = fill(connect(url, knowledge_base="tiago"))
+    monkeypatch.setattr(PostgresqlBackend, "patience", 0.1)
+    monkeypatch.setattr(postgresql, "_TURN", 0.1)
+    ask = "SELECT pg_relation_filenode('object'), pg_relation_filenode('revision')"
+    with psycopg.connect(url.replace("+psycopg", "")) as reader:
+        (before,) = reader.execute(ask).fetchall()
+        reader.execute("SELECT count(*) FROM object").fetchall()
+        (remaining,) = kb.erase(NAME, reason="asked", also=["reason", "source"]).remaining
+        (after,) = reader.execute(ask).fetchall()
+    assert "others use object; run VACUUM (FULL, ANALYZE)" in remaining
+    assert (after[0] == before[0], after[1] == before[1]) == (True, False)
 
 
 def test_a_name_goes_in_each_spelling(fresh_kb: KnowledgeBase) -> None:
