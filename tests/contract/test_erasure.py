@@ -449,7 +449,10 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
         True,
     )
     assert commands.run("erase", url, NAME, "--yes").exit_code == 2
-    done = commands.run("erase", url, NAME, "--yes", "--reason", "asked", "--also", "reason")
+    asked = "erase", url, NAME, "--reason", "asked", "--also", "actor,reason"
+    for words, lacking in (((), "; add --yes"), (("--yes", "--dry-run"), "")):
+        assert f"Nothing was changed{lacking}.\n" in commands.run(*asked, *words).output
+    done = commands.run(*asked, "--yes")
     assert (done.exit_code, "erased-1" in done.output, NAME in done.output) == (0, True, False)
     assert "erased by revision" in commands.run("verify", url).output
     said = "erase", url, "--revision", "4", "--parts", "actor"
