@@ -252,6 +252,10 @@ def test_what_cannot_be_erased_is_refused_with_a_remedy(kb: KnowledgeBase) -> No
             errors.InvalidArgumentError,
         ),
         ({"revisions": [1], "reason": "x"}, errors.InvalidArgumentError),
+        (
+            {"revisions": [4], "parts": ["reason"], "also": ["actor"], "reason": "x"},
+            errors.InvalidArgumentError,
+        ),
         ({"revisions": [1], "parts": ["hash"], "reason": "x"}, errors.InvalidArgumentError),
         ({"element": NAME, "also": "reason", "reason": "x"}, errors.InvalidArgumentError),
         ({"revisions": 1, "parts": ["reason"], "reason": "x"}, errors.InvalidArgumentError),

@@ -205,6 +205,8 @@ def make_wanted(
         tuple([one_of(each, SAID, "what to erase") for each in iterate(given, role, labels, error)])
         for role, given in (("also", also), ("parts", parts))
     ]
+    if name is None and texts[0]:
+        raise InvalidArgumentError("also= belongs to an object; of revisions, name all in parts=")
     numbers = {
         whole_number(number, "a revision", least=1, expected="a revision from 1 on")
         for number in iterate(revisions, "revisions", listed, error)
