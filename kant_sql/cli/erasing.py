@@ -42,8 +42,8 @@ def erase(
     also: Annotated[
         list[str] | None,
         c.option(
-            f"Also erase this part of revisions with the name: {', '.join(SAID)}; repeatable.",
-            metavar="PART",
+            f"Also erase these parts of revisions with the name: {', '.join(SAID)}, by commas.",
+            metavar="PARTS",
         ),
     ] = None,
     form_1: Annotated[
@@ -55,6 +55,9 @@ def erase(
     ] = False,
     archive: Archive = None,
     yes: Annotated[bool, c.option("Erase; without it, this is a dry run.", "--yes")] = False,
+    dry_run: Annotated[
+        bool, c.option("Change nothing, whatever else is given.", "--dry-run")
+    ] = False,
     as_json: c.AsJson = False,
 ) -> int:
     """Erase the name of an object, or texts of single revisions.
@@ -67,15 +70,17 @@ def erase(
         raise typer.BadParameter("give an object, or --revision", param_hint=_ERASE.usage)
     element, said = next(iter(objects), None), parts.split(",") if revision else []
     with c.open_to_read(url, kb) as (name, knowledge_base):
-        if not yes:
+        if dry_run or not yes:
             if element is None:
                 _write_said(name, knowledge_base, revision or [], said, as_json)
-                return 0
-            found = knowledge_base.erasure_preview(element, archive=archive)
-            if as_json:
-                write_json(knowledge_base=name, **found._asdict())
             else:
-                _write_preview(found, name)
+                _write_preview(
+                    knowledge_base.erasure_preview(element, archive=archive), name, as_json
+                )
+            if not as_json:
+                wanted = ("--reason", reason), ("--yes", yes)
+                lacking = " and ".join(option for option, given in wanted if not given)
+                Printer().line(f"Nothing was changed{lacking and '; add '}{lacking}.")
             return 0
         if reason is None:
             raise typer.BadParameter("say why, without the name", param_hint="--reason")
@@ -83,7 +88,7 @@ def erase(
             element,
             reason=reason,
             actor=actor,
-            also=also or (),
+            also=[part for each in also or () for part in each.split(",")],
             revisions=revision or (),
             parts=said,
             form_1=form_1,
@@ -103,7 +108,10 @@ def erase(
         return 1 if done.remaining else 0
 
 
-def _write_preview(found: ErasurePreview, name: str) -> None:
+def _write_preview(found: ErasurePreview, name: str, as_json: bool) -> None:
+    if as_json:
+        write_json(knowledge_base=name, **found._asdict())
+        return
     printer = Printer()
     texts, of = plural(found.parts, "text"), plural(found.revisions, "revision")
     printer.line(f"knowledge base {name}: this would erase {texts} of {of}", "bold")
@@ -116,7 +124,6 @@ def _write_preview(found: ErasurePreview, name: str) -> None:
         printer.line(f"stays: {mention.place}{at}: {' '.join(mention.text.split()):.200}")
     for other in found.similar:
         printer.line(f"similar: {other}")
-    printer.line("Nothing was changed; add --reason and --yes.")
 
 
 def _write_said(
@@ -136,7 +143,6 @@ def _write_said(
         return
     for one in found:
         Printer().line("would erase: {part} of revision {revision}: {text}".format(**one))
-    Printer().line("Nothing was changed; add --reason and --yes.")
 
 
 def retention(
@@ -177,8 +183,8 @@ def retention(
 
     lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]
     if rules is not None:
-        # What is no text is no rule, and is refused as one.
-        with open(rules, encoding="utf-8", errors="surrogateescape") as file:
+        # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
+        with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:
             lines += file.read().splitlines()
     wanted = read_rules(lines)
     if every is None:

@@ -137,7 +137,10 @@ def history(
     with c.open_state(url, kb, at) as (name, state):
         versions = state.history(element)
         if not versions:
-            raise c.unknown_element(state, name, element, "has never been there; see: kant-sql log")
+            what = (
+                "has never been there; see: kant-sql log; for periods: kant-sql when --clock valid"
+            )
+            raise c.unknown_element(state, name, element, what)
         write_each(versions, as_json, _write_version, is_spaced=True)
 
 

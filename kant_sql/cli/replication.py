@@ -101,9 +101,9 @@ def push(
 ) -> int:
     """Send the revisions that another store lacks.
 
-    The target becomes a replica: the same history, without local writes. Exits with 65 if a
-    history is refused, 75 if a store cannot be reached, 77 without permission, and 78 if a URL or
-    the tables' version is wrong.
+    The target becomes a replica: the same history, without local writes. Exits with 1 if bytes of
+    an erased text may remain there, 65 if a history is refused, 75 if a store cannot be reached,
+    77 without permission, and 78 if a URL or the tables' version is wrong.
     """
     from ..history.replication.push import Terms
     from ..history.replication.service import PushService
@@ -115,7 +115,8 @@ def push(
         )
     terms = Terms(archive, adopt, is_patient=not follow)
     stop = c.Stop()
-    report = _reporter(as_json, follow)
+    remaining: list[str] = []
+    report = _reporter(as_json, follow, remaining)
     service = PushService(
         source, target, name=kb, terms=terms, report=report, is_stopped=lambda: stop.number != 0
     )
@@ -133,7 +134,7 @@ def push(
         return error.code
     except KantSqlError as error:
         raise c.ServiceError(error, _code(error)) from error
-    return stop.code
+    return 1 if remaining and not follow else stop.code
 
 
 def _once(service: PushService, source: str, target: str, name: str | None, is_said: bool) -> None:
@@ -152,19 +153,23 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
             raise c.ServiceError(error, _code(error), is_said)
 
 
-def _reporter(as_json: bool, follow: bool) -> Callable[[PushEvent], None]:
+def _reporter(as_json: bool, follow: bool, remaining: list[str]) -> Callable[[PushEvent], None]:
     printer = Printer()
 
     def report(event: PushEvent) -> None:
         if as_json:
             write_json(_document(event))
         elif follow:
-            pairs = (f"{key}={_value(value)}" for key, value in _document(event).items())
+            # Few lines have something that remains.
+            told = ((key, value) for key, value in _document(event).items() if value != ())
+            pairs = (f"{key}={_value(value)}" for key, value in told)
             sys.stdout.write(f"{' '.join(pairs)}\n")
         elif event.pushed is not None:
             printer.line(f"{printable(event.knowledge_base or '')}: {_pushed_text(event.pushed)}")
         elif event.error is not None:
             complain(_reason(event.knowledge_base or "", event.error))
+        # The log, which goes to standard error, says what.
+        remaining.extend(() if event.pushed is None else event.pushed.remaining)
         # Whoever reads a log gets each line at once.
         sys.stdout.flush()
 
@@ -193,7 +198,7 @@ def _document(event: PushEvent) -> Document:
 
 
 def _value(value: object) -> str:
-    text = str(value)
+    text = "; ".join(value) if isinstance(value, tuple) else str(value)
     return text if _PLAIN.fullmatch(text) else printable(json.dumps(text, ensure_ascii=False))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
 from decimal import Decimal
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -17,7 +18,7 @@ from ..errors import KantSqlError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
-from .common import AsJson, At, CommandWords, Name, Valid, open_state, option
+from .common import AsJson, At, CommandWords, Name, Valid, open_state, option, parse_optional
 from .history import write_entry
 from .output import Document, Printer, write_each, write_json
 
@@ -78,6 +79,8 @@ def show(
             )
         _show_revision(url, kb, revisions[0], as_json)
         return
+    then = parse_optional(valid, "--valid")
+    valid = time_text(then) if isinstance(then, datetime) else valid
     with open_state(url, kb, at, valid) as (name, state):
         if is_part:
             objects = _find_objects(state, name, object_, type_)

@@ -94,7 +94,7 @@ def make_period(given: Given, now: datetime, is_observed: bool = False) -> Perio
                 f"{name} {time_text(moment)} is not before the store's clock, {time_text(now)}: "
                 "a period is in the past. Leave it out for a fact that holds from now on; "
                 "what will hold at a known time is a timed initial literal: "
-                "kb.timed_initial_literals.save('(at 10 (door_open hall))')"
+                "kb.pddl.timed_initial_literals.save('(at 10 (door_open hall))')"
             )
     if end is not None and end <= begin:
         raise InvalidArgumentError(

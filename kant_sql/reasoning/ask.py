@@ -179,15 +179,19 @@ def _check_possible(definitions: Definitions, column: r.Column) -> None:
     )
 
 
+_OF_TIME = "clock", "valid"
+
+
 def given_variable(keyword: str, variables: Sequence[str]) -> str:
     """Return the variable that a keyword names, folded."""
     name = variable_of(keyword, variables)
     if name is not None:
         return fold(name)
     known = ", ".join(f"?{name}" for name in variables) or "none"
+    way = "; ask kb.at(valid=...) for what was true at a time" if keyword in _OF_TIME else ""
     raise InvalidArgumentError(
         f"the condition has no free variable ?{keyword}{hint(keyword, [*variables])}; it has "
-        f"{known}"
+        f"{known}{way}"
     )
 
 

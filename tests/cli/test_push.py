@@ -91,10 +91,28 @@ def test_json_says_the_same(source: str, replica: str) -> None:
         "before": 0,
         "revision": 3,
         "source_revision": 3,
+        "remaining": [],
         "revisions": 3,
     }
     (document,) = pushed(source, replica)
     assert (document["event"], document["revisions"]) == ("current", 0)
+
+
+def test_bytes_that_may_remain_are_a_failure(source: str, replica: str) -> None:
+    kb = kant_sql.connect(source, knowledge_base="tiago")
+    with kb.transaction(reason="the camera saw her"):
+        kb.types.save("patient")
+    pushed(source, replica)
+    kb.erase(revisions=[kb.revision], parts=["reason"], reason="asked")
+    kb.close()
+    with closing(sqlite3.connect(replica.removeprefix("sqlite:///"))) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM object").fetchall()
+        sent = run("push", source, f"{replica}?timeout=0.2", "--json")
+    assert sent.exit_code == 1
+    document = json.loads(sent.stdout)
+    assert "wal_checkpoint" in document["remaining"][0]
+    assert run("push", source, replica).exit_code == 0
 
 
 def test_all_knowledge_bases_are_sent_or_the_named_one(source: str, replica: str) -> None:

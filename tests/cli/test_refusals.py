@@ -38,7 +38,11 @@ REFUSED = (
     ("blame '(robot_at rb1 rb1)'", 1, "it does not hold; see: kant-sql history"),
     ("history '(robot_at rb1 nowhere)'", 1, "has never had an object 'nowhere'"),
     ("history '(robot_at rb11 wp1)'", 1, "an object 'rb11' (did you mean rb1?)"),
-    ("history '(robot_at rb1 rb1)'", 1, "it has never been there; see: kant-sql log"),
+    (
+        "history '(robot_at rb1 rb1)'",
+        1,
+        "it has never been there; see: kant-sql log; for periods: kant-sql when --clock valid",
+    ),
     *(
         (command + words, 2, "(or set KANT_SQL_URL) and")
         for command in ("diff", "history", "blame", "restore")

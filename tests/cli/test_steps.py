@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import json
 from pathlib import Path
 
@@ -220,3 +221,5 @@ def test_a_state_is_what_was_true_at_a_time(tmp_path: Path) -> None:
             )
         ]
         assert codes == [1, 0, 1], command
+    header = run("show", url, "--valid", "45 minutes ago").output.splitlines()[0]
+    assert re.search(r", valid at \d{4}-\d\d-\d\dT[\d:.]+Z$", header)

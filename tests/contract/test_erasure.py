@@ -6,6 +6,7 @@ import json
 import signal
 import sqlite3
 from contextlib import closing
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 from unicodedata import normalize
@@ -15,12 +16,14 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan, errors
-from kant_sql.history.erasure.retention import read_rules
+from kant_sql.history.erasure.retention import RetentionRule, read_rules
 from kant_sql.history.verify.chain import stream_chain
 from kant_sql.knowledge.canonical import revision_hash
-from kant_sql.sql.dialects import create_backend
+from kant_sql.sql.dialects import create_backend, postgresql
+from kant_sql.sql.dialects.postgresql import PostgresqlBackend
 from tests.support.processes import commands
 from tests.support.reading import loaded
+from tests.support.servers import Server
 from tests.support.stores import Connect
 
 NAME = "maria_sklodowska"
@@ -155,21 +158,68 @@ def test_a_reader_of_the_log_is_named(tmp_path: Path, connect: Connect) -> None:
         assert "wal_checkpoint" in remaining
 
 
+def test_a_reader_of_a_replica_is_named(tmp_path: Path, connect: Connect) -> None:
+    kb = fill(connect(f"sqlite:///{tmp_path / 'store.db'}", knowledge_base="tiago"))
+    replica = f"sqlite:///{tmp_path / 'replica.db'}?timeout=0.2"
+    kb.store.push(replica)
+    kb.erase(NAME, reason="asked", also=["reason", "source"])
+    with closing(sqlite3.connect(tmp_path / "replica.db", isolation_level=None)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM object").fetchall()
+        (remaining,) = kb.store.push(replica).remaining
+    assert "wal_checkpoint" in remaining
+    assert kb.store.push(replica).remaining == ()
+
+
+def test_a_reader_of_a_table_is_no_hindrance_for_the_others(
+    server: Server, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = server.new_store()
+    kb = fill(connect(url, knowledge_base="tiago"))
+    monkeypatch.setattr(PostgresqlBackend, "patience", 0.1)
+    monkeypatch.setattr(postgresql, "_TURN", 0.1)
+    ask = "SELECT pg_relation_filenode('object'), pg_relation_filenode('revision')"
+    with psycopg.connect(url.replace("+psycopg", "")) as reader:
+        (before,) = reader.execute(ask).fetchall()
+        reader.execute("SELECT count(*) FROM object").fetchall()
+        (remaining,) = kb.erase(NAME, reason="asked", also=["reason", "source"]).remaining
+        (after,) = reader.execute(ask).fetchall()
+    assert "others use object; run VACUUM (FULL, ANALYZE)" in remaining
+    assert (after[0] == before[0], after[1] == before[1]) == (True, False)
+
+
 def test_a_name_goes_in_each_spelling(fresh_kb: KnowledgeBase) -> None:
     kb, name = fresh_kb, "Weiß\\Ångström"
     kb.objects.save(PddlObjectDto(PddlTypeDto("person"), name))
-    for number, reason in enumerate((name.upper(), normalize("NFD", name).upper())):
+    reasons = name.upper(), normalize("NFD", name).upper(), json.dumps({"who": name})
+    for number, reason in enumerate(reasons):
         with kb.transaction(reason=f"{reason} came", source={"who": name}):
             kb.predicates.save(f"(awake{number})")
-    spelled = f"no {name.upper()}, {normalize('NFD', name)}"
+    spelled = f"no {name.upper()}, {normalize('NFD', name)}, {json.dumps(name)}"
     kb.executions.report("call", outcome="failed", text=spelled)
     found = kb.erasure_preview(name).mentions
-    assert [one.place for one in found] == ["reason", "reason", "source", "source"]
+    assert [one.place for one in found] == ["reason"] * 3 + ["source"] * 3
     kb.erase(name, reason="asked", also=["reason", "source"])
     (call,) = kb.executions.get_all()
-    assert call.text == "no erased-1, erased-1"
-    said = [entry.revision for entry in kb.log() if entry.revision.number in (2, 3)]
-    assert [(one.reason, one.source) for one in said] == [("erased-1", "erased-1")] * 2
+    assert call.text == 'no erased-1, erased-1, "erased-1"'
+    said = [entry.revision for entry in kb.log() if entry.revision.number in (2, 3, 4)]
+    assert [(one.reason, one.source) for one in said] == [("erased-1", "erased-1")] * 3
+    assert kb.store.verify().findings == ()
+
+
+def test_a_short_name_is_not_found_within_words(kb: KnowledgeBase) -> None:
+    kb.objects.save(PddlObjectDto(PddlTypeDto("person"), "ann"))
+    for number, (actor, reason) in enumerate((("planner", "it cannot"), ("ANN", "(ann)"))):
+        with kb.transaction(actor=actor, reason=reason, source={"who": reason}):
+            kb.predicates.save(f"(told{number})")
+    found = kb.erasure_preview("ann").mentions
+    assert [(one.place, one.text) for one in found[:2]] == [("actor", "ANN"), ("reason", "(ann)")]
+    assert len(found) == 3
+    kb.erase("ann", reason="she cannot", also=["actor", "reason", "source"])
+    said = [entry.revision for entry in kb.log(limit=3)]
+    assert [(one.actor, one.reason) for one in said] == [
+        *(("test", "she cannot"), ("erased-1", "erased-1"), ("planner", "it cannot"))
+    ]
     assert kb.store.verify().findings == ()
 
 
@@ -202,6 +252,10 @@ def test_what_cannot_be_erased_is_refused_with_a_remedy(kb: KnowledgeBase) -> No
             errors.InvalidArgumentError,
         ),
         ({"revisions": [1], "reason": "x"}, errors.InvalidArgumentError),
+        (
+            {"revisions": [4], "parts": ["reason"], "also": ["actor"], "reason": "x"},
+            errors.InvalidArgumentError,
+        ),
         ({"revisions": [1], "parts": ["hash"], "reason": "x"}, errors.InvalidArgumentError),
         ({"element": NAME, "also": "reason", "reason": "x"}, errors.InvalidArgumentError),
         ({"revisions": 1, "parts": ["reason"], "reason": "x"}, errors.InvalidArgumentError),
@@ -223,6 +277,17 @@ def test_a_preview_lists_what_would_stay_and_changes_nothing(kb: KnowledgeBase) 
     assert {mention.place for mention in found.mentions} == {"reason", "source", "plan's problem"}
     assert (kb.revision, kb.store.verify().findings) == (before, ())
     assert kb.erase(NAME, reason="asked").parts == found.parts
+
+
+def test_a_preview_lists_names_that_are_no_objects(url: str, connect: Connect) -> None:
+    kb = connect(url, knowledge_base="home_of_maria")
+    kb.load_domain(DOMAIN.replace(NAME, "maria").replace("?p - ", "?maria - "))
+    kb.goals.save("(preference maria_wish (forall (?m_maria - room) (clean ?m_maria)))")
+    found = {(one.place, one.text) for one in kb.erasure_preview("maria").mentions}
+    assert found == {
+        *(("parameter", "maria"), ("variable", "m_maria"), ("preference", "maria_wish")),
+        ("knowledge base", "home_of_maria"),
+    }
 
 
 def test_other_connections_answer_with_the_pseudonym(shared_url: str, connect: Connect) -> None:
@@ -323,6 +388,36 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
             read_rules(given)
 
 
+def test_rules_that_defeat_each_other_are_refused(fresh_kb: KnowledgeBase) -> None:
+    for lines in (
+        ["camera 30d actor", "camera 60d reason"],
+        ["* 30d reason,actor", "camera 31d reason,source"],
+    ):
+        with pytest.raises(errors.InvalidArgumentError, match="another rule erases earlier"):
+            fresh_kb.store.retain(read_rules(lines))
+    for lines in (
+        ["camera 30d actor", "* 60d reason", "camera 30d source", "camera 90d actor"],
+        ["door 30d actor", "camera 60d reason", "camera 60d actor"],
+    ):
+        assert fresh_kb.store.retain(read_rules(lines)).revision is None
+
+
+def test_rules_that_are_none_are_refused(fresh_kb: KnowledgeBase) -> None:
+    age = timedelta(0)
+    wrong: tuple[Any, ...] = (
+        ("test", age, ("hash",)),
+        ("test", age, "reason"),
+        ("test", None, ("reason",)),
+        ("test", timedelta(-1), ("reason",)),
+        (5, age, ("reason",)),
+    )
+    for one in wrong:
+        with pytest.raises(errors.InvalidArgumentError):
+            fresh_kb.store.retain([RetentionRule(*one)])
+    longest = RetentionRule(None, timedelta.max, ("reason",))
+    assert fresh_kb.store.retain([longest]).revision is None
+
+
 @pytest.mark.more
 def test_a_service_forgets_again_and_again_until_it_is_asked_to_stop(
     tmp_path: Path, connect: Connect
@@ -358,7 +453,10 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
         True,
     )
     assert commands.run("erase", url, NAME, "--yes").exit_code == 2
-    done = commands.run("erase", url, NAME, "--yes", "--reason", "asked", "--also", "reason")
+    asked = "erase", url, NAME, "--reason", "asked", "--also", "actor,reason"
+    for words, lacking in (((), "; add --yes"), (("--yes", "--dry-run"), "")):
+        assert f"Nothing was changed{lacking}.\n" in commands.run(*asked, *words).output
+    done = commands.run(*asked, "--yes")
     assert (done.exit_code, "erased-1" in done.output, NAME in done.output) == (0, True, False)
     assert "erased by revision" in commands.run("verify", url).output
     said = "erase", url, "--revision", "4", "--parts", "actor"
@@ -372,6 +470,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
         assert commands.run(*wrong).exit_code == 2
     (path := tmp_path / "rules").write_bytes(b"\xff 30d reason")
     assert "unpaired surrogate" in commands.complaint("retention", url, "--rules", str(path))
+    path.write_bytes(b"\xef\xbb\xbfcamera 900d source\n  # and\n")
+    assert "nothing is old enough" in commands.run("retention", url, "--rules", str(path)).output
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 

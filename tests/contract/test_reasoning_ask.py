@@ -166,6 +166,8 @@ def test_bindings_fix_variables(fresh_kb: KnowledgeBase) -> None:
         fresh_kb.holds("(robot_at ?r ?w)", w="rb1")
     with pytest.raises(InvalidArgumentError, match=r"no free variable \?x.*it has \?r, \?w"):
         fresh_kb.holds("(robot_at ?r ?w)", x="rb1")
+    with pytest.raises(InvalidArgumentError, match=r"no free variable \?clock.*kb\.at\(valid="):
+        fresh_kb.query("(robot_at ?r ?w)", clock="valid")
     with pytest.raises(InvalidKnowledgeError, match=r"'rb3' is not known \(did you mean rb"):
         fresh_kb.query("(robot_at ?r ?w)", r="rb3")
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KnowledgeBase
@@ -26,8 +27,9 @@ from tests.support.reading import (
     store_of,
     undone,
 )
+from tests.support.servers import Server
 from tests.support.statements import count, recorded
-from tests.support.stores import new_file_store
+from tests.support.stores import Connect, new_file_store
 from tests.support.two_clocks import FACTS, Model, Writer
 
 HALL, LAB = "(at r1 hall)", "(at r1 lab)"
@@ -139,7 +141,7 @@ def test_what_was_never_known_did_not_hold(kb: KnowledgeBase) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"valid_from": ago(-100_000)}, r"valid_from .* store's clock.*timed initial literal"),
+        ({"valid_from": ago(-100_000)}, r"valid_from .* store's clock.*kb\.pddl\.timed_initial_"),
         ({"valid_from": ago(5), "valid_until": ago(-100_000)}, r"valid_until .* store's clock"),
         ({"valid_from": ago(5), "valid_until": ago(6)}, "is not after valid_from"),
         ({"valid_until": ago(5)}, "no valid_from"),
@@ -391,3 +393,20 @@ def test_replicas_and_archives_have_what_was_said(writer: Writer, tmp_path: Path
         assert [row[:2] for row in sayings(old)] == [row for row in said if row[0] <= done.upto]
         assert old.store.verify().is_intact
     assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize("zone", ["America/New_York", "Asia/Kolkata"])
+def test_the_ends_of_the_calendar_are_read_in_every_zone(
+    server: Server, connect: Connect, zone: str
+) -> None:
+    url = make_url(server.new_store()).update_query_dict({"options": f"-ctimezone={zone}"})
+    kb = connect(url.render_as_string(hide_password=False), knowledge_base="kb")
+    kb.predicates.save("(open)")
+    first, last = (each.replace(tzinfo=UTC) for each in (datetime.min, datetime.max))
+    with kb.transaction(valid_from=first, valid_until="2020-01-01T00:00Z", observed_at=last):
+        kb.propositions.save("(open)")
+    assert kb.store.verify().findings == ()
+    (period,) = kb.when("(open)", clock="valid")
+    assert period.since_time == first
+    assert next(iter(kb.log(limit=1))).revision.observed_at == last
+    assert len([*kb.corrections()]) == 1

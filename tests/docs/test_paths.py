@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import kant_sql
 from tests.docs.test_docs import DOCUMENTS, ROOT
 
 FOLDERS = ("kant_sql", "kant_sql_plugins", "migrations", "tests", "docs", "examples")
@@ -20,6 +22,7 @@ PATH = re.compile(r"`((?:[\w*.-]+/)*[\w*-]+(?:\.(?:py|md|toml|ini)|/))`")
 LINK = re.compile(r"\]\((?!\w+:)([^)#]+)")
 
 
+ATTRIBUTE = re.compile(r"\bkb((?:\.[a-z_]+)+)")
 MODULES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 PAGE = re.compile(r"^ +- .+: (\S+\.md)$", re.MULTILINE)
 
@@ -42,6 +45,32 @@ def test_every_path_that_the_code_names_is_there() -> None:
     assert {str(path): names for path, names in found.items() if names} == {}
     gone = "sql/gone.py"
     assert lost(f"`sql/answers.py` and `{gone}`") == [gone]
+
+
+def missing(text: str) -> list[str]:
+    """The attributes of `kb`, as far as the first call, that a text names and nothing has."""
+    named = ((name, name.strip(".").split(".")) for name in ATTRIBUTE.findall(text))
+    with kant_sql.connect("sqlite://", knowledge_base="kb") as kb:
+        return [name for name, parts in named if not is_there(kb, parts)]
+
+
+def is_there(value: Any, parts: list[str]) -> bool:
+    for part in parts:
+        if callable(value):
+            break
+        if not hasattr(value, part):
+            return False
+        value = getattr(value, part)
+    return True
+
+
+def test_every_call_of_a_knowledge_base_that_is_named_is_there() -> None:
+    # The changes also name what is gone.
+    paths = [path for path in DOCUMENTS if path.name != "CHANGELOG.md"]
+    paths += [path for path in MODULES if "tests" not in path.parts]
+    assert missing("\n".join(path.read_text(encoding="utf-8") for path in paths)) == []
+    gone = ".timed_initial_literals.save"
+    assert missing(f"kb{gone}('(at 10 (open))'), or kb.pddl{gone}(...)") == [gone]
 
 
 def test_one_list_of_pages_begins_with_the_tutorial() -> None:

@@ -44,7 +44,7 @@ _GIVEN_OUT = Query(
 )
 _SAYING_IT = {
     label: Query(
-        select(_REVISION.c.number).where(
+        select(_REVISION.c.number, cast(_REVISION.c[label], Text)).where(
             _REVISION.c.kb_id == KB, contains(cast(_REVISION.c[label], Text))
         )
     )
@@ -206,6 +206,8 @@ def make_wanted(
         tuple([one_of(each, SAID, "what to erase") for each in iterate(given, role, labels, error)])
         for role, given in (("also", also), ("parts", parts))
     ]
+    if name is None and texts[0]:
+        raise InvalidArgumentError("also= belongs to an object; of revisions, name all in parts=")
     numbers = {
         whole_number(number, "a revision", least=1, expected="a revision from 1 on")
         for number in iterate(revisions, "revisions", listed, error)
@@ -297,11 +299,7 @@ class Eraser:
         for label, given in (("actor", said.actor), ("reason", said.reason)):
             if given is None:
                 continue
-            if len(text) < _TELLING:
-                is_contained = has_word(given, text)
-            else:
-                is_contained = any(is_in(one, given) for one in spellings(text))
-            if is_contained:
+            if tells(given, text):
                 raise InvalidArgumentError(
                     f"the {label} of the erasure contains the erased text, and would stay; give "
                     "another one"
@@ -314,8 +312,9 @@ class Eraser:
         if name is not None:
             for label in wanted.also:
                 for pattern in patterns_of(session, name):
-                    for (number,) in session.rows(_SAYING_IT[label], kb=kb, pattern=pattern):
-                        asked[number] = (*asked.get(number, ()), label)
+                    for number, text in session.rows(_SAYING_IT[label], kb=kb, pattern=pattern):
+                        if tells(text, name):
+                            asked[number] = (*asked.get(number, ()), label)
         links = {link.number: link for link in read_links(session, kb, sorted(asked))}
         said: dict[int, dict[str, str]] = {}
         for number, labels in asked.items():
@@ -332,6 +331,13 @@ class Eraser:
             if own:
                 said[number] = said_in_place(pseudonym, own)
         return said
+
+
+def tells(text: str, name: str) -> bool:
+    """Return whether a text has a name: a short one as a word, a longer one also within a word."""
+    if len(name) < _TELLING:
+        return has_word(text, name)
+    return any(is_in(one, text) for one in spellings(name))
 
 
 def patterns_of(session: Session, name: str) -> set[str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from difflib import SequenceMatcher
 from functools import cache
+from itertools import islice
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, null, select
@@ -16,10 +17,11 @@ from ...dto.lexical import fold
 from ...sql import tables as t
 from ...sql.dialects.base import Session
 from ...sql.dialects.containing import contains, is_in
-from ...sql.query import Query, first_rows
+from ...sql.query import Query
 from ...sql.rows import KB, KIND_TABLES, table_of
 from ...store.state import State
-from .erase import Eraser, NothingErasedError, begun, make_wanted, opened, patterns_of
+from ..rewriting.texts import WITH_TREES
+from .erase import Eraser, NothingErasedError, begun, make_wanted, opened, patterns_of, tells
 
 # Texts of one place that are listed.
 LISTED = 100
@@ -41,9 +43,16 @@ _PLACES: tuple[_Place, ...] = (
     ("plan's domain", table_of(t.PlanRow), "domain_pddl", "since"),
     ("plan's problem", table_of(t.PlanRow), "problem_pddl", "since"),
     ("document's title", _DOCUMENT, "title", "since"),
+    *(
+        (name.split("_")[-1], table, "name", None)
+        for name, table in t.TABLES.items()
+        if name.endswith(("_parameter", "_variable"))
+    ),
+    *(("preference", t.TABLES[f"{kind}_node"], "value", None) for kind in WITH_TREES),
 )
-# Where other stores are: of this store alone, also where an archive has the history.
-_URLS: tuple[_Place, ...] = (
+# The name, and where other stores are: of this store alone, also where an archive has the history.
+_OWN: tuple[_Place, ...] = (
+    ("knowledge base", table_of(t.KnowledgeBaseRow), "name", None),
     ("archive", table_of(t.ArchiveRow), "target", "revision"),
     ("origin", table_of(t.PromotionRow), "origin", "revision"),
 )
@@ -96,8 +105,8 @@ class ErasurePreview(NamedTuple):
 def _mentions(table: Any, column: str, revision: str | None) -> Query:
     said = cast(table.c[column], Text)
     at = null() if revision is None else table.c[revision]
-    rows = select(at, said).where(table.c.kb_id == KB, contains(said))
-    return Query(first_rows(rows, LISTED))
+    own = table.c.get("kb_id", table.c.get("id"))
+    return Query(select(at, said).where(own == KB, contains(said)))
 
 
 _NAMES = {
@@ -144,7 +153,7 @@ def erasure_preview(
         own = transaction.session, transaction.kb_id
         name = wanted.name or ""
         history = own if moved is None else moved.stores[:2]
-        mentions = (*_mentioned(*history, name, _PLACES), *_mentioned(*own, name, _URLS))
+        mentions = (*_mentioned(*history, name, _PLACES), *_mentioned(*own, name, _OWN))
         similar = tuple(sorted(_similar(*own, name)))
         found = ErasurePreview(*done[1:6], mentions, similar)
         raise NothingErasedError
@@ -158,8 +167,11 @@ def _mentioned(
     patterns = patterns_of(session, name)
     for place, *column in places:
         query = _mentions(*column)
-        found = (session.rows(query, kb=kb_id, pattern=each) for each in patterns)
-        yield from (Mention(place, *row) for row in sorted({row for rows in found for row in rows}))
+        found: set[Any] = set()
+        for each in patterns:
+            rows = session.stream(query, kb=kb_id, pattern=each)
+            found |= {*islice((row for row in rows if tells(row[1], name)), LISTED)}
+        yield from (Mention(place, *row) for row in sorted(found))
 
 
 def _similar(session: Session, kb_id: int, name: str) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from sqlalchemy import String, bindparam, select, true
 
-from ...arguments import expect, iterate, period, shown, storable_text
+from ...arguments import expect, iterate, one_of, period, shown, storable_text
 from ...errors import InvalidArgumentError
 from ...knowledge.canonical import SAID
 from ...sql import tables as t
@@ -98,6 +98,40 @@ def _old(label: str, is_any: bool) -> Query:
     )
 
 
+def _checked(rules: Iterable[RetentionRule]) -> list[RetentionRule]:
+    """Check rules, each alone and beside the others."""
+    listed = iterate(rules, "the rules of retention", "a list of rules", InvalidArgumentError)
+    given = [_checked_rule(rule) for rule in listed]
+    for rule in given:
+        is_lost = rule.actor is not None and any(
+            "actor" in other.parts
+            and other.actor in (None, rule.actor)
+            and other.after < rule.after
+            for other in given
+        )
+        if is_lost and {*rule.parts} != {"actor"}:
+            raise InvalidArgumentError(
+                f"a rule of retention finds the revisions of {shown(rule.actor)} by their actor, "
+                "which another rule erases earlier, so that the rest would stay forever; erase "
+                "the actor no earlier than the rest, or give * instead of the name for the rest"
+            )
+    return given
+
+
+def _checked_rule(rule: RetentionRule) -> RetentionRule:
+    error = InvalidArgumentError
+    actor, after, parts = expect(rule, RetentionRule, "a rule of retention", error)
+    seconds = expect(after, timedelta, "the age of a rule of retention", error).total_seconds()
+    listed = iterate(
+        parts, "the parts of a rule of retention", f"a list of {', '.join(SAID)}", error
+    )
+    return RetentionRule(
+        storable_text(actor, "actor"),
+        period(seconds, "the age of a rule of retention"),
+        tuple([one_of(each, SAID, "what to erase") for each in listed]),
+    )
+
+
 def retain(
     state: State,
     rules: Iterable[RetentionRule],
@@ -120,6 +154,7 @@ def retain(
         What was erased.
 
     Raises:
+        InvalidArgumentError: a rule is none, or needs an actor that another rule erases earlier.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
 
     Examples:
@@ -127,11 +162,7 @@ def retain(
         >>> kb.store.retain(read_rules(["camera 30d reason,source"])).revision is None
         True
     """
-    store = state.store
-    given = [
-        expect(rule, RetentionRule, "a rule of retention", InvalidArgumentError)
-        for rule in iterate(rules, "the rules of retention", "a list of rules")
-    ]
+    store, given = state.store, _checked(rules)
 
     def find(session: Session, kb_id: int | None) -> dict[int, tuple[str, ...]]:
         now, found = store.clock(session), defaultdict[int, set[str]](set)

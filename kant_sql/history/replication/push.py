@@ -37,6 +37,7 @@ class Pushed(NamedTuple):
         revision: the last revision that it has now.
         source_revision: the last revision of the source.
         versions: how many versions were written or ended there.
+        remaining: where bytes of what was erased may remain there, and what removes them.
     """
 
     target: str
@@ -44,6 +45,7 @@ class Pushed(NamedTuple):
     revision: int
     source_revision: int
     versions: int
+    remaining: tuple[str, ...] = ()
 
     @property
     def revisions(self) -> int:
@@ -97,10 +99,9 @@ class _Push:
             here, at, is_over = self._retrying(self._advance)
             if progress is not None:
                 progress(min(at, here.revision), here.revision)
-        if self._batches.erasures:
-            wipe(self._target.backend)
+        remaining = wipe(self._target.backend) if self._batches.erasures else ()
         versions = self._batches.versions
-        return Pushed(self._target.backend.label, before, at, here.revision, versions)
+        return Pushed(self._target.backend.label, before, at, here.revision, versions, remaining)
 
     def _retrying(self, work: Callable[[], T]) -> T:
         def once() -> T:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
+from json.encoder import encode_basestring, encode_basestring_ascii
 from typing import Any, NamedTuple
 from unicodedata import normalize
 
@@ -54,7 +55,11 @@ def spellings(name: str) -> list[str]:
     """Return how texts may spell a name, but for the case of single letters, also as JSON."""
     cased = {name} if name.isascii() else {name, name.casefold(), name.upper()}
     spelled = {normalize(form, each) for each in cased for form in ("NFC", "NFD")}
-    return sorted(spelled | {each.replace("\\", r"\\") for each in spelled})
+    # JSON may write other letters than those of ASCII as they are, or as \u00fc.
+    return sorted(spelled | {write(each)[1:-1] for each in spelled for write in _JSON})
+
+
+_JSON = encode_basestring, encode_basestring_ascii
 
 
 @cache
@@ -75,7 +80,7 @@ _EXECUTIONS, _GIVEN = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 _OUTCOMES, _PLANS = table_of(t.ExecutionVersionRow), table_of(t.PlanRow)
 _OBJECTS, _ITEMS = t.TABLES["object"], t.TABLES["document_item"]
 _LIVED = t.TABLES["object_version"].c
-_WITH_TREES = "action", "formula", "rule"
+WITH_TREES = "action", "formula", "rule"
 # What people and planners wrote, which may have the name in it.
 _FREE = (_EXECUTIONS, ("name",)), (_GIVEN, ("value",)), (_OUTCOMES, ("code", "message"))
 _FREE_OF_PLANS = "planner", "objective", "status", "domain_pddl", "problem_pddl"
@@ -146,7 +151,7 @@ class TextWriter:
         self._set(_OBJECTS, [({"id": id_}, {"name": pseudonym, "key": fold(pseudonym)})])
         names = self._names()
         self._definitions("object", [id_], names)
-        for kind in _WITH_TREES:
+        for kind in WITH_TREES:
             owners = self._mentions(t.TABLES[f"{kind}_term"], f"{kind}_id")
             self._definitions(kind, [owner for (owner,) in owners], names)
         for rows, texts in self._atoms(_FACTS, _ARGUMENTS, "predicate"):
@@ -216,7 +221,7 @@ class TextWriter:
         for kind in KINDS:
             identity = KIND_TABLES[kind].identity
             if kind == "object":
-                terms = (t.TABLES[f"{each}_term"] for each in _WITH_TREES)
+                terms = (t.TABLES[f"{each}_term"] for each in WITH_TREES)
                 queries = (_all(table, "object_id", given=("object_id",)) for table in terms)
                 ids = (row[0] for q in queries for row in self._session.rows(q, kb=self._kb))
                 made.append(self._called([*ids, self._to.id]))

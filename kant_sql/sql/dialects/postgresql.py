@@ -606,6 +606,8 @@ _OF_OTHERS = text(
 )
 _ROWS_GONE = "rows that were replaced in the tables of"
 _OWNER_VACUUMS = "run VACUUM (FULL, ANALYZE) as the owner of the tables"
+# Seconds for which an erasure waits for a table that others use, and then lets others read it.
+_TURN = 1.0
 # SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 _IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
 # What the server and PgBouncer answer when all of their connections are in use.
@@ -672,7 +674,8 @@ class PostgresqlBackend(Backend):
         def configure(connection: Any, record: Any) -> None:
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
-            settings = {"lock_timeout": LOCK_TIMEOUT}
+            # In another zone, the first and the last times of the calendar would be beyond it.
+            settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC"}
             if self.is_read_only:
                 settings["default_transaction_read_only"] = "on"
             record.info[IS_POOLED] = settle(connection, pooler, settings)
@@ -740,15 +743,37 @@ class PostgresqlBackend(Backend):
         engine = self._engine(poolclass=NullPool, isolation_level="AUTOCOMMIT")
         try:
             with engine.connect() as connection:
-                connection.exec_driver_sql(f"SET lock_timeout = '{self.patience:g}s'")
                 of_others = connection.execute(_OF_OTHERS, {"names": texts}).scalars().all()
-                for table in texts if not of_others else ():
-                    connection.exec_driver_sql(f"VACUUM (FULL, ANALYZE) {table}")
+                used = () if of_others else self._rewrite(connection, texts)
         except DBAPIError as error:
             return (f"{_ROWS_GONE} {self.label}: {error.orig}; {_OWNER_VACUUMS}",)
         finally:
             engine.dispose()
-        return (f"{_ROWS_GONE} {self.label}; {_OWNER_VACUUMS}",) if of_others else ()
+        if not (of_others or used):
+            return ()
+        why = f": others use {', '.join(used)}" if used else ""
+        return (f"{_ROWS_GONE} {self.label}{why}; {_OWNER_VACUUMS}",)
+
+    def _rewrite(self, connection: Connection, tables: list[str]) -> list[str]:
+        """Write tables again; return those that others used all the time."""
+        # Whoever comes while it waits for a table waits, too: it waits briefly, again and again.
+        connection.exec_driver_sql(f"SET lock_timeout = '{min(self.patience, _TURN):g}s'")
+        until = time.monotonic() + self.patience
+        while tables:
+            used = []
+            for table in tables:
+                try:
+                    connection.exec_driver_sql(f"VACUUM (FULL, ANALYZE) {table}")
+                except DBAPIError as error:
+                    if getattr(error.orig, "sqlstate", None) != "55P03":
+                        raise
+                    used.append(table)
+            tables = used
+            if time.monotonic() > until:
+                break
+            if tables:
+                time.sleep(_TURN)
+        return tables
 
     def renew(self) -> None:
         """Replace existing connections at their next checkout."""
