@@ -95,7 +95,7 @@ class Programs:
             if not token.is_for(name):
                 return refusal(scope, 403, f"the token is not for the knowledge base {name!r}")
         # The last one counts, and an empty one is none.
-        if not (any(named[-1:]) or token.is_for("")):
+        if not (any(named[-1:]) or token.is_for_all):
             if len(token.knowledge_bases) > 1:
                 return refusal(scope, 403, "the token is for several knowledge bases: give kb=NAME")
             own = urlencode({"kb": token.knowledge_bases[0]}).encode()
@@ -177,7 +177,7 @@ def refusal(scope: Scope, status: int, why: str) -> Response:
 def require_all(request: Request) -> None:
     """Refuse what is about the whole store to a token for some of its knowledge bases."""
     token: Token | None = request.scope.get("token")
-    if token is not None and not token.is_for(""):
+    if token is not None and not token.is_for_all:
         why = f"the token is for {', '.join(token.knowledge_bases)} only, and this is about all"
         raise refused(request.scope, 403, why)
 

@@ -224,6 +224,14 @@ def test_a_token_is_for_its_knowledge_bases_and_scopes(
     assert client.post("/api/facts?kb=pepper", json={}).headers["www-authenticate"] == "Bearer"
 
 
+def test_a_token_for_an_empty_name_opens_nothing(client: TestClient, tokens: TokenFile) -> None:
+    secret = tokens.add("auditor", ["tiago"], ["read"])
+    tokens._path.write_text(tokens._path.read_text().replace('"tiago"', '""'))
+    headers = {"authorization": f"Bearer {secret}"}
+    for path in ("/api/", "/api/log", "/api/log?kb=tiago"):
+        assert client.get(path, headers=headers).status_code == 401
+
+
 def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: TokenFile) -> None:
     secret = tokens.add("driver", ["*"], ["write"])
     headers = {"authorization": f"Bearer {secret}"}
@@ -310,6 +318,7 @@ def test_the_prompt_makes_and_revokes_tokens(tmp_path: Path) -> None:
     for words, says in (
         (["revoke", file, "nobody"], "no token"),
         (["add", file, "--actor", "a", "--kb", "*", "--scope", "all"], "scope"),
+        (["add", file, "--actor", "a", "--kb", "", "--scope", "read"], "a knowledge base"),
     ):
         refused = run("tokens", *words)
         assert (refused.exit_code, says in refused.stderr) == (1, True)
