@@ -182,16 +182,19 @@ class Remaining:
         self._broken: str | None = None
         self._goal: _Needs = frozenset()
         self._steps: dict[int | None, _Needs] = {}
+        self._outcomes: list[str | None] = []
 
     def look(self, state: State, plan: RecordedPlan) -> tuple[str | None, bool]:
         """Return why the plan, as it is now, broke, if it did, and whether it was validated."""
         # What a transaction has not committed is in no revision, and may never be.
         is_committed, head = state.store.current() is None, head_revision(state)
         known = self._known if is_committed else None
+        # What succeeded may not have had its effects.
+        before, self._outcomes = self._outcomes, [step.outcome for step in plan.steps]
         if (
             known is not None
             and known <= head
-            and not any(map(_has_ended, plan.steps))
+            and before == self._outcomes
             and not self._is_touched(state.store, plan, known + 1, head)
         ):
             self._known = head

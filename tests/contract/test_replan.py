@@ -177,6 +177,19 @@ def test_it_is_validated_from_where_the_robot_is(kb: KnowledgeBase) -> None:
     assert (found.broken, found.is_validated) == (None, False)
 
 
+def test_a_step_that_succeeded_without_its_effects_breaks_the_plan(kb: KnowledgeBase) -> None:
+    first, last = present(kb.plans.get(1)).steps
+    assert kb.replan().broken is None
+    running = kb.executions.report(first, outcome="running")
+    kb.executions.report(running, outcome="succeeded")
+    with pytest.raises(NoPlanError):
+        kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
+    kb.propositions.save("(at kitchen)")
+    assert kb.replan().broken is None
+    kb.apply(last)
+    assert kb.replan().broken is None
+
+
 @pytest.mark.parametrize("change", ["(lit hall)", "(battery)", "(at hall)"])
 def test_a_step_that_runs_needs_what_it_needs_until_its_end(change: str, kb: KnowledgeBase) -> None:
     kb.goals.delete("(at office)")
