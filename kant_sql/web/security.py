@@ -15,6 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..arguments import shown
 from ..dao_calls import LOOPBACK, is_loopback
 from ..errors import printable
 from ..html import visible
@@ -76,6 +77,7 @@ class Programs:
         given = _bearer(headers)
         token = None if given is None else self._tokens.find(given)
         if token is None:
+            scope["refused_token"] = None if given is None else self._tokens.made(given)
             if writes is None:
                 return None
             why = "a token is needed: Authorization: Bearer TOKEN, of 'kant-sql tokens add'"
@@ -153,7 +155,7 @@ def _given(headers: Headers) -> str:
 
 def log_refusal(scope: Scope, status: int, why: str) -> None:
     """Log who was refused what, and why; never the token."""
-    token: Token | None = scope.get("token")
+    token: Token | None = scope.get("token") or scope.get("refused_token")
     who = "nobody" if token is None else f"token {token.id} of {token.actor}"
     client = (scope.get("client") or ("unknown",))[0]
     said = [printable(one) for one in (scope["path"], who, client, why)]
@@ -222,10 +224,12 @@ class Guard:
         headers = Headers(scope=scope)
         name = _host_name(headers.get("host", ""))
         if not self._is_known(name):
+            log_refusal(scope, 400, f"it asked for the host {shown(name)}")
             return PlainTextResponse(
                 "This server is not known under this name; start it with --allow-host NAME.", 400
             )
         if not (_is_read(scope, headers) or _is_same_site(headers)):
+            log_refusal(scope, 403, "it comes from another site")
             return PlainTextResponse("This request comes from another site.", 403)
         if self._programs is not None:
             refused = self._programs.admit(scope, headers)

@@ -232,7 +232,9 @@ def test_a_token_for_an_empty_name_opens_nothing(client: TestClient, tokens: Tok
         assert client.get(path, headers=headers).status_code == 401
 
 
-def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: TokenFile) -> None:
+def test_a_token_is_revoked_while_the_server_runs(
+    client: TestClient, tokens: TokenFile, caplog: pytest.LogCaptureFixture
+) -> None:
     secret = tokens.add("driver", ["*"], ["write"])
     headers = {"authorization": f"Bearer {secret}"}
     assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 200
@@ -244,6 +246,10 @@ def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: To
     # Whoever shows a token is judged by it, where others of this machine read without one.
     reads = "/api/"
     assert client.get(reads, headers=headers).status_code == 401
+    id_ = secret.partition(".")[0]
+    refused = [one.getMessage() for one in caplog.records if "refused" in one.getMessage()]
+    assert len(refused) == 2
+    assert all(f" to token {id_} of driver at " in one for one in refused)
     assert client.get(reads, headers={"authorization": "Bearer nobodys"}).status_code == 401
     assert client.get(reads).status_code == 200
     tokens._path.write_text("not a file of tokens")
