@@ -7,7 +7,7 @@ import ipaddress
 import logging
 import socket
 from collections.abc import Iterable, Mapping
-from urllib.parse import parse_qs, quote, urlencode, urlsplit
+from urllib.parse import parse_qs, quote, unquote_to_bytes, urlencode, urlsplit
 
 from fastapi.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
@@ -231,6 +231,8 @@ class Guard:
         if not (_is_read(scope, headers) or _is_same_site(headers)):
             log_refusal(scope, 403, "it comes from another site")
             return PlainTextResponse("This request comes from another site.", 403)
+        if not _is_text(scope["query_string"]):
+            return refusal(scope, 400, "the query is not UTF-8, percent-encoded")
         if self._programs is not None:
             refused = self._programs.admit(scope, headers)
             if refused is not None or "token" in scope:
@@ -302,6 +304,15 @@ def _host_name(host: str) -> str:
         return (parts.hostname or "") if parts.port != 0 else ""
     except ValueError:
         return ""
+
+
+def _is_text(query: bytes) -> bool:
+    # What is none would be read as another text: each wrong byte as U+FFFD.
+    try:
+        unquote_to_bytes(query).decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _is_address(name: str) -> bool:

@@ -176,6 +176,17 @@ def test_what_is_no_json_is_refused_by_name(
     assert (answer.status_code, says in answer.json()["error"]) == (422, True)
 
 
+def test_a_name_that_is_no_text_begins_no_knowledge_base(
+    client: TestClient, tokens: TokenFile
+) -> None:
+    headers = {"authorization": f"Bearer {tokens.add('driver', ['*'], ['read', 'write'])}"}
+    for name in ("%ff", "caf%E9", "\xff"):
+        answer = client.post(f"/api/load?kb={name}", json={"domain": DOMAIN}, headers=headers)
+        assert answer.status_code == (200 if name == "\xff" else 400), name
+    listed = client.get("/api/", headers=headers).json()["knowledge_bases"]
+    assert [one["name"] for one in listed] == ["\xff"]
+
+
 def test_a_rule_that_refuses_is_a_conflict(loaded: Post, url: str) -> None:
     with kant_sql.connect(url, knowledge_base="tiago", actor="safety") as kb:
         kb.rules.save("away", "(always (not (robot_at rb1 wp2)))", on_violation="refuse")
