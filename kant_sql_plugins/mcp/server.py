@@ -27,6 +27,7 @@ from kant_sql.history.overview import read_overview
 from kant_sql.html import cut, visible
 from kant_sql.json_values import json_value
 from kant_sql.knowledge_base import KnowledgeBase, state_of
+from kant_sql.planning.commands import WAYS_OUT
 from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import MOST_QUESTIONS
 from kant_sql.web.pages import acts, ask, elements, home, overview, plans, revisions, rules
@@ -170,7 +171,9 @@ def make_tool(
         try:
             return await asking.answer(work)
         except KantSqlError as error:
-            raise ToolError(visible(hide.said(error))) from error
+            # Its last words are of calls of Python.
+            said = hide.said(error).removesuffix(f"; {WAYS_OUT}")
+            raise ToolError(visible(said)) from error
 
     keyword = inspect.Parameter.KEYWORD_ONLY
     parameters = [one.replace(kind=keyword) for one in others]

@@ -331,6 +331,15 @@ def test_a_wrong_call_is_refused_with_the_remedy(
     assert said in refusal(reader, name, **given)
 
 
+def test_without_a_plan_no_call_of_python_is_advised(store: OpenStore, url: str) -> None:
+    with kant_sql.connect(url, knowledge_base="ward") as kb:
+        kb.propositions.delete("(open)")
+        kb.goals.save("(open)")
+    said = refusal(make_server(store), "find_plan", engine="pyperplan")
+    assert "no plan was found" in said
+    assert "Plan.read" not in said
+
+
 def test_an_error_that_nobody_expected_says_nothing_of_the_server(
     reader: KantServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
