@@ -220,7 +220,7 @@ def test_a_long_resource_names_the_tool_that_has_pages(
     with pytest.raises(MCPError, match="with the tool known"):
         asked(reader, lambda client: client.read_resource("kant-sql://ward/problem"))
     # The domain is as short with many facts as without.
-    domain = asked(reader, lambda client: client.read_resource("kant-sql://ward/domain"))
+    domain: Any = asked(reader, lambda client: client.read_resource("kant-sql://ward/domain"))
     assert "(:action move" in domain.contents[0].text
     monkeypatch.setattr(module, "LONGEST_ANSWER", 100)
     with pytest.raises(MCPError, match=r"too long: 3\d\d characters"):
