@@ -425,8 +425,11 @@ async def _until_stopped(call: Callable[[], R], stop: Callable[[], object]) -> R
     """Run a call in a thread of its own; when cancelled, stop it, and wait for its end."""
     lane = _Lane()
     future = lane.submit(call)
+    waiter = asyncio.wrap_future(future)
+    # The one who was cancelled reads no error.
+    waiter.add_done_callback(lambda one: one.cancelled() or one.exception())
     try:
-        return await asyncio.shield(asyncio.wrap_future(future))
+        return await asyncio.shield(waiter)
     except asyncio.CancelledError:
         stopping = stop()
         if isawaitable(stopping):

@@ -64,8 +64,11 @@ def merge(
         write_json(knowledge_base=name, **vars(made))
     else:
         _write(made, name, yes)
-    is_open = any(each.decided is None for each in made.conflicts)
-    return 1 if is_open or made.refused is not None else 0
+    return 1 if _is_open(made) or made.refused is not None else 0
+
+
+def _is_open(made: Merge) -> bool:
+    return any(each.decided is None for each in made.conflicts)
 
 
 def _write(made: Merge, name: str, is_done: bool) -> None:
@@ -91,4 +94,6 @@ def _write(made: Merge, name: str, is_done: bool) -> None:
     if made.refused is not None:
         printer.line(f"refused: {made.refused}")
     if not is_done and (made.changes or made.conflicts):
-        printer.line("Nothing was changed; add --yes, and --ours or --theirs for each conflict.")
+        decide = ", and --ours or --theirs for each conflict" if _is_open(made) else ""
+        add = f"; add --yes{decide}" if made.refused is None else ""
+        printer.line(f"Nothing was changed{add}.")

@@ -518,8 +518,9 @@ class _Merging:
         made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
         undecided = [each for each in made.conflicts if each.decided is None]
         if undecided:
+            count = f"{len(undecided)} open conflict{'s' * (len(undecided) > 1)}"
             raise MergeConflictError(
-                f"branch {self.branch.name!r} has {len(undecided)} open conflicts: "
+                f"branch {self.branch.name!r} has {count}: "
                 f"{few_of(undecided, NAMED)}; nothing was written: decide each as 'ours' or "
                 "'theirs', or change one of the two",
                 made.conflicts,

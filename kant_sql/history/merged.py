@@ -80,7 +80,9 @@ class Merge:
         head: the revision of this knowledge base that it was compared with.
         changes: the changes here; undecided conflicts count as `ours`.
         conflicts: the conflicts, decided or not.
-        refused: why the result would be refused with these decisions, such as by a kept rule.
+        refused: why the result would be refused with these decisions, such as by a kept rule; None
+            also where this is not known: of a knowledge base that is opened read-only, and while a
+            conflict is not decided.
         revision: the revision that was written; None for a preview, or if nothing is new.
     """
 

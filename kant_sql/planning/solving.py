@@ -170,7 +170,8 @@ class Attempt:
             self._is_stopped = self.process.is_ended
             self._said = str(error).removesuffix(f"; {WAYS_OUT}")
             if isinstance(error, NoPlanError) and error.status == "timeout":
-                message = f"no plan was found within {self._longest:g} seconds; {WAYS_OUT}"
+                name = "" if self._task.engine is None else f"{self._name}: "
+                message = f"{name}no plan was found within {self._longest:g} seconds; {WAYS_OUT}"
                 error = NoPlanError(message, "timeout")
             self.error = error
         self._ran = time.monotonic() - self._started
@@ -184,9 +185,13 @@ class Attempt:
             status, self._said = "stopped", "another one had a plan"
         elif isinstance(self.error, NoPlanError):
             status = self.error.status
-        name = self.plan.engine if self.plan is not None else self._task.engine
-        name = "installed engines" if name is None else name.partition(": ")[0]
+        name = self._name if self.plan is None else self.plan.engine.partition(": ")[0]
         return EngineRun(name, self._ran, status, printable(self._said))
+
+    @property
+    def _name(self) -> str:
+        engine = self._task.engine
+        return "installed engines" if engine is None else engine.partition(": ")[0]
 
     def _keep_first_valid(self, plans: Iterator[Plan]) -> None:
         refused = None

@@ -27,7 +27,7 @@ from ..dto.lexical import fold
 from ..errors import KantSqlError, NoPlanError, PlannerMissingError, UnsupportedConstructError
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
-from .commands import INVARIANTS, MISREAD, WAYS_OUT, ask_directly
+from .commands import INVARIANTS, MISREAD, WAYS_OUT, ask_directly, configured
 from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
 from .plan import OPTIMAL, SATISFICING, Plan, PlanStep
 from .processes import PlannerProcess
@@ -337,7 +337,8 @@ class Search:
         """Try the engines in turn."""
         engine = self._task.engine
         if engine is not None and not self._engines.find(engine):
-            how, others = self._engines.how(engine), ", ".join(self._engines.planners())
+            how = self._engines.how(engine)
+            others = ", ".join((*self._engines.planners(), *configured()))
             raise PlannerMissingError(f"engine {engine} {how}, or choose one of {others}")
         domain, problem = self._task.domain, self._task.problem
         if self._task.strict:

@@ -7,6 +7,7 @@ planned again only when it broke.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -35,6 +36,8 @@ from ..store.store import Store
 from . import search
 from .validate import Validation, check_validated, read_any_plan, validate_plan
 
+# What `take_over` says of steps that another plan replaces.
+_TOOK_PLACE = re.compile(r"plan (\d+) took its place", re.ASCII)
 # A fact or a value, its predicate or function, and each argument; None for any object.
 _Need = tuple[str, str, tuple[str | None, ...]]
 _Needs = frozenset[_Need]
@@ -58,7 +61,7 @@ class Replanned:
     """A plan to go on with.
 
     Attributes:
-        plan: the recorded plan: the one that was given, or the new one.
+        plan: the recorded plan: the one that was given or has taken its place, or the new one.
         broken: why the given plan broke; None if it is kept.
         is_validated: whether the rest was validated; False if no change since the last call
             touches what it needs.
@@ -93,7 +96,8 @@ def replan(
     a goal, a constraint or a definition. `execute(..., replan={})` does all this for you.
 
     Args:
-        plan: a recorded plan or its id; None for the last one that was recorded.
+        plan: a recorded plan or its id; None for the last one that was recorded. If another plan
+            has taken its place, that one counts.
         options: how to plan, as for `plan`.
 
     Returns:
@@ -101,7 +105,7 @@ def replan(
 
     Raises:
         PlanError: there is no such plan, or it broke while a step of it runs: end or abort that
-            step first.
+            step first; or this transaction has changed the state, and has to be committed first.
         InvalidArgumentError: an option is not one of `plan`.
         NoPlanError, PlannerMissingError, UnsupportedConstructError: as for `plan`; nothing was
             written.
@@ -158,17 +162,38 @@ def _recorded(state: State, plan: RecordedPlan | int | None) -> RecordedPlan:
     given = read_any_plan(state, number.id if isinstance(number, RecordedPlan) else number)
     if not isinstance(given, RecordedPlan):
         raise PlanError("only what is left of a recorded plan is known; see kb.plans.record")
-    return given
+    return _successor(state, given)
+
+
+def _successor(state: State, plan: RecordedPlan) -> RecordedPlan:
+    """Return the plan that took the place of one, or of its successors; else the plan."""
+    found: RecordedPlan | None = plan
+    while found is not None:
+        plan = found
+        said = (_TOOK_PLACE.fullmatch(step.text or "") for step in plan.steps if _has_ended(step))
+        number = next((int(match[1]) for match in said if match), 0)
+        found = SqlPlanDao(state.store).get(number) if number > plan.id else None
+    return plan
 
 
 def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -> RecordedPlan:
     """Find and record the plan that takes the place of one that broke."""
+    is_within = state.store.current() is not None
     found, dao = search.plan(state, **options), SqlPlanDao(state.store)
     with state.store.transaction(reason=f"plan {old.id} broke: {why}"):
-        made = dao.record(found)
+        try:
+            made = dao.record(found)
+        except PlanError as error:
+            if not is_within:
+                raise
+            # Only what was committed is a state that a recorded plan can be made from.
+            raise PlanError(
+                f"plan {old.id} broke: {why}; commit this transaction, and then plan again"
+            ) from error
         text = f"plan {made.id} took its place"
         for step in old.steps:
             if step.outcome is None:
+                # `_TOOK_PLACE` reads it.
                 report(state, step, outcome="aborted", text=text)
     return made
 
@@ -182,16 +207,19 @@ class Remaining:
         self._broken: str | None = None
         self._goal: _Needs = frozenset()
         self._steps: dict[int | None, _Needs] = {}
+        self._outcomes: list[str | None] = []
 
     def look(self, state: State, plan: RecordedPlan) -> tuple[str | None, bool]:
         """Return why the plan, as it is now, broke, if it did, and whether it was validated."""
         # What a transaction has not committed is in no revision, and may never be.
         is_committed, head = state.store.current() is None, head_revision(state)
         known = self._known if is_committed else None
+        # What succeeded may not have had its effects.
+        before, self._outcomes = self._outcomes, [step.outcome for step in plan.steps]
         if (
             known is not None
             and known <= head
-            and not any(map(_has_ended, plan.steps))
+            and before == self._outcomes
             and not self._is_touched(state.store, plan, known + 1, head)
         ):
             self._known = head

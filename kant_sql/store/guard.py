@@ -297,8 +297,8 @@ class TouchedRules:
         said = ", ".join(sorted({*filter(None, (_text(definitions, each) for each in parts))}))
         raise RuleViolatedError(
             f"rule {one.rule.name!r} refuses this: {instance} would be violated"
-            f"{f' by {said}' if said else ''}; nothing was written: change these in the "
-            "same transaction, or redefine or delete the rule (kb.rules)",
+            f"{f' by {said}' if said else ''}; nothing was written: change these "
+            "first or in the same transaction, or redefine or delete the rule (kb.rules)",
             one.rule.name,
             str(instance),
         )

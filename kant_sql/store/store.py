@@ -479,9 +479,11 @@ class Store:
 
     def _expect(self, expected: int | None, actual: int) -> None:
         if expected is not None and expected != actual:
+            is_ahead = expected > actual
+            why = "that one is not written yet" if is_ahead else "another writer came first"
             raise StaleRevisionError(
                 f"knowledge base {self.name!r} is at revision {actual}, not at {shown(expected)}: "
-                "another writer came first; read again and decide again",
+                f"{why}; read again and decide again",
                 expected,
                 actual,
             )

@@ -7,7 +7,7 @@ import ipaddress
 import logging
 import socket
 from collections.abc import Iterable, Mapping
-from urllib.parse import parse_qs, quote, urlencode, urlsplit
+from urllib.parse import parse_qs, quote, unquote_to_bytes, urlencode, urlsplit
 
 from fastapi.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
@@ -15,6 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..arguments import shown
 from ..dao_calls import LOOPBACK, is_loopback
 from ..errors import printable
 from ..html import visible
@@ -76,6 +77,7 @@ class Programs:
         given = _bearer(headers)
         token = None if given is None else self._tokens.find(given)
         if token is None:
+            scope["refused_token"] = None if given is None else self._tokens.made(given)
             if writes is None:
                 return None
             why = "a token is needed: Authorization: Bearer TOKEN, of 'kant-sql tokens add'"
@@ -95,7 +97,7 @@ class Programs:
             if not token.is_for(name):
                 return refusal(scope, 403, f"the token is not for the knowledge base {name!r}")
         # The last one counts, and an empty one is none.
-        if not (any(named[-1:]) or token.is_for("")):
+        if not (any(named[-1:]) or token.is_for_all):
             if len(token.knowledge_bases) > 1:
                 return refusal(scope, 403, "the token is for several knowledge bases: give kb=NAME")
             own = urlencode({"kb": token.knowledge_bases[0]}).encode()
@@ -153,7 +155,7 @@ def _given(headers: Headers) -> str:
 
 def log_refusal(scope: Scope, status: int, why: str) -> None:
     """Log who was refused what, and why; never the token."""
-    token: Token | None = scope.get("token")
+    token: Token | None = scope.get("token") or scope.get("refused_token")
     who = "nobody" if token is None else f"token {token.id} of {token.actor}"
     client = (scope.get("client") or ("unknown",))[0]
     said = [printable(one) for one in (scope["path"], who, client, why)]
@@ -177,7 +179,7 @@ def refusal(scope: Scope, status: int, why: str) -> Response:
 def require_all(request: Request) -> None:
     """Refuse what is about the whole store to a token for some of its knowledge bases."""
     token: Token | None = request.scope.get("token")
-    if token is not None and not token.is_for(""):
+    if token is not None and not token.is_for_all:
         why = f"the token is for {', '.join(token.knowledge_bases)} only, and this is about all"
         raise refused(request.scope, 403, why)
 
@@ -222,11 +224,15 @@ class Guard:
         headers = Headers(scope=scope)
         name = _host_name(headers.get("host", ""))
         if not self._is_known(name):
+            log_refusal(scope, 400, f"it asked for the host {shown(name)}")
             return PlainTextResponse(
                 "This server is not known under this name; start it with --allow-host NAME.", 400
             )
         if not (_is_read(scope, headers) or _is_same_site(headers)):
+            log_refusal(scope, 403, "it comes from another site")
             return PlainTextResponse("This request comes from another site.", 403)
+        if not _is_text(scope["query_string"]):
+            return refusal(scope, 400, "the query is not UTF-8, percent-encoded")
         if self._programs is not None:
             refused = self._programs.admit(scope, headers)
             if refused is not None or "token" in scope:
@@ -298,6 +304,15 @@ def _host_name(host: str) -> str:
         return (parts.hostname or "") if parts.port != 0 else ""
     except ValueError:
         return ""
+
+
+def _is_text(query: bytes) -> bool:
+    # What is none would be read as another text: each wrong byte as U+FFFD.
+    try:
+        unquote_to_bytes(query).decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _is_address(name: str) -> bool:

@@ -52,9 +52,14 @@ class Token:
     created_at: str
     revoked_at: str | None = None
 
+    @property
+    def is_for_all(self) -> bool:
+        """Whether it is for all knowledge bases of a store."""
+        return ALL in self.knowledge_bases
+
     def is_for(self, name: str) -> bool:
         """Return whether it is for a knowledge base."""
-        return ALL in self.knowledge_bases or name in self.knowledge_bases
+        return self.is_for_all or name in self.knowledge_bases
 
 
 class TokenFile:
@@ -86,11 +91,17 @@ class TokenFile:
 
         A file that cannot be read knows no token.
         """
+        token = self.made(given)
+        # An empty name, which older releases accepted, is none to judge by.
+        if token is None or token.revoked_at is not None or not all(token.knowledge_bases):
+            return None
+        return token
+
+    def made(self, given: str) -> Token | None:
+        """Return the token that a request gives, also one that was revoked."""
         token = self._known().get(given.partition(".")[0])
         expected = "" if token is None else token.sha256
-        if not hmac.compare_digest(_hash(given), expected) or token is None:
-            return None
-        return token if token.revoked_at is None else None
+        return token if hmac.compare_digest(_hash(given), expected) else None
 
     def has(self, token: Token) -> bool:
         """Return whether a token that was found before still has its rights."""
@@ -115,12 +126,12 @@ class TokenFile:
             The token, which nothing else shows again.
 
         Raises:
-            InvalidArgumentError: there is no such scope, none is given, or the actor is no name.
+            InvalidArgumentError: there is no such scope, none is given, or a name is empty.
         """
         make_metadata(actor, None, None)
         names = tuple(knowledge_bases)
         chosen = tuple(one_of(scope, SCOPES, "a scope") for scope in dict.fromkeys(scopes))
-        if not (names and chosen and actor):
+        if not (names and all(names) and chosen and actor):
             raise InvalidArgumentError(
                 "a token needs an actor, a knowledge base (* for all) and a scope: "
                 + ", ".join(SCOPES)

@@ -39,7 +39,7 @@ class Endpoint:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request; the guard of the server has admitted it."""
         token = scope.get("token")
-        if token is not None and not token.is_for(""):
+        if token is not None and not token.is_for_all:
             # The body names the knowledge base, which the guard does not read.
             why = "the token is for some knowledge bases only; this needs one for all of them"
             await refusal(scope, 403, why)(scope, receive, send)

@@ -24,9 +24,10 @@ from kant_sql import __version__, history
 from kant_sql.arguments import UNSTORABLE, shown
 from kant_sql.errors import InvalidArgumentError, KantSqlError
 from kant_sql.history.overview import read_overview
-from kant_sql.html import visible
+from kant_sql.html import cut, visible
 from kant_sql.json_values import json_value
 from kant_sql.knowledge_base import KnowledgeBase, state_of
+from kant_sql.planning.commands import WAYS_OUT
 from kant_sql.sql.inventory import Catalog
 from kant_sql.web.application import MOST_QUESTIONS
 from kant_sql.web.pages import acts, ask, elements, home, overview, plans, revisions, rules
@@ -38,8 +39,8 @@ from .questions import QUESTIONS
 
 T = TypeVar("T")
 
-# Characters of an argument, and of an answer.
-LONGEST_ARGUMENT, LONGEST_ANSWER = 100_000, 400_000
+# Characters of an argument, of an answer, and of each text in an answer that is longer.
+LONGEST_ARGUMENT, LONGEST_ANSWER, LONGEST_TEXT = 100_000, 400_000, 1_000
 # How often the seconds that a tool has run are reported, to who asked for progress.
 SECOND = 1.0
 # Facts, goals and values that a resource may have; and resources that are listed.
@@ -170,7 +171,9 @@ def make_tool(
         try:
             return await asking.answer(work)
         except KantSqlError as error:
-            raise ToolError(visible(hide.said(error))) from error
+            # Its last words are of calls of Python.
+            said = hide.said(error).removesuffix(f"; {WAYS_OUT}")
+            raise ToolError(visible(said)) from error
 
     keyword = inspect.Parameter.KEYWORD_ONLY
     parameters = [one.replace(kind=keyword) for one in others]
@@ -197,11 +200,31 @@ def _result(found: Any) -> types.CallToolResult:
     """Make the answer: data, and the same as JSON in which nothing is hidden."""
     text = visible(json.dumps(found, ensure_ascii=False))
     if len(text) > LONGEST_ANSWER:
+        found = _shortened(found)
+        text = visible(json.dumps(found, ensure_ascii=False))
+    if len(text) > LONGEST_ANSWER:
         raise InvalidArgumentError(
             f"this answer has {len(text):,} characters, more than {LONGEST_ANSWER:,}; ask for "
             "less: a part by its name, a shorter range, or a lower limit"
         )
     return types.CallToolResult(content=[types.TextContent(text=text)], structured_content=found)
+
+
+def _shortened(found: Any) -> Any:
+    """Cut long texts and sources of data, which then say how long they are."""
+    if isinstance(found, str):
+        return cut(found, LONGEST_TEXT)
+    if isinstance(found, list):
+        return [_shortened(one) for one in found]
+    if not isinstance(found, dict):
+        return found
+    made = {}
+    for name, one in found.items():
+        # A source is any JSON; a place in pages is given back as it is.
+        source = json.dumps(one, ensure_ascii=False) if name == "source" else ""
+        is_long = len(source) > LONGEST_TEXT and not isinstance(one, str)
+        made[name] = one if name == "next" else _shortened(source if is_long else one)
+    return made
 
 
 def _state(kb: KnowledgeBase) -> str:
@@ -232,14 +255,14 @@ class KantServer(MCPServer[Any]):
             resource_security=ResourceSecurity(exempt_params={"kb", "at"}),
             subscriptions=False,
         )
-        for part, write in _PARTS.items():
-            self._add_part(part, write)
+        for part in _PARTS:
+            self._add_part(part)
         self.prompt(title="Investigate an incident")(incident)
         self.completion()(self._complete)  # type: ignore[no-untyped-call]
 
-    def _add_part(self, part: str, write: Callable[[KnowledgeBase], str]) -> None:
+    def _add_part(self, part: str) -> None:
         async def read(kb: str, at: str | None = None) -> str:
-            question = partial(_read_part, write, at)
+            question = partial(_read_part, part, at)
             try:
                 return await self._asking.answer(lambda: self._asking.of_kb(kb, question))
             except KantSqlError as error:
@@ -303,14 +326,15 @@ def _require_name(kind: str, name: str, known: Sequence[str]) -> None:
         raise MCPError(types.INVALID_PARAMS, said)
 
 
-def _read_part(write: Callable[[KnowledgeBase], str], at: str | None, kb: KnowledgeBase) -> str:
+def _read_part(part: str, at: str | None, kb: KnowledgeBase) -> str:
     state = past(kb, at, None)
-    held = sum(read_overview(state_of(state)))
-    text = write(state) if held <= MOST_HELD else ""
+    # A domain has none of these; its text alone counts.
+    held = 0 if part == "domain" else sum(read_overview(state_of(state)))
+    text = _PARTS[part](state) if held <= MOST_HELD else ""
     if held > MOST_HELD or len(text) > LONGEST_ANSWER:
+        size = f"{held:,} objects, facts, goals and values" if held else f"{len(text):,} characters"
         raise InvalidArgumentError(
-            f"this is too long: {held:,} objects, facts, goals and values; read it in pages with "
-            "the tool known"
+            f"this is too long: {size}; read it in pages with the tool known"
         )
     return text
 

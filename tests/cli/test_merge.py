@@ -35,7 +35,11 @@ def test_without_yes_it_lists_what_would_change(trial: str) -> None:
     assert f"- fact {AT_WP2}" in result.stdout
     assert f"conflict: fact {AT_WP1}\n  ours: {AT_WP1} (revision 6, driver)" in result.stdout
     assert "  theirs: nothing (revision 2, planner, shorter)" in result.stdout
-    assert result.stdout.splitlines()[-1].startswith("Nothing was changed; add --yes")
+    assert result.stdout.splitlines()[-1] == (
+        "Nothing was changed; add --yes, and --ours or --theirs for each conflict."
+    )
+    decided = run("merge", trial, "trial", "--kb", "tiago", "--theirs", AT_WP1)
+    assert decided.stdout.splitlines()[-1] == "Nothing was changed; add --yes."
     found = document("merge", trial, "trial", "--kb", "tiago", "--ours", AT_WP1)
     assert [each["decided"] for each in found["conflicts"]] == ["ours"]
     assert (found["knowledge_base"], found["head"], found["revision"]) == ("tiago", 6, None)
@@ -60,6 +64,15 @@ def test_with_yes_it_merges_what_is_decided(trial: str) -> None:
     assert again.stdout == (
         "knowledge base tiago: nothing is new in trial at revision 2 since revision 7\n"
     )
+
+
+def test_a_rule_that_refuses_the_result_is_no_conflict(trial: str) -> None:
+    with kant_sql.connect(trial, knowledge_base="tiago") as kb:
+        kb.rules.save("stay", f"(always {AT_WP2})", on_violation="refuse")
+    result = run("merge", trial, "trial", "--kb", "tiago", "--ours", AT_WP1)
+    refused, last = result.stdout.splitlines()[-2:]
+    assert refused.startswith("refused: rule 'stay' refuses this")
+    assert (result.exit_code, last) == (1, "Nothing was changed.")
 
 
 def test_of_another_store_and_a_past_state(own_store: str, tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ def test_a_transaction_expects_the_revision_that_its_writer_has_read(kb: Knowled
         with nothing_changes(kb), pytest.raises(StaleRevisionError) as caught:
             kb.transaction(expected_revision=expected).__enter__()
         assert (caught.value.expected, caught.value.actual) == (expected, 2)
+        assert ("another writer came first" in str(caught.value)) == (expected < 2)
     assert state(kb)["types"] == ["robot", "wp", "vehicle", "car", "new"]
 
 

@@ -295,7 +295,7 @@ def test_decisions_must_fit(rooms: KnowledgeBase, branch_of: Branch) -> None:
             rooms.merge(trial, decide=decide)
     error = refused(rooms, trial, decide={"fact (open p2)": "ours"})
     assert [each.decided for each in error.conflicts] == ["ours", None]
-    assert "1 open conflict" in str(error)
+    assert "1 open conflict: " in str(error)
     assert "object p2" in str(error)
     # One name, two conflicts: which is meant has to be said.
     for of_kind in (rooms.goals, rooms.propositions):

@@ -158,12 +158,29 @@ def test_another_plan_takes_the_place_of_one_that_broke(
     assert next(kb.log()).revision.reason == f"plan 1 broke: {found.broken}"
     # It is the last one now, and works.
     assert kb.replan().plan.id == 2
-    # An old plan is over, whatever the world is like.
+    # An old plan is over, whatever the world is like: the one that took its place counts.
     kb.propositions.save("(open d2)")
     again = kb.replan(1, engines=knows(NEAR))
-    assert again.plan.id == 3
-    assert again.broken == "step 0 of plan 1, (go hall kitchen d1), is aborted"
+    assert (again.plan.id, again.broken) == (2, None)
+    kb.propositions.delete("(open d4)")
+    for _ in range(2):
+        assert kb.replan(1, engines=knows(NEAR)).plan.id == 3
     assert kb.store.verify().is_intact
+
+
+def test_a_transaction_that_broke_the_plan_is_committed_first(
+    kb: KnowledgeBase, knows: Callable[..., list[str]]
+) -> None:
+    def plan_within() -> None:
+        with kb.transaction():
+            kb.propositions.delete("(open d2)")
+            kb.replan(engines=knows(FAR))
+
+    with pytest.raises(PlanError, match=r"broke: .*; commit this transaction, and then plan again"):
+        plan_within()
+    kb.propositions.delete("(open d2)")
+    with kb.transaction():
+        assert kb.replan(engines=knows(FAR)).plan.id == 2
 
 
 def test_it_is_validated_from_where_the_robot_is(kb: KnowledgeBase) -> None:
@@ -175,6 +192,19 @@ def test_it_is_validated_from_where_the_robot_is(kb: KnowledgeBase) -> None:
     kb.propositions.delete("(open d1)")
     found = kb.replan()
     assert (found.broken, found.is_validated) == (None, False)
+
+
+def test_a_step_that_succeeded_without_its_effects_breaks_the_plan(kb: KnowledgeBase) -> None:
+    first, last = present(kb.plans.get(1)).steps
+    assert kb.replan().broken is None
+    running = kb.executions.report(first, outcome="running")
+    kb.executions.report(running, outcome="succeeded")
+    with pytest.raises(NoPlanError):
+        kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
+    kb.propositions.save("(at kitchen)")
+    assert kb.replan().broken is None
+    kb.apply(last)
+    assert kb.replan().broken is None
 
 
 @pytest.mark.parametrize("change", ["(lit hall)", "(battery)", "(at hall)"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import signal
 import subprocess
@@ -121,7 +122,7 @@ def test_a_command_answers(
 
 
 FAILURES = {
-    "invalid": ("invalid_plan", "step 0, (Walk b c), fails"),
+    "invalid": ("invalid_plan", "the plan is not valid; step 0, (Walk b c), fails"),
     "unknown": ("invalid_plan", "fly"),
     "nonsense": ("internal_error", "it ended with code 0, and said: no idea"),
     "silent": ("internal_error", "it ended with code 0"),
@@ -152,7 +153,7 @@ def test_what_is_wrong_with_a_planner_is_said(
 def test_a_planner_that_hangs_ends_with_its_time(
     name: str, kb: KnowledgeBase, fake: Callable[[str], str], tmp_path: Path
 ) -> None:
-    with pytest.raises(NoPlanError, match=r"no plan was found within 2 seconds") as caught:
+    with pytest.raises(NoPlanError, match=f"{name}: no plan was found within 2 sec") as caught:
         kb.plan(fake(name), timeout=2)
     assert [run.status for run in caught.value.runs] == ["timeout"]
     nothing_stays(tmp_path)
@@ -241,19 +242,25 @@ def test_a_keyboard_interrupt_ends_the_planners(
     nothing_stays(tmp_path)
 
 
-async def test_a_task_that_is_cancelled_ends_its_planners(
-    fake: Callable[[str], str], tmp_path: Path
+def test_a_task_that_is_cancelled_ends_its_planners(
+    fake: Callable[[str], str], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async with aio.connect("sqlite://") as kb:
-        await kb.load_domain(DOMAIN)
-        await kb.load_problem(PROBLEM)
-        assert (await kb.plan(fake("valid"))).engine == "valid"
-        task = asyncio.create_task(kb.plan(fake("forks")))
-        await asyncio.to_thread(wait_for, sign(tmp_path).exists)
-        task.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await task
-        nothing_stays(tmp_path)
+    async def work() -> None:
+        async with aio.connect("sqlite://") as kb:
+            await kb.load_domain(DOMAIN)
+            await kb.load_problem(PROBLEM)
+            assert (await kb.plan(fake("valid"))).engine == "valid"
+            task = asyncio.create_task(kb.plan(fake("forks")))
+            await asyncio.to_thread(wait_for, sign(tmp_path).exists)
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            nothing_stays(tmp_path)
+
+    asyncio.run(work())
+    # A future whose error nobody reads says so when it goes.
+    gc.collect()
+    assert not [one for one in caplog.records if one.name == "asyncio"]
 
 
 def test_engines_have_names_in_a_file(

@@ -464,9 +464,12 @@ def test_an_engine_that_cannot_be_imported_is_not_called_missing(
         assert "No module named 'tamer_without_its_library'" in str(caught.value)
 
 
-def test_an_engine_that_is_not_there() -> None:
+def test_an_engine_that_is_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    file = tmp_path / "engines.toml"
+    file.write_text('[engines]\nlama = "lama {domain} {problem}"\n')
+    monkeypatch.setenv("KANT_SQL_ENGINES", str(file))
     with pytest.raises(
-        PlannerMissingError, match=r"hal9000 is not installed; install it.*pyperplan"
+        PlannerMissingError, match=r"hal9000 is not installed; install it.*pyperplan.*, lama$"
     ):
         solve_pair(documents(), engine="hal9000", timeout=60)
 

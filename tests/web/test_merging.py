@@ -23,6 +23,7 @@ def test_it_shows_what_the_library_previews(filled: Filled) -> None:
     page = client.get("/merge?kb=courier&branch=trial").text
     assert "fact (robot_at rb1 wp1)" in page
     assert "planner" in page
+    assert "no rule is checked" in page
     assert "&lt;b&gt;shorter" in page
     assert "/revision?kb=trial&amp;number=2" in page
     head = kb.revision

@@ -96,6 +96,17 @@ def test_a_wrong_token_of_the_page_is_logged_and_not_written(
     assert not any(TOKEN in one for one in said)
 
 
+def test_foreign_names_and_sites_are_logged(
+    client: TestClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert client.get("/", headers={"host": "evil.example"}).status_code == 400
+    assert client.post("/token", headers={"origin": "http://evil.example"}).status_code == 403
+    assert [one.getMessage() for one in caplog.records if one.name == "kant_sql.web"] == [
+        "refused GET / to nobody at testclient: 400, it asked for the host 'evil.example'",
+        "refused POST /token to nobody at testclient: 403, it comes from another site",
+    ]
+
+
 def test_the_token_is_taken_once_and_leads_back(guarded: TestClient) -> None:
     asked = guarded.get("/revision?kb=courier&number=5")
     target = re.search(r'name="next" value="([^"]+)"', asked.text)

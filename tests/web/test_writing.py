@@ -176,6 +176,17 @@ def test_what_is_no_json_is_refused_by_name(
     assert (answer.status_code, says in answer.json()["error"]) == (422, True)
 
 
+def test_a_name_that_is_no_text_begins_no_knowledge_base(
+    client: TestClient, tokens: TokenFile
+) -> None:
+    headers = {"authorization": f"Bearer {tokens.add('driver', ['*'], ['read', 'write'])}"}
+    for name in ("%ff", "caf%E9", "\xff"):
+        answer = client.post(f"/api/load?kb={name}", json={"domain": DOMAIN}, headers=headers)
+        assert answer.status_code == (200 if name == "\xff" else 400), name
+    listed = client.get("/api/", headers=headers).json()["knowledge_bases"]
+    assert [one["name"] for one in listed] == ["\xff"]
+
+
 def test_a_rule_that_refuses_is_a_conflict(loaded: Post, url: str) -> None:
     with kant_sql.connect(url, knowledge_base="tiago", actor="safety") as kb:
         kb.rules.save("away", "(always (not (robot_at rb1 wp2)))", on_violation="refuse")
@@ -224,7 +235,17 @@ def test_a_token_is_for_its_knowledge_bases_and_scopes(
     assert client.post("/api/facts?kb=pepper", json={}).headers["www-authenticate"] == "Bearer"
 
 
-def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: TokenFile) -> None:
+def test_a_token_for_an_empty_name_opens_nothing(client: TestClient, tokens: TokenFile) -> None:
+    secret = tokens.add("auditor", ["tiago"], ["read"])
+    tokens._path.write_text(tokens._path.read_text().replace('"tiago"', '""'))
+    headers = {"authorization": f"Bearer {secret}"}
+    for path in ("/api/", "/api/log", "/api/log?kb=tiago"):
+        assert client.get(path, headers=headers).status_code == 401
+
+
+def test_a_token_is_revoked_while_the_server_runs(
+    client: TestClient, tokens: TokenFile, caplog: pytest.LogCaptureFixture
+) -> None:
     secret = tokens.add("driver", ["*"], ["write"])
     headers = {"authorization": f"Bearer {secret}"}
     assert client.post("/api/facts?kb=tiago", json={}, headers=headers).status_code == 200
@@ -236,6 +257,10 @@ def test_a_token_is_revoked_while_the_server_runs(client: TestClient, tokens: To
     # Whoever shows a token is judged by it, where others of this machine read without one.
     reads = "/api/"
     assert client.get(reads, headers=headers).status_code == 401
+    id_ = secret.partition(".")[0]
+    refused = [one.getMessage() for one in caplog.records if "refused" in one.getMessage()]
+    assert len(refused) == 2
+    assert all(f" to token {id_} of driver at " in one for one in refused)
     assert client.get(reads, headers={"authorization": "Bearer nobodys"}).status_code == 401
     assert client.get(reads).status_code == 200
     tokens._path.write_text("not a file of tokens")
@@ -310,6 +335,7 @@ def test_the_prompt_makes_and_revokes_tokens(tmp_path: Path) -> None:
     for words, says in (
         (["revoke", file, "nobody"], "no token"),
         (["add", file, "--actor", "a", "--kb", "*", "--scope", "all"], "scope"),
+        (["add", file, "--actor", "a", "--kb", "", "--scope", "read"], "a knowledge base"),
     ):
         refused = run("tokens", *words)
         assert (refused.exit_code, says in refused.stderr) == (1, True)

@@ -72,6 +72,8 @@ def test_a_token_for_some_knowledge_bases_does_not_read_all(url: str, tmp_path: 
         assert client.post("/mcp", json=LIST, headers=of_all).status_code == 200
         for headers in (of_one, writer):
             assert client.post("/mcp", json=LIST, headers=headers).status_code == 403
+        # Without a token, too, a server of which programs write has no tool that writes.
+        assert "write_" not in client.post("/mcp", json=LIST, headers=ACCEPT).text
 
 
 def test_what_is_not_a_request_of_the_protocol_is_refused(url: str) -> None:

@@ -219,6 +219,12 @@ def test_a_long_resource_names_the_tool_that_has_pages(
     monkeypatch.setattr(module, "MOST_HELD", 3)
     with pytest.raises(MCPError, match="with the tool known"):
         asked(reader, lambda client: client.read_resource("kant-sql://ward/problem"))
+    # The domain is as short with many facts as without.
+    domain: Any = asked(reader, lambda client: client.read_resource("kant-sql://ward/domain"))
+    assert "(:action move" in domain.contents[0].text
+    monkeypatch.setattr(module, "LONGEST_ANSWER", 100)
+    with pytest.raises(MCPError, match=r"too long: 3\d\d characters"):
+        asked(reader, lambda client: client.read_resource("kant-sql://ward/domain"))
 
 
 def test_the_prompt_of_an_incident_carries_what_is_known_as_data(reader: KantServer) -> None:
@@ -325,6 +331,15 @@ def test_a_wrong_call_is_refused_with_the_remedy(
     assert said in refusal(reader, name, **given)
 
 
+def test_without_a_plan_no_call_of_python_is_advised(store: OpenStore, url: str) -> None:
+    with kant_sql.connect(url, knowledge_base="ward") as kb:
+        kb.propositions.delete("(open)")
+        kb.goals.save("(open)")
+    said = refusal(make_server(store), "find_plan", engine="pyperplan")
+    assert "no plan was found" in said
+    assert "Plan.read" not in said
+
+
 def test_an_error_that_nobody_expected_says_nothing_of_the_server(
     reader: KantServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -358,6 +373,25 @@ def test_answers_are_bounded_and_have_pages(
     assert len(last["steps"]) == len(rooms) + 2 - 200
     monkeypatch.setattr(module, "LONGEST_ANSWER", 1000)
     assert "ask for less" in refusal(server, "known", kind="object")
+
+
+def test_long_reasons_and_sources_leave_room_for_answers(
+    store: OpenStore, url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with kant_sql.connect(url, knowledge_base="ward") as kb:
+        with kb.transaction(reason="r" * 9_000, source={"frames": ["f" * 9] * 900}):
+            kb.propositions.delete("(open)")
+        last = kb.revision
+    server = make_server(store)
+    whole = call(server, "revision", number=last).structured_content["revision"]
+    assert len(whole["reason"]) == 9_000
+    monkeypatch.setattr(module, "LONGEST_ANSWER", 12_000)
+    short = call(server, "revision", number=last).structured_content["revision"]
+    assert short["reason"] == "r" * 1_000 + "... (9,000 characters)"
+    assert short["source"].startswith('{"frames": ["ff')
+    assert short["source"].endswith("characters)")
+    for name, given in (("overview", {}), ("log", {}), ("who_said", {"text": "(open)"})):
+        assert not call(server, name, **given).is_error
 
 
 def test_a_question_that_takes_long_keeps_nobody_waiting(
