@@ -130,7 +130,7 @@ class Version(html.OneRow):
         since: the revision that asserted it: by whom, when and why.
         until: the revision that retracted it; None while it holds.
         confirmed: of a fact, the last revision that confirmed it while it held, up to the state.
-        acts: for a fact, the ids of the executions that asserted it.
+        acts: for a fact or a value, the ids of the executions that asserted it.
     """
 
     kind: str

@@ -375,6 +375,8 @@ def _evidence() -> Select[Any]:
 
 
 _EVIDENCE = Query(_evidence)
+# What an act may change; only facts are confirmed.
+_EFFECTS = FACT, VALUE
 
 
 class Evidence(NamedTuple):
@@ -385,18 +387,19 @@ class Evidence(NamedTuple):
 
     def of(self, row: Row) -> tuple[Revision | None, tuple[str, ...]]:
         """Return it for a version, as `read_newest` gives it."""
-        if row[0] != FACT:
+        if row[0] not in _EFFECTS:
             return None, ()
-        return self.confirmed.get((row[4], row[2])), self.acts.get(row[2], ())
+        seen = self.confirmed.get((row[4], row[2])) if row[0] == FACT else None
+        return seen, self.acts.get(row[2], ())
 
 
 def read_evidence(session: Session, kb_id: int, rows: Sequence[Row], at: int) -> Evidence:
-    """Read the evidence for the facts among versions, in one statement."""
+    """Read the evidence for the facts and values among versions, in one statement."""
     found = Evidence({}, {})
-    facts = [(row[4], row[2]) for row in rows if row[0] == FACT]
-    if not facts:
+    numbers = sorted({row[2] for row in rows if row[0] in _EFFECTS})
+    if not numbers:
         return found
-    ids, numbers = (sorted({*column}) for column in zip(*facts, strict=True))
+    ids = sorted({row[4] for row in rows if row[0] == FACT})
     lists = {"ids": session.list_value(ids), "numbers": session.list_value(numbers)}
     given = {"kb": kb_id, "at": at, "low": numbers[0], "high": numbers[-1], **lists}
     for row in session.rows(_EVIDENCE, **given):

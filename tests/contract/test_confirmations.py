@@ -265,6 +265,20 @@ def test_blame_and_history_say_who_confirmed_last(kb: KnowledgeBase) -> None:
     assert present(then.confirmed).actor == "camera"
 
 
+def test_blame_of_a_value_names_its_act(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain(
+        "(define (domain pump) (:requirements :fluents) (:functions (level))"
+        " (:action fill :parameters () :effect (increase (level) 5)))"
+    )
+    fresh_kb.function_values.set("(level)", value=1)
+    fresh_kb.apply("(fill)")
+    now = present(fresh_kb.blame("(= (level) 6)"))
+    [done] = fresh_kb.executions.get_all()
+    assert (now.acts, now.confirmed) == ((done.id,), None)
+    [before, after] = fresh_kb.history("(level)")
+    assert (before.acts, after.acts) == ((), now.acts)
+
+
 @given(st.lists(st.tuples(st.sampled_from(["move", "confirm", "retract", "save"]), st.booleans())))
 @settings(max_examples=25, deadline=None)
 def test_expected_facts_as_a_model_has_them(steps: list[tuple[str, bool]]) -> None:
