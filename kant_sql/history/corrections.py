@@ -252,7 +252,8 @@ def _archived_layers(session: Session, kb_id: int) -> list[_Layer]:
     """Return what counts least of the time of revisions whose versions are in an archive."""
     upto = read_position(session, kb_id).archived
     of = read_numbered(session, kb_id, {1, upto} if upto else ())
-    return [_Layer(0, of[1].committed_at, of[upto].committed_at, ARCHIVED)] if of else []
+    times = sorted(each.committed_at for each in of.values())
+    return [_Layer(0, times[0], times[-1], ARCHIVED)] if times else []
 
 
 def _batch(
