@@ -293,7 +293,7 @@ PAST: dict[str, tuple[int, Call]] = {
     "history of a fact": (3, lambda kb: kb.history(fact(0))),
     "history of its text": (3, lambda kb: kb.history("(robot_at rb1 wp0)")),
     "history of an object": (3, lambda kb: kb.history("rb1")),
-    "history of a value": (2, lambda kb: kb.history("(distance wp1 wp0)")),
+    "history of a value": (3, lambda kb: kb.history("(distance wp1 wp0)")),
     "history of a formula": (3, lambda kb: kb.history("(> (distance wp1 wp0) 0)")),
     "diff": (3, lambda kb: kb.diff(1, kb.revision)),
     "log": (3, lambda kb: [*kb.log()]),

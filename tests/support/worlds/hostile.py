@@ -20,7 +20,7 @@ LONG = "<b>" + "very-long-" * 1000
 NAMES = (
     *("<script>hacked=1</script>", "</script><script>hacked=1</script>"),
     *("<img/src=x/onerror=hacked=1>", "<svg/onload=hacked=1>", "<hostile-element/hostile=1>"),
-    *("<a/href=javascript:hacked=1>here</a>", "javascript:hacked=1", "{{7*191}}", "{%raise%}"),
+    *("<a/href=javascript:hacked=1>here</a>", "javascript:hacked=1", "{{8191*99991}}", "{%raise%}"),
     *("${hacked=1}", "&lt&#60b&gt&amp", "<!--", "]]>", "a&b=c#d/../e%2e+f", "__proto__"),
     "<b>" + "n" * 252,
 )
