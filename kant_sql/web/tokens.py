@@ -78,13 +78,16 @@ class TokenFile:
             InvalidArgumentError: the file is not one of tokens.
             OSError: it cannot be read.
         """
+        return [*self._by_id().values()]
+
+    def _by_id(self) -> dict[str, Token]:
         with self._lock:
             stat = self._path.stat()
             seen = stat.st_mtime_ns, stat.st_size, stat.st_ino
             if seen != self._seen:
                 self._tokens = {one.id: one for one in _read(self._path)}
                 self._seen = seen
-            return [*self._tokens.values()]
+            return self._tokens
 
     def find(self, given: str) -> Token | None:
         """Return the token that a request gives; None if it is unknown or was revoked.
@@ -109,7 +112,7 @@ class TokenFile:
 
     def _known(self) -> dict[str, Token]:
         try:
-            return {one.id: one for one in self.tokens()}
+            return self._by_id()
         except (OSError, InvalidArgumentError) as error:
             logger.error("no token is accepted: %s", error)
             return {}

@@ -112,8 +112,7 @@ class ErasureCheck:
         """Compare the digests with those on record."""
         self._rows.end()
         add = self._check.report.add
-        known = {each.id for each in self._erasures}
-        for id_ in sorted({*self._counts} - known):
+        for id_ in sorted(self._counts.keys() - self._pseudonyms.keys()):
             add(None, "erasure", f"parts are of erasure {id_}, which is not on record")
         for each in self._erasures:
             id_, since, upto, *_ = each
