@@ -11,7 +11,7 @@ from datetime import datetime
 from decimal import Decimal
 from typing import Any, NamedTuple
 
-from sqlalchemy import select
+from sqlalchemy import literal_column, select
 
 from ..arguments import shown
 from ..errors import PlanError, reading_rows
@@ -153,8 +153,9 @@ def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> di
     query = select(*read).where(columns.kb_id == KB).order_by(*read[:order])
     of_plans = columns.plan_id.between(integer("low"), integer("high"))
     one = columns.plan_id == integer("plan"), columns.position == integer("position")
-    upto = known <= integer("at")
-    position = in_list(columns.position, "positions", bounded=known)
+    # Without statistics, PostgreSQL would read all that began up to this revision.
+    upto = known + literal_column("0") <= integer("at")
+    position = in_list(columns.position, "positions")
     return {
         "plans": Query(query.where(of_plans, upto)),
         "one": Query(query.where(*one, upto)),

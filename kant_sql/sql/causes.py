@@ -85,7 +85,8 @@ def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
     has_object = by in (_OBJECT, _BOTH)
     execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id = w.c0"
     span = "BETWEEN w.c3 AND w.c4"
-    end, last = "v.since", f"{_SAME.format('v', 'x')} AND v.since {span}"
+    # Without statistics, PostgreSQL would read all that began in these revisions for each act.
+    end, last = "v.since", f"{_SAME.format('v', 'x')} AND v.since + 0 {span}"
     table, at = "execution_version", f"v.kb_id = :kb AND v.since {span}"
     if is_planned:
         table, end = "plan", "v.revision"
@@ -210,9 +211,7 @@ def _versions(dialect: str, is_fact: bool) -> Query:
     """Read the last version of each identity up to a revision."""
     loops, (identity, _) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
     table, own = f"{identity}_version", f"{identity}_id"
-    last = loops.last(Walk("l", table, own, "w.c0"), "w.c1", "l.since")
-    # By its revision alone, PostgreSQL would read all that began in it.
-    found = loops.range(Walk("v", table, own, "w.c0"), last, last)
+    found = loops.latest(Walk("v", table, own, "w.c0"), "w.c1")
     wanted = f"w.c0, w.c1, v.since, v.until, {_VALUE[is_fact]}"
     return Query(text(f"SELECT {wanted} FROM {loops.rows('wanted', 2)} AS w{found}"))
 

@@ -338,6 +338,11 @@ class NestedLoops:
         began = f"{walk.own} AND {since} >= {first} AND {since} <= {upto}"
         return self.loop(walk.alias, walk.table, f"{walk.alias}.kb_id = :kb AND {began}")
 
+    def latest(self, walk: Walk, revision: str) -> str:
+        """Write an inner loop over the last row up to a revision."""
+        since = self.last(walk._replace(alias="l"), revision, "l.since")
+        return self.range(walk, since, since)
+
 
 class _LateralLoops(NestedLoops):
     """The same for PostgreSQL, which keeps the order of lateral subqueries that it cannot pull up.
@@ -390,6 +395,10 @@ class _LateralLoops(NestedLoops):
         # Rows are compared, too: by an index of revisions alone, it would read all of them.
         inner = _between(walk, ">=", first, upto, "*")
         return f" CROSS JOIN LATERAL ({inner} OFFSET 0) AS {walk.alias}"
+
+    @override
+    def latest(self, walk: Walk, revision: str) -> str:
+        return f" CROSS JOIN LATERAL {self.last(walk, revision, f'{walk.alias}.*')} AS {walk.alias}"
 
 
 def _between(walk: Walk, begin: str, first: str, upto: str, wanted: str) -> str:
