@@ -395,12 +395,17 @@ class RuleViolatedError(StoreIntegrityError):
     Attributes:
         rule: the name of the rule.
         instance: the violated rule, with objects for the variables of quantifiers around it.
+        reads: what the violation depends on: each `fact` or `value`, the predicate or function, and
+            its objects; None for any object.
     """
 
-    def __init__(self, message: str, rule: str, instance: str) -> None:
+    def __init__(
+        self, message: str, rule: str, instance: str, reads: tuple[tuple[str | None, ...], ...] = ()
+    ) -> None:
         super().__init__(message)
         self.rule = rule
         self.instance = instance
+        self.reads = reads
 
 
 class TableMissingError(StoreError):

@@ -445,8 +445,8 @@ class KnowledgeBase(Front):
 
         Returns:
             The changes, the conflicts with who wrote, when and why on both sides, and why the
-            result would be refused, if so. The latter needs a transaction, which is rolled back, so
-            it is missing if this was opened for reading only.
+            result would be refused, if so. The latter, and rules that the result would break, need
+            a transaction, which is rolled back, so they are missing if this is read-only.
 
         Raises:
             ConflictError: this is not a branch of this knowledge base.
@@ -475,7 +475,8 @@ class KnowledgeBase(Front):
 
         The base is the state in which the branch began, or in which it was merged last. Changes
         that only the branch has made since are applied. It is a conflict if both have changed an
-        element since and differ in it, or if one has deleted an element that the other now uses.
+        element since and differ in it, if one has deleted an element that the other now uses, or if
+        the result would break a rule that refuses.
         Definitions, facts, goals, values, rules, documents and sayings of periods are merged;
         plans, executions and confirmations stay in the branch. The revision names the branch in
         `source`, as `branch`, its `revision` and its `hash`, and the base here as `base`.
@@ -494,7 +495,7 @@ class KnowledgeBase(Front):
 
         Raises:
             MergeConflictError: conflicts are not decided; nothing was written.
-            RuleViolatedError: the result would violate a rule that refuses.
+            RuleViolatedError: as decided, the result would violate a rule that refuses.
             ConflictError: this is not a branch of this knowledge base, definitions of one side do
                 not fit elements of the other, or a revision cannot have all sayings of the branch.
             StaleRevisionError: another writer came first.

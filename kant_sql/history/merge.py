@@ -11,6 +11,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from sqlalchemy import Text, cast, literal_column, select
@@ -34,6 +35,7 @@ from ..errors import (
     MergeConflictError,
     ReadOnlyError,
     ReplicaError,
+    RuleViolatedError,
     StaleRevisionError,
     few_of,
 )
@@ -301,6 +303,34 @@ class _Comparison:
                     found |= dict.fromkeys(users, settled[key])
             settled |= found
 
+    def read_by(self, error: RuleViolatedError) -> set[Key]:
+        """Return what one side has changed, unlike the other, of a broken rule and its facts."""
+        reads = [(one[0], [one and fold(one) for one in one[1:]]) for one in error.reads]
+        found = set[Key]()
+        for key in {key for side in self._sides.values() for key in side.traces}:
+            words = tokenize(key[1])[1:-1]
+            is_read = key == ("rule", fold(error.rule)) or any(
+                kind == key[0]
+                and len(words) == len(read)
+                and all(one in (None, word) for one, word in zip(read, words, strict=True))
+                for kind, read in reads
+            )
+            if is_read and key not in self.conflicts and not self._agree(key):
+                found.add(key)
+        return found
+
+    def keep(self, keys: Iterable[Key], decided: Decision | None) -> None:
+        """Have elements as one side has them."""
+        (self.brought.update if decided == THEIRS else self.brought.difference_update)(keys)
+
+    def broken_by(self, side: str, keys: Set[Key], revisions: Mapping[int, Revision]) -> MergeSide:
+        """Describe what one side did that breaks a rule with what the other one did."""
+        traces = self._sides[side].traces
+        own = sorted((traces[key].last, key) for key in keys & traces.keys())
+        said = [traces[key].now or f"(not {traces[key].name})" for _, key in own]
+        text = f"(and {' '.join(said)})" if len(said) > 1 else next(iter(said), None)
+        return MergeSide(text, revisions.get(own[-1][0]) if own else None)
+
     def _owner(self, key: Key) -> str:
         """Return the side that has what the other has deleted."""
         return THEIRS if self.text(OURS, key) is None else OURS
@@ -364,12 +394,12 @@ class _Comparison:
         trace = self._sides[THEIRS].traces.get(key) or self._sides[OURS].traces[key]
         return f"{key[0]} {trace.name}".strip()
 
-    def numbers(self, side: str) -> set[int]:
-        """Return the revisions by which a side changed what is in conflict."""
+    def numbers(self, side: str, broken: Iterable[Key]) -> set[int]:
+        """Return the revisions by which a side changed what is in conflict, or breaks rules."""
         traces, place = self._sides[side].traces, 0 if side == THEIRS else 1
         sayings = [pair[place] for pair in self.sayings if pair[1] is not None]
         said = {each.number for each in sayings if each is not None}
-        return said | {traces[key].last for key in self.conflicts if key in traces}
+        return said | {traces[key].last for key in (*self.conflicts, *broken) if key in traces}
 
     def side(self, side: str, key: Key, revisions: Mapping[int, Revision]) -> MergeSide:
         """Describe one side of a conflict."""
@@ -430,6 +460,8 @@ class _Merging:
 
         self._theirs = self._other.read_in_snapshot(read, found.head)
         self._sayings = [said for said in self._theirs.sayings if said.number > found.merged]
+        # The rules that the result would break, with what was changed on which that depends.
+        self._broken: dict[str, set[Key]] = {}
 
     def compare(
         self, session: Session, kb_id: int, definitions: Definitions, head: int
@@ -449,8 +481,9 @@ class _Merging:
         decided = self._decide(compared)
         known = _said_here(session, kb_id, ours, {said.key for said in self._sayings})
         compared.sayings = [*compare_sayings(self._sayings, known, found.own)]
-        here = read_numbered(session, kb_id, compared.numbers(OURS))
-        there = read_revisions(self._other, compared.numbers(THEIRS))
+        broken = [key for keys in self._broken.values() for key in keys]
+        here = read_numbered(session, kb_id, compared.numbers(OURS, broken))
+        there = read_revisions(self._other, compared.numbers(THEIRS, broken))
         conflicts = [
             MergeConflict(
                 compared.element(key),
@@ -461,8 +494,8 @@ class _Merging:
             )
             for key in compared.conflicts
         ]
+        conflicts += self._decide_rules(compared, here, there)
         conflicts += self._decide_sayings(compared, here, there)
-        self._refuse_unknown(conflicts, [said.element for said, _ in compared.sayings])
         made = Merge(
             *(found.name, found.head, found.hash, found.base, head),
             tuple(sorted(compared.changes())),
@@ -474,11 +507,37 @@ class _Merging:
         """Apply decisions."""
         decided: dict[Key, Decision] = {}
         for key in compared.conflicts:
-            side = self._given.get(fold(compared.element(key)), self._given.get(key[1]))
+            side = self._decided(compared.element(key))
             if side is not None:
                 decided[key] = side
         compared.decide(decided)
         return decided
+
+    def _decide_rules(
+        self, compared: _Comparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
+    ) -> Iterator[MergeConflict]:
+        """Leave out what breaks a rule with what is here, or undo that, as decided."""
+        for element, keys in self._broken.items():
+            decided = self._decided(element)
+            compared.keep(keys, decided)
+            ours = compared.broken_by(OURS, keys, here)
+            theirs = compared.broken_by(THEIRS, keys, there)
+            yield MergeConflict(element, None, ours, theirs, decided)
+
+    def _learn(self, compared: _Comparison, error: RuleViolatedError) -> bool:
+        """Make a conflict of a rule that the result breaks; return whether it was not yet known."""
+        element = f"rule {error.rule} {error.instance}"
+        known = self._broken.get(element, set())
+        found = compared.read_by(error) | known
+        if found == known or len(self._broken) >= NAMED:
+            return False
+        self._broken[element] = found
+        return True
+
+    def _decided(self, element: str) -> Decision | None:
+        """Return what was decided about an element, by its name with or without its kind."""
+        whole = fold(element)
+        return self._given.get(whole, self._given.get(whole.partition(" ")[2]))
 
     def _decide_sayings(
         self, compared: _Comparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
@@ -493,9 +552,10 @@ class _Merging:
                 theirs = MergeSide(said.text, there.get(said.number))
                 yield MergeConflict(said.element, None, ours, theirs, decided)
 
-    def _refuse_unknown(self, conflicts: Iterable[MergeConflict], sayings: Iterable[str]) -> None:
+    def refuse_unknown(self, made: Merge, compared: _Comparison) -> None:
         """Refuse decisions about what is no conflict and no saying, or about several."""
-        elements = [*dict.fromkeys((*(each.element for each in conflicts), *sayings))]
+        sayings = [said.element for said, _ in compared.sayings]
+        elements = [*dict.fromkeys((*(each.element for each in made.conflicts), *sayings))]
         names = [fold(each) for each in elements]
         bare = [name.partition(" ")[2] for name in names]
         for given in self._given:
@@ -512,25 +572,43 @@ class _Merging:
             )
 
     def write(self, transaction: Transaction) -> Merge:
-        """Write the result, whose rules are yet to be checked."""
+        """Write the result; raise `_AgainError` if it breaks a rule, which is a conflict then."""
         definitions = transaction.definitions.origin
         head = transaction.head.revision
         made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
-        undecided = [each for each in made.conflicts if each.decided is None]
-        if undecided:
-            count = f"{len(undecided)} open conflict{'s' * (len(undecided) > 1)}"
-            raise MergeConflictError(
-                f"branch {self.branch.name!r} has {count}: "
-                f"{few_of(undecided, NAMED)}; nothing was written: decide each as 'ours' or "
-                "'theirs', or change one of the two",
-                made.conflicts,
-            )
-        compared.refuse_pseudonyms()
-        carry(transaction, self._theirs.definitions, compared.wanted())
-        say_all(transaction, compared.said)
-        if compared.is_mixed:
-            refuse_misfits(transaction)
+        failed: KantSqlError | None = None
+        try:
+            compared.refuse_pseudonyms()
+            carry(transaction, self._theirs.definitions, compared.wanted())
+            say_all(transaction, compared.said)
+            if compared.is_mixed:
+                refuse_misfits(transaction)
+            transaction.check_rules()
+        except KantSqlError as error:
+            if isinstance(error, RuleViolatedError) and self._learn(compared, error):
+                raise _AgainError from error
+            failed = error
+        self.refuse_unknown(made, compared)
+        # With open conflicts as they are here, more may be refused than once they are decided.
+        if failed is not None and self.conflicting(made) is None:
+            raise failed
         return made
+
+    def conflicting(self, made: Merge) -> MergeConflictError | None:
+        """Return the error of open conflicts, if there are any."""
+        undecided = [each for each in made.conflicts if each.decided is None]
+        if not undecided:
+            return None
+        count = f"{len(undecided)} open conflict{'s' * (len(undecided) > 1)}"
+        return MergeConflictError(
+            f"branch {self.branch.name!r} has {count}: {few_of(undecided, NAMED)}; nothing was "
+            "written: decide each as 'ours' or 'theirs', or change one of the two",
+            made.conflicts,
+        )
+
+
+class _AgainError(Exception):
+    """Rolls back what breaks a rule, which is a conflict from now on."""
 
 
 class _PreviewedError(Exception):
@@ -543,24 +621,29 @@ def merge_preview(
     """Compare a branch with a knowledge base, as `KnowledgeBase.merge_preview`."""
     merging = _Merging(state, branch, decide)
     store, refused, made = state.store, None, None
-    try:
-        with suppress(_PreviewedError, MergeConflictError), store.transaction() as transaction:
-            made = merging.write(transaction)
-            transaction.check_rules()
-            raise _PreviewedError
-    except (ReadOnlyError, ReplicaError, StaleRevisionError):
-        # Nothing can be written here, so nothing is tried.
-        pass
-    except InvalidArgumentError:
-        raise
-    except KantSqlError as error:
-        refused = str(error)
+    while made is None:
+        try:
+            with suppress(_PreviewedError), store.transaction() as transaction:
+                made = merging.write(transaction)
+                raise _PreviewedError
+        except _AgainError:
+            continue
+        except (ReadOnlyError, ReplicaError, StaleRevisionError):
+            # Nothing can be written here, so nothing is tried.
+            break
+        except InvalidArgumentError:
+            raise
+        except KantSqlError as error:
+            refused = str(error)
+            break
     if made is None:
 
         def read(view: View) -> Merge:
             assert view.kb_id is not None
             head = read_position(view.session, view.kb_id).head
-            return merging.compare(view.session, view.kb_id, view.definitions, head)[0]
+            found = merging.compare(view.session, view.kb_id, view.definitions, head)
+            merging.refuse_unknown(*found)
+            return found[0]
 
         made = store.read_in_snapshot(read)
     return replace(made, refused=refused)
@@ -579,8 +662,13 @@ def merge(
     found, store = merging.branch, state.store
     why = f"merged {found.name} at revision {found.head}" if reason is None else reason
     source = {"base": found.base, "branch": found.name, "hash": found.hash, "revision": found.head}
-    with store.transaction(actor, why, source, expected_revision=expected_revision) as transaction:
-        made = merging.write(transaction)
+    write = partial(store.transaction, actor, why, source, expected_revision=expected_revision)
+    made: Merge | None = None
+    while made is None:
+        with suppress(_AgainError), write() as transaction:
+            made = merging.write(transaction)
+            if error := merging.conflicting(made):
+                raise error
     number = transaction.made
     logger.info(
         "knowledge base %r: branch %r merged, by revision %s", store.name, found.name, number

@@ -21,7 +21,8 @@ class MergeSide:
     """One side of a conflict, and the revision that changed it last.
 
     Attributes:
-        text: the element's text; None if it was deleted or never existed.
+        text: the element's text; None if it was deleted or never existed. Of a rule, what this side
+            changed of the facts and values that break it.
         revision: who changed it last since the base, when and why; None if this side only uses it.
         used_by: elements that this side has asserted since the base, and that mention the element,
             which the other side has deleted.
@@ -42,11 +43,12 @@ class MergeSide:
 
 @dataclass(frozen=True)
 class MergeConflict:
-    """An element that the two sides have changed differently.
+    """An element that the two sides have changed differently, or a rule that they break together.
 
     Attributes:
-        element: its kind and its name, such as `value (battery rb1)`, as `decide` takes it.
-        base: its text in the base; None if it did not hold.
+        element: its kind and its name, such as `value (battery rb1)`, as `decide` takes it; of a
+            rule, with the violated instance.
+        base: its text in the base; None if it did not hold, and of a rule.
         ours: this knowledge base.
         theirs: the branch.
         decided: `ours` or `theirs`; None if it is not decided.

@@ -24,13 +24,13 @@ from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..knowledge import resolved as r
 from ..knowledge.grounding import Binding, bound, substitute
+from ..knowledge.reads import Reading, read_by
 from ..knowledge.rules import rules_of
 from ..pddl.cursor import hint
 from ..pddl.document import Action
 from .arithmetic import ADDITIVE, CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
 from .evaluate import Compiler, Env, Rows, Search
 from .failures import FailedCondition, duration_failure, failed_parts
-from .reads import Reading, read_by
 from .steps import CONTINUOUS, EffectItem, PreparedAction
 from .world import FluentRow, Row, World
 

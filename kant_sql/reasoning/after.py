@@ -17,11 +17,10 @@ from ..dto.formulas import TOTAL_COST
 from ..dto.lexical import fold
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
+from ..knowledge.reads import Head, head_of, heads_of
 from ..knowledge.rules import DerivationRules, rules_of
 from .arithmetic import CHANGES
-from .reads import head_of, heads_of
 from .steps import EffectItem
-from .world import Head
 
 # How many cases of one comparison are told apart.
 MOST_CASES = 16

@@ -27,6 +27,7 @@ from ..history.revisions import LARGEST, Revision, at_most, read_numbered
 from ..history.versions import read_newest
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
+from ..knowledge.reads import Head, Reading, head_of, read_by
 from ..knowledge.rules import rules_of
 from ..pddl.document import ACTION, DURATIVE_ACTION
 from ..sql.causes import PastReader, WantedActs, changed_atoms, find_acts, find_origins
@@ -36,10 +37,9 @@ from ..sql.rows import FACT, VALUE
 from ..store.snapshot import View, read_position
 from ..store.state import State
 from .derived import world_of
-from .reads import Reading, head_of, read_by
 from .steps import PreparedAction, prepared
 from .uses import Literal, Uses, parts_used, users_of
-from .world import Head, Row, World
+from .world import Row, World
 
 # Versions of the element in question that are followed, and derived facts that are looked at.
 VERSIONS, DERIVED = 50, 1_000

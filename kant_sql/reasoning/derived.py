@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ..knowledge.definitions import Definitions
+from ..knowledge.reads import heads_of
 from ..knowledge.resolved import Bound, HoldsFact, Part, closure
 from ..knowledge.rules import DerivationRule, mentioned, rules_of
 from ..pddl.document import Domain, Problem
 from .evaluate import Compiler, alternatives
-from .reads import heads_of
 from .world import Relation, Row, World, definitions_of, fill
 
 

@@ -19,6 +19,7 @@ from ..history.revisions import read_numbered
 from ..html import Listing
 from ..knowledge import resolved as r
 from ..knowledge.definitions import METRIC, Definitions
+from ..knowledge.reads import Head
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.given import read_condition, text_of
@@ -31,7 +32,6 @@ from .ask import OF_ANSWERS, OF_TRUTHS, Binding, asked, given_numbers, given_var
 from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition, conjuncts
 from .steps import EffectItem, of_time, preferred
 from .sweep import names_of, with_objects
-from .world import Head
 
 # Numbers of variables that no condition has.
 _FAR = 2_000_000

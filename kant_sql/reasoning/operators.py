@@ -26,6 +26,7 @@ from ..dto import formulas as f
 from ..dto.lexical import decimal_text, fold
 from ..knowledge import resolved as r
 from ..knowledge.definitions import KINDS, Definitions
+from ..knowledge.reads import Head, heads_of
 from ..knowledge.rules import rules_of
 from ..planning import PlanStep
 from .arithmetic import CHANGES, EXACT, FEW_DIGITS, NOT_FEW, Exact
@@ -34,9 +35,8 @@ from .effects import combined
 from .evaluate import Compiler, Env, Search, alternatives
 from .failures import FailedCondition
 from .promise import promise_of
-from .reads import heads_of
 from .steps import EffectItem, PreparedAction, executable, prepared
-from .world import FluentRow, Head, Relation, Row, Value
+from .world import FluentRow, Relation, Row, Value
 
 # The values of fluents by their numbers; None or no place without a value.
 Values = Sequence[Value | None]

@@ -18,6 +18,7 @@ from ..errors import NotApplicableError, TypeMismatchError, UnsupportedConstruct
 from ..knowledge import resolved as r
 from ..knowledge.atoms import FluentKey
 from ..knowledge.grounding import bound, substitute
+from ..knowledge.reads import Head, heads_of
 from ..knowledge.rules import rules_of
 from ..sql.answers import GUARDS
 from ..sql.relations import ConditionStatement
@@ -28,9 +29,7 @@ from .ask import OF_TRUTHS, asked, given_numbers, question, statement_key
 from .effects import EffectReader, StepChanges, settled
 from .explain import Changed, Explainer, number_of
 from .failures import TOLERANCE, FailedCondition, duration_failure
-from .reads import heads_of
 from .steps import CONTINUOUS, EffectItem, GroundStep, PreparedAction, misfits
-from .world import Head
 
 AFTER_START = "right after the start"
 _LASTING = r.Parameter(f.DURATION)

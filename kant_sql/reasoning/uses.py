@@ -21,10 +21,10 @@ from ..dto.formulas import AT_END
 from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
+from ..knowledge.reads import head_of
 from ..knowledge.rules import DerivationRules, rules_of
 from .derived import fitting
 from .evaluate import Compiler, Env, Rows, Test
-from .reads import head_of
 from .steps import CONTINUOUS, PreparedAction
 from .world import Row, World
 

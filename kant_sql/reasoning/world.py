@@ -23,16 +23,16 @@ from ..dto.elements import atom_text
 from ..dto.formulas import TOTAL_COST, Atom, Expression, Fluent, Number, Term, TypedName
 from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge import definitions as d
+from ..knowledge.reads import Head
 from ..knowledge.resolved import Resolver, TypeSet
 from ..knowledge.rules import DerivationRules
 from ..knowledge.trees import ParameterDefinition
 from ..pddl.document import Domain, Problem
 from .arithmetic import Linear
 
-# The objects of a fact; a fluent with its function; a predicate (True) or a function, by id.
+# The objects of a fact; a fluent with its function.
 Row = tuple[int, ...]
 FluentRow = tuple[int, Row]
-Head = tuple[bool, int]
 Value = Decimal | int
 
 

@@ -27,10 +27,12 @@ from ..knowledge.definitions import (
 )
 from ..knowledge.formulas import TreeReader
 from ..knowledge.grounding import bound, substitute
+from ..knowledge.reads import Reading, heads_of, read_by
 from ..knowledge.rules import rules_of
 from ..sql.answers import Question, Reader
 from ..sql.dialects.base import Session
 from ..sql.relations import ConditionStatement
+from ..sql.rows import FACT, VALUE
 
 # What each element of a kind was before a transaction, and what it is now; None where it is not.
 Changes = Mapping[str, Sequence[tuple[Any, Any, Any]]]
@@ -139,7 +141,7 @@ class RuleGuard:
         self.objects: list[_Trigger] = []  # what a new object may bring about
         # The variables within conditions, and whether more objects make these true.
         self.ranges: list[tuple[Forbidden, Iterable[r.TypeSet], bool]] = []
-        self._rules = rules_of(definitions)
+        self.rules = rules_of(definitions)
         for rule in definitions.rules:
             if rule.on_violation == REFUSE:
                 formula = TreeReader(definitions, rule.constraint).formula()
@@ -148,7 +150,7 @@ class RuleGuard:
 
     def _add(self, one: Forbidden) -> None:
         self.all.append(one)
-        derived = self._rules.of
+        derived = self.rules.of
         parts = one.part.parts if isinstance(one.part, r.AllOf) else (one.part,)
         facts = [each for each in parts if isinstance(each, r.HoldsFact)]
         # A new object that a fact has is found by the fact.
@@ -161,30 +163,20 @@ class RuleGuard:
                 case r.Bound(_, types):
                     self.ranges.append((one, types, begins))
                 case r.HoldsFact(predicate) if derived(predicate):
-                    self._depend(one, predicate)
+                    self._depend(one, leaf)
                 case r.HoldsFact(predicate, terms):
                     self.triggers[PROPOSITIONS, predicate, begins].append(_trigger(one, terms))
                 case r.FluentIs(function, terms) | r.NumberOf(function, terms):
                     for sign in (True, False):
                         self.triggers[VALUES, function, sign].append(_trigger(one, terms))
 
-    def _depend(self, one: Forbidden, derived: int) -> None:
+    def _depend(self, one: Forbidden, derived: r.HoldsFact) -> None:
         """Look for all when something changes that a derived predicate depends on."""
         self.ranges += [(one, (), True), (one, (), False)]
-        seen, pending = {(PROPOSITIONS, derived)}, [derived]
-        while pending:
-            for rule in self._rules.of(pending.pop()):
-                for leaf in r.parts_of(rule.body):
-                    if isinstance(leaf, r.FluentIs | r.NumberOf):
-                        seen.add((VALUES, leaf.function))
-                    elif (
-                        isinstance(leaf, r.HoldsFact) and (PROPOSITIONS, leaf.predicate) not in seen
-                    ):
-                        seen.add((PROPOSITIONS, leaf.predicate))
-                        pending.append(leaf.predicate)
-        for key in seen:
+        for is_fact, owner in heads_of(self.rules, derived):
             for sign in (True, False):
-                self.triggers[*key, sign].append(_trigger(one, ()))
+                kind = PROPOSITIONS if is_fact else VALUES
+                self.triggers[kind, owner, sign].append(_trigger(one, ()))
 
 
 def _trigger(one: Forbidden, terms: tuple[r.Place, ...]) -> _Trigger:
@@ -294,6 +286,7 @@ class TouchedRules:
         instance = substitute(one.formula, bound(one.variables, [each.name for each in own]))
         part = r.replaced(one.part, {**ids}, count(1_000_000))
         parts = part.parts if isinstance(part, r.AllOf) else (part,)
+        read: list[Reading[int]] = read_by(self.guard.rules, parts, {})
         said = ", ".join(sorted({*filter(None, (_text(definitions, each) for each in parts))}))
         raise RuleViolatedError(
             f"rule {one.rule.name!r} refuses this: {instance} would be violated"
@@ -301,7 +294,16 @@ class TouchedRules:
             "first or in the same transaction, or redefine or delete the rule (kb.rules)",
             one.rule.name,
             str(instance),
+            tuple([_reading(definitions, each) for each in read]),
         )
+
+
+def _reading(definitions: Definitions, read: Reading[int]) -> tuple[str | None, ...]:
+    """Write what is read in names."""
+    is_fact, owner, row = read
+    kind, owners = (FACT, definitions.predicates) if is_fact else (VALUE, definitions.functions)
+    names = [None if id_ is None else definitions.objects.live(id_).name for id_ in row]
+    return kind, owners.live(owner).name, *names
 
 
 def _text(definitions: Definitions, part: r.Part) -> str | None:

@@ -352,25 +352,105 @@ def test_two_who_were_erased_are_not_taken_for_one(rooms: KnowledgeBase, branch_
     assert rooms.merge(trial).revision is None
 
 
-def test_a_rule_that_the_result_would_break_refuses(
+ONE_PLACE = "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))"
+
+
+def move(kb: KnowledgeBase, robot: str, place: str, reason: str) -> None:
+    """Have a robot at one place."""
+    with kb.transaction(actor=f"of {robot}", reason=reason):
+        for fact in facts(kb):
+            if fact.startswith(f"(at {robot} "):
+                kb.propositions.delete(fact)
+        kb.propositions.save(f"(at {robot} {place})")
+
+
+def test_a_rule_that_both_break_together_is_a_conflict(
     rooms: KnowledgeBase, branch_of: Branch
 ) -> None:
-    rule = "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))"
-    rooms.rules.save("one-place", rule, on_violation="refuse")
+    rooms.rules.save("one-place", ONE_PLACE, on_violation="refuse")
     trial = branch_of(rooms)
-    for kb, place in ((rooms, "p2"), (trial, "p3")):
-        with kb.transaction():
-            kb.propositions.delete("(at rb1 p1)")
-            kb.propositions.save(f"(at rb1 {place})")
+    for robot in ("rb1", "rb2"):
+        move(rooms, robot, "p2", "seen")
+        move(trial, robot, "p3", "planned")
+    trial.propositions.save("(idle)")
     found = rooms.merge_preview(trial)
-    assert found.refused is not None
-    assert "one-place" in found.refused
-    before = rooms.revision
-    with pytest.raises(RuleViolatedError):
-        rooms.merge(trial)
-    assert rooms.revision == before
-    trial.propositions.delete("(at rb1 p3)")
-    assert rooms.merge(trial).revision is None
+    names = [f"rule one-place (at-most-one (?p - place) (at {each} ?p))" for each in ("rb1", "rb2")]
+    assert elements(found) == names
+    assert (lines(found), found.refused) == (["+ fact (idle)"], None)
+    [one, _] = found.conflicts
+    assert (one.ours.text, one.theirs.text) == ("(at rb1 p2)", "(at rb1 p3)")
+    ours, theirs = one.ours.revision, one.theirs.revision
+    assert ours is not None
+    assert theirs is not None
+    assert (ours.actor, ours.reason, theirs.reason) == ("of rb1", "seen", "planned")
+    assert refused(rooms, trial).conflicts == found.conflicts
+    error = refused(rooms, trial, decide={names[0]: "theirs"})
+    assert [one.decided for one in error.conflicts] == ["theirs", None]
+    assert rooms.merge(trial, decide={names[0]: "theirs", names[1]: "ours"}).revision
+    assert facts(rooms) == ["(at rb1 p3)", "(at rb2 p2)", "(idle)", "(open p2)"]
+    assert elements(rooms.merge_preview(trial)) == []
+
+
+@pytest.mark.parametrize("side", ["ours", "theirs"])
+def test_a_rule_is_decided_with_other_conflicts(
+    rooms: KnowledgeBase, branch_of: Branch, side: Decision
+) -> None:
+    rooms.rules.save("idle", "(always (imply (idle) (> (battery rb1) 20)))", on_violation="refuse")
+    trial = branch_of(rooms)
+    rooms.function_values.set("battery", objects=["rb1"], value=10)
+    trial.propositions.save("(idle)")
+    for kb, text in ((rooms, "rb1"), (trial, "rb2")):
+        kb.pddl.metric.set(f"(:metric maximize (battery {text}))")
+    name = "rule idle (always (imply (idle) (> (battery rb1) 20)))"
+    assert elements(rooms.merge_preview(trial)) == ["metric", name]
+    error = refused(rooms, trial, decide={name: side})
+    assert error.conflicts == rooms.merge_preview(trial, decide={name: side}).conflicts
+    rooms.merge(trial, decide={name: side, "metric": "theirs"})
+    value = rooms.function_values.get("battery", objects=["rb1"])
+    assert rooms.holds("(idle)") == (side == "theirs")
+    assert value == (10 if side == "ours" else 50)
+
+
+def test_a_rule_of_one_side_is_left_out_or_what_the_other_did_undone(
+    rooms: KnowledgeBase, branch_of: Branch
+) -> None:
+    trial = branch_of(rooms)
+    rule = "(forall (?p - place) (always (imply (open ?p) (not (idle)))))"
+    trial.rules.save("Closed", rule, on_violation="refuse")
+    rooms.propositions.save("(idle)")
+    [one] = rooms.merge_preview(trial).conflicts
+    assert one.element == "rule Closed (always (imply (open p2) (not (idle))))"
+    assert one.ours.text == "(idle)"
+    assert "refuse" in str(one.theirs.text)
+    made = rooms.merge_preview(trial, decide={one.element: "ours"})
+    assert (made.changes, made.refused) == ((), None)
+    rooms.merge(trial, decide={one.element: "theirs"})
+    assert not rooms.holds("(idle)")
+    assert [each.name for each in rooms.rules.get_all()] == ["Closed"]
+
+
+def test_decisions_that_break_a_rule_are_refused(rooms: KnowledgeBase, branch_of: Branch) -> None:
+    exactly = "(exactly-one (?p - place) (at rb1 ?p))"
+    rooms.rules.save("at-one", exactly, on_violation="refuse")
+    closed = "(always (imply (open p1) (at rb1 p2)))"
+    rooms.rules.save("closed", closed, on_violation="refuse")
+    trial = branch_of(rooms)
+    move(rooms, "rb1", "p2", "seen")
+    rooms.propositions.save("(open p1)")
+    move(trial, "rb1", "p3", "planned")
+    decide: dict[str, Decision] = {f"rule at-one {exactly}": "theirs"}
+    found = rooms.merge_preview(trial, decide=decide)
+    assert elements(found) == [*decide, f"rule closed {closed}"]
+    decide[f"rule closed {closed}"] = "ours"
+    said = rooms.merge_preview(trial, decide=decide).refused
+    assert said is not None
+    with pytest.raises(RuleViolatedError, match="at-one") as caught:
+        rooms.merge(trial, decide=decide)
+    assert str(caught.value) == said
+    with pytest.raises(InvalidArgumentError, match="is not a conflict of this merge"):
+        rooms.merge(trial, decide={**decide, "rule other": "ours"})
+    rooms.merge(trial, decide=dict.fromkeys(decide, "theirs"))
+    assert facts(rooms) == ["(at rb1 p3)", "(open p2)"]
 
 
 def test_only_a_branch_of_this_one_is_merged(

@@ -20,11 +20,11 @@ from typing import Any
 
 from kant_sql.dto import formulas as f
 from kant_sql.dto.lexical import fold
+from kant_sql.knowledge.reads import Reading, read_by
 from kant_sql.knowledge.resolved import HoldsFact, Known, Resolver
 from kant_sql.knowledge.rules import rules_of
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.reasoning.derived import read_world, world_of
-from kant_sql.reasoning.reads import Reading, read_by
 from kant_sql.reasoning.uses import Literal, Uses, users_of
 from kant_sql.reasoning.world import World
 from tests.support.evaluator import Evaluator, Ground, State

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
-from ..knowledge import resolved as r
-from ..knowledge.rules import DerivationRules
-from .world import Head
+from . import resolved as r
+from .rules import DerivationRules
 
 T = TypeVar("T")
-# A predicate (True) or a function, and what each of its arguments may be; None for any object.
+# A predicate (True) or a function, by id.
+Head = tuple[bool, int]
+# The same, and what each of its arguments may be; None for any object.
 Reading = tuple[bool, int, tuple[T | None, ...]]
 
 
