@@ -391,10 +391,10 @@ def fail(
         reason: the revision's reason.
 
     Returns:
-        The execution, with the outcome `failed`.
+        The execution, with the outcome `failed`. If it has failed already, nothing is written.
 
     Raises:
-        PlanError: it is not running, or not known.
+        PlanError: it has another outcome than these two, or is not known.
         ReadOnlyError: this is a view of the past.
 
     Examples:

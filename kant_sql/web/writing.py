@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictFloat, StrictInt, creat
 from starlette.exceptions import HTTPException
 
 from ..dao_calls import KINDS, LONGEST_BODY, MOST_CHANGES, dao_of, is_read
-from ..errors import InvalidArgumentError, StaleRevisionError, StoreError
+from ..errors import InvalidArgumentError, StaleRevisionError, StoreError, UnknownNameError
 from ..history.revisions import Revision
 from ..json_values import json_value
 from ..knowledge_base import KnowledgeBase, state_of
@@ -219,7 +219,8 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
             whole = request.url.path.encode(), await request.body()
             key = RequestKey.of(token.id, idempotency_key, b"\n".join(whole))
         if did is not None and said["reason"] is None:
-            said["reason"] = f"{did} {' '.join(fields['step'].split())}"
+            # The step, or the id of its execution, comes first.
+            said["reason"] = f"{did} {' '.join(next(iter(fields.values())).split())}"
 
         def work() -> tuple[WriteAnswer | Stale, int]:
             with store.knowledge_base(store.choose(kb_name)) as kb:
@@ -420,6 +421,34 @@ def end(kb: KnowledgeBase, *, step: Text) -> list[Result]:
         step: an action with its arguments, as it was started.
     """
     return [kb.end(step).id]
+
+
+@WRITES.post("/abort", "apply", "aborted")
+def abort(kb: KnowledgeBase, *, step: Text, undo: bool = False) -> list[Result]:
+    """Abort a step that runs: `kb.abort`. The result is the id of its execution.
+
+    Args:
+        step: an action with its arguments, as it was started.
+        undo: whether to take back what its start changed.
+    """
+    return [kb.abort(step, undo=undo).id]
+
+
+@WRITES.post("/fail", "apply", "failed")
+def fail(
+    kb: KnowledgeBase, *, execution: Text, code: Text | None = None, text: Text | None = None
+) -> list[Result]:
+    """Record that a step that runs has failed: `kb.fail`. The result is the id of its execution.
+
+    Args:
+        execution: the id of its execution, as `start` returned it.
+        code: the code of the failure.
+        text: a message.
+    """
+    found = kb.executions.get(execution)
+    if found is None:
+        raise UnknownNameError(f"this knowledge base has no execution {execution}")
+    return [kb.fail(found, code=code, text=text).id]
 
 
 @WRITES.post("/load", "write")

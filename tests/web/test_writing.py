@@ -104,6 +104,23 @@ def test_each_write_is_a_revision_of_the_actor_of_the_token(loaded: Post, url: s
         assert kb.store.verify().is_intact
 
 
+def test_a_step_is_aborted_or_fails(loaded: Post, url: str) -> None:
+    loaded("start", step="(charge rb1)")
+    (aborted,) = loaded("abort", step="(charge  rb1)", undo=True)["results"]
+    (failed,) = loaded("start", step="(charge rb1)")["results"]
+    answer = loaded("fail", execution=failed, code="E4", text="no charger")
+    assert answer == {"revision": 5, "results": [failed], **PLAIN}
+    assert loaded("fail", 409, execution=aborted)["type"] == "PlanError"
+    assert "9.9" in loaded("fail", 404, execution="9.9")["error"]
+    assert loaded("abort", 409, step="(charge rb1)")["type"] == "PlanError"
+    with kant_sql.connect(url, knowledge_base="tiago", read_only=True) as kb:
+        found = {one.id: (one.outcome, one.code, one.text) for one in kb.executions.get_all()}
+        assert found == {aborted: ("aborted", None, None), failed: ("failed", "E4", "no charger")}
+        reasons = [one.reason for one in kb.store.revisions()][2:]
+        said = ["aborted (charge rb1)", "started (charge rb1)", f"failed {failed}"]
+        assert reasons == said
+
+
 def test_a_transaction_is_whole_or_not_at_all(loaded: Post, url: str) -> None:
     changes = [
         {"kind": "objects", "do": "save", "element": "wp3 - wp"},
