@@ -224,6 +224,7 @@ class Session(ABC):
         self._pool = backend.engine.pool
         self._cursor: DBAPICursor = connection.cursor()
         self._dialect = backend.dialect
+        self._is_logged = logger.isEnabledFor(logging.DEBUG)
         self._savepoints = 0
         self._guard: StatementGuard | None = None
         self.is_abandoned = False
@@ -331,6 +332,8 @@ class Session(ABC):
 
     def begin(self, write: bool) -> None:
         """Begin a transaction."""
+        # Asked once for all statements: it costs more than to choose one.
+        self._is_logged = logger.isEnabledFor(logging.DEBUG)
         self._execute(self.backend.begin_write if write else self.backend.begin_read)
 
     def commit(self, changed: int | None = None) -> None:
@@ -476,7 +479,7 @@ class Session(ABC):
         sql = statement
         if not isinstance(sql, str):
             sql = sql.texts.get(self._dialect.name) or sql.text(self._dialect)
-        if logger.isEnabledFor(logging.DEBUG):
+        if self._is_logged:
             self._logged(self._cursor.execute, sql, parameters)
             return
         try:
