@@ -187,12 +187,12 @@ class Commits:
 
 
 # Logs every statement at DEBUG; the tests count them here.
-logger = logging.getLogger("kant_sql.sql")
-if logger.level == logging.NOTSET:
+statement_log = logging.getLogger("kant_sql.sql")
+if statement_log.level == logging.NOTSET:
     # Else a program that sets the root logger to DEBUG, or to NOTSET, gets each statement: on a
     # store in memory, a save took 2.7 times as long. The loggers of pools are below this one, and
     # at INFO they would write of each connection where the root's level kept them silent.
-    logger.setLevel(logging.WARNING)
+    statement_log.setLevel(logging.WARNING)
 
 FETCH_SIZE = 5_000
 LONGEST_LOGGED = 200
@@ -211,6 +211,7 @@ class Session(ABC):
         backend: the database.
         keeps_limit: whether the connection keeps a question's limit until it is told another.
         is_abandoned: whether the connection belongs to the parent process, after a fork.
+        is_logged: whether its statements are logged; asked once for each use of it.
         overlay: what its statements read in the place of some tables; None for the tables.
     """
 
@@ -224,7 +225,7 @@ class Session(ABC):
         self._pool = backend.engine.pool
         self._cursor: DBAPICursor = connection.cursor()
         self._dialect = backend.dialect
-        self._is_logged = logger.isEnabledFor(logging.DEBUG)
+        self.is_logged = statement_log.isEnabledFor(logging.DEBUG)
         self._savepoints = 0
         self._guard: StatementGuard | None = None
         self.is_abandoned = False
@@ -332,8 +333,6 @@ class Session(ABC):
 
     def begin(self, write: bool) -> None:
         """Begin a transaction."""
-        # Asked once for all statements: it costs more than to choose one.
-        self._is_logged = logger.isEnabledFor(logging.DEBUG)
         self._execute(self.backend.begin_write if write else self.backend.begin_read)
 
     def commit(self, changed: int | None = None) -> None:
@@ -479,7 +478,7 @@ class Session(ABC):
         sql = statement
         if not isinstance(sql, str):
             sql = sql.texts.get(self._dialect.name) or sql.text(self._dialect)
-        if self._is_logged:
+        if self.is_logged:
             self._logged(self._cursor.execute, sql, parameters)
             return
         try:
@@ -503,14 +502,14 @@ class Session(ABC):
 
 def log_statement(sql: str, started: float) -> None:
     """Log a statement, shortened, without parameters: these are the robot's knowledge."""
-    if not logger.isEnabledFor(logging.DEBUG):
+    if not statement_log.isEnabledFor(logging.DEBUG):
         return
     took = (time.perf_counter() - started) * 1e3
     text = " ".join(sql.split())
     if len(text) > LONGEST_LOGGED:
         text = f"{text[:LONGEST_LOGGED]}..."
     said = {"sql": sql, "milliseconds": took}
-    logger.debug("%s (%.3f ms)", printable(text), took, extra=said)
+    statement_log.debug("%s (%.3f ms)", printable(text), took, extra=said)
 
 
 class Backend(ABC):

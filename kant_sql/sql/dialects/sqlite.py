@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import re
 import sqlite3
@@ -81,6 +82,7 @@ from .base import (
     WriterLock,
     log_statement,
     refuse_unknown_options,
+    statement_log,
     url_label,
 )
 from .sqlite_file import WAL_LIMIT, StoreFile
@@ -871,6 +873,7 @@ class SqliteBackend(Backend):
             # Another thread took it.
             return None
         self.sessions[session] = threading.get_ident()
+        session.is_logged = statement_log.isEnabledFor(logging.DEBUG)
         if self.in_memory and isinstance(session, MemorySession):
             session.resume()
         return session
