@@ -83,7 +83,8 @@ _SAME = "{0}.kb_id = :kb AND {0}.plan_id = {1}.plan_id AND {0}.position = {1}.po
 def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
     """Select the executions, or the steps of plans, that one access finds."""
     has_object = by in (_OBJECT, _BOTH)
-    execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id = w.c0"
+    # Without statistics, PostgreSQL would read all of the action for each that is joined.
+    execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id + 0 = w.c0"
     span = "BETWEEN w.c3 AND w.c4"
     # Without statistics, PostgreSQL would read all that began in these revisions for each act.
     end, last = "v.since", f"{_SAME.format('v', 'x')} AND v.since + 0 {span}"

@@ -370,11 +370,11 @@ class _LateralLoops(NestedLoops):
         return self.loop(alias, table, f"{conditions} ORDER BY {column}")
 
     @override
-    def last(self, walk: Walk, revision: str, wanted: str) -> str:
+    def last(self, walk: Walk, revision: str, wanted: str, also: str = "") -> str:
         # Only the primary key has this order: sorted by revision alone, the planner may go through
         # all versions of the knowledge base, backwards, to find one of the identity.
         alias, key = walk.alias, walk.key
-        found = walk.where(f"{alias}.*", f"({key}) <= ({walk.identity}, {revision})")
+        found = walk.where(f"{alias}.*", f"({key}) <= ({walk.identity}, {revision}){also}")
         found += f" ORDER BY {key.replace(',', ' DESC,')} DESC LIMIT 1"
         return f"(SELECT {wanted} FROM ({found}) AS {alias} WHERE {walk.own})"
 
@@ -398,7 +398,10 @@ class _LateralLoops(NestedLoops):
 
     @override
     def latest(self, walk: Walk, revision: str) -> str:
-        return f" CROSS JOIN LATERAL {self.last(walk, revision, f'{walk.alias}.*')} AS {walk.alias}"
+        # No index has the place of a row: else one that has all columns, but not this order, is
+        # read as a whole and sorted, if PostgreSQL knows how many rows there are and nothing more.
+        found = self.last(walk, revision, f"{walk.alias}.*", f" AND {walk.alias}.ctid <> '(0,0)'")
+        return f" CROSS JOIN LATERAL {found} AS {walk.alias}"
 
 
 def _between(walk: Walk, begin: str, first: str, upto: str, wanted: str) -> str:
