@@ -181,7 +181,8 @@ def retention(
         raise typer.BadParameter("give an age, or a file with --rules", param_hint="--after")
     from ..history.erasure.retention import read_rules
 
-    lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]
+    of = "*" if of_actor is None else f'"{of_actor}"'
+    lines = [] if after is None else [f"{of} {after} {parts}"]
     if rules is not None:
         # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
         with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:

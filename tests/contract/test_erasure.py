@@ -382,6 +382,14 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):
         with pytest.raises(errors.InvalidArgumentError, match="camera 30d reason,source"):
             read_rules([wrong])
+    written = {
+        'camera "2"': 'camera "2"',
+        '"night  shift "': "night  shift ",
+        '""c""': '"c"',
+        '""': "",
+    }
+    for line, actor in written.items():
+        assert read_rules([f"{line} 1d reason"])[0].actor == actor
     none: tuple[Any, ...] = (None, 5, "camera 30d reason", [None], [b"camera 30d reason"])
     for given in none:
         with pytest.raises(errors.InvalidArgumentError, match="rules of retention"):
@@ -472,6 +480,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "unpaired surrogate" in commands.complaint("retention", url, "--rules", str(path))
     path.write_bytes(b"\xef\xbb\xbfcamera 900d source\n  # and\n")
     assert "nothing is old enough" in commands.run("retention", url, "--rules", str(path)).output
+    none = commands.run("retention", url, "--after", "0s", "--parts", "source", "--of", "")
+    assert "nothing is old enough" in none.output
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 
