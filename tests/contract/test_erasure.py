@@ -55,6 +55,7 @@ def fill(kb: KnowledgeBase) -> KnowledgeBase:
     kb.plans.record(Plan.read("(move bath hall)"))
     kb.plans.record(
         Plan.read("(move bath hall)"),
+        planner_version=f"1.0 of {NAME}",
         domain_pddl="(define (domain d))",
         problem_pddl=f"(define (problem p) (:objects {NAME} {NAME}2))",
     )
