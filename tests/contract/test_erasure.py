@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import sqlite3
 from contextlib import closing
@@ -361,6 +362,20 @@ def test_a_source_that_is_restored_brings_no_name_back(
     assert NAME not in everything(kept).replace(f"{NAME}2", "")
     assert not has_bytes(f"sqlite:///{replica}", f"{NAME} ")
     assert not restored.store.verify(kb.store.anchor()).is_intact
+
+
+def test_a_replica_that_is_behind_brings_no_name_back(tmp_path: Path, connect: Connect) -> None:
+    own, behind, replica = (f"sqlite:///{tmp_path / name}.db" for name in ("own", "old", "new"))
+    kb = fill(connect(own, knowledge_base="tiago"))
+    for target in (behind, replica):
+        kb.store.push(target)
+    kb.erase(NAME, reason="asked")
+    kb.store.push(replica)
+    late = connect(behind, knowledge_base="tiago")
+    with pytest.raises(errors.DivergedError, match=re.escape(f"push to it from {own} first")):
+        late.store.push(replica)
+    kb.store.push(behind)
+    assert late.store.push(replica).revisions == 0
 
 
 def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
