@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import printable
 from ..knowledge.canonical import SAID
 from . import common as c
 from .output import Printer, complain, plural, write_json
@@ -142,7 +143,8 @@ def _write_said(
         write_json(knowledge_base=name, said=found)
         return
     for one in found:
-        Printer().line("would erase: {part} of revision {revision}: {text}".format(**one))
+        of = "would erase: {part} of revision {revision}: {text}".format(**one)
+        Printer().line(printable(of))
 
 
 def retention(
