@@ -82,6 +82,19 @@ def test_a_server_that_is_too_old_is_refused_by_its_version(
         opens(url)
 
 
+@pytest.mark.parametrize("opens", [kant_sql.connect, kant_sql.upgrade])
+def test_a_database_of_bytes_is_refused_by_its_encoding(
+    server: Server, opens: Callable[[str], object]
+) -> None:
+    url = make_url(server.new_database())
+    name = f"{url.database}_bytes"
+    options = "ENCODING 'SQL_ASCII' LC_COLLATE 'C' LC_CTYPE 'C' TEMPLATE template0"
+    with psycopg.connect(server._server.get_uri(), autocommit=True) as connection:
+        connection.execute(f'CREATE DATABASE "{name}" {options}'.encode())
+    with pytest.raises(StoreError, match="use one with the encoding UTF8"):
+        opens(url.set(database=name).render_as_string(hide_password=False))
+
+
 def test_an_unknown_user_is_refused(guarded: str) -> None:
     url = make_url(guarded).set(username="nobody", password=PASSWORD)
     with pytest.raises(AuthenticationError, match="nobody") as caught:

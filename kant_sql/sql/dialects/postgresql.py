@@ -797,14 +797,21 @@ class PostgresqlBackend(Backend):
         except ArgumentError as error:
             raise InvalidUrlError(f"{self.label}: {error}") from error
 
-        @event.listens_for(engine, "connect")
-        def refuse_old_server(connection: Any, _: object) -> None:
+        # Before SQLAlchemy, which cannot read bytes.
+        @event.listens_for(engine, "connect", insert=True)
+        def refuse_server(connection: Any, _: object) -> None:
             major, minor = divmod(connection.info.server_version, 10_000)
             if major < OLDEST_SERVER:
                 connection.close()
                 raise StoreError(
                     f"{self.label}: the server is PostgreSQL {major}.{minor}, and kant_sql needs "
                     f"{OLDEST_SERVER} or later; upgrade the server"
+                )
+            if connection.info.parameter_status("server_encoding") == "SQL_ASCII":
+                connection.close()
+                raise StoreError(
+                    f"{self.label}: the database has the encoding SQL_ASCII, bytes without "
+                    "characters; use one with the encoding UTF8"
                 )
 
         return engine
