@@ -578,6 +578,11 @@ _VIEW = Query(
 # Of its major versions, that of the tests which is the oldest.
 OLDEST_SERVER = 14
 LOCK_TIMEOUT = f"{PATIENCE:g}s"
+# What the driver reads, and the catalogs as the structure is written, whatever a role's own are.
+READABLE = {
+    **{"DateStyle": "ISO", "client_encoding": "UTF8"},
+    **{"standard_conforming_strings": "on", "quote_all_identifiers": "off"},
+}
 _IS_LIMITED = "SELECT row_security_active(to_regclass('revision'))"
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
@@ -675,7 +680,7 @@ class PostgresqlBackend(Backend):
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
             # In another zone, the first and the last times of the calendar would be beyond it.
-            settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC"}
+            settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC", **READABLE}
             if self.is_read_only:
                 settings["default_transaction_read_only"] = "on"
             record.info[IS_POOLED] = settle(connection, pooler, settings)
