@@ -115,6 +115,8 @@ def test_settings_of_a_database_change_nothing(server: Server, name: str, value:
         (revision,) = kb.store.revisions()
         assert kb.at(revision.committed_at).types.get("台") is not None
         assert kb.store.verify().findings == ()
+    sql = kant_sql.operations.create_roles(url, knowledge_base="台", dry_run=True).statements
+    assert sql
 
 
 def test_an_unknown_user_is_refused(guarded: str) -> None:

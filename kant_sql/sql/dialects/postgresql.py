@@ -845,6 +845,7 @@ class PostgresqlBackend(Backend):
         try:
             with engine.connect() as connection, connection.begin():
                 lock_schema(lambda sql: _says_true(connection.exec_driver_sql(sql)))
+                connection.exec_driver_sql(local(READABLE).removeprefix("; "))
                 self.cluster = cluster_of(connection)
                 if self.cluster is not None:
                     self.cluster.use_one_connection(connection)
