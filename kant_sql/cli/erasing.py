@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import printable
 from ..knowledge.canonical import SAID
 from . import common as c
 from .output import Printer, complain, plural, write_json
@@ -142,7 +143,8 @@ def _write_said(
         write_json(knowledge_base=name, said=found)
         return
     for one in found:
-        Printer().line("would erase: {part} of revision {revision}: {text}".format(**one))
+        of = "would erase: {part} of revision {revision}: {text}".format(**one)
+        Printer().line(printable(of))
 
 
 def retention(
@@ -181,7 +183,8 @@ def retention(
         raise typer.BadParameter("give an age, or a file with --rules", param_hint="--after")
     from ..history.erasure.retention import read_rules
 
-    lines = [] if after is None else [f"{of_actor or '*'} {after} {parts}"]
+    of = "*" if of_actor is None else f'"{of_actor}"'
+    lines = [] if after is None else [f"{of} {after} {parts}"]
     if rules is not None:
         # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
         with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:

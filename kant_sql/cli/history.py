@@ -197,7 +197,8 @@ def _write_correction(printer: Printer, one: Correction) -> None:
     printer.line(f"{period}  {one.text}")
     for verb, belief in (("believed", one.believed), ("said", one.said)):
         revision = belief.revision
-        who = "" if revision is None else f"  r{revision.number} {' '.join(revision.said())}"
+        said = [] if revision is None else [f"  r{revision.number}", *revision.said()]
+        who = " ".join(map(printable, said))
         printer.line(f"  {verb}: {belief.content}{who}")
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..errors import printable
 from . import common as c
 from .history import write_changes
 from .output import Printer, plural, write_json
@@ -89,8 +90,8 @@ def _write(made: Merge, name: str, is_done: bool) -> None:
         printer.line(
             f"conflict: {each.element}{'' if each.decided is None else f': {each.decided}'}"
         )
-        printer.line(f"  ours: {each.ours}")
-        printer.line(f"  theirs: {each.theirs}")
+        printer.line(f"  ours: {printable(str(each.ours))}")
+        printer.line(f"  theirs: {printable(str(each.theirs))}")
     if made.refused is not None:
         printer.line(f"refused: {made.refused}")
     if not is_done and (made.changes or made.conflicts):

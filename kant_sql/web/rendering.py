@@ -51,6 +51,11 @@ def address_of(kind: str, text: str) -> Address | None:
     """Return the page of an element, of its kind and its text in a change; None without one."""
     if kind == "actor":
         return Address("/log", {"actor": text})
+    if kind == "saying":
+        # `(:held (= (battery rb1) 80) :from ...)` is about the lane `(battery rb1)`.
+        said = text.partition(" :from ")[0].partition(" ")[2]
+        lane = said.removeprefix("(= ").partition(")")[0] + ")"
+        return Address("/timeline", {"text": lane, "clock": "valid"})
     words = text.replace("(", " ").replace(")", " ").split()
     if kind == "object" and words[:1] == [":constants"]:
         words.pop(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 import signal
 from pathlib import Path
@@ -287,6 +288,20 @@ def test_what_another_does_to_the_archive_meanwhile_is_not_overlooked(
     assert file_kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url).parts
     assert not names_it(archive_url)
     intact(archive_url)
+
+
+def test_of_two_archives_the_one_that_has_all_is_named(
+    file_url: str, connect: Connect, tmp_path: Path
+) -> None:
+    kb = connect(file_url, knowledge_base="tiago", actor="test")
+    live(kb)
+    first, second = (tmp_path / f"{year}.db" for year in (2026, 2027))
+    kb.store.archive(kb.revision - 3, to=f"sqlite:///{first}")
+    shutil.copy(first, second)
+    kb.store.archive(kb.revision, to=f"sqlite:///{second}")
+    with pytest.raises(ConflictError, match=re.escape(f"to the archive sqlite:///{second}, ")):
+        kb.erase(NAME, reason="asked")
+    kb.erase(NAME, reason="asked", archive=f"sqlite:///{second}")
 
 
 def test_without_an_archive_there_is_nothing_to_name(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,14 @@ def test_metadata_can_neither_break_lines_nor_steer_a_terminal(tmp_path: Path) -
     assert written in line
     entry = json.loads(line)
     assert (entry["actor"], entry["source"]) == (odd, {"key": odd})
+    with kant_sql.connect(url, actor=odd) as kb:
+        since = kb.store.revisions()[0].committed_at
+        with kb.transaction(valid_from=since, valid_until=since + timedelta(microseconds=1)):
+            kb.propositions.delete(robot_at())
+    erased = "erase", url, "--revision", "1", "--parts", "reason,source", "--kb", "default"
+    for words in (erased, ("corrections", url, "--kb", "default")):
+        output = run(*words).stdout
+        assert (written in output, "\nb" in output) == (True, False)
 
 
 @pytest.mark.more

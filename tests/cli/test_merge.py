@@ -18,7 +18,7 @@ def trial(own_store: str) -> str:
     with kant_sql.connect(own_store, knowledge_base="tiago", actor="driver") as kb:
         kb.propositions.save(AT_WP1)
         branch = kb.branch("trial")
-        with branch, branch.transaction(actor="planner", reason="shorter"):
+        with branch, branch.transaction(actor="planner", reason="shorter\nway"):
             branch.propositions.delete(AT_WP2)
             branch.propositions.delete(AT_WP1)
         kb.propositions.delete(AT_WP1)
@@ -34,7 +34,7 @@ def test_without_yes_it_lists_what_would_change(trial: str) -> None:
     )
     assert f"- fact {AT_WP2}" in result.stdout
     assert f"conflict: fact {AT_WP1}\n  ours: {AT_WP1} (revision 6, driver)" in result.stdout
-    assert "  theirs: nothing (revision 2, planner, shorter)" in result.stdout
+    assert "  theirs: nothing (revision 2, planner, shorter\\nway)" in result.stdout
     assert result.stdout.splitlines()[-1] == (
         "Nothing was changed; add --yes, and --ours or --theirs for each conflict."
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import sqlite3
 from contextlib import closing
@@ -55,6 +56,7 @@ def fill(kb: KnowledgeBase) -> KnowledgeBase:
     kb.plans.record(Plan.read("(move bath hall)"))
     kb.plans.record(
         Plan.read("(move bath hall)"),
+        planner_version=f"1.0 of {NAME}",
         domain_pddl="(define (domain d))",
         problem_pddl=f"(define (problem p) (:objects {NAME} {NAME}2))",
     )
@@ -362,6 +364,20 @@ def test_a_source_that_is_restored_brings_no_name_back(
     assert not restored.store.verify(kb.store.anchor()).is_intact
 
 
+def test_a_replica_that_is_behind_brings_no_name_back(tmp_path: Path, connect: Connect) -> None:
+    own, behind, replica = (f"sqlite:///{tmp_path / name}.db" for name in ("own", "old", "new"))
+    kb = fill(connect(own, knowledge_base="tiago"))
+    for target in (behind, replica):
+        kb.store.push(target)
+    kb.erase(NAME, reason="asked")
+    kb.store.push(replica)
+    late = connect(behind, knowledge_base="tiago")
+    with pytest.raises(errors.DivergedError, match=re.escape(f"push to it from {own} first")):
+        late.store.push(replica)
+    kb.store.push(behind)
+    assert late.store.push(replica).revisions == 0
+
+
 def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     kb = connect(url, knowledge_base="tiago", actor="test")
     for actor in ("camera", "executive"):
@@ -382,6 +398,14 @@ def test_old_revisions_forget_by_rules(url: str, connect: Connect) -> None:
     for wrong in ("camera", "camera 3 reason", "camera 3d hash", "camera 3y reason"):
         with pytest.raises(errors.InvalidArgumentError, match="camera 30d reason,source"):
             read_rules([wrong])
+    written = {
+        'camera "2"': 'camera "2"',
+        '"night  shift "': "night  shift ",
+        '""c""': '"c"',
+        '""': "",
+    }
+    for line, actor in written.items():
+        assert read_rules([f"{line} 1d reason"])[0].actor == actor
     none: tuple[Any, ...] = (None, 5, "camera 30d reason", [None], [b"camera 30d reason"])
     for given in none:
         with pytest.raises(errors.InvalidArgumentError, match="rules of retention"):
@@ -472,6 +496,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "unpaired surrogate" in commands.complaint("retention", url, "--rules", str(path))
     path.write_bytes(b"\xef\xbb\xbfcamera 900d source\n  # and\n")
     assert "nothing is old enough" in commands.run("retention", url, "--rules", str(path)).output
+    none = commands.run("retention", url, "--after", "0s", "--parts", "source", "--of", "")
+    assert "nothing is old enough" in none.output
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 

@@ -26,6 +26,7 @@ from kant_sql import (
     PddlTypeDto,
 )
 from kant_sql.dto.formulas import Atom, Constant, Or
+from kant_sql.history.verify.parts import SAID_AT
 from kant_sql.knowledge.canonical import Metadata, make_metadata, revision_hash, time_text
 from kant_sql.store import transaction as propositions
 from tests.support.pages import Page, opened
@@ -116,6 +117,13 @@ def test_what_an_erasure_left_recomputes_from_the_tables(shared_url: str, connec
         store.execute(f"UPDATE commitment SET place = 7 WHERE number = {number}", {})
     with pytest.raises(AssertionError):
         last_hash(shared_url)
+
+
+def test_the_page_says_where_actor_reason_and_source_stand() -> None:
+    at = [f"{place} for the {label}" for label, place in SAID_AT.items()]
+    assert f"it is {at[2]}, {at[1]} and {at[0]}." in " ".join(PAGE.text.split())
+    names = ", ".join(f"{place} {label}" for label, place in reversed(SAID_AT.items()))
+    assert f"from 0; {names};" in Page("schema.md").text
 
 
 def test_a_source_is_hashed_as_it_is_stored(shared_url: str, connect: Connect) -> None:

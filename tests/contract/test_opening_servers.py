@@ -82,6 +82,43 @@ def test_a_server_that_is_too_old_is_refused_by_its_version(
         opens(url)
 
 
+@pytest.mark.parametrize("opens", [kant_sql.connect, kant_sql.upgrade])
+def test_a_database_of_bytes_is_refused_by_its_encoding(
+    server: Server, opens: Callable[[str], object]
+) -> None:
+    url = make_url(server.new_database())
+    name = f"{url.database}_bytes"
+    options = "ENCODING 'SQL_ASCII' LC_COLLATE 'C' LC_CTYPE 'C' TEMPLATE template0"
+    with psycopg.connect(server._server.get_uri(), autocommit=True) as connection:
+        connection.execute(f'CREATE DATABASE "{name}" {options}'.encode())
+    with pytest.raises(StoreError, match="use one with the encoding UTF8"):
+        opens(url.set(database=name).render_as_string(hide_password=False))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("DateStyle", "'German, DMY'"),
+        ("client_encoding", "'LATIN1'"),
+        ("standard_conforming_strings", "off"),
+        ("quote_all_identifiers", "on"),
+    ],
+)
+def test_settings_of_a_database_change_nothing(server: Server, name: str, value: str) -> None:
+    url = server.new_store()
+    with psycopg.connect(url, autocommit=True) as connection:
+        connection.execute(
+            f'ALTER DATABASE "{make_url(url).database}" SET {name} TO {value}'.encode()
+        )
+    with kant_sql.connect(url, knowledge_base="台") as kb:
+        kb.types.save("台")
+        (revision,) = kb.store.revisions()
+        assert kb.at(revision.committed_at).types.get("台") is not None
+        assert kb.store.verify().findings == ()
+    sql = kant_sql.operations.create_roles(url, knowledge_base="台", dry_run=True).statements
+    assert sql
+
+
 def test_an_unknown_user_is_refused(guarded: str) -> None:
     url = make_url(guarded).set(username="nobody", password=PASSWORD)
     with pytest.raises(AuthenticationError, match="nobody") as caught:

@@ -9,11 +9,13 @@ from typing import Any
 from urllib.parse import parse_qs
 
 import pytest
+from markupsafe import escape
 
 from kant_sql.history import corrections as asked
 from kant_sql.json_values import json_value
 from kant_sql.knowledge.canonical import time_text
 from kant_sql.web.pages import revisions
+from kant_sql.web.rendering import address_of, link
 from tests.support.crawling import Markup
 from tests.support.statements import fill
 from tests.web.conftest import Filled, statements_of
@@ -36,6 +38,23 @@ def late(filled: Filled) -> Filled:
         for fact in facts:
             kb.propositions.delete(fact)
     return filled
+
+
+def test_a_saying_links_to_the_times_at_which_it_was_true(late: Filled) -> None:
+    kb, client = late
+    kb.functions.save("(battery ?r - robot) - number")
+    with kb.transaction(valid_from=BEGIN, valid_until=END):
+        kb.propositions.save("(robot_at rb1 wp0)")
+        kb.function_values.set("(battery rb1)", value=80)
+    changes = next(kb.log(limit=1)).changes
+    page = client.get("/revision", params={"kb": "courier", "number": kb.revision}).text
+    for change, lane in zip(changes, ("(battery rb1)", "(robot_at rb1 wp0)"), strict=True):
+        place = address_of(change.kind, change.text)
+        assert place is not None
+        address = link(place.path, kb="courier", **place.query)
+        assert str(escape(address)) in page
+        shown, *_ = client.get(f"/api{address}").json()["lanes"]
+        assert (shown["text"], shown["bars"][0]["since"]) == (lane, kb.revision)
 
 
 def test_corrections_are_the_librarys_page_by_page(

@@ -275,7 +275,7 @@ class Eraser:
     def _refuse_archived(self) -> None:
         head = self._transaction.head
         if head.archived_revision:
-            place = archive_of(self._session, self._kb, 0)
+            place = archive_of(self._session, self._kb, head.archived_revision - 1)
             raise ConflictError(
                 f"what ended up to revision {head.archived_revision} was moved to the archive "
                 f"{place}, where the name would stay; nothing was erased: give its URL, with its "

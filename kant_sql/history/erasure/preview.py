@@ -39,6 +39,8 @@ _PLACES: tuple[_Place, ...] = (
     ("act", table_of(t.ExecutionRow), "name", "since"),
     ("argument", table_of(t.ExecutionArgumentRow), "value", None),
     ("planner", table_of(t.PlanRow), "planner", "since"),
+    ("planner's version", table_of(t.PlanRow), "planner_version", "since"),
+    ("plan's objective", table_of(t.PlanRow), "objective", "since"),
     ("plan's status", table_of(t.PlanRow), "status", "since"),
     ("plan's domain", table_of(t.PlanRow), "domain_pddl", "since"),
     ("plan's problem", table_of(t.PlanRow), "problem_pddl", "since"),

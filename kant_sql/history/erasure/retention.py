@@ -25,6 +25,7 @@ from .erase import Erased, Wanted, run_erasure
 
 ANY = "*"
 _AGE = re.compile(r"(\d{1,6})([smhd])")
+_QUOTED = re.compile(r'"(.*)"', re.DOTALL)
 _UNITS = {"s": 1, "m": 60, "h": 3_600, "d": 86_400}  # in seconds
 _REVISION, _PART = table_of(t.RevisionRow).c, table_of(t.CommitmentRow).c
 _ERASURE = table_of(t.ErasureRow).c
@@ -71,7 +72,9 @@ def _read_rule(line: str) -> RetentionRule:
             f"{shown(line)} is not a rule of retention; write an actor or *, an age and parts: "
             "camera 30d reason,source"
         )
-    actor = storable_text(words[0].strip('"'), "actor")
+    # Quotes around it, not those that are a part of it.
+    quoted = _QUOTED.fullmatch(words[0])
+    actor = storable_text(words[0] if quoted is None else quoted[1], "actor")
     after = period(_UNITS[age[2]] * int(age[1]), "the age")
     return RetentionRule(None if actor == ANY else actor, after, parts)
 

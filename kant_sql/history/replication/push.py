@@ -177,11 +177,16 @@ class _Push:
         if erased <= here.revision:
             return
         label, target = self._source.backend.label, self._target.backend.label
+        why = (
+            "it was restored from an older backup, and has the erased texts again; nothing was "
+            "written: push from that replica into a new store, promote that, and destroy this one"
+            if here.origin is None
+            else f"it is behind that replica, and has the erased texts; nothing was written: push "
+            f"to it from {here.origin} first"
+        )
         raise DivergedError(
             f"{target}: revision {erased} of knowledge base {self._source.name!r} is an erasure, "
-            f"and {label} is at revision {here.revision}: it was restored from an older backup, "
-            "and has the erased texts again; nothing was written: push from that replica into a "
-            "new store, promote that, and destroy this one",
+            f"and {label} is at revision {here.revision}: {why}",
             erased,
             None,
             hash_of(session, kb_id, erased),

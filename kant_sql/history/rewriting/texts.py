@@ -83,7 +83,10 @@ _LIVED = t.TABLES["object_version"].c
 WITH_TREES = "action", "formula", "rule"
 # What people and planners wrote, which may have the name in it.
 _FREE = (_EXECUTIONS, ("name",)), (_GIVEN, ("value",)), (_OUTCOMES, ("code", "message"))
-_FREE_OF_PLANS = "planner", "objective", "status", "domain_pddl", "problem_pddl"
+_FREE_OF_PLANS = (
+    *("planner", "planner_version", "objective", "status"),
+    *("domain_pddl", "problem_pddl"),
+)
 
 _OBJECT: Any = integer("object")
 _IS_IT = (

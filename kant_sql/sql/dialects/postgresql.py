@@ -578,6 +578,11 @@ _VIEW = Query(
 # Of its major versions, that of the tests which is the oldest.
 OLDEST_SERVER = 14
 LOCK_TIMEOUT = f"{PATIENCE:g}s"
+# What the driver reads, and the catalogs as the structure is written, whatever a role's own are.
+READABLE = {
+    **{"DateStyle": "ISO", "client_encoding": "UTF8"},
+    **{"standard_conforming_strings": "on", "quote_all_identifiers": "off"},
+}
 _IS_LIMITED = "SELECT row_security_active(to_regclass('revision'))"
 # The number of libpq's state of a transaction in which a statement has failed.
 _FAILED = 3
@@ -675,7 +680,7 @@ class PostgresqlBackend(Backend):
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
             # In another zone, the first and the last times of the calendar would be beyond it.
-            settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC"}
+            settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC", **READABLE}
             if self.is_read_only:
                 settings["default_transaction_read_only"] = "on"
             record.info[IS_POOLED] = settle(connection, pooler, settings)
@@ -797,14 +802,21 @@ class PostgresqlBackend(Backend):
         except ArgumentError as error:
             raise InvalidUrlError(f"{self.label}: {error}") from error
 
-        @event.listens_for(engine, "connect")
-        def refuse_old_server(connection: Any, _: object) -> None:
+        # Before SQLAlchemy, which cannot read bytes.
+        @event.listens_for(engine, "connect", insert=True)
+        def refuse_server(connection: Any, _: object) -> None:
             major, minor = divmod(connection.info.server_version, 10_000)
             if major < OLDEST_SERVER:
                 connection.close()
                 raise StoreError(
                     f"{self.label}: the server is PostgreSQL {major}.{minor}, and kant_sql needs "
                     f"{OLDEST_SERVER} or later; upgrade the server"
+                )
+            if connection.info.parameter_status("server_encoding") == "SQL_ASCII":
+                connection.close()
+                raise StoreError(
+                    f"{self.label}: the database has the encoding SQL_ASCII, bytes without "
+                    "characters; use one with the encoding UTF8"
                 )
 
         return engine
@@ -833,6 +845,7 @@ class PostgresqlBackend(Backend):
         try:
             with engine.connect() as connection, connection.begin():
                 lock_schema(lambda sql: _says_true(connection.exec_driver_sql(sql)))
+                connection.exec_driver_sql(local(READABLE).removeprefix("; "))
                 self.cluster = cluster_of(connection)
                 if self.cluster is not None:
                     self.cluster.use_one_connection(connection)

@@ -143,8 +143,8 @@ REWRITTEN = {
     **dict.fromkeys(("proposition", "proposition_saying", "function_value"), ("text",)),
     **dict.fromkeys(("function_value_version", "function_value_saying"), ("text",)),
     "plan": (
-        *("problem_hash", "planner", "objective", "status", "domain_pddl", "problem_pddl"),
-        "text",
+        *("problem_hash", "planner", "planner_version", "objective", "status"),
+        *("domain_pddl", "problem_pddl", "text"),
     ),
     "execution": ("name", "text"),
     "execution_argument": ("value",),
