@@ -250,7 +250,7 @@ def test_verification_says_what_is_where(counted: KnowledgeBase, archive_url: st
     verification = counted.store.verify()
     assert verification.is_intact
     (said,) = verification.archives
-    place = f"that ended up to revision 4 were moved to {archive_url} in revision 7: verify that"
+    place = f"that ended up to revision 4 moved to {archive_url} in revision 7: verify that"
     assert place in said
 
 

@@ -458,8 +458,9 @@ def _check_anchor(check: Check, number: int, digest: str, place: str, chain: Cha
 def _archive_words(archive: Archive) -> str:
     if not archive.versions:
         return f"revision {archive.since} erased in the archive {archive.target} as well"
+    count = "1 version" if archive.versions == 1 else f"{archive.versions} versions"
     return (
-        f"{archive.versions} versions that ended up to revision {archive.revision} were moved to "
-        f"{archive.target} in revision {archive.since}: verify that store as well, because this "
-        "one has only a part of the changes up to there"
+        f"{count} that ended up to revision {archive.revision} moved to {archive.target} in "
+        f"revision {archive.since}: verify that store as well, because this one has only a part of "
+        "the changes up to there"
     )
