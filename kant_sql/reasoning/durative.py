@@ -8,6 +8,7 @@ processes know what runs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -34,7 +35,7 @@ from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, ExecutionDefinition, Key
-from ..store.snapshot import View
+from ..store.snapshot import View, read_position
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -55,6 +56,7 @@ from .steps import CONTINUOUS, GroundStep, Step, ground
 from .when import when
 
 APPLIED = "applied"
+_DURATION = re.compile(rf"\?{f.DURATION}(?![\w-])")
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class BrokenInvariant:
         step: the step.
         unsatisfied: the condition.
         since: the revision since which it does not hold, with its time, actor and reason; None
-            within a transaction that broke it.
+            within a transaction that broke it, or if that is in an archive.
     """
 
     step: Execution
@@ -468,15 +470,22 @@ def find_broken(
         return found
 
     broken = store.read_in_snapshot(work, at)
-    return [BrokenInvariant(step, one, broken_since(store, one, at)) for step, one in broken]
+    return [BrokenInvariant(step, one, broken_since(store, step, one, at)) for step, one in broken]
 
 
-def broken_since(store: Store, failed: FailedCondition, at: int | None = None) -> Revision | None:
-    """Return the revision since which a condition does not hold."""
+def broken_since(
+    store: Store, step: Execution, failed: FailedCondition, at: int | None = None
+) -> Revision | None:
+    """Return the revision since which a condition of a step does not hold."""
     if failed.retracted is not None:
         return failed.retracted
+    condition = failed.condition
+    if step.duration is not None:
+        condition = _DURATION.sub(f"{step.duration:f}", condition)
+    position = store.query_known(read_position, None)
+    archived = position and position.archived
     try:
-        periods = when(State(store, at), f"(not {failed.condition})")
+        periods = when(State(store, at), f"(not {condition})", since=archived or None)
     except (InvalidKnowledgeError, UnsupportedConstructError):
         return None  # It is no condition, but an unknown name, a rule, or a missing value.
     return periods[-1].since if periods and periods[-1].until is None else None

@@ -381,7 +381,7 @@ class Executive:
             return (BrokenInvariant(step, failed, None),)
         # That the step itself runs is no condition.
         since = (
-            None if each.condition == str(step) else broken_since(self._store, each)
+            None if each.condition == str(step) else broken_since(self._store, step, each)
             for each in error.unsatisfied
         )
         return tuple(map(partial(BrokenInvariant, step), error.unsatisfied, since))

@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator
 from concurrent.futures import CancelledError
 from contextlib import asynccontextmanager
 from multiprocessing import get_context
+from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -265,6 +266,22 @@ def test_a_step_whose_names_are_gone_fails(kb: KnowledgeBase, name: str) -> None
     assert (f"{name!r}" in str(found), found.unsatisfied[0].since) == (True, None)
     assert kb.pddl.broken_invariants() == []
     assert kb.store.verify().is_intact
+
+
+def test_what_broke_before_an_archive_ends_the_plan(kb: KnowledgeBase, tmp_path: Path) -> None:
+    running = kb.start("(move r1 hall hall)")
+    kb.propositions.delete("(lit hall)")
+    kb.propositions.save("(clean room)")
+    kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    found = kb.execute("(move r2 hall hall)", do_nothing)
+    assert (found.outcome, outcomes(found)) == ("refused", [None])
+    assert str(found.unsatisfied[0].unsatisfied).startswith("(lit hall): does not hold")
+    [broken] = kb.pddl.broken_invariants()
+    assert (broken.step.id, broken.since) == (running.id, None)
+    kb.propositions.save("(lit hall)")
+    nurse(kb).propositions.delete("(lit hall)")
+    [broken] = kb.pddl.broken_invariants()
+    assert present(broken.since).actor == "nurse"
 
 
 def die(url: str) -> None:

@@ -407,6 +407,26 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
         kb.at(dusk).pddl.broken_invariants()
 
 
+DRIVE = """
+(define (domain drive) (:requirements :durative-actions :fluents :conditional-effects)
+  (:predicates (sunny) (warm)) (:functions (battery))
+  (:durative-action drive :parameters () :duration (<= ?duration 9)
+    :condition (over all (>= (battery) ?duration))
+    :effect (and (at start (decrease (battery) 1)) (when (at start (sunny)) (at end (warm))))))
+"""
+
+
+def test_who_breaks_a_condition_with_a_duration_is_named(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.load_domain(DRIVE)
+    kb.function_values.set("(battery)", value=9)
+    kb.start("(drive) [4]")
+    with kb.transaction(actor="thief"):
+        kb.function_values.set("(battery)", value=3)
+    [broken] = kb.pddl.broken_invariants()
+    assert str(broken).endswith(f"the sides are 3 and 4, since revision {kb.revision} by thief")
+
+
 def test_rules_that_use_each_other_are_judged_after_the_start(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_domain("""(define (domain lights)
       (:requirements :durative-actions :derived-predicates)
