@@ -321,7 +321,9 @@ def end(
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
     """
     store = state.store
-    running, earlier = _running(store, step)
+    running, of_start = _running(store, step)
+    _check_durative(of_start)
+    earlier = _earlier(store, running, of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         given = {} if running.duration is None else {f.DURATION: running.duration}
@@ -364,8 +366,9 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
     """
     store = state.store
     flag(undo, "undo", PlanError)
-    running, _ = _running(store, step)
-    effects = start_effects(store, running)
+    running, of_start = _running(store, step)
+    # Without duration, it has all its effects at its end.
+    effects = start_effects(store, running) if of_start.action.is_durative else []
     left: list[Change] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
@@ -401,8 +404,8 @@ def _find(running: list[Execution], step: GroundStep) -> Execution | None:
     return None
 
 
-def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
-    """Find a running step, and what its effects at the end need of the state before its start."""
+def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
+    """Find a running step."""
     try:
         found = store.read_definitions(lambda definitions: ground(definitions, step))
     except InvalidKnowledgeError as error:
@@ -411,18 +414,23 @@ def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
         # Its action or an object is gone.
         remedy = "kb.executions.report(step, outcome='aborted') or kb.fail(step) ends it"
         raise InvalidKnowledgeError(f"{error}; {remedy}") from error
-    _check_durative(found)
     running = running_executions(store)
     recorded = _find(running, found)
     if recorded is None:
+        _check_durative(found)
         others = ", ".join(str(each) for each in running) or "none"
         raise PlanError(f"{found} is not running: start it first; running are: {others}")
     if found.duration not in (None, recorded.duration):
         said = "without a duration" if recorded.duration is None else f"[{recorded.duration:f}]"
         raise PlanError(f"{found} was started {said}, not [{found.duration:f}]; leave it out")
+    return recorded, found
+
+
+def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
+    """Find what the effects at the end need of the state before the start."""
     items = found.action.items(AT_END)
     if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
-        return recorded, {}
+        return {}
 
     def work(view: View) -> Earlier:
         then = ground(view.definitions, recorded)
@@ -433,7 +441,7 @@ def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
     before = recorded.outcomes[-1].since.number - 1
-    return recorded, store.read_in_snapshot(work, before)
+    return store.read_in_snapshot(work, before)
 
 
 def broken_invariants(state: State) -> list[BrokenInvariant]:

@@ -323,6 +323,8 @@ def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
     found = kb.execute("(clean hall)\n(clean room)", lambda step: kb.fail(step, code="E7"))
     assert (found.outcome, present(found.step).code) == ("failed", "E7")
     assert kb.execute("(clean hall)", kb.end).outcome == "succeeded"
+    found = kb.execute("(switch room)", kb.abort)
+    assert (outcomes(found), kb.holds("(lit room)")) == (["aborted"], False)
     # One that another ends is noticed while it runs.
     stop = Event()
 
