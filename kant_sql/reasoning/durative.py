@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from ..acts import Execution
+from ..acts.executions import report
 from ..acts.recording import key_of, read_execution, running_executions, set_outcome
 from ..arguments import flag
 from ..dto import formulas as f
@@ -186,7 +187,17 @@ def refuse(store: Store, step: Execution, why: str, reason: str | None) -> Execu
     def work(transaction: Transaction, found: GroundStep) -> None:
         refused.append(_record(transaction, found, REFUSED, message=why))
 
-    in_revision(store, step, reason, None, "refused", work)
+    try:
+        in_revision(store, step, reason, None, "refused", work)
+    except InvalidKnowledgeError:  # What it names is gone.
+        return report(
+            State(store, None),
+            step.action,
+            outcome="refused",
+            arguments=step.arguments,
+            text=why,
+            reason=reason or f"refused {step}",
+        )
     return read_execution(store, refused[0])
 
 

@@ -318,13 +318,14 @@ class Executive:
 
     def _look_at_running(self) -> bool:
         """Look at what runs; return whether that ends the plan."""
-        running = {key_of(step) for step in running_executions(self._store)}
-        for key in self._running.keys() - running:
+        # As they are called now: a name may have been erased meanwhile.
+        running = {key_of(step): step for step in running_executions(self._store)}
+        for key in self._running.keys() - running.keys():
             now = read_execution(self._store, key)
             if now.outcome != SUCCEEDED:
                 self._stop(now)
                 return True
-        steps = [step for key, step in self._running.items() if key in running]
+        steps = [running[key] for key in self._running if key in running]
         # At each revision: what broke may hold again by now.
         for at in range(self._seen + 1, head_revision(self.state) + 1):
             self._seen = at
@@ -351,7 +352,7 @@ class Executive:
                 return False
         try:
             begun = begin_running(self._store, step, self.reason)
-        except (NotApplicableError, RuleViolatedError) as error:
+        except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
             if self.replan is not None and self._remaining.look(self.state, self._plan())[0]:
                 # Somebody changed it since we looked.
                 self._pause = 0
@@ -413,9 +414,9 @@ class Executive:
             if self._look_at_running():
                 return
             try:
-                found = self._store.read_definitions(lambda known: ground(known, step))
+                found = self._store.read_definitions(lambda known: ground(known, now))
                 finish = end if found.action.is_durative else apply
-                finish(self.state, step, reason=self.reason)
+                finish(self.state, now, reason=self.reason)
             except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
                 self._fail(step, self._broken(step, error))
                 return

@@ -268,6 +268,29 @@ def test_a_step_whose_names_are_gone_fails(kb: KnowledgeBase, name: str) -> None
     assert kb.store.verify().is_intact
 
 
+def test_a_step_whose_names_are_gone_before_it_begins_is_refused(kb: KnowledgeBase) -> None:
+    stop = Event()
+
+    def delete(step: Execution) -> None:
+        if str(step) == "(clean hall)":
+            assert kb.objects.delete("room")
+        else:
+            assert stop.wait(LONG)
+
+    plan = "0: (clean hall) [4]\n0: (move r1 hall hall) [5]\n4.1: (clean room) [4]"
+    found = kb.execute(plan, delete, cancel=lambda step: stop.set(), speed=FAST)
+    assert (found.outcome, outcomes(found)) == ("refused", ["succeeded", "aborted", None])
+    assert "'room'" in present(present(found.step).text)
+    assert (str(found.step), found.unsatisfied[0].since) == ("(clean room)", None)
+    assert kb.executions.get(present(found.step).id) == found.step
+    assert kb.store.verify().is_intact
+
+
+def test_a_step_whose_name_is_erased_goes_on(kb: KnowledgeBase) -> None:
+    found = kb.execute("(clean room)", lambda step: kb.erase("room", reason="asked"))
+    assert (outcomes(found), kb.holds("(clean erased-1)")) == (["succeeded"], True)
+
+
 def test_what_broke_before_an_archive_ends_the_plan(kb: KnowledgeBase, tmp_path: Path) -> None:
     running = kb.start("(move r1 hall hall)")
     kb.propositions.delete("(lit hall)")
