@@ -8,7 +8,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ from ..acts import Execution, Outcome
 from ..acts.executions import report
 from ..acts.recording import key_of, read_execution, running_executions
 from ..arguments import UNSTORABLE, expect, optional_call, optional_text, refusal, seconds
+from ..documents.carry import STATED
 from ..errors import (
     InvalidArgumentError,
     InvalidKnowledgeError,
@@ -35,6 +36,8 @@ from ..history.moments import head_revision
 from ..limits import Limit, limited
 from ..plans import RecordedPlan
 from ..plans.dao import SqlPlanDao
+from ..sql.changes import stream_changes
+from ..sql.dialects.base import Session
 from ..sql.executions import RUNNING, SUCCEEDED, Key
 from ..store.state import State
 from .durative import BrokenInvariant, apply, begin_running, broken_since, end, find_broken, refuse
@@ -44,6 +47,8 @@ from .steps import ground
 from .validate import GivenPlan, read_any_plan
 
 Dispatch = Callable[[Execution], object]
+# Of more revisions, those are found out first that changed the state: a camera may confirm much.
+FEW = 8
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 
 
@@ -327,7 +332,7 @@ class Executive:
                 return True
         steps = [running[key] for key in self._running if key in running]
         # At each revision: what broke may hold again by now.
-        for at in range(self._seen + 1, head_revision(self.state) + 1):
+        for at in self._unseen():
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
             broken = find_broken(self._store, begun, at) if begun else []
@@ -336,6 +341,19 @@ class Executive:
                 self._fail(step, tuple(each for each in broken if each.step == step))
                 return True
         return False
+
+    def _unseen(self) -> Sequence[int]:
+        """Return the revisions since the last look; of many, those that changed the state."""
+        low, high = self._seen + 1, head_revision(self.state)
+        if high - low < FEW:
+            return range(low, high + 1)
+
+        def read(session: Session, kb_id: int | None) -> list[int]:
+            assert kb_id is not None
+            changes = stream_changes(session, kb_id, low, high)
+            return sorted({high, *(at for at, change in changes if change.kind in STATED)})
+
+        return self._store.query_in_snapshot(read)
 
     def _begins(self) -> bool:
         """Begin the next step if it can begin; else say how long to wait."""

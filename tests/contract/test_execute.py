@@ -28,7 +28,7 @@ from kant_sql.errors import (
     TransactionOpenError,
 )
 from kant_sql.reasoning import Step, execute
-from kant_sql.reasoning.durative import end
+from kant_sql.reasoning.durative import BrokenInvariant, end, find_broken
 from kant_sql.store.state import State
 from tests.support.reading import beside, loaded, nothing_changes, present, store_of
 from tests.support.stores import Connect
@@ -218,6 +218,30 @@ def test_an_invariant_that_is_broken_and_mended_fails_the_step(kb: KnowledgeBase
     [broken] = found.unsatisfied
     assert (broken.unsatisfied.condition, kb.holds("(lit room)")) == ("(lit room)", True)
     assert present(broken.since).actor == "nurse"
+
+
+@pytest.mark.parametrize("breaks", [False, True])
+def test_confirmations_are_passed_over(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, breaks: bool
+) -> None:
+    camera, written, looked = nurse(kb), Event(), list[int | None]()
+
+    def find(store: Any, running: Any, at: int | None = None) -> list[BrokenInvariant]:
+        assert written.wait(LONG)
+        looked.append(at)
+        return find_broken(store, running, at)
+
+    def dispatch(step: Execution) -> None:
+        for number in range(30):
+            if breaks and number == 15:
+                camera.propositions.delete("(lit hall)")
+                camera.propositions.save("(lit hall)")
+            camera.propositions.confirm("(lit hall)")
+        written.set()
+
+    monkeypatch.setattr(execute, "find_broken", find)
+    found = kb.execute("(move r1 hall hall)", dispatch)
+    assert (outcomes(found), len(looked) < 15) == (["failed" if breaks else "succeeded"], True)
 
 
 def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> None:
