@@ -501,6 +501,8 @@ def broken_since(
     condition = failed.condition
     if step.duration is not None:
         condition = _DURATION.sub(f"{step.duration:f}", condition)
+    if not any(map(str.isalpha, condition)):
+        return None  # It compares the duration with a number, which nobody broke.
     position = store.query_known(read_position, None)
     archived = position and position.archived
     try:

@@ -260,6 +260,12 @@ def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> 
     assert outcomes(found) == ["succeeded"]
 
 
+def test_a_duration_that_no_state_allows_is_broken_by_nobody(kb: KnowledgeBase) -> None:
+    found = kb.execute("0: (clean hall) [9]", do_nothing)
+    said = "(= ?duration 4): the sides are 9 and 4; a duration may deviate by 0.01"
+    assert (present(found.step).text, found.unsatisfied[0].since) == (said, None)
+
+
 def test_a_condition_at_the_end_that_does_not_hold_fails_the_step(kb: KnowledgeBase) -> None:
     # The step without duration is judged again when it is done.
     found = kb.execute("(switch room)", lambda step: kb.propositions.save("(lit room)"))
