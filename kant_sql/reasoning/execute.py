@@ -209,7 +209,10 @@ class Executive:
             # Its steps may have other outcomes than when it was read.
             now = plans.get(given.id)
             if now is None or [*map(str, now.steps)] != [*map(str, given.steps)]:
-                raise PlanError(f"plan {given.id} is of another store; record it in this one")
+                raise PlanError(
+                    f"plan {given.id} is of another store, or a name was erased; read it again, or "
+                    "record it in this one"
+                )
         else:
             now = plans.record(given)
         self._take(now)
