@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import Any
 
 from ..acts import Execution
 from ..acts.executions import report
@@ -190,14 +191,9 @@ def refuse(store: Store, step: Execution, why: str, reason: str | None) -> Execu
     try:
         in_revision(store, step, reason, None, "refused", work)
     except InvalidKnowledgeError:  # What it names is gone.
-        return report(
-            State(store, None),
-            step.action,
-            outcome="refused",
-            arguments=step.arguments,
-            text=why,
-            reason=reason or f"refused {step}",
-        )
+        with store.transaction(reason=reason or f"refused {step}", plan_step=key_of(step)):
+            said: Any = {"arguments": step.arguments, "text": why}
+            return report(State(store, None), step.action, outcome="refused", **said)
     return read_execution(store, refused[0])
 
 

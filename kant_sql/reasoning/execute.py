@@ -363,9 +363,9 @@ class Executive:
         self._pause = None
         if self._why is not None or not self._left:
             return False
-        if any(_is_before(one, self._left[0]) for one in self._running.values()):
-            return False
         step, now = self._left[0], time.monotonic()
+        if any(_is_before(one, step) for one in self._running.values()):
+            return False
         if step.start is not None:
             due = self._begun + (float(step.start) - self._first) / self.speed
             if due > now:
@@ -373,6 +373,11 @@ class Executive:
                 return False
         try:
             begun = begin_running(self._store, step, self.reason)
+        except PlanError:
+            self._left[0] = read_execution(self._store, key_of(step))
+            if str(self._left[0]) == str(step):
+                raise
+            return self._begins()  # A name in it was erased meanwhile.
         except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
             if self.replan is not None and self._remaining.look(self.state, self._plan())[0]:
                 # Somebody changed it since we looked.
