@@ -362,8 +362,14 @@ class HttpDaoFactory(DaoFactory):
 
     @override
     def close(self) -> None:
-        if not self._at:
-            self._link.close()
+        if self._at:
+            return
+        opened = self._opened()
+        if opened is not None:
+            # Else the server keeps it open, and other writers wait.
+            with suppress(KantSqlError):
+                opened.ask("rollback")
+        self._link.close()
 
     @override
     def at(

@@ -108,8 +108,8 @@ def check_execution(transaction: Transaction, execution: Execution) -> None:
         )
     if parse_words(found) != [execution.action, *execution.arguments]:
         raise PlanError(
-            f"{role} is {found} in knowledge base {transaction.name!r}: it is of another store; "
-            "record it here"
+            f"{role} is {found} in knowledge base {transaction.name!r}: it is of another store, "
+            "or a name was erased; read it again, or record it here"
         )
 
 

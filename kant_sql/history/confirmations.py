@@ -126,7 +126,8 @@ def contradicted(
 ) -> list[Version]:
     """Find expected facts that another actor retracted, before anyone had confirmed them.
 
-    A fact that another act deleted is not contradicted: the condition of that act held.
+    A fact that another act deleted is not contradicted: the condition of that act held. What ended
+    before an archive is in that archive.
 
     Args:
         since: only facts that were retracted from this revision or time on.

@@ -8,11 +8,14 @@ processes know what runs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from typing import Any
 
 from ..acts import Execution
+from ..acts.executions import report
 from ..acts.recording import key_of, read_execution, running_executions, set_outcome
 from ..arguments import flag
 from ..dto import formulas as f
@@ -34,7 +37,7 @@ from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, ExecutionDefinition, Key
-from ..store.snapshot import View
+from ..store.snapshot import View, read_position
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -55,6 +58,7 @@ from .steps import CONTINUOUS, GroundStep, Step, ground
 from .when import when
 
 APPLIED = "applied"
+_DURATION = re.compile(rf"\?{f.DURATION}(?![\w-])")
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class BrokenInvariant:
         step: the step.
         unsatisfied: the condition.
         since: the revision since which it does not hold, with its time, actor and reason; None
-            within a transaction that broke it.
+            within a transaction that broke it, or if that is in an archive.
     """
 
     step: Execution
@@ -184,7 +188,12 @@ def refuse(store: Store, step: Execution, why: str, reason: str | None) -> Execu
     def work(transaction: Transaction, found: GroundStep) -> None:
         refused.append(_record(transaction, found, REFUSED, message=why))
 
-    in_revision(store, step, reason, None, "refused", work)
+    try:
+        in_revision(store, step, reason, None, "refused", work)
+    except InvalidKnowledgeError:  # What it names is gone.
+        with store.transaction(reason=reason or f"refused {step}", plan_step=key_of(step)):
+            said: Any = {"arguments": step.arguments, "text": why}
+            return report(State(store, None), step.action, outcome="refused", **said)
     return read_execution(store, refused[0])
 
 
@@ -319,7 +328,9 @@ def end(
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
     """
     store = state.store
-    running, earlier = _running(store, step)
+    running, of_start = _running(store, step)
+    _check_durative(of_start)
+    earlier = _earlier(store, running, of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         given = {} if running.duration is None else {f.DURATION: running.duration}
@@ -362,8 +373,9 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
     """
     store = state.store
     flag(undo, "undo", PlanError)
-    running, _ = _running(store, step)
-    effects = start_effects(store, running)
+    running, of_start = _running(store, step)
+    # Without duration, it has all its effects at its end.
+    effects = start_effects(store, running) if of_start.action.is_durative else []
     left: list[Change] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
@@ -399,8 +411,8 @@ def _find(running: list[Execution], step: GroundStep) -> Execution | None:
     return None
 
 
-def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
-    """Find a running step, and what its effects at the end need of the state before its start."""
+def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
+    """Find a running step."""
     try:
         found = store.read_definitions(lambda definitions: ground(definitions, step))
     except InvalidKnowledgeError as error:
@@ -409,18 +421,23 @@ def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
         # Its action or an object is gone.
         remedy = "kb.executions.report(step, outcome='aborted') or kb.fail(step) ends it"
         raise InvalidKnowledgeError(f"{error}; {remedy}") from error
-    _check_durative(found)
     running = running_executions(store)
     recorded = _find(running, found)
     if recorded is None:
+        _check_durative(found)
         others = ", ".join(str(each) for each in running) or "none"
         raise PlanError(f"{found} is not running: start it first; running are: {others}")
     if found.duration not in (None, recorded.duration):
         said = "without a duration" if recorded.duration is None else f"[{recorded.duration:f}]"
         raise PlanError(f"{found} was started {said}, not [{found.duration:f}]; leave it out")
+    return recorded, found
+
+
+def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
+    """Find what the effects at the end need of the state before the start."""
     items = found.action.items(AT_END)
     if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
-        return recorded, {}
+        return {}
 
     def work(view: View) -> Earlier:
         then = ground(view.definitions, recorded)
@@ -431,7 +448,7 @@ def _running(store: Store, step: object) -> tuple[Execution, Earlier]:
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
     before = recorded.outcomes[-1].since.number - 1
-    return recorded, store.read_in_snapshot(work, before)
+    return store.read_in_snapshot(work, before)
 
 
 def broken_invariants(state: State) -> list[BrokenInvariant]:
@@ -468,15 +485,24 @@ def find_broken(
         return found
 
     broken = store.read_in_snapshot(work, at)
-    return [BrokenInvariant(step, one, broken_since(store, one, at)) for step, one in broken]
+    return [BrokenInvariant(step, one, broken_since(store, step, one, at)) for step, one in broken]
 
 
-def broken_since(store: Store, failed: FailedCondition, at: int | None = None) -> Revision | None:
-    """Return the revision since which a condition does not hold."""
+def broken_since(
+    store: Store, step: Execution, failed: FailedCondition, at: int | None = None
+) -> Revision | None:
+    """Return the revision since which a condition of a step does not hold."""
     if failed.retracted is not None:
         return failed.retracted
+    condition = failed.condition
+    if step.duration is not None:
+        condition = _DURATION.sub(f"{step.duration:f}", condition)
+    if not any(map(str.isalpha, condition)):
+        return None  # It compares the duration with a number, which nobody broke.
+    position = store.query_known(read_position, None)
+    archived = position and position.archived
     try:
-        periods = when(State(store, at), f"(not {failed.condition})")
+        periods = when(State(store, at), f"(not {condition})", since=archived or None)
     except (InvalidKnowledgeError, UnsupportedConstructError):
         return None  # It is no condition, but an unknown name, a rule, or a missing value.
     return periods[-1].since if periods and periods[-1].until is None else None

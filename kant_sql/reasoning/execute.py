@@ -8,7 +8,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ from ..acts import Execution, Outcome
 from ..acts.executions import report
 from ..acts.recording import key_of, read_execution, running_executions
 from ..arguments import UNSTORABLE, expect, optional_call, optional_text, refusal, seconds
+from ..documents.carry import STATED
 from ..errors import (
     InvalidArgumentError,
     InvalidKnowledgeError,
@@ -35,6 +36,8 @@ from ..history.moments import head_revision
 from ..limits import Limit, limited
 from ..plans import RecordedPlan
 from ..plans.dao import SqlPlanDao
+from ..sql.changes import stream_changes
+from ..sql.dialects.base import Session
 from ..sql.executions import RUNNING, SUCCEEDED, Key
 from ..store.state import State
 from .durative import BrokenInvariant, apply, begin_running, broken_since, end, find_broken, refuse
@@ -44,6 +47,8 @@ from .steps import ground
 from .validate import GivenPlan, read_any_plan
 
 Dispatch = Callable[[Execution], object]
+# Of more revisions, those are found out first that changed the state: a camera may confirm much.
+FEW = 8
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 
 
@@ -204,7 +209,10 @@ class Executive:
             # Its steps may have other outcomes than when it was read.
             now = plans.get(given.id)
             if now is None or [*map(str, now.steps)] != [*map(str, given.steps)]:
-                raise PlanError(f"plan {given.id} is of another store; record it in this one")
+                raise PlanError(
+                    f"plan {given.id} is of another store, or a name was erased; read it again, or "
+                    "record it in this one"
+                )
         else:
             now = plans.record(given)
         self._take(now)
@@ -318,15 +326,16 @@ class Executive:
 
     def _look_at_running(self) -> bool:
         """Look at what runs; return whether that ends the plan."""
-        running = {key_of(step) for step in running_executions(self._store)}
-        for key in self._running.keys() - running:
+        # As they are called now: a name may have been erased meanwhile.
+        running = {key_of(step): step for step in running_executions(self._store)}
+        for key in self._running.keys() - running.keys():
             now = read_execution(self._store, key)
             if now.outcome != SUCCEEDED:
                 self._stop(now)
                 return True
-        steps = [step for key, step in self._running.items() if key in running]
+        steps = [running[key] for key in self._running if key in running]
         # At each revision: what broke may hold again by now.
-        for at in range(self._seen + 1, head_revision(self.state) + 1):
+        for at in self._unseen():
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
             broken = find_broken(self._store, begun, at) if begun else []
@@ -336,14 +345,27 @@ class Executive:
                 return True
         return False
 
+    def _unseen(self) -> Sequence[int]:
+        """Return the revisions since the last look; of many, those that changed the state."""
+        low, high = self._seen + 1, head_revision(self.state)
+        if high - low < FEW:
+            return range(low, high + 1)
+
+        def read(session: Session, kb_id: int | None) -> list[int]:
+            assert kb_id is not None
+            changes = stream_changes(session, kb_id, low, high)
+            return sorted({high, *(at for at, change in changes if change.kind in STATED)})
+
+        return self._store.query_in_snapshot(read)
+
     def _begins(self) -> bool:
         """Begin the next step if it can begin; else say how long to wait."""
         self._pause = None
         if self._why is not None or not self._left:
             return False
-        if any(_is_before(one, self._left[0]) for one in self._running.values()):
-            return False
         step, now = self._left[0], time.monotonic()
+        if any(_is_before(one, step) for one in self._running.values()):
+            return False
         if step.start is not None:
             due = self._begun + (float(step.start) - self._first) / self.speed
             if due > now:
@@ -351,7 +373,12 @@ class Executive:
                 return False
         try:
             begun = begin_running(self._store, step, self.reason)
-        except (NotApplicableError, RuleViolatedError) as error:
+        except PlanError:
+            self._left[0] = read_execution(self._store, key_of(step))
+            if str(self._left[0]) == str(step):
+                raise
+            return self._begins()  # A name in it was erased meanwhile.
+        except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
             if self.replan is not None and self._remaining.look(self.state, self._plan())[0]:
                 # Somebody changed it since we looked.
                 self._pause = 0
@@ -381,7 +408,7 @@ class Executive:
             return (BrokenInvariant(step, failed, None),)
         # That the step itself runs is no condition.
         since = (
-            None if each.condition == str(step) else broken_since(self._store, each)
+            None if each.condition == str(step) else broken_since(self._store, step, each)
             for each in error.unsatisfied
         )
         return tuple(map(partial(BrokenInvariant, step), error.unsatisfied, since))
@@ -413,9 +440,9 @@ class Executive:
             if self._look_at_running():
                 return
             try:
-                found = self._store.read_definitions(lambda known: ground(known, step))
+                found = self._store.read_definitions(lambda known: ground(known, now))
                 finish = end if found.action.is_durative else apply
-                finish(self.state, step, reason=self.reason)
+                finish(self.state, now, reason=self.reason)
             except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
                 self._fail(step, self._broken(step, error))
                 return

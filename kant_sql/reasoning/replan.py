@@ -27,7 +27,7 @@ from ..knowledge.grounding import bound, substitute
 from ..pddl.document import DURATIVE_ACTION, Action
 from ..plans import RecordedPlan
 from ..plans.dao import SqlPlanDao, last_plan
-from ..sql.changes import Change, stream_changes
+from ..sql.changes import ARCHIVE, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import RUNNING, SUCCEEDED
 from ..sql.rows import FACT, VALUE
@@ -305,7 +305,8 @@ def _touches(change: Change, needed: dict[tuple[str, str], list[tuple[str | None
     """Return whether a change is of what is needed."""
     kind = change.kind
     if kind not in (FACT, VALUE):
-        return kind in STATED
+        # What ended before an archive is not among the changes any more.
+        return kind in STATED or kind == ARCHIVE
     name, *objects = fold(name_in(kind, change.text)).strip("()").split()
     return any(
         len(arguments) == len(objects)

@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator
 from concurrent.futures import CancelledError
 from contextlib import asynccontextmanager
 from multiprocessing import get_context
+from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -27,7 +28,7 @@ from kant_sql.errors import (
     TransactionOpenError,
 )
 from kant_sql.reasoning import Step, execute
-from kant_sql.reasoning.durative import end
+from kant_sql.reasoning.durative import BrokenInvariant, end, find_broken
 from kant_sql.store.state import State
 from tests.support.reading import beside, loaded, nothing_changes, present, store_of
 from tests.support.stores import Connect
@@ -219,6 +220,30 @@ def test_an_invariant_that_is_broken_and_mended_fails_the_step(kb: KnowledgeBase
     assert present(broken.since).actor == "nurse"
 
 
+@pytest.mark.parametrize("breaks", [False, True])
+def test_confirmations_are_passed_over(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, breaks: bool
+) -> None:
+    camera, written, looked = nurse(kb), Event(), list[int | None]()
+
+    def find(store: Any, running: Any, at: int | None = None) -> list[BrokenInvariant]:
+        assert written.wait(LONG)
+        looked.append(at)
+        return find_broken(store, running, at)
+
+    def dispatch(step: Execution) -> None:
+        for number in range(30):
+            if breaks and number == 15:
+                camera.propositions.delete("(lit hall)")
+                camera.propositions.save("(lit hall)")
+            camera.propositions.confirm("(lit hall)")
+        written.set()
+
+    monkeypatch.setattr(execute, "find_broken", find)
+    found = kb.execute("(move r1 hall hall)", dispatch)
+    assert (outcomes(found), len(looked) < 15) == (["failed" if breaks else "succeeded"], True)
+
+
 def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> None:
     start = time.monotonic()
     found = kb.execute("(move r1 hall room)", do_nothing, timeout=0.2)
@@ -233,6 +258,12 @@ def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> 
     found = kb.execute(found.plan.id, do_nothing, timeout=LONG)
     other.join()
     assert outcomes(found) == ["succeeded"]
+
+
+def test_a_duration_that_no_state_allows_is_broken_by_nobody(kb: KnowledgeBase) -> None:
+    found = kb.execute("0: (clean hall) [9]", do_nothing)
+    said = "(= ?duration 4): the sides are 9 and 4; a duration may deviate by 0.01"
+    assert (present(found.step).text, found.unsatisfied[0].since) == (said, None)
 
 
 def test_a_condition_at_the_end_that_does_not_hold_fails_the_step(kb: KnowledgeBase) -> None:
@@ -265,6 +296,53 @@ def test_a_step_whose_names_are_gone_fails(kb: KnowledgeBase, name: str) -> None
     assert (f"{name!r}" in str(found), found.unsatisfied[0].since) == (True, None)
     assert kb.pddl.broken_invariants() == []
     assert kb.store.verify().is_intact
+
+
+def test_a_step_whose_names_are_gone_before_it_begins_is_refused(kb: KnowledgeBase) -> None:
+    stop = Event()
+
+    def delete(step: Execution) -> None:
+        if str(step) == "(clean hall)":
+            assert kb.objects.delete("room")
+        else:
+            assert stop.wait(LONG)
+
+    plan = "0: (clean hall) [4]\n0: (move r1 hall hall) [5]\n4.1: (clean room) [4]"
+    found = kb.execute(plan, delete, cancel=lambda step: stop.set(), speed=FAST)
+    assert (found.outcome, outcomes(found)) == ("refused", ["succeeded", "aborted", None])
+    assert "'room'" in present(present(found.step).text)
+    assert (str(found.step), found.unsatisfied[0].since) == ("(clean room)", None)
+    assert kb.executions.get(present(found.step).id) == found.step
+    refused = present(found.step)
+    named = [one.execution for one in kb.store.revisions() if one.number == refused.revision]
+    assert named == [(found.plan.id, 2)]
+    assert kb.store.verify().is_intact
+
+
+def test_a_step_whose_name_is_erased_goes_on(kb: KnowledgeBase) -> None:
+    def erase(step: Execution) -> None:
+        if "erased-1" not in str(step):
+            kb.erase("room", reason="asked")
+
+    found = kb.execute("(clean room)\n(switch room)", erase)
+    assert outcomes(found) == ["succeeded"] * 2
+    assert kb.holds("(and (clean erased-1) (lit erased-1))")
+
+
+def test_what_broke_before_an_archive_ends_the_plan(kb: KnowledgeBase, tmp_path: Path) -> None:
+    running = kb.start("(move r1 hall hall)")
+    kb.propositions.delete("(lit hall)")
+    kb.propositions.save("(clean room)")
+    kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    found = kb.execute("(move r2 hall hall)", do_nothing)
+    assert (found.outcome, outcomes(found)) == ("refused", [None])
+    assert str(found.unsatisfied[0].unsatisfied).startswith("(lit hall): does not hold")
+    [broken] = kb.pddl.broken_invariants()
+    assert (broken.step.id, broken.since) == (running.id, None)
+    kb.propositions.save("(lit hall)")
+    nurse(kb).propositions.delete("(lit hall)")
+    [broken] = kb.pddl.broken_invariants()
+    assert present(broken.since).actor == "nurse"
 
 
 def die(url: str) -> None:
@@ -306,6 +384,8 @@ def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
     found = kb.execute("(clean hall)\n(clean room)", lambda step: kb.fail(step, code="E7"))
     assert (found.outcome, present(found.step).code) == ("failed", "E7")
     assert kb.execute("(clean hall)", kb.end).outcome == "succeeded"
+    found = kb.execute("(switch room)", kb.abort)
+    assert (outcomes(found), kb.holds("(lit room)")) == (["aborted"], False)
     # One that another ends is noticed while it runs.
     stop = Event()
 

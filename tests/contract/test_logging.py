@@ -366,13 +366,21 @@ def test_no_password_is_told(
     assert not [text for text in everything if "s3cret" in text]
 
 
+def test_the_guide_names_the_loggers() -> None:
+    guide = (ROOT / "docs/logging.md").read_text()
+    sources = "".join(path.read_text() for path in (ROOT / "kant_sql").rglob("*.py"))
+    named = re.findall(r"^\| `(kant_sql\.[\w.]+)` \|", guide, re.MULTILINE)
+    made = re.findall(r'getLogger\("(kant_sql\.[\w.]+)"\)', sources)
+    assert {*named} == {*made, "kant_sql.compat"}
+
+
 @pytest.mark.more
 def test_nothing_is_written_without_a_word() -> None:
     program = (
         "import logging, kant_sql\n"
         "kb = kant_sql.connect('sqlite://')\n"
         "kb.types.save(kant_sql.PddlTypeDto('robot'))\n"
-        "logging.getLogger('kant_sql.sql.dialects.base').warning('a warning')\n"
+        "logging.getLogger('kant_sql.retry').warning('a warning')\n"
         "assert not logging.getLogger().handlers\n"
         "log = logging.getLogger('kant_sql')\n"
         "assert [type(each) for each in log.handlers] == [logging.NullHandler]\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from decimal import Decimal
+from pathlib import Path
 
 import pytest
 
@@ -21,7 +22,7 @@ from kant_sql import (
     ReadOnlyError,
     UnsupportedConstructError,
 )
-from kant_sql.errors import TypeMismatchError
+from kant_sql.errors import ArchivedError, TypeMismatchError
 from kant_sql.planning import Plan
 from kant_sql.reasoning import durative
 from tests.support.reading import loaded, nothing_changes, present, store_of
@@ -405,6 +406,33 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
     assert read.outcome == "aborted"
     with pytest.raises(PlanError, match="of the present"):
         kb.at(dusk).pddl.broken_invariants()
+
+
+DRIVE = """
+(define (domain drive) (:requirements :durative-actions :fluents :conditional-effects)
+  (:predicates (sunny) (warm)) (:functions (battery))
+  (:durative-action drive :parameters () :duration (<= ?duration 9)
+    :condition (over all (>= (battery) ?duration))
+    :effect (and (at start (decrease (battery) 1)) (when (at start (sunny)) (at end (warm))))))
+"""
+
+
+def test_who_breaks_a_condition_with_a_duration_is_named(
+    fresh_kb: KnowledgeBase, tmp_path: Path
+) -> None:
+    kb = fresh_kb
+    kb.load_domain(DRIVE)
+    kb.function_values.set("(battery)", value=9)
+    step = kb.start("(drive) [4]")
+    with kb.transaction(actor="thief"):
+        kb.function_values.set("(battery)", value=3)
+    [broken] = kb.pddl.broken_invariants()
+    assert str(broken).endswith(f"the sides are 3 and 4, since revision {kb.revision} by thief")
+    # What the end would need to know is archived; it can be aborted.
+    kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    with pytest.raises(ArchivedError):
+        kb.end(step)
+    assert str(kb.abort(step)) == "(drive) was aborted; what it leaves is not known"
 
 
 def test_rules_that_use_each_other_are_judged_after_the_start(fresh_kb: KnowledgeBase) -> None:

@@ -140,6 +140,16 @@ def test_what_derived_predicates_follow_from_is_needed(kb: KnowledgeBase) -> Non
     assert look(kb, remaining)[1]
 
 
+def test_what_was_archived_since_is_looked_at(kb: KnowledgeBase, tmp_path: Path) -> None:
+    assert kb.replan().is_validated
+    kb.propositions.delete("(open d2)")
+    kb.propositions.save("(lit yard)")
+    kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    # It is known to be broken, and there is no other.
+    with pytest.raises(NoPlanError):
+        kb.replan(engine="pyperplan")
+
+
 def test_another_plan_takes_the_place_of_one_that_broke(
     kb: KnowledgeBase, knows: Callable[..., list[str]]
 ) -> None:

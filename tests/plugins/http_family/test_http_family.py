@@ -392,6 +392,18 @@ def test_who_leaves_a_transaction_alone_loses_it(
     assert kb.revision == 2
 
 
+def test_who_closes_within_a_transaction_ends_it(
+    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transactions, "IDLE", 60.0)
+    kb, direct = connect(server.at("tiago")), connect(server.url, knowledge_base="tiago")
+    with suppress(ClosedError), kb.transaction():
+        kb.types.save("wp")
+        kb.close()
+        assert direct.types.save("other")
+    assert [one.name for one in direct.types.get_all()] == ["other"]
+
+
 def test_a_server_has_so_many_transactions_open(
     server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
