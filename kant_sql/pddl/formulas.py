@@ -34,7 +34,7 @@ _TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
 _TIMED_FORM = "(at start ...), (over all ...) or (at end ...)"
 _CONSTRAINT_FORM = "a constraint such as (always ...)"
 # Operators of conditions alone, and of other languages.
-_NO_EFFECTS: Final = frozenset(
+NO_EFFECTS: Final = frozenset(
     {"or", "imply", "exists", "preference", "=", "<", "<=", ">=", ">", "oneof", "probabilistic"}
 )
 _STANDARD_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?")
@@ -187,7 +187,7 @@ class FormulaReader(Cursor):
 
     def _unknown_predicate(self, head: str, context: int) -> NoReturn:
         operators = _EFFECTS if context & EFFECT else _CONDITIONS
-        if context & EFFECT and head.lower() in _NO_EFFECTS:
+        if context & EFFECT and head.lower() in NO_EFFECTS:
             self.fail("an effect", f"'({head}'")
         names = self.symbols.predicates.names()
         expected = f"a predicate that is declared{hint(head, [*names, *operators])}"

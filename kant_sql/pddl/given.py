@@ -28,7 +28,7 @@ from .cursor import END, OBJECTS, VARIABLES, Cursor, Diagnostics, Section, hint
 from .declarations import ActionReader, DeclarationReader, RuleReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
-from .formulas import CONSTRAINTS, EFFECT, PREFERENCES, RULES, FormulaReader
+from .formulas import CONSTRAINTS, EFFECT, NO_EFFECTS, PREFERENCES, RULES, FormulaReader
 from .lexer import STRING, Text
 from .problem import InitialStateReader, metric_of
 from .symbols import ANY, BoundVariable, Entity, SymbolTable, Types
@@ -190,7 +190,9 @@ def read_fact(text: str, *, symbols: SymbolTable) -> f.Atom:
     reader = ConditionReader(symbols, text, "the fact", "()")
     if reader.tokens[0] != "(":
         reader.fail("a fact such as (robot_at rb1 wp1)")
-    formula = reader.whole(EFFECT)
+    head = reader.tokens[1]
+    is_fact = head.lower() not in NO_EFFECTS or symbols.predicates.find(head) is not None
+    formula = reader.whole(EFFECT) if is_fact else None
     if not isinstance(formula, f.Atom) or not all(
         isinstance(term, f.Constant) for term in formula.terms
     ):

@@ -11,6 +11,7 @@ import re
 from collections.abc import Container
 from decimal import Context, Decimal, Inexact
 from fractions import Fraction
+from unicodedata import normalize
 
 from ..dto import formulas as f
 from ..dto.lexical import RESERVED, ROOT_TYPE, fold
@@ -130,12 +131,12 @@ _RESERVED = (
 )
 _RESERVED_VARIABLES = frozenset({f.DURATION})
 VARIABLE = "variable"
-_CARRIED = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_CARRIED = re.compile(r"[^\W\d_][\w-]*")
 
 
 def pddl_name(category: str, name: str) -> str:
-    """Return a name that the grammar of PDDL allows."""
-    carried = re.sub(r"[^A-Za-z0-9_-]", "_", name)
+    """Return a name that the grammar of PDDL allows, except for letters of other languages."""
+    carried = re.sub(r"[^\w-]", "_", normalize("NFC", name))
     if not _CARRIED.fullmatch(carried):
         carried = f"{category[0]}_{carried}"
     reserved = _RESERVED_VARIABLES if category == VARIABLE else _RESERVED

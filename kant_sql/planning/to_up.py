@@ -180,7 +180,8 @@ class UpConversion:
                 self.context.problem.add_goal(self._formulas.quantified(goal, variables))
             case f.Modal():
                 constraint = self._formulas.quantified(self._modal(node, scope), variables)
-                self.context.problem.add_trajectory_constraint(constraint)
+                if not constraint.is_true():
+                    self.context.problem.add_trajectory_constraint(constraint)
             case _:
                 raise self.context.unsupported(
                     node, "it is not a constraint on the trajectory there"

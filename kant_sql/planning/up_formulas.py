@@ -269,6 +269,10 @@ class UpFormulas(UpConverter):
     ) -> FNode:
         """Quantify a formula over variables, if there are any."""
         quantifier = self._manager.Forall if universal else self._manager.Exists
+        objects = self._context.problem.objects
+        if any(next(iter(objects(each.type)), None) is None for each in variables):
+            # Without an object, unified-planning would still simplify it to its body.
+            return self._manager.Bool(universal)
         return quantifier(node, *variables) if variables else node
 
     def _equal(self, node: f.Equal, left: FNode, right: FNode) -> FNode:

@@ -2,7 +2,7 @@
 
 All conditions and right-hand sides are evaluated in the state before, and deletes come before adds
 (Fox and Long, PDDL 2.1, 2003, section 4 and definition 11). Several increases and decreases of one
-fluent add up; other assignments of one fluent must agree. Numbers are calculated exactly.
+fluent add up, scalings multiply, other assignments must agree. Numbers are calculated exactly.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class CausalLink:
     Attributes:
         supporter: the index in the plan of the step that made it so; None for the state before the
             plan, or a timed initial literal.
-        literal: the fact or its negation as PDDL text; a fluent for its value.
+        literal: the fact or its negation as PDDL text; a fluent for its value, negated for none.
         position: the index of the step that needs it; None for the goal.
     """
 
@@ -107,7 +107,7 @@ class _Linking(PlanExecution):
                 # What it follows from is used, too.
                 continue
             text = world.text((is_fact, owner), row)
-            literal = text if holds or not is_fact else f"(not {text})"
+            literal = text if holds else f"(not {text})"
             supporter = self._by.get((is_fact, owner, row))
             self.links[CausalLink(supporter, literal, position)] = None
 

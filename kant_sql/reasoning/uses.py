@@ -73,12 +73,10 @@ class RuleUse(NamedTuple):
 
 
 def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[RuleUse]]:
-    """Return how derived facts may rest on each literal, or on atoms that do."""
+    """Return how derived facts, or their absence, may rest on each literal, or on atoms that do."""
     rules, found = rules_of(definitions), defaultdict[Any, list[RuleUse]](list)
-    pending = [(predicate, True) for predicate in rules.component]
-    seen = {*pending}
-    while pending:
-        predicate, holds = pending.pop()
+    # A condition may also negate a derived predicate that no rule negates.
+    for predicate, holds in product(rules.component, (True, False)):
         for rule in rules.of(predicate):
             own = fitting(definitions, predicate, rule)
             for leaf, leaf_holds, bound, around in _paths(rule.body, holds):
@@ -87,9 +85,6 @@ def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[
                 if not head[0]:
                     # It may have a value or none, wherever it stands.
                     found[*head, not leaf_holds].append(use)
-                elif rules.of(head[1]) and (head[1], leaf_holds) not in seen:
-                    seen.add((head[1], leaf_holds))
-                    pending.append((head[1], leaf_holds))
                 found[*head, leaf_holds].append(use)
     return found
 

@@ -122,7 +122,9 @@ def _weight(part: r.Part) -> int:
         case r.Lacks():
             return 2
         case r.Compares(_, left, right):
-            return 3 * min(levels_of(left, right), MAX_LEVELS)
+            # A calculation stands in a CASE, and once more in a subquery, exactly.
+            levels = min(levels_of(left, right), MAX_LEVELS)
+            return 9 + 3 * levels if levels > 1 else 3
     return 0
 
 
@@ -221,7 +223,7 @@ class ConditionCompiler(JoinWriter):
         levels = self.words.levels
         if levels is None or not weight or not self._level:
             return False
-        spare = 0 if weight >= _SUBQUERY else 15
+        spare = 0 if weight == _SUBQUERY else 9
         return self._level + weight > levels + spare and not self._is_growing(part)
 
     def _is_growing(self, part: r.Part) -> bool:

@@ -74,6 +74,18 @@ def test_an_act_used_what_its_condition_rested_on(kb: KnowledgeBase) -> None:
         assert acts(kb, unused) == []
 
 
+def test_the_absence_of_a_derived_fact_rests_on_that_of_others(kb: KnowledgeBase) -> None:
+    # No rule negates `way`; the condition does.
+    action = "(:action wait :parameters (?a ?b - place) {} :effect (lit ?a))"
+    kb.actions.save(action.format(":precondition (not (way ?a ?b))"))
+    kb.apply("(wait lab hall)")
+    waited = [(1, "(wait lab hall)")]
+    assert acts(kb, "(not (way lab hall))") == acts(kb, "(not (door lab hall))") == waited
+    assert acts(kb, "(not (door lab room))") == waited
+    assert acts(kb, "(not (seen hall))") == []
+    assert acts(kb, "(door room lab)") == [(1, "(move rb1 hall lab)")]
+
+
 def test_a_value_stands_for_the_times_when_it_was_so(kb: KnowledgeBase) -> None:
     loaded_in = kb.revision
     kb.function_values.save("(= (battery rb1) 20.50)")

@@ -68,3 +68,13 @@ def test_a_recorded_plan_is_linked_from_the_state_it_was_made_from(home: Knowled
         home.pddl.causal_links(PLAN)
     assert home.pddl.causal_links(PLAN, at=1) == before
     assert CausalLink(None, "(at hall)", 0) in before
+
+
+def test_a_step_may_need_that_a_fluent_has_no_value(home: KnowledgeBase) -> None:
+    home.actions.save("(:action start :precondition (not (> (battery) 9)) :effect (lit))")
+    assert CausalLink(None, "(battery)", 0) in home.pddl.causal_links(["(start)"])
+    home.function_values.delete_all()
+    [link] = [one for one in home.pddl.causal_links(["(start)"]) if one.position == 0]
+    assert link == CausalLink(None, "(not (battery))", 0)
+    home.apply("(start)")
+    assert home.consequences(link.literal).links[0].used == (link.literal,)

@@ -222,6 +222,44 @@ def test_nested_conditions(yard: KnowledgeBase, name: str, levels: int | None) -
     assert yard.at(yard.revision).holds(condition)
 
 
+CHOICES = (
+    "(or (q) (and (q) {}))",
+    "(and (p ?y) (or (q) {}))",
+    "(imply (p ?y) (and (q) {}))",
+)
+QUANTIFIED = ("(exists (?x{0}) (and (p ?x{0}) {1}))", "(forall (?x{0}) (or (p ?x{0}) {1}))")
+
+
+@pytest.mark.parametrize(
+    ("leaf", "quantifiers", "choices", "first"),
+    [
+        ("(d {})", 2, 3, 1),
+        ("(d {})", 5, 8, 2),
+        ("(> (m {}) 2)", 2, 6, 1),
+        ("(> (+ (m {}) (/ (n) 3)) 2)", 2, 5, 1),
+        ("(> (+ (+ (+ (m {}) (/ (n) 1)) (/ (n) 2)) (/ (n) 3)) 2)", 2, 3, 1),
+    ],
+)
+def test_rules_types_and_numbers_within_choices(
+    fresh_kb: KnowledgeBase, leaf: str, quantifiers: int, choices: int, first: int
+) -> None:
+    """What a type or a number takes of a parser's stack counts, too."""
+    fresh_kb.load_domain("""(define (domain g) (:types a b c)
+      (:predicates (p ?x) (q) (d ?x - (either a b)) (h ?x - (either a b)))
+      (:functions (n) (m ?x))
+      (:derived (d ?x - (either a b)) (or (and (p ?x) (not (q))) (and (h ?x) (> (m ?x) 1)))))""")
+    fresh_kb.load_problem("""(define (problem one) (:domain g) (:objects o1 - a o2 - b o3 - c)
+      (:init (p o1) (= (n) 1) (= (m o1) 2)) (:goal (and)))""")
+    condition = leaf.format(f"?x{quantifiers - 1}")
+    for number in range(choices):
+        condition = CHOICES[(number + first) % 3].format(condition)
+    for number in reversed(range(quantifiers)):
+        condition = QUANTIFIED[(number + first) % 2].format(number, condition)
+    for kb in (fresh_kb, fresh_kb.at(fresh_kb.revision)):
+        assert list(kb.query(condition)) == list(kb.state().query(condition))
+        assert kb.holds(condition) is kb.state().holds(condition)
+
+
 def test_what_is_nested_too_deep_is_refused(yard: KnowledgeBase) -> None:
     for name, nested in NESTED.items():
         for times in (REPEATED.get(name, 48) + 1, 200):

@@ -110,6 +110,8 @@ NO_FACTS: dict[str, tuple[Any, type[Exception], str]] = {
     "variable of an atom": (Atom("robot_at", (Constant("rb1"), Variable("w"))), PddlError, "w"),
     "negation": ("(not (idle))", PddlError, "a fact such as"),
     "conjunction": ("(and (idle))", PddlError, "a fact such as"),
+    "value": ("(= (idle) 3)", PddlError, "a fact such as"),
+    "disjunction": ("(or (idle))", PddlError, "a fact such as"),
     "no parentheses": ("idle", PddlError, "a fact such as"),
     "nothing": ("", PddlError, "a fact such as"),
     "two": ("(idle) (idle)", PddlError, ":1:8: "),

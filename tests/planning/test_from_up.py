@@ -72,12 +72,14 @@ def test_names_that_pddl_cannot_carry() -> None:
     made.add_fluent("and", default_initial_value=False)
     made.add_fluent("thing", default_initial_value=False)
     made.add_object("5th", thing)
-    made.add_object("größe", thing)
+    made.add_object("größe 5", thing)
+    made.add_object("Ä", thing)
+    made.add_object("O\N{COMBINING DIAERESIS}", thing)
     domain, asked = from_unified_planning(made)
     assert asked.name == "p_2_robots"
     assert [predicate.name for predicate in domain.predicates] == ["and_", "thing"]
     assert [type_.name for type_ in domain.types] == ["Thing_type"]
-    assert [item.name for item in asked.objects] == ["o_5th", "gr__e"]
+    assert [item.name for item in asked.objects] == ["o_5th", "größe_5", "Ä", "Ö"]
 
 
 def test_names_that_letters_case_alone_tells_apart_are_refused() -> None:

@@ -70,7 +70,7 @@ def test_either_in_a_quantifier_and_a_predicate() -> None:
         :effect (forall (?x - (either a b)) (not (p ?x)))))
     """
     read = read_domain(domain)
-    problem = "(define (problem q) (:domain d) (:objects x - a) (:init) (:goal (done)))"
+    problem = "(define (problem q) (:domain d) (:objects x - a y - b z - c) (:init) (:goal (done)))"
     made = to_unified_planning(read, problem=read_problem(problem, domain=read))
     action = made.action("act")
     assert str(made.fluent("p").signature[0].type) in {"top", "top - object"}
@@ -78,6 +78,21 @@ def test_either_in_a_quantifier_and_a_predicate() -> None:
     assert conditions.count("Exists") == 2
     assert conditions.count("Forall") == 3
     assert len(action.effects) == 2
+
+
+def test_a_quantifier_over_no_object_is_true_or_false() -> None:
+    # unified-planning simplifies (= ?x ?z) to false, as no `a` is a `c`, and drops the action.
+    read = read_domain("""
+    (define (domain d) (:types a c) (:predicates (done ?x - c))
+      (:constraints (forall (?x - a) (always (= ?x ?x))))
+      (:action act :parameters (?z - c)
+        :precondition (and (forall (?x - a) (= ?x ?z)) (not (exists (?x - a ?y - c) (done ?y))))
+        :effect (done ?z)))
+    """)
+    text = "(define (problem q) (:domain d) (:objects z - c) (:init) (:goal (done z)))"
+    made = to_unified_planning(read, problem=read_problem(text, domain=read))
+    assert all(one.simplify().is_true() for one in made.action("act").preconditions)
+    assert not made.trajectory_constraints
 
 
 def test_an_inner_variable_does_not_hide_an_outer_one() -> None:
