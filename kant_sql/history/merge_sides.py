@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -165,20 +165,22 @@ class Comparison:
             settled |= found
 
     def read_by(self, error: RuleViolatedError) -> set[Key]:
-        """Return what one side has changed, unlike the other, of a broken rule and its facts."""
+        """Return what one side has changed, unlike the other, of what breaks a rule.
+
+        That is the rule itself, if the side that saved it changed nothing else of it.
+        """
         reads = [(one[0], [one and fold(one) for one in one[1:]]) for one in error.reads]
-        found = set[Key]()
-        for key in {key for side in self._sides.values() for key in side.traces}:
-            words = tokenize(key[1])[1:-1]
-            is_read = key == ("rule", fold(error.rule)) or any(
-                kind == key[0]
-                and len(words) == len(read)
-                and all(one in (None, word) for one, word in zip(read, words, strict=True))
-                for kind, read in reads
-            )
-            if is_read and key not in self.conflicts and not self._agree(key):
-                found.add(key)
+        found = {key for key in self._changed() if any(_is_of(key, *each) for each in reads)}
+        rule = ("rule", fold(error.rule))
+        sides = [side.traces.keys() for side in self._sides.values()]
+        if rule in self._changed() and any(rule in own and not own & found for own in sides):
+            found.add(rule)
         return found
+
+    def _changed(self) -> set[Key]:
+        """Return what the two sides differ in, besides conflicts."""
+        keys = {key for side in self._sides.values() for key in side.traces}
+        return {key for key in keys - self.conflicts.keys() if not self._agree(key)}
 
     def keep(self, keys: Iterable[Key], decided: Decision | None) -> None:
         """Have elements as one side has them."""
@@ -275,3 +277,13 @@ class Comparison:
         """Return what an element was in the base."""
         own = self._sides[THEIRS].traces.get(key)
         return self._sides[OURS].traces[key].before if own is None else own.then
+
+
+def _is_of(key: Key, kind: str | None, words: Sequence[str | None]) -> bool:
+    """Return whether a fact or a value has this name and these objects; None stands for any."""
+    own = tokenize(key[1])[1:-1]
+    return (
+        key[0] == kind
+        and len(own) == len(words)
+        and all(word in (None, each) for word, each in zip(words, own, strict=True))
+    )

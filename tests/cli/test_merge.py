@@ -66,13 +66,19 @@ def test_with_yes_it_merges_what_is_decided(trial: str) -> None:
     )
 
 
-def test_a_rule_that_refuses_the_result_is_no_conflict(trial: str) -> None:
+def test_a_rule_that_the_result_would_break_is_decided(trial: str) -> None:
     with kant_sql.connect(trial, knowledge_base="tiago") as kb:
         kb.rules.save("stay", f"(always {AT_WP2})", on_violation="refuse")
-    result = run("merge", trial, "trial", "--kb", "tiago", "--ours", AT_WP1)
-    refused, last = result.stdout.splitlines()[-2:]
-    assert refused.startswith("refused: rule 'stay' refuses this")
-    assert (result.exit_code, last) == (1, "Nothing was changed.")
+    words = "merge", trial, "trial", "--kb", "tiago", "--ours", AT_WP1
+    result = run(*words)
+    rule = f"rule stay (always {AT_WP2})"
+    assert f"\nconflict: {rule}\n  ours: (:rule stay " in result.stdout
+    assert f"\n  theirs: (not {AT_WP2}) (revision 2, planner, shorter\\nway)\n" in result.stdout
+    assert result.exit_code == 1
+    left = document(*words, "--ours", rule)
+    assert ([each["decided"] for each in left["conflicts"]], left["changes"]) == (["ours"] * 2, [])
+    made = document(*words, "--theirs", rule, "--yes")
+    assert [each["kind"] for each in made["changes"]] == ["fact", "rule"]
 
 
 def test_of_another_store_and_a_past_state(own_store: str, tmp_path: Path) -> None:

@@ -429,6 +429,20 @@ def test_a_rule_of_one_side_is_left_out_or_what_the_other_did_undone(
     assert [each.name for each in rooms.rules.get_all()] == ["Closed"]
 
 
+def test_a_rule_stays_that_is_newer_than_the_branch(
+    rooms: KnowledgeBase, branch_of: Branch
+) -> None:
+    trial = branch_of(rooms)
+    rooms.rules.save("one-place", ONE_PLACE, on_violation="refuse")
+    move(rooms, "rb1", "p2", "seen")
+    move(trial, "rb1", "p3", "planned")
+    [one] = rooms.merge_preview(trial).conflicts
+    assert (one.ours.text, one.theirs.text) == ("(at rb1 p2)", "(at rb1 p3)")
+    rooms.merge(trial, decide={one.element: "theirs"})
+    assert facts(rooms) == ["(at rb1 p3)", "(open p2)"]
+    assert [each.name for each in rooms.rules.get_all()] == ["one-place"]
+
+
 def test_decisions_that_break_a_rule_are_refused(rooms: KnowledgeBase, branch_of: Branch) -> None:
     exactly = "(exactly-one (?p - place) (at rb1 ?p))"
     rooms.rules.save("at-one", exactly, on_violation="refuse")
