@@ -65,11 +65,19 @@ def is_bracket(sql: str) -> bool:
 def recorded() -> Iterator[list[str]]:
     """Give the statements of a block, besides BEGIN, COMMIT and ROLLBACK."""
     logger, recorder = logging.getLogger("kant_sql.sql"), _Recorder()
-    level = logger.level
+    level, execute = logger.level, Session._execute
+
+    def log(self: Session, statement: str | Query, parameters: Any = ()) -> None:
+        # In a transaction that is open already, too.
+        self.is_logged = True
+        execute(self, statement, parameters)
+
     logger.addHandler(recorder)
     logger.setLevel(logging.DEBUG)
     try:
-        yield recorder.statements
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Session, "_execute", log)
+            yield recorder.statements
     finally:
         logger.setLevel(level)
         logger.removeHandler(recorder)
