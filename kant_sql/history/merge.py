@@ -42,7 +42,7 @@ from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .merge_sayings import MergeSaying, compare_sayings, say_all
-from .merge_sides import Comparison, Side, read_side
+from .merge_sides import MergeComparison, SideChanges, read_side
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
 from .restore import refuse_open
@@ -165,7 +165,9 @@ def _read_decisions(decide: Mapping[str, Decision] | None) -> dict[str, Decision
     return {fold(element.strip()): side for element, side in decide.items()}
 
 
-def _said_here(session: Session, kb_id: int, side: Side, asked: Set[Key]) -> list[MergeSaying]:
+def _said_here(
+    session: Session, kb_id: int, side: SideChanges, asked: Set[Key]
+) -> list[MergeSaying]:
     """Return what was said of elements: from a commit on, and of periods, which overrides it."""
     traces = [(key, side.traces[key]) for key in asked & side.traces.keys()]
     plain = [(number, key, text) for key, one in traces for number, text in one.since.items()]
@@ -186,7 +188,7 @@ class _Merging:
         self._other = branch.store
         self.branch = found = _find(state, branch)
 
-        def read(view: View) -> Side:
+        def read(view: View) -> SideChanges:
             assert view.kb_id is not None
             own = (2, found.head, found.merged)
             return read_side(view.session, view.kb_id, view.definitions, *own)
@@ -198,7 +200,7 @@ class _Merging:
 
     def compare(
         self, session: Session, kb_id: int, definitions: Definitions, head: int
-    ) -> tuple[Merge, Comparison]:
+    ) -> tuple[Merge, MergeComparison]:
         """Compare the branch with what is here."""
         found = self.branch
         merges = _merges(session, kb_id, found.origin, head, found.name)
@@ -210,7 +212,7 @@ class _Merging:
                 merges[0][0],
             )
         ours = read_side(session, kb_id, definitions, found.origin + 1, head, found.base)
-        compared = Comparison(found.base, found.merged, ours, self._theirs)
+        compared = MergeComparison(found.base, found.merged, ours, self._theirs)
         decided = self._decide(compared)
         known = _said_here(session, kb_id, ours, {said.key for said in self._sayings})
         compared.sayings = [*compare_sayings(self._sayings, known, found.own)]
@@ -236,7 +238,7 @@ class _Merging:
         )
         return made, compared
 
-    def _decide(self, compared: Comparison) -> dict[Key, Decision]:
+    def _decide(self, compared: MergeComparison) -> dict[Key, Decision]:
         """Apply decisions."""
         decided: dict[Key, Decision] = {}
         for key in compared.conflicts:
@@ -247,7 +249,7 @@ class _Merging:
         return decided
 
     def _decide_rules(
-        self, compared: Comparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
+        self, compared: MergeComparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
     ) -> Iterator[MergeConflict]:
         """Leave out what breaks a rule with what is here, or undo that, as decided."""
         for element, keys in self._broken.items():
@@ -257,7 +259,7 @@ class _Merging:
             theirs = compared.broken_by(THEIRS, keys, there)
             yield MergeConflict(element, None, ours, theirs, decided)
 
-    def _learn(self, compared: Comparison, error: RuleViolatedError) -> bool:
+    def _learn(self, compared: MergeComparison, error: RuleViolatedError) -> bool:
         """Make a conflict of a rule that the result breaks; return whether it was not yet known."""
         element = f"rule {error.rule} {error.instance}"
         known = self._broken.get(element, set())
@@ -273,7 +275,7 @@ class _Merging:
         return self._given.get(whole, self._given.get(whole.partition(" ")[2]))
 
     def _decide_sayings(
-        self, compared: Comparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
+        self, compared: MergeComparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
     ) -> Iterator[MergeConflict]:
         """Take over what was said of periods, unless it is in conflict or decided otherwise."""
         for said, against in compared.sayings:
@@ -285,7 +287,7 @@ class _Merging:
                 theirs = MergeSide(said.text, there.get(said.number))
                 yield MergeConflict(said.element, None, ours, theirs, decided)
 
-    def refuse_unknown(self, made: Merge, compared: Comparison) -> None:
+    def refuse_unknown(self, made: Merge, compared: MergeComparison) -> None:
         """Refuse decisions about what is no conflict and no saying, or about several."""
         sayings = [said.element for said, _ in compared.sayings]
         elements = [*dict.fromkeys((*(each.element for each in made.conflicts), *sayings))]

@@ -51,7 +51,7 @@ class Trace:
                 self.then = self.before
 
 
-class Side(NamedTuple):
+class SideChanges(NamedTuple):
     """What one side has changed since the branch began."""
 
     traces: dict[Key, Trace]
@@ -62,7 +62,7 @@ class Side(NamedTuple):
 
 def read_side(
     session: Session, kb_id: int, definitions: Definitions, low: int, high: int, split: int
-) -> Side:
+) -> SideChanges:
     """Read what a range of revisions changed, in two statements."""
     traces: dict[Key, Trace] = {}
     pseudonyms = set[str]()
@@ -76,15 +76,15 @@ def read_side(
             if key not in traces:
                 traces[key] = Trace(name, number)
             traces[key].add(number, change, split)
-    return Side(traces, definitions, read_sayings(session, kb_id, low, high), pseudonyms)
+    return SideChanges(traces, definitions, read_sayings(session, kb_id, low, high), pseudonyms)
 
 
-class Comparison:
+class MergeComparison:
     """The two sides of a merge, and what follows from decisions."""
 
-    def __init__(self, base: int, merged: int, ours: Side, theirs: Side) -> None:
+    def __init__(self, base: int, merged: int, ours: SideChanges, theirs: SideChanges) -> None:
         """Compare what was changed here since the base, and there since it was merged last."""
-        self._sides: dict[str, Side] = {OURS: ours, THEIRS: theirs}
+        self._sides: dict[str, SideChanges] = {OURS: ours, THEIRS: theirs}
         # Definitions that others can mention, and those that only one side has.
         traces = (*ours.traces, *theirs.traces)
         self._mentioned = {key for key in traces if key[0] in DECLARED}
