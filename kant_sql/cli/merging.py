@@ -65,11 +65,7 @@ def merge(
         write_json(knowledge_base=name, **vars(made))
     else:
         _write(made, name, yes)
-    return 1 if _is_open(made) or made.refused is not None else 0
-
-
-def _is_open(made: Merge) -> bool:
-    return any(each.decided is None for each in made.conflicts)
+    return 1 if made.undecided or made.refused is not None else 0
 
 
 def _write(made: Merge, name: str, is_done: bool) -> None:
@@ -95,6 +91,6 @@ def _write(made: Merge, name: str, is_done: bool) -> None:
     if made.refused is not None:
         printer.line(f"refused: {made.refused}")
     if not is_done and (made.changes or made.conflicts):
-        decide = ", and --ours or --theirs for each conflict" if _is_open(made) else ""
+        decide = ", and --ours or --theirs for each conflict" if made.undecided else ""
         add = f"; add --yes{decide}" if made.refused is None else ""
         printer.line(f"Nothing was changed{add}.")

@@ -325,21 +325,19 @@ class _Merging:
             failed = error
         self.refuse_unknown(made, compared)
         # With open conflicts as they are here, more may be refused than once they are decided.
-        if failed is not None and self.conflicting(made) is None:
+        if failed is not None and not made.undecided:
             raise failed
         return made
 
-    def conflicting(self, made: Merge) -> MergeConflictError | None:
-        """Return the error of open conflicts, if there are any."""
-        undecided = [each for each in made.conflicts if each.decided is None]
-        if not undecided:
-            return None
-        count = f"{len(undecided)} open conflict{'s' * (len(undecided) > 1)}"
-        return MergeConflictError(
-            f"branch {self.branch.name!r} has {count}: {few_of(undecided, NAMED)}; nothing was "
-            "written: decide each as 'ours' or 'theirs', or change one of the two",
-            made.conflicts,
-        )
+    def refuse_undecided(self, made: Merge) -> None:
+        """Refuse a merge with open conflicts."""
+        if undecided := made.undecided:
+            count = f"{len(undecided)} open conflict{'s' * (len(undecided) > 1)}"
+            raise MergeConflictError(
+                f"branch {self.branch.name!r} has {count}: {few_of(undecided, NAMED)}; nothing was "
+                "written: decide each as 'ours' or 'theirs', or change one of the two",
+                made.conflicts,
+            )
 
 
 class _AgainError(Exception):
@@ -402,8 +400,7 @@ def merge(
     while made is None:
         with suppress(_AgainError), write() as transaction:
             made = merging.write(transaction)
-            if error := merging.conflicting(made):
-                raise error
+            merging.refuse_undecided(made)
     number = transaction.made
     logger.info(
         "knowledge base %r: branch %r merged, by revision %s", store.name, found.name, number

@@ -98,6 +98,11 @@ class Merge:
     refused: str | None = None
     revision: int | None = None
 
+    @property
+    def undecided(self) -> list[MergeConflict]:
+        """The conflicts that are not decided."""
+        return [each for each in self.conflicts if each.decided is None]
+
     def _repr_html_(self) -> str:
         lists = {"changes": len(self.changes), "conflicts": len(self.conflicts)}
         listed = html.listing(self.conflicts, "conflict") if self.conflicts else ""
