@@ -170,17 +170,15 @@ class MergeComparison:
         That is the rule itself, if the side that saved it changed nothing else of it.
         """
         reads = [(one[0], [one and fold(one) for one in one[1:]]) for one in error.reads]
-        found = {key for key in self._changed() if any(_is_of(key, *each) for each in reads)}
-        rule = ("rule", fold(error.rule))
         sides = [side.traces.keys() for side in self._sides.values()]
-        if rule in self._changed() and any(rule in own and not own & found for own in sides):
+        changed = {key for own in sides for key in own - self.conflicts.keys()}
+        found = {key for key in changed if any(_is_of(key, *each) for each in reads)}
+        found = {key for key in found if not self._agree(key)}
+        rule = ("rule", fold(error.rule))
+        is_different = rule in changed and not self._agree(rule)
+        if is_different and any(rule in own and not own & found for own in sides):
             found.add(rule)
         return found
-
-    def _changed(self) -> set[Key]:
-        """Return what the two sides differ in, besides conflicts."""
-        keys = {key for side in self._sides.values() for key in side.traces}
-        return {key for key in keys - self.conflicts.keys() if not self._agree(key)}
 
     def keep(self, keys: Iterable[Key], decided: Decision | None) -> None:
         """Have elements as one side has them."""
