@@ -35,6 +35,8 @@ SOME = 12
 CLOSED = 60_000
 FAR = 2**40
 BEFORE, AFTER = "postgresql without statistics", "postgresql after ANALYZE"
+# The tables are counted, without statistics.
+COUNTED = "postgresql after VACUUM"
 
 NOW = {"ix_proposition_version_now"}
 LIVE = {"uq_proposition_version_live"}
@@ -125,7 +127,7 @@ class Subject(NamedTuple):
         ]
 
 
-@pytest.fixture(scope="module", params=["sqlite", BEFORE, AFTER])
+@pytest.fixture(scope="module", params=["sqlite", BEFORE, COUNTED, AFTER])
 def subject(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Subject:
     name: str = request.param
     if name == "sqlite":
@@ -137,7 +139,7 @@ def subject(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
             return Subject(name, filled)
         url = server.copy(filled)
         with psycopg.connect(url, autocommit=True) as connection:
-            connection.execute("VACUUM ANALYZE")
+            connection.execute("VACUUM" if name == COUNTED else "VACUUM ANALYZE")
         return Subject(name, url)
     fill(url)
     return Subject(name, url)
@@ -236,7 +238,7 @@ def test_the_index_covers_what_is_read_of_versions(subject: Subject, name: str) 
     assert any(text in step for step in steps for text in covering), "\n".join(steps)
 
 
-@pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
+@pytest.mark.parametrize("subject", [BEFORE, COUNTED, AFTER], indirect=True)
 @pytest.mark.parametrize("name", READS)
 @pytest.mark.more
 def test_postgresql_looks_at_no_more_rows_than_hold(subject: Subject, name: str) -> None:
@@ -246,7 +248,7 @@ def test_postgresql_looks_at_no_more_rows_than_hold(subject: Subject, name: str)
         assert work(subject.url, statement) <= FACTS + LIT + GOALS + HOT
 
 
-@pytest.mark.parametrize("subject", [BEFORE, AFTER], indirect=True)
+@pytest.mark.parametrize("subject", [BEFORE, COUNTED, AFTER], indirect=True)
 @pytest.mark.parametrize("name", WRITES)
 def test_postgresql_looks_at_a_handful_of_rows_to_write_one(subject: Subject, name: str) -> None:
     most = SOME if name == "some facts with a past" else 3
