@@ -278,31 +278,38 @@ def _with_each_argument(rows: Select[Any]) -> Select[Any]:
     return rows.where(own.kb_id == KB, *of_execution, ~earlier.correlate(_ARGUMENT).exists())
 
 
+def _committed(number: Any, column: str = "committed_at") -> Any:
+    return looked_up(_REVISION.c[column], _REVISION.c.number, number)
+
+
+def _named(had: Any, wanted: Sequence[str]) -> list[Any]:
+    """Select what groups outcomes."""
+    names = [_committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]
+    return [one.label(name) for one, name in zip(names, wanted, strict=True)]
+
+
+def _once(rows: Select[Any], name: str) -> Any:
+    """Compute rows once: SQLite would look each value up wherever the statement names it."""
+    return rows.cte(name).prefix_with("MATERIALIZED").c
+
+
 def _measured(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
     """Write the outcomes with how many seconds those took that succeeded or failed."""
     had = _outcomes(wanted, of_actor, is_past).c
-
-    def committed(number: Any, column: str = "committed_at") -> Any:
-        return looked_up(_REVISION.c[column], _REVISION.c.number, number)
-
-    begin = func.coalesce(had.started_at, committed(had.began))
-    end = func.coalesce(had.ended_at, committed(had.since))
-    is_decided = had.outcome.in_([constant("succeeded"), constant("failed")])
+    begin = func.coalesce(had.started_at, _committed(had.began)).label("begin")
+    end = func.coalesce(had.ended_at, _committed(had.since)).label("end_")
+    ended = _once(select(*_named(had, wanted), had.outcome, begin, end), "ended")
+    is_decided = ended.outcome.in_([constant("succeeded"), constant("failed")])
     # A component's clock may be ahead of the database's; then there is no duration.
-    is_timed = and_(is_decided, begin <= end)
-    names = [committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]
-    labelled = [one.label(name) for one, name in zip(names, wanted, strict=True)]
-    times = case((is_timed, begin)).label("begin"), case((is_timed, end)).label("end_")
-    return select(*labelled, had.outcome, had.code, *times).subquery("ended").c
+    is_timed = and_(is_decided, ended.begin <= ended.end_)
+    seconds = case((is_timed, Seconds(ended.begin, ended.end_))).label("seconds")
+    return _once(select(*(ended[name] for name in wanted), ended.outcome, seconds), "lasted")
 
 
 @cache
 def _groups(wanted: tuple[str, ...], of_actor: bool, is_past: bool) -> Query:
     """Select the figures of each group, the largest first."""
-    ended = _measured(wanted, of_actor, is_past)
-    keys = [ended[name] for name in wanted]
-    seconds = Seconds(ended.begin, ended.end_).label("seconds")
-    lasted = select(*keys, ended.outcome, seconds).subquery("lasted").c
+    lasted = _measured(wanted, of_actor, is_past)
     keys = [lasted[name] for name in wanted]
     place = func.row_number().over(
         partition_by=[*keys, lasted.seconds.is_(None)], order_by=lasted.seconds
@@ -322,8 +329,8 @@ def _groups(wanted: tuple[str, ...], of_actor: bool, is_past: bool) -> Query:
 @cache
 def _codes(wanted: tuple[str, ...], of_actor: bool, is_past: bool) -> Query:
     """Count the codes of the failures of each group, the most frequent first."""
-    ended = _measured(wanted, of_actor, is_past)
-    keys = [*(ended[name] for name in wanted), ended.code]
+    had = _outcomes(wanted, of_actor, is_past).c
+    coded = select(*_named(had, wanted), had.code).where(had.code.is_not(None)).subquery("coded").c
+    keys = [*(coded[name] for name in wanted), coded.code]
     count = func.count()
-    rows = select(*keys, count).where(ended.code.is_not(None)).group_by(*keys)
-    return Query(rows.order_by(count.desc(), ended.code))
+    return Query(select(*keys, count).group_by(*keys).order_by(count.desc(), coded.code))

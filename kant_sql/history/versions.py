@@ -45,8 +45,8 @@ from .revisions import LARGEST, Revision, Version, make_revision, read_numbered,
 
 # Versions of what an object is in that are looked at, to find the newest.
 INVOLVED = 20_000
-# Revisions that are searched for what an object is in, if that is more.
-WINDOW = 20_000
+# Revisions that are searched for what an object is in, if that is more: first a few, then many.
+NEAR, WINDOW = 1_000, 20_000
 
 _OBJECT = integer("object")
 # Whose objects are in a table of their own, and the key that both tables share.
@@ -138,15 +138,18 @@ def read_involvement(
     *,
     whole: bool = False,
 ) -> Involvement:
-    """Read a page of what involves an object in a range of revisions, in two statements."""
+    """Read a page of what involves an object in some revisions, in at most three statements."""
     # A page ends with a revision. One that alone has more changes is cut, or read with one more
     # statement if it is wanted whole.
     own = {"kb": kb_id, "object": object_id}
     row = session.first(_versions_of_object(), **own)
     is_recent = row is not None and row[0] >= INVOLVED
-    first = max(low, high - WINDOW + 1) if is_recent else low
     query = _involving(is_recent)
-    changes = newest_of(session, query, limit + 1, **own, low=first, high=high)
+    for window in (NEAR, WINDOW) if is_recent else (high,):
+        first = max(low, high - window + 1)
+        changes = newest_of(session, query, limit + 1, **own, low=first, high=high)
+        if len(changes) > limit or first == low:
+            break
     if len(changes) <= limit:
         rest = first if first > low else None
         return Involvement(changes, rest, rest)

@@ -306,6 +306,7 @@ def test_the_log_of_an_object_has_every_change_that_involves_it(
     of_hub: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
     monkeypatch.setattr(versions, "INVOLVED", most)
+    monkeypatch.setattr(versions, "NEAR", 3)
     monkeypatch.setattr(versions, "WINDOW", 5)
     built = versions._versions_of_object, versions._involving
     for query in built:

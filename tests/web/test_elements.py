@@ -139,6 +139,7 @@ def test_the_pages_of_an_object_have_each_change_once(
 
     monkeypatch.setattr(elements, "CHANGES", 5)
     monkeypatch.setattr(versions, "INVOLVED", most)
+    monkeypatch.setattr(versions, "NEAR", 3)
     monkeypatch.setattr(versions, "WINDOW", 10)
     for built in (versions._versions_of_object, versions._involving):
         built.cache_clear()
