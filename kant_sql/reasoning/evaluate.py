@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from decimal import Decimal
 from fractions import Fraction
+from itertools import islice
 from typing import Any, NamedTuple
 
 from ..dto import formulas as f
@@ -154,7 +155,9 @@ class Compiler:
     def rows(self, bound: Sequence[r.Bound], part: r.Part) -> Rows:
         """Compile for which objects of variables a part holds."""
         search, pick = self.search(bound, part), self.picker([each.slot for each in bound])
-        return lambda env: {pick(env) for _ in search(env)}
+        # Without variables, the first solution decides, however many there are inside `exists`.
+        most = None if bound else 1
+        return lambda env: {pick(env) for _ in islice(search(env), most)}
 
     def counterexamples(
         self, resolver: r.Resolver, variables: Sequence[f.TypedName], formula: f.Formula
