@@ -16,7 +16,7 @@ from ..history.revisions import read_numbered
 from ..knowledge.definitions import Definitions
 from ..moment_text import When
 from ..sql.dialects.base import Row, Session
-from ..sql.periods import read_kept_rules
+from ..sql.periods import read_ends_of_rules, read_kept_rules
 from ..store.snapshot import read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
@@ -42,8 +42,7 @@ def watch_rules(
 
     Args:
         rules: as for `check_rules`; None for those that are kept in the store (`kb.rules`), each
-            judged from the revision that saved it. These are the rules that are kept when it looks:
-            one that was redefined or deleted before that has no verdict.
+            judged from the revision that saved it to the one that redefines or deletes it.
         after: only verdicts after this revision, given as for `kb.at`; None for the present head.
         since: the first revision by which given rules are judged; None for the first of all.
         timeout: seconds to wait for each new revision, then it ends; None to wait without limit.
@@ -106,7 +105,7 @@ class RuleWatcher:
             if head < self.last:
                 # The store was put back to an earlier state.
                 self.last, self._judges = 0, {}
-            self.follow(head)
+            self._judge(head)
 
             def work(session: Session, kb_id: int | None) -> list[Verdict]:
                 judges = self._judges.values()
@@ -119,6 +118,14 @@ class RuleWatcher:
 
     def follow(self, head: int) -> list[Verdict]:
         """Judge the revisions up to a new head; return the verdicts that they decided."""
+        # A rule that is gone by then is judged for as long as it was kept.
+        read = partial(read_ends_of_rules, after=self.last + 1, high=head)
+        ends = self._store.query_known(read, []) if self._given is None else []
+        upto = [*(number - 1 for number in ends), head]
+        return [verdict for high in upto for verdict in self._judge(high)]
+
+    def _judge(self, head: int) -> list[Verdict]:
+        """Judge the rules that are kept at a head, or that are given."""
         asked = self._read_kept(head) if self._given is None else self._given
 
         def work(session: Session, kb_id: int | None) -> list[Verdict]:

@@ -534,6 +534,19 @@ def read_kept_rules(session: Session, kb_id: int, at: int) -> list[Row]:
     return session.rows(_KEPT, kb=kb_id, at=at)
 
 
+_ENDED = Query(
+    select(_RULE.until)
+    .distinct()
+    .where(_RULE.kb_id == KB, _RULE.until > AFTER, _RULE.until <= HIGH)
+    .order_by(_RULE.until)
+)
+
+
+def read_ends_of_rules(session: Session, kb_id: int, after: int, high: int) -> list[int]:
+    """Read the revisions that redefined or deleted rules, in order."""
+    return [number for (number,) in session.rows(_ENDED, kb=kb_id, after=after, high=high)]
+
+
 _TIMES = Query(
     select(RevisionRow.number, RevisionRow.committed_at, RevisionRow.observed_at)
     .where(

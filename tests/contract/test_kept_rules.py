@@ -389,6 +389,31 @@ def test_each_verdict_comes_with_the_commit_that_decides_it(kb: KnowledgeBase) -
     }
 
 
+def test_an_outage_hides_no_verdict_of_rules_that_are_gone(kb: KnowledgeBase) -> None:
+    def verdicts(after: int) -> list[str]:
+        return [f"{each.name}: {each}" for each in kb.watch_rules(after=after, timeout=0)]
+
+    random, begin, found = Random(0), kb.revision, list[str]()
+    steps: list[Callable[[], object]] = [
+        lambda: kb.rules.save("calm", "(always (not (alarm)))"),
+        lambda: kb.rules.save("calm", "(sometime (open hall))"),
+        lambda: kb.rules.save("one-place", ONE_PLACE),
+        lambda: kb.rules.delete("calm"),
+        lambda: kb.predicates.delete("alarm"),
+        lambda: kb.predicates.save("(alarm)"),
+        *[lambda: kb.propositions.save("(alarm)")] * 2,
+        *[lambda: change(random)(kb)] * 4,
+    ]
+    for _ in range(60):
+        before = kb.revision
+        with suppress(kant_sql.KantSqlError):
+            random.choice(steps)()
+        found += verdicts(before)
+    assert verdicts(begin) == found
+    # It was redefined or deleted each time.
+    assert sum(each.startswith("calm: ") and "violated" in each for each in found) > 2
+
+
 def test_a_watched_verdict_is_that_of_check_rules(kb: KnowledgeBase) -> None:
     random = Random(7)
     rules = [
