@@ -472,7 +472,8 @@ def find_broken(
     """Return the conditions `over all` of steps that do not hold now, or at a revision."""
 
     def work(view: View) -> list[tuple[Execution, FailedCondition]]:
-        found = []
+        found: list[tuple[Execution, FailedCondition]] = []
+        asked: list[tuple[Execution, list[f.Formula], bool]] = []
         for step in running:
             try:
                 of_step = ground(view.definitions, step)
@@ -480,8 +481,14 @@ def find_broken(
                 found.append((step, FailedCondition("the step", str(error))))
                 continue
             nodes = closed_nodes(of_step, OVER_ALL) if of_step.action.is_durative else []
-            numbers = {} if step.duration is None else {f.DURATION: step.duration}
-            found += [(step, failed) for failed in Explainer(view, numbers).failed(nodes)]
+            asked.append((step, nodes, f.Variable(f.DURATION) in f.walk(*nodes)))
+        # Mostly all hold: together they take few statements.
+        alike = [node for _, nodes, is_own in asked if not is_own for node in nodes]
+        do_hold = not Explainer(view).failed_nodes(alike)
+        for step, nodes, is_own in asked:
+            if is_own or not do_hold:
+                numbers = {} if step.duration is None else {f.DURATION: step.duration}
+                found += [(step, failed) for failed in Explainer(view, numbers).failed(nodes)]
         return found
 
     broken = store.read_in_snapshot(work, at)

@@ -408,6 +408,31 @@ def test_invariants_of_running_steps(kb: KnowledgeBase) -> None:
         kb.at(dusk).pddl.broken_invariants()
 
 
+def test_looking_at_many_steps_takes_as_many_statements_as_at_one(fresh_kb: KnowledgeBase) -> None:
+    kb = fresh_kb
+    kb.load_domain(
+        "(define (domain wait) (:requirements :typing :durative-actions)"
+        " (:types robot) (:predicates (free ?r - robot) (lit))"
+        " (:durative-action wait :parameters (?r - robot) :duration (= ?duration 9)"
+        " :condition (and (over all (free ?r)) (over all (not (lit)))) :effect (and)))"
+    )
+    robots = [f"r{number}" for number in range(12)]
+    kb.objects.save([f"{robot} - robot" for robot in robots])
+    kb.propositions.save([f"(free {robot})" for robot in robots])
+    kb.start("(wait r0)")
+    one = count(kb.pddl.broken_invariants)
+    for robot in robots[1:]:
+        kb.start(f"(wait {robot})")
+    assert count(kb.pddl.broken_invariants) == one
+    kb.propositions.delete("(free r7)")
+    kb.propositions.delete("(free r3)")
+    broken = kb.pddl.broken_invariants()
+    assert [(one.step.arguments, one.unsatisfied.condition) for one in broken] == [
+        (("r3",), "(free r3)"),
+        (("r7",), "(free r7)"),
+    ]
+
+
 DRIVE = """
 (define (domain drive) (:requirements :durative-actions :fluents :conditional-effects)
   (:predicates (sunny) (warm)) (:functions (battery))
