@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import printable
+from ..errors import UnknownNameError, printable
 from ..knowledge.canonical import SAID
 from . import common as c
 from .output import Printer, complain, plural, write_json
@@ -211,7 +211,16 @@ def _retain(
     as_json: bool,
 ) -> int:
     """Erase once, by rules."""
+    from ..dao.text import refuse_unknown_actor
+    from ..knowledge_base import state_of
+
     with c.open_to_read(url, kb) as (name, knowledge_base):
+        for named in sorted({rule.actor for rule in rules if rule.actor is not None}):
+            # It may be misspelt, or have written nothing yet.
+            try:
+                refuse_unknown_actor(state_of(knowledge_base).store, named)
+            except UnknownNameError as error:
+                complain(str(error))
         done = knowledge_base.store.retain(rules, reason=reason, archive=archive, actor=actor)
     if as_json:
         write_json(knowledge_base=name, revision=done.revision, parts=done.parts)

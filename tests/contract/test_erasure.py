@@ -498,6 +498,8 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert "nothing is old enough" in commands.run("retention", url, "--rules", str(path)).output
     none = commands.run("retention", url, "--after", "0s", "--parts", "source", "--of", "")
     assert "nothing is old enough" in none.output
+    misspelt = commands.run("retention", url, "--after", "900d", "--of", "camra")
+    assert "no revision by actor 'camra' (did you mean camera?)" in misspelt.stderr
     left = commands.run("retention", url, "--after", "0s", "--parts", "source", "--json")
     assert json.loads(left.output)["parts"] == 1
 
