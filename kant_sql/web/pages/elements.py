@@ -186,7 +186,7 @@ class SearchPage(NamedTuple):
     """What was found; `revision` and `moment` if the text is a revision's number or a time.
 
     `matches` begins with what has this very name, then come names that begin so, then facts of the
-    object of this name, then what contains the text. `is_cut`: more than these match.
+    object of this name, then what contains the text. `is_cut`: more than these may match.
     """
 
     q: str
@@ -204,11 +204,11 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchPage:
     with suppress(InvalidArgumentError):
         moment = parse_moment(text) if text else None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
-    matches = element_pages.read_matches(state_of(kb), text, MATCHES + 1) if text else []
+    matches, is_cut = element_pages.read_matches(state_of(kb), text, MATCHES)
     return SearchPage(
         q,
         moment if is_revision and isinstance(moment, int) else None,
         text if moment is not None and not isinstance(moment, int) else None,
-        matches[:MATCHES],
-        len(matches) > MATCHES,
+        matches,
+        is_cut,
     )
