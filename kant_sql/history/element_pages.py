@@ -222,7 +222,8 @@ def _found(kind: str, text: Any, rank: Any, rows: Select[Any]) -> Select[Any]:
     """Select some rows as matches."""
     ranked = rank if isinstance(rank, ColumnElement) else constant(rank)
     columns = constant(kind).label("kind"), text.label("text"), ranked.label("rank")
-    return select(first_rows(rows.with_only_columns(*columns), _ONE_KIND).subquery())
+    found = first_rows(rows.with_only_columns(*columns), _ONE_KIND).subquery()
+    return select(found, func.count().over().label("size"))
 
 
 def _newest(rows: Select[Any], number: Any, bound: int) -> Any:
@@ -295,7 +296,7 @@ def _matches() -> Query:
     parts.append(_found("actor", recent.text, rank, actors.order_by(rank, recent.text)))
     found = union_all(*parts).subquery("found").c
     best = func.min(found.rank)
-    rows = select(found.kind, found.text).group_by(found.kind, found.text)
+    rows = select(found.kind, found.text, func.max(found.size)).group_by(found.kind, found.text)
     order = best, func.length(found.text), found.kind.desc(), found.text
     return Query(first_rows(rows.order_by(*order), integer("size")))
 
@@ -317,22 +318,28 @@ def _spelled(session: Session, kb_id: int, words: list[str]) -> str:
     return f"({' '.join([next(filter(None, heads), words[0] if words else ''), *objects])})"
 
 
-def read_matches(reader: State, text: str, limit: int = 100) -> list[SearchMatch]:
-    """Look for a text in names, in facts and fluents, and in actors, in four statements at most."""
+def read_matches(reader: State, text: str, limit: int = 100) -> tuple[list[SearchMatch], bool]:
+    """Look for a text in names, facts, fluents and actors, in four statements at most.
+
+    Returns:
+        Some matches, and whether more than these may match.
+    """
     # First comes what has this name, then what begins so, then facts of the object of this name,
     # then what contains the text. Names and the facts of an object are found among all, other texts
     # among the newest.
     bare = text.strip("() ")
     asked = {"folded": fold(bare), "beyond": f"{fold(bare)}\U0010ffff"}
 
-    def work(session: Session, kb_id: int) -> list[SearchMatch]:
+    def work(session: Session, kb_id: int) -> tuple[list[SearchMatch], bool]:
         atom = _spelled(session, kb_id, bare.split())
         patterns = {
             "pattern": pattern_of(session, text),
             "prefix": pattern_of(session, bare, begins=True),
             "whole": pattern_of(session, bare, begins=True, ends=True),
         }
-        rows = session.rows(_MATCHES, kb=kb_id, size=limit, atom=atom, **patterns, **asked)
-        return [SearchMatch(row[0], row[1]) for row in rows]
+        rows = session.rows(_MATCHES, kb=kb_id, size=limit + 1, atom=atom, **patterns, **asked)
+        is_cut = len(rows) > limit or any(row[2] == _ONE_KIND for row in rows)
+        return [SearchMatch(row[0], row[1]) for row in rows[:limit]], is_cut
 
-    return reader.store.query_known(work, [])
+    nothing: tuple[list[SearchMatch], bool] = [], False
+    return reader.store.query_known(work, nothing) if text else nothing

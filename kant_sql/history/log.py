@@ -24,6 +24,7 @@ from ..sql.changes import (
     BY_TEXT,
     COUNTED_CHANGES,
     RETRACTED,
+    SEARCHED_ENDS,
     Change,
     count_each,
     few_changes,
@@ -36,7 +37,7 @@ from ..sql.dialects.base import Row, Session
 from ..sql.dialects.containing import contains, is_in, pattern_of
 from ..sql.places import place_text, read_place
 from ..sql.query import Query, constant, first_rows, in_rows, integer
-from ..sql.rows import KB, PROPOSITION, VALUE, VERSION_COLUMNS
+from ..sql.rows import KB
 from ..sql.tables import RevisionRow
 from ..store.snapshot import archive_of, read_position
 from ..store.state import State
@@ -127,27 +128,23 @@ class LogPage(NamedTuple):
 
 def _changed() -> Select[Any]:
     """Select the revisions of a range that changed what has the text."""
-    ends = []
-    for columns in VERSION_COLUMNS.values():
-        version = columns.version
-        for end in (version.since, version.until):
-            within = in_range(end)
-            ends.append(
-                select(end.label("n")).where(version.kb_id == KB, within, contains(columns.text))
-            )
+    ends = [
+        select(end.revision.label("n")).where(
+            end.source.version.kb_id == KB, in_range(end.revision), contains(end.source.text)
+        )
+        for end in SEARCHED_ENDS
+    ]
     return select(union(*ends).subquery("changed").c.n)
 
 
 def _end_of_search() -> Query:
     """Select the revisions in which the bound of what is searched is reached, by table."""
     ends = []
-    for name in (PROPOSITION, VALUE):
-        version = VERSION_COLUMNS[name].version
-        for end in (version.since, version.until):
-            newest = select(end.label("n")).where(version.kb_id == KB, in_range(end))
-            bound = constant(SEARCHED_CHANGES)
-            last = newest.order_by(end.desc()).limit(constant(1)).offset(bound)
-            ends.append(select(last.subquery().c.n))
+    for end in SEARCHED_ENDS:
+        number, within = end.revision, in_range(end.revision)
+        newest = select(number.label("n")).where(end.source.version.kb_id == KB, within)
+        last = newest.order_by(number.desc()).limit(constant(1)).offset(constant(SEARCHED_CHANGES))
+        ends.append(select(last.subquery().c.n))
     return Query(union(*ends))
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import select, union_all
 
 from ..dao.text import refuse_unknown
-from ..dto.lexical import fold
+from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge.definitions import Definitions, Elements, ObjectDefinition, TypeDefinition
 from ..sql.intervals import held_then, then
 from ..sql.places import Place, place_text, read_place
@@ -188,7 +188,7 @@ def read_objects_page(
         types = view.definitions.types
         every = sorted(view.definitions.objects, key=partial(_order, types))
         some = every
-        if type_ is not None:
+        if type_ is not None and fold(type_) != ROOT_TYPE:
             own = types.named(type_)
             wanted = view.definitions.subtypes(*(() if own is None else (own.id,)))
             some = [one for one in every if not wanted.isdisjoint(one.type_ids)]

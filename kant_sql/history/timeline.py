@@ -134,8 +134,9 @@ def timeline(
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
-    if not (found.lanes or found.plans or question.after):
-        refuse_unknown_names(store, predicate, object)
+    if not (found.lanes or question.after):
+        # Plans are of no predicate, and may name what is no object.
+        refuse_unknown_names(store, predicate, None if found.plans else object)
     return found
 
 

@@ -223,6 +223,13 @@ _ENDS = [end for source in _SOURCES.values() for end in ends_of(source)]
 _OTHER_ENDS = [
     end for kind, source in _SOURCES.items() if kind not in KIND_TABLES for end in ends_of(source)
 ]
+# Where a text is looked for; archives and promotions name folders of the server.
+SEARCHED_ENDS = [
+    end
+    for kind, source in _SOURCES.items()
+    if kind not in (ARCHIVE, PROMOTION)
+    for end in ends_of(source)
+]
 
 
 def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:

@@ -45,7 +45,7 @@ MOST_SINCE = 50
 _NUMBER = re.compile(r"[-+]?[0-9]+(?:[.][0-9]+)?")
 _REVISION = re.compile(r'(?:W/)?"?([0-9]{1,18})"?')
 
-# What a call of a DAO returns: whether it changed something, how many changes, or a number.
+# What a call of a DAO returns: a truth, how many changes, or a number.
 Result: TypeAlias = bool | int | Decimal | str | None
 Text = Annotated[str, Field(max_length=LONGEST_BODY)]
 Texts = Annotated[tuple[Text, ...], Field(max_length=MOST_CHANGES)]
@@ -91,9 +91,9 @@ class WriteAnswer(NamedTuple):
 
     Attributes:
         revision: the revision that it made; None if it changed nothing.
-        results: what each change returned, in order: whether it changed something, or how many
-            elements it changed, or a number's new value, exact, as text; of a step, the id of its
-            execution.
+        results: what each change returned, in order: true for `save`; else whether it changed
+            something, or how many elements it changed, or a number's new value, exact, as text; of
+            a step, the id of its execution.
         warnings: where loaded text deviates from the standard; not repeated.
         is_repeated: whether the request was written before, under its `Idempotency-Key`.
     """

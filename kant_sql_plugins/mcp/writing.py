@@ -12,7 +12,7 @@ from mcp_types import ToolAnnotations
 from pydantic import Field, StrictFloat, StrictInt
 
 from kant_sql.arguments import shown
-from kant_sql.errors import ReadOnlyError
+from kant_sql.errors import InvalidArgumentError, ReadOnlyError
 from kant_sql.knowledge_base import KnowledgeBase, connect
 from kant_sql.web.registry import At, moment
 from kant_sql.web.stores import OpenStore
@@ -146,6 +146,11 @@ class Writing(Asking):
                 connect(store.url, knowledge_base=parent, actor=actor) as own,
                 own.branch(name, at=moment(at)) as made,
             ):
+                if not made.revision:
+                    raise InvalidArgumentError(
+                        f"the state of {shown(parent)} is empty, so it has no branch; begin with "
+                        "another state"
+                    )
                 return BegunBranch(name, made.revision)
 
         return begin_branch

@@ -165,6 +165,16 @@ def test_before_the_first_revision_there_was_nothing_to_archive(
     assert kb.store.verify().is_intact
 
 
+def test_who_has_read_the_beginning_reads_the_later_past_all_the_same(
+    kb: KnowledgeBase, archive_url: str
+) -> None:
+    count(kb, 6)
+    kb.store.archive(5, to=archive_url)
+    kb.types.save("later")
+    assert kb.at(0).objects.get_all() == []
+    assert counter.read(kb.at(4)) == 3
+
+
 def test_what_was_said_of_the_time_before_it_may_be_of_what_was_moved(
     kb: KnowledgeBase, archive_url: str
 ) -> None:

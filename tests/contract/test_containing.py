@@ -42,8 +42,28 @@ def test_case_does_not_matter_for_any_letter(kb: KnowledgeBase) -> None:
         assert bool(kb.timeline(text=text, kinds=["fact"]).lanes) == is_there, text
         lines = read_log_page(state, LogFilter(text=text)).revisions
         assert (ACTOR in {one.revision.actor for one in lines}) == (is_there or acted), text
-        kinds = {one.kind for one in read_matches(state, text)}
+        kinds = {one.kind for one in read_matches(state, text)[0]}
         assert ("fact" in kinds, "actor" in kinds) == (is_there, acted), text
+
+
+def test_the_log_is_searched_for_changes_of_all_kinds(kb: KnowledgeBase) -> None:
+    act = kb.executions.report("dock", outcome="running")
+    kb.fail(act, code="E4", text="kein Strom")
+    kb.goals.save(FACT)
+    kb.rules.save("calm", f"(always {FACT})")
+    kb.propositions.confirm([FACT])
+    with kb.transaction(valid_from="2 hours ago", valid_until="1 hour ago"):
+        kb.propositions.delete(FACT)
+    kb.erase("later", reason="request 4711")
+    entries = [*kb.log()]
+    for text in ("KEIN STROM", "e4", "running", "größe_küche", "straße", ":not-held", "erasure"):
+        found = read_log_page(state_of(kb), LogFilter(text=text)).revisions
+        expected = [
+            entry.revision
+            for entry in entries
+            if any(is_in(text, change.text) for change in entry.changes)
+        ]
+        assert [one.revision for one in found] == expected != [], text
 
 
 def test_what_no_text_can_contain_is_refused(kb: KnowledgeBase) -> None:
@@ -55,4 +75,4 @@ def test_what_no_text_can_contain_is_refused(kb: KnowledgeBase) -> None:
 
 
 def test_a_text_of_any_length_is_looked_for(kb: KnowledgeBase) -> None:
-    assert read_matches(state_of(kb), "тК" * 50_000) == []
+    assert read_matches(state_of(kb), "тК" * 50_000) == ([], False)

@@ -403,6 +403,7 @@ def test_it_is_drawn_as_it_was_asked_for(kb: KnowledgeBase) -> None:
 
 def test_what_never_was_is_refused(kb: KnowledgeBase) -> None:
     kb.propositions.save(robot_at())
+    kb.executions.report("dock", outcome="succeeded")
     with pytest.raises(UnknownNameError, match="robot_at"):
         kb.timeline(predicate="robot_ta")
     with pytest.raises(UnknownNameError, match="rb1"):

@@ -57,6 +57,19 @@ def test_a_saying_links_to_the_times_at_which_it_was_true(late: Filled) -> None:
         assert (shown["text"], shown["bars"][0]["since"]) == (lane, kb.revision)
 
 
+def test_what_was_said_of_periods_alone_has_a_page(filled: Filled) -> None:
+    kb, client = filled
+    fill(kb, 3)
+    kb.objects.save("wp9 - wp")
+    with kb.transaction(valid_from=BEGIN, valid_until=END):
+        kb.propositions.save("(robot_at rb1 wp9)")
+    asked = {"kb": "courier", "text": "(robot_at rb1 wp9)"}
+    page = client.get("/fact", params=asked).text
+    assert escape(link("/timeline", **asked, clock="valid")) in page
+    assert client.get("/api/fact", params=asked).json()["versions"] == []
+    assert client.get("/fact?kb=courier&text=(robot_at wp1 wp1)").status_code == 404
+
+
 def test_corrections_are_the_librarys_page_by_page(
     late: Filled, monkeypatch: pytest.MonkeyPatch
 ) -> None:

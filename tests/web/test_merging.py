@@ -26,6 +26,8 @@ def test_it_shows_what_the_library_previews(filled: Filled) -> None:
     assert "no rule is checked" in page
     assert "&lt;b&gt;shorter" in page
     assert "/revision?kb=trial&amp;number=2" in page
+    # What is new there was never here.
+    assert "/fact?kb=trial&amp;text=%28robot_at+rb1+wp2%29" in page
     head = kb.revision
     assert client.get("/merge?kb=courier").status_code == 200
     assert kb.revision == head

@@ -89,6 +89,7 @@ def test_a_type_has_its_subtypes_and_a_past_its_own_rows(filled: Filled) -> None
     kb.function_values.set("battery", objects=["r1"], value=9)
     kb.objects.delete("insulin")
     assert [*rows(client, type="THING")] == ["ann", "r1", "r2"]
+    assert rows(client, type="Object") == rows(client)
     assert rows(client)["r1"] == {"at": ["ward"], "docked": [], "battery": ["9"]}
     assert rows(client, at=before) == expected
     assert rows(client, at=0) == {}

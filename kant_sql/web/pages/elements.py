@@ -86,7 +86,10 @@ def _drawn(page: FactPage, query: Mapping[str, Any]) -> str:
 
 @PAGES.page("/fact", "fact.html", rows=["versions"], draw=_drawn)
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
-    """Show who asserted and retracted an element, when and why, and what is related to it."""
+    """Show who asserted and retracted an element, when and why, and what is related to it.
+
+    There are no versions of derived facts, nor of what was said of periods alone.
+    """
     try:
         found = element_pages.read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
     except UnknownNameError:
@@ -105,14 +108,15 @@ def _causes(kb: KnowledgeBase, text: str) -> tuple[CauseLinks, CauseLinks]:
 
 
 def _without_versions(kb: KnowledgeBase, text: str) -> FactPage | None:
-    """Show the causes of a derived fact, or else of the absence of a fact, if there are any."""
+    """Show the causes of a derived fact or of an absence, or what was said of periods alone."""
+    page = element_pages.ElementPage(text, [], [], None, None, [], [], 0)
     with suppress(InvalidKnowledgeError):
         for literal in (text, f"(not {text})"):
             causes = _causes(kb, literal)
             if any(causes):
-                page = element_pages.ElementPage(text, [], [], None, None, [], [], 0)
                 return FactPage(page, *causes)
-    return None
+    lanes = kb.timeline(text=text, kinds=(FACT, VALUE), unchanged=True, clock="valid").lanes
+    return FactPage(page, None, None) if any(lane.text == text for lane in lanes) else None
 
 
 @PAGES.page("/object", "object.html", rows=["changes"])
@@ -182,7 +186,7 @@ class SearchPage(NamedTuple):
     """What was found; `revision` and `moment` if the text is a revision's number or a time.
 
     `matches` begins with what has this very name, then come names that begin so, then facts of the
-    object of this name, then what contains the text. `is_cut`: more than these match.
+    object of this name, then what contains the text. `is_cut`: more than these may match.
     """
 
     q: str
@@ -200,11 +204,11 @@ def search(kb: KnowledgeBase, q: Sought = "") -> SearchPage:
     with suppress(InvalidArgumentError):
         moment = parse_moment(text) if text else None
     is_revision = isinstance(moment, int) and 0 < moment <= kb.revision
-    matches = element_pages.read_matches(state_of(kb), text, MATCHES + 1) if text else []
+    matches, is_cut = element_pages.read_matches(state_of(kb), text, MATCHES)
     return SearchPage(
         q,
         moment if is_revision and isinstance(moment, int) else None,
         text if moment is not None and not isinstance(moment, int) else None,
-        matches[:MATCHES],
-        len(matches) > MATCHES,
+        matches,
+        is_cut,
     )

@@ -44,8 +44,8 @@ class OverviewPage(NamedTuple):
 def overview(kb: KnowledgeBase) -> OverviewPage:
     """Show running and last acts, goals, rules, unconfirmed effects and the last changes."""
     running, _ = read_acts(kb, ExecutionFilter(outcome=RUNNING), MOST_RUNNING)
-    last, _ = read_acts(kb, ExecutionFilter(), LAST_DONE)
-    done = [one for one in last if one.outcome != RUNNING]
+    last, _ = read_acts(kb, ExecutionFilter(), LAST_DONE + len(running))
+    done = [one for one in last if one.outcome != RUNNING][:LAST_DONE]
     changes = read_log_page(state_of(kb), LogFilter(), limit=LAST_CHANGES).revisions
     return OverviewPage(
         running,

@@ -99,8 +99,10 @@ def test_what_the_actor_has_not_begun_is_not_written_to(url: str, kb: str | None
         ("apply_step", {**given, "step": BACK}),
         ("begin_branch", {"kb": "ward", "name": "theirs"}),
         ("begin_branch", {"kb": "nobody", "name": "new"}),
+        ("begin_branch", {"kb": "ward", "name": "of-nothing", "at": 0}),
     )
-    assert [one.is_error for one in answers] == [True] * 5
+    assert [one.is_error for one in answers] == [True] * 6
+    assert "is empty" in answers[-1].content[0].text
     said = {None: "choose one with the parameter kb", "nobody": "has no knowledge base 'nobody'"}
     why = said.get(kb, "with the tool begin_branch")
     assert all(why in one.content[0].text for one in answers[:3])
