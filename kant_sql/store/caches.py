@@ -209,8 +209,8 @@ class DefinitionCache:
         if revision >= definition_revision:
             definitions = self.at_head(session, kb_id, definition_revision, archived)
         else:
-            # Archived versions no longer show their changes.
-            epoch = max(last_change(session, kb_id, revision), archived)
+            # Archived versions no longer show their changes. Revision 0 is before all of them.
+            epoch = max(last_change(session, kb_id, revision), min(archived, revision))
             known = self._epochs.get(epoch)
             definitions = load_at(session, kb_id, revision) if known is None else known
             _keep(self._epochs, epoch, definitions, CACHED_EPOCHS)

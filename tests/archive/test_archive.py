@@ -165,6 +165,17 @@ def test_before_the_first_revision_there_was_nothing_to_archive(
     assert kb.store.verify().is_intact
 
 
+def test_a_look_before_the_first_revision_leaves_the_archived_revision_as_it_was(
+    kb: KnowledgeBase, archive_url: str
+) -> None:
+    count(kb, 6)
+    assert kb.store.archive(5, to=archive_url).upto == 4
+    kb.predicates.save("(later)")
+    assert kb.at(0).predicates.get_all() == []
+    assert [each.name for each in kb.at(4).predicates.get_all()] == ["value", "copy"]
+    assert counter.read(kb.at(4)) == 3
+
+
 def test_what_was_said_of_the_time_before_it_may_be_of_what_was_moved(
     kb: KnowledgeBase, archive_url: str
 ) -> None:
