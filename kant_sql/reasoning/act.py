@@ -98,7 +98,7 @@ class _Search(NamedTuple):
             limit = count_limit(limit)
         if self.name is not None:
             expect(self.name, str, "the name of an action", InvalidArgumentError)
-        return self._steps(store, at, store.check_definitions(self._actions, at), limit)
+        return self._steps(store, at, store.read_definitions(self._actions, at), limit)
 
     def _actions(self, definitions: Definitions) -> list[str]:
         """Find the actions that have all parameters that are fixed."""

@@ -286,6 +286,8 @@ def judge(view: View, step: GroundStep) -> tuple[Numbers, list[FailedCondition]]
     is_same = step.action.definitions is view.definitions
     wrong = step.misfits if is_same else misfits(view.definitions, step)
     if wrong:
+        # No statement has compared the definitions with the head.
+        _need_snapshot(view)
         return {}, wrong
     action = step.action
     if action.is_durative:

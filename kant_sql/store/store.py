@@ -198,7 +198,10 @@ class Store:
                 return self._outside(
                     lambda session: work(View(session, kb_id, definitions, at, revision))
                 )
-            except DefinitionsMovedError:
+            except StoreError:
+                raise
+            except (DefinitionsMovedError, KantSqlError):
+                # Another process may have changed a definition since.
                 pass
         return self.read_in_snapshot(work, at)
 

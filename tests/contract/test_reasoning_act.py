@@ -734,6 +734,28 @@ def test_a_running_step_is_known_to_other_connections(shared_url: str, connect: 
         one.end("(long p1 c0 c1)")
 
 
+def test_names_and_actions_of_other_connections_are_known(
+    shared_url: str, connect: Connect
+) -> None:
+    one, other = connect(shared_url), connect(shared_url)
+    one.load_domain("""(define (domain d) (:types robot place) (:predicates (at ?p - place))
+      (:action go :parameters (?p - place) :effect (at ?p)))""")
+    one.objects.save(["r - robot", "hall - place"])
+    assert not other.holds("(at hall)")
+    one.objects.save("lab - place")
+    one.propositions.save("(at lab)")
+    assert other.holds("(at lab)")
+    one.objects.save("den - place")
+    assert not other.holds("(at ?p)", p="den")
+    one.actions.save("(:action stay :parameters (?p - place) :effect (at ?p))")
+    assert "(stay lab)" in texts(other.applicable_actions())
+    one.actions.save("(:action wait :parameters (?p - place) :effect (at ?p))")
+    assert other.why_not("(wait lab)") == []
+    assert [each.condition for each in other.why_not("(wait r)")] == ["?p - place"]
+    one.actions.save("(:action wait :parameters (?p - robot) :effect (at hall))")
+    assert other.why_not("(wait r)") == []
+
+
 def test_processes_and_events_are_no_steps(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_domain("""(define (domain d) (:requirements :time :fluents)
       (:predicates (p)) (:functions (x))

@@ -272,6 +272,10 @@ def test_what_is_ahead_and_no_replica_is_refused_and_a_replica_that_is_ahead_is_
         assert (sent.before, sent.revision, sent.source_revision) == (6, 6, 4)
         with pytest.raises(ReplicaError, match="ahead of 4"):
             old.store.push(file_url, adopt=True)
+    with connect(target_url(tmp_path, "new.db"), knowledge_base="tiago") as empty:
+        assert empty.store.push(replica_url).revisions == 0
+        with pytest.raises(ReplicaError, match="ahead of 0"):
+            empty.store.push(file_url)
 
 
 def test_a_replica_of_a_replica(file_kb: KnowledgeBase, file_url: str, tmp_path: Path) -> None:

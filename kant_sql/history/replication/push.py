@@ -94,7 +94,9 @@ class _Push:
         here, there = self._retrying(lambda: (_read_head(self._source), _read_head(self._target)))
         before, at = there.revision, there.revision
         is_same = (there.revision, there.hash) == (here.revision, here.hash)
-        is_over = here.revision == 0 or (there.origin is not None and is_same)
+        # What is not a replica may be ahead, which is refused.
+        is_replica = there.origin is not None or there.revision == 0
+        is_over = is_replica and (is_same or here.revision == 0)
         while not is_over and not is_stopped():
             here, at, is_over = self._retrying(self._advance)
             if progress is not None:
