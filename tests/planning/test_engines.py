@@ -122,7 +122,7 @@ def test_a_command_answers(
 
 
 FAILURES = {
-    "invalid": ("invalid_plan", "the plan is not valid; step 0, (Walk b c), fails"),
+    "invalid": ("invalid_plan", "an invalid plan: step 0, (Walk b c), fails at 1: (at b)"),
     "unknown": ("invalid_plan", "fly"),
     "nonsense": ("internal_error", "it ended with code 0, and said: no idea"),
     "silent": ("internal_error", "it ended with code 0"),
