@@ -169,10 +169,11 @@ def test_durative_actions(body: str, column: int, expected: str) -> None:
         ("(:requirements :strips :?x)", 24, "a requirement such as :typing"),
         ("(:requirements :)", 16, "a requirement such as :typing"),
         ("(:requirements a'b)", 16, "a requirement such as :typing"),
-        ("(:types either)", 9, "not a reserved word"),
+        ("(:types either)", 9, "the word is reserved in PDDL"),
         ("(:types object - a)", 9, "no type above object"),
-        ("(:types it's)", 9, "a name"),
-        ("(:predicates (not ?x))", 15, "not a reserved word"),
+        ("(:types it's)", 9, 'it has "\'" (APOSTROPHE) at position 2'),
+        ("(:predicates (not ?x))", 15, "the word is reserved in PDDL"),
+        (f"(:predicates ({'p' * 256}))", 15, "it has 256 characters, 255 at most"),
         ("(:predicates (p ?x))", 15, "one predicate of that name"),
         ("(:predicates (s ?x - it's))", 22, "a type"),
         ("(:predicates (s ?x - ?y))", 22, "a type"),
@@ -484,6 +485,8 @@ def load(kb: kant_sql.KnowledgeBase, document: Domain | Problem) -> None:
 
 
 A_TYPE = "one type such as 'robot - vehicle'"
+RESERVED = "another name for a type: the word is reserved in PDDL"
+A_NAME = "another name for an object: PDDL text reads it as a number"
 AN_OBJECT = "one object such as 'rb1 - robot'"
 A_PREDICATE = "one predicate such as (robot_at ?r - robot ?p - place)"
 A_FUNCTION = "one function such as (battery ?r - robot) - number"
@@ -502,9 +505,9 @@ read_move = partial(read_action, symbols=SymbolTable.of_domain(DOMAIN))
         (read_type, "a) ", 2, "')'", A_TYPE),
         (read_type, "a -", 4, END, "a type"),
         (read_type, "a - (either b", 14, END, "')'"),
-        (read_type, "either", 1, "'either'", "the name of the type, which is not a reserved word"),
+        (read_type, "either", 1, "'either'", RESERVED),
         (read_object, "rb1 rb2 - robot", 5, "'rb2'", AN_OBJECT),
-        (read_object, "5 - robot", 1, "'5'", "a name"),
+        (read_object, "5 - robot", 1, "'5'", A_NAME),
         (read_object, "rb1 - 5", 7, "'5'", "a type"),
         (read_predicate, "near", 1, "'near'", "a predicate such as (near ?a ?b)"),
         (read_predicate, "(near ?a) (far ?a)", 11, "'(far'", A_PREDICATE),
