@@ -399,6 +399,9 @@ class FormulaReader(Cursor):
             return self.expression() if self._is_numeric() else self.term()[0]
         if not signature.types:
             return self.expression()
+        if self.is_number():
+            types = either_text(signature.types)
+            self.fail(f"an object: values of {signature.name} are of type {types}")
         entity = self.term()
         if self.symbols.fit(entity[1], signature.types) is not Fit.YES:
             self._misfit(entity, signature.types, f"as the value of {signature.name}", at)

@@ -224,7 +224,7 @@ def test_domains(body: str, column: int, expected: str) -> None:
         ("(:init r)", 8, "'r'", "a fact, which begins with '('"),
         ("(:init ((r)))", 9, "'(r'", "a predicate"),
         ("(:init (= (g) o))", 15, "'o'", "a number"),
-        ("(:init (= (loc o) 1))", 19, "the object '1'", "an object that is declared"),
+        ("(:init (= (loc o) 1))", 19, "'1'", "an object: values of loc are of type b"),
         ("(:init (= (loc o) o))", 19, "o of type a", "b as the value of loc"),
         ("(:init (= (f o) (+ 1 2)))", 17, "(+ 1 2)", "a number"),
         ("(:init (oneof (r) (p o)))", 8, "'(oneof', which is of conformant", "a fact"),
