@@ -58,6 +58,7 @@ __all__ = [
     "StoreIntegrityError",
     "StoreReplacedError",
     "StoreUnreachableError",
+    "TableMissingError",
     "TransactionCancelledError",
     "TransactionOpenError",
     "TypeCycleError",

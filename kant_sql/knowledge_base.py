@@ -411,8 +411,8 @@ class KnowledgeBase(Front):
             at: a revision, given as for `at`; None for the present, or for this past state.
             url: the store of the branch, on any dialect; a new SQLite file is created. None for
                 this store with a `name`, and without one for a store in memory, which ends when
-                the branch is closed. A store in memory holds one knowledge base, so that a branch
-                of it is in another store in memory.
+                the branch is closed. A store in memory that `connect` opened holds one knowledge
+                base, so that a branch of it is in another store in memory.
 
         Returns:
             The branch, which writes as the same actor; close it like any knowledge base.

@@ -100,7 +100,7 @@ def put_action(
     stored = definitions.actions.named(name)
     if stored is not None and _family(stored.kind) != _family(keyword):
         raise ConflictError(
-            f"{stored.name!r} is a stored {stored.kind}, so it cannot name a {keyword} as well; "
+            f"{stored.name!r} is a stored {stored.kind}, so it cannot also name this {keyword}; "
             "delete that first, or choose another name"
         )
     identity = identify(transaction, "action", name)

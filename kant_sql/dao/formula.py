@@ -125,8 +125,10 @@ def read_given(transaction: Transaction, section: str, given: f.Node | str) -> A
 def refuse_others(given: f.Node, read: f.Node) -> None:
     """Refuse a node whose text says something else: a name may have blanks and parentheses."""
     if _content(given) != _content(read):
+        # Nodes of other classes can have the same text.
+        found = repr(read) if str(read) == str(given) else shown(read)
         raise InvalidKnowledgeError(
-            f"the text of {shown(given)} is read as another formula, {shown(read)}; give each "
+            f"the text of {shown(given)} is read as another formula, {found}; give each "
             "name, operator and operand as PDDL has it"
         )
 

@@ -151,7 +151,7 @@ class AnyDao(ABC, Generic[E, Given]):
             False when it is not stored.
 
         Raises:
-            PddlError: a text cannot be read, or names what never was.
+            PddlError: a text cannot be read, or refers to an element that never was.
 
         Examples:
             >>> kb.objects.delete(rb1)

@@ -84,7 +84,7 @@ def _word_fault(name: str) -> str | None:
 
 
 @lru_cache(maxsize=4096)
-def _fault(kind: str, name: str) -> str | None:
+def name_fault(kind: str, name: str) -> str | None:
     """Return why a string cannot be a name of a kind."""
     fault = _word_fault(name)
     if fault is not None:
@@ -120,7 +120,7 @@ def is_name(name: str, kind: str) -> bool:
     # The fast path: there may be a million names, most of them standard.
     if _STANDARD.fullmatch(name) is not None and kind not in RESERVED:
         return True
-    return _fault(kind, name) is None
+    return name_fault(kind, name) is None
 
 
 def is_requirement(requirement: str) -> bool:
@@ -146,7 +146,7 @@ def check_name(kind: str, name: str) -> None:
         return
     short = name if len(name) <= 60 else name[:57] + "..."
     raise InvalidNameError(
-        f"{short!r} cannot name {with_article(kind)}: {_fault(kind, name)}; choose another name"
+        f"{short!r} cannot name {with_article(kind)}: {name_fault(kind, name)}; choose another name"
     )
 
 

@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import Final, NamedTuple, NoReturn
 
 from ..arguments import flag
-from ..dto.lexical import fold, is_name, with_article
+from ..dto.lexical import fold, is_name, name_fault, with_article
 from ..errors import InvalidArgumentError, PddlError
 from .document import PddlWarning
 from .lexer import Text, tokenize
@@ -288,16 +288,20 @@ class Cursor:
     def odd_name(self, name: str, kind: str) -> None:
         """Warn about a name that is not standard; refuse one that cannot be a name."""
         if not is_name(name, kind if kind != OBJECTS else "object"):
-            self.fail(f"the name of {with_article(kind)}" if kind != OBJECTS else "a name")
+            self.refuse_name(name, kind if kind != OBJECTS else "object")
         expected = f"{with_article(kind)} of a letter and letters, digits, '-' and '_'"
         self.deviate(expected, "taken as it is")
+
+    def refuse_name(self, name: str, kind: str, at: int | None = None) -> NoReturn:
+        """Refuse a name, and say why."""
+        self.fail(f"another name for {with_article(kind)}: {name_fault(kind, name)}", at=at)
 
     def declared_name(self, kind: str) -> str:
         """Consume the name of a declaration outside of typed lists."""
         name = self.word(f"the name of the {kind}")
         self.at -= 1
         if not is_name(name, kind):
-            self.fail(f"the name of the {kind}, which is not a reserved word")
+            self.refuse_name(name, kind)
         # Rules differ by kind: `5` may name a predicate, but not an object.
         if _STANDARD_NAME.fullmatch(name) is None and name not in self.diagnostics.odd_names:
             self.diagnostics.odd_names.add(name)

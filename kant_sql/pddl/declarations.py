@@ -267,7 +267,7 @@ class ActionReader(FormulaReader):
                 self.deviate(proper, "read so")
             key = ":condition"
         if key in self._keys:
-            self.fail(f"each part of an action once, but {key} is there already")
+            self.fail("each part of an action once, but this one is there already")
         self._keys.add(key)
         self.nesting = f"{self.nesting}, {self.tokens[self.at]}"
         self.at += 1

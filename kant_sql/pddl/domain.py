@@ -101,7 +101,7 @@ class DomainReader:
         for group in reader.typed_list(OBJECTS):
             for at, name in enumerate(group.words, group.at):
                 if not is_name(name, "type"):
-                    reader.fail("the name of the type, which is not a reserved word", at=at)
+                    reader.refuse_name(name, "type", at)
                 if fold(name) != ROOT_TYPE:
                     self._types.add(reader, name, group, at)
                     continue

@@ -128,7 +128,8 @@ class Scanner:
 
     def _refuse_start(self, at: int) -> NoReturn:
         start = Section(self._text, "", 0, end_of_tokens(self._code, 2))
-        Cursor(self._diagnostics, start).fail("(define", at=at)
+        expected = "(define (domain ...) ...) or (define (problem ...) ...)"
+        Cursor(self._diagnostics, start).fail(expected, at=at)
 
     def _split(self) -> None:
         """Cut the code at each `(define` and at each section."""

@@ -350,7 +350,7 @@ class FormulaReader(Cursor):
 
     def _constraint(self, operator: str, wanted: int, formulas: int, inside: int) -> f.Formula:
         self.at += 2
-        numbers = tuple([self._time_span(operator) for _ in range(wanted)])
+        numbers = tuple([self.time_span(operator) for _ in range(wanted)])
         if wanted == 2 and numbers[0].value > numbers[1].value:
             self.fail(f"the end of {operator}, not before its begin", at=self.at - 1)
         parts = []
@@ -359,7 +359,8 @@ class FormulaReader(Cursor):
         self.expect(")", f"')' after the {formulas} formula{'s' * (formulas - 1)} of {operator}")
         return f.Modal(operator, numbers, tuple(parts))
 
-    def _time_span(self, operator: str) -> f.Number:
+    def time_span(self, operator: str) -> f.Number:
+        """Consume the time of an operator, which is not negative."""
         number = self.number_here()
         if number is None or number.value < 0:
             self.fail(f"a number from 0 on, the time of {operator}")
@@ -398,6 +399,9 @@ class FormulaReader(Cursor):
             return self.expression() if self._is_numeric() else self.term()[0]
         if not signature.types:
             return self.expression()
+        if self.is_number():
+            types = either_text(signature.types)
+            self.fail(f"an object: values of {signature.name} are of type {types}")
         entity = self.term()
         if self.symbols.fit(entity[1], signature.types) is not Fit.YES:
             self._misfit(entity, signature.types, f"as the value of {signature.name}", at)

@@ -341,7 +341,7 @@ class _ElementReader(DeclarationReader):
         if len(words) != 1 or len(groups) > 1:
             self.fail(self._one, at=1 if len(words) > 1 else groups[1].at if words else 0)
         if not is_name(words[0], self._kind):
-            self.fail(f"the name of the {self._kind}, which is not a reserved word", at=0)
+            self.refuse_name(words[0], self._kind, 0)
         types = groups[0].types
         return words[0], self.resolve(self.symbols, types, 1) if types else ()
 

@@ -386,10 +386,7 @@ class InitialStateReader(FormulaReader):
     def _timed_element(self) -> None:
         start = self.at
         self.at += 2
-        time = self.number_here()
-        assert time is not None
-        self.at += 1
-        timed = f.TimedLiteral(time, self._timed_effect())
+        timed = f.TimedLiteral(self.time_span("at"), self._timed_effect())
         self.expect(")", "')' after the timed literal")
         if timed in self._timed:
             self.deviate("each timed literal once", "left out", f"{timed} again", start)

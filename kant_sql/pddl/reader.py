@@ -64,7 +64,7 @@ def read_domain(*sources: Source, strict: bool = False) -> Domain:
     for source in sources:
         forms += _of_kind(diagnostics, Scanner(diagnostics, load(source)).scan(), DOMAIN)
     if not forms:
-        raise TypeError("read_domain() needs at least one source")
+        raise TypeError("a domain is read from at least one source: a path, or PDDL text")
     return _with_warnings(DomainReader(diagnostics).read(forms), diagnostics)
 
 

@@ -23,13 +23,12 @@ from ..pddl.requirements import used_requirements
 from ..pddl.writer import write
 from .metrics import unconditional
 from .plan import OPTIMAL, SATISFICING, Plan
-from .processes import MOST_OUTPUT, Ended, PlannerProcess
+from .processes import ENGINES_VARIABLE, MOST_OUTPUT, Ended, PlannerProcess
 
 WAYS_OUT = (
     "Plan.read(text) takes the plan of a program outside, and in a branch, kb.branch(), you can "
     "relax the goal or the conditions and plan again"
 )
-ENGINES_VARIABLE = "KANT_SQL_ENGINES"
 _COMMAND = re.compile(r"\s*(?P<name>[^\s:{}]+):\s+(?P<line>\S.*)", re.DOTALL)
 _NO_PLAN = re.compile(r"unsolvable|no solution|no plan|not solvable", re.IGNORECASE)
 _NUMBERED = re.compile(r"(?:sas_)?plan(?:\.(\d+))?|.*\.soln")
@@ -137,7 +136,7 @@ def engines_file() -> Path:
 def configured() -> dict[str, str]:
     """Read the command lines of the file of engines, by their names."""
     path = engines_file()
-    if not path.exists() and ENGINES_VARIABLE not in os.environ:
+    if not path.exists() and not os.environ.get(ENGINES_VARIABLE):
         return {}
     import tomllib
 
@@ -149,11 +148,12 @@ def configured() -> dict[str, str]:
             f"a command line for each name, or unset {ENGINES_VARIABLE}"
         ) from error
     found = given.get("engines", None if given else {})
-    lines = found.items() if isinstance(found, dict) else ()
-    wrong = [name for name, line in lines if not isinstance(line, str)]
+    named = {f".{name}": line for name, line in found.items()} if isinstance(found, dict) else {}
+    wrong = [one for one in named.items() if not isinstance(one[1], str)]
     if wrong or not isinstance(found, dict):
+        name, line = (*wrong, ("", found))[0]
         raise InvalidArgumentError(
-            f"engines{''.join(f'.{name}' for name in wrong[:1])} in {path} is {shown(found)}; "
+            f"engines{name} in {path} is {shown(line)}; "
             'write a command line: [engines] lama = "fast-downward.py {domain} {problem}"'
         )
     return found

@@ -202,7 +202,7 @@ class Attempt:
                     self.plan, self.cost, self._said = plan, judged.cost, judged.text
                     return
                 self._failures[plan.engine] = INVALID
-                refused = refused or f"{plan.engine} answered with what is not valid: {judged.text}"
+                refused = refused or f"{plan.engine} answered with an invalid plan: {judged.text}"
         except KantSqlError:
             if refused is None:
                 raise

@@ -147,7 +147,7 @@ class SqlPlanDao(SqlDao, PlanDao):
     ) -> RecordedPlan:
         self._check_writable()
         if not isinstance(plan, Plan):
-            raise PlanError(f"the plan is a Plan of kant_sql, not {shown(plan)}")
+            raise PlanError(f"the plan is a Plan, as Plan.read(text) returns it, not {shown(plan)}")
         revision = self._state_of(plan)
         # A past state never changes, so its text is written without a lock.
         said = (

@@ -132,7 +132,8 @@ def _judge(task: PlanningTask, found: planning.Plan) -> Judged:
     except UnsupportedConstructError as error:
         return Judged(True, f"{len(found.steps)} steps, not validated: {error}")
     if not validation.valid:
-        return Judged(False, "; ".join(str(validation).splitlines()))
+        _, *why = map(str.strip, str(validation).splitlines())
+        return Judged(False, "; ".join(why).replace(":; ", ": "))
     metric, cost = task.problem.metric, validation.metric_value
     text = f"{len(found.steps)} steps, makespan {validation.makespan:f}"
     if metric is None or cost is None:

@@ -205,6 +205,11 @@ def test_a_formula_of_another_sort_is_refused(depot_kb: KnowledgeBase) -> None:
             assert dao_of(depot_kb, dao).get_all() == [], name
 
 
+def test_a_node_of_another_class_with_the_same_text_is_named(depot_kb: KnowledgeBase) -> None:
+    with pytest.raises(InvalidKnowledgeError, match=r"another formula, Timed\(time='at end'"):
+        depot_kb.pddl.constraints.save(f.Modal("at end", (), (IDLE,)))
+
+
 NO_METRICS: list[Any] = [
     IDLE,
     f.Metric("optimise", ZERO),

@@ -187,7 +187,7 @@ def test_what_cannot_be_kept_is_refused(fresh_kb: KnowledgeBase) -> None:
     assert " NaN; " in refusal
     assert "domain_pddl" in refuses(fresh_kb, TOUR, domain_pddl="\0")
     assert "problem_pddl" in refuses(fresh_kb, TOUR, problem_pddl="\udfff")
-    assert "a Plan of kant_sql, not 'a plan'" in refuses(fresh_kb, "a plan")
+    assert "as Plan.read(text) returns it, not 'a plan'" in refuses(fresh_kb, "a plan")
 
 
 def test_a_plan_is_of_a_state_that_there_is(fresh_kb: KnowledgeBase) -> None:

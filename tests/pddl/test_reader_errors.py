@@ -95,6 +95,7 @@ def test_an_error_goes_to_another_process_as_it_is(error: errors.KantSqlError) -
         (":precondition (q)", 17, "0", "2 arguments of q"),
         (":precondition (p ?x ?x)", 21, "'?x'", "')' after the 1 argument of p"),
         (":precondition (p (loc ?x) ?x)", 18, "(loc ?x) of type b", "a as argument 1 of p"),
+        (":precondition (r) :precondition (r)", 19, "':precondition'", "this one is there already"),
         (":precondition (p ?y)", 18, "?y of type b", "a as argument 1 of p"),
         (":precondition (g)", 16, "the predicate 'g'", "a formula, but g is a function"),
         (":precondition (p (g))", 18, "the number (g ...)", "a term"),
@@ -168,10 +169,11 @@ def test_durative_actions(body: str, column: int, expected: str) -> None:
         ("(:requirements :strips :?x)", 24, "a requirement such as :typing"),
         ("(:requirements :)", 16, "a requirement such as :typing"),
         ("(:requirements a'b)", 16, "a requirement such as :typing"),
-        ("(:types either)", 9, "not a reserved word"),
+        ("(:types either)", 9, "the word is reserved in PDDL"),
         ("(:types object - a)", 9, "no type above object"),
-        ("(:types it's)", 9, "a name"),
-        ("(:predicates (not ?x))", 15, "not a reserved word"),
+        ("(:types it's)", 9, 'it has "\'" (APOSTROPHE) at position 2'),
+        ("(:predicates (not ?x))", 15, "the word is reserved in PDDL"),
+        (f"(:predicates ({'p' * 256}))", 15, "it has 256 characters, 255 at most"),
         ("(:predicates (p ?x))", 15, "one predicate of that name"),
         ("(:predicates (s ?x - it's))", 22, "a type"),
         ("(:predicates (s ?x - ?y))", 22, "a type"),
@@ -222,10 +224,11 @@ def test_domains(body: str, column: int, expected: str) -> None:
         ("(:init r)", 8, "'r'", "a fact, which begins with '('"),
         ("(:init ((r)))", 9, "'(r'", "a predicate"),
         ("(:init (= (g) o))", 15, "'o'", "a number"),
-        ("(:init (= (loc o) 1))", 19, "the object '1'", "an object that is declared"),
+        ("(:init (= (loc o) 1))", 19, "'1'", "an object: values of loc are of type b"),
         ("(:init (= (loc o) o))", 19, "o of type a", "b as the value of loc"),
         ("(:init (= (f o) (+ 1 2)))", 17, "(+ 1 2)", "a number"),
         ("(:init (oneof (r) (p o)))", 8, "'(oneof', which is of conformant", "a fact"),
+        ("(:init (at -1 (r)))", 12, "'-1'", "a number from 0 on, the time of at"),
         ("(:init (at 3 (or (r))))", 15, "the predicate 'or'", "declared (did you mean r?)"),
         ("(:objects z - c)", 15, "the type 'c'", "a type that is declared"),
         ("(:objects k - b)", 11, "k of type b", "a, as the domain's constant"),
@@ -251,6 +254,7 @@ def test_problems(body: str, column: int, found: str, expected: str) -> None:
         ("; (define (domain d))", (1, 22), "the end of the text", "(define"),
         ("a (define (domain d))", (1, 1), "'a'", "(define"),
         ("(defin (domain d))", (1, 1), "'(defin'", "(define"),
+        ("(define", (1, 1), "'(define'", "(define (domain ...)"),
         ("(define (plan d))", (1, 10), "'plan'", "domain or problem"),
         ("(define (domain))", (1, 16), "')'", "the name of the domain"),
         ("(define (domain d e))", (1, 19), "'e'", "')' after the name of the domain"),
@@ -481,6 +485,8 @@ def load(kb: kant_sql.KnowledgeBase, document: Domain | Problem) -> None:
 
 
 A_TYPE = "one type such as 'robot - vehicle'"
+RESERVED = "another name for a type: the word is reserved in PDDL"
+A_NAME = "another name for an object: PDDL text reads it as a number"
 AN_OBJECT = "one object such as 'rb1 - robot'"
 A_PREDICATE = "one predicate such as (robot_at ?r - robot ?p - place)"
 A_FUNCTION = "one function such as (battery ?r - robot) - number"
@@ -499,9 +505,9 @@ read_move = partial(read_action, symbols=SymbolTable.of_domain(DOMAIN))
         (read_type, "a) ", 2, "')'", A_TYPE),
         (read_type, "a -", 4, END, "a type"),
         (read_type, "a - (either b", 14, END, "')'"),
-        (read_type, "either", 1, "'either'", "the name of the type, which is not a reserved word"),
+        (read_type, "either", 1, "'either'", RESERVED),
         (read_object, "rb1 rb2 - robot", 5, "'rb2'", AN_OBJECT),
-        (read_object, "5 - robot", 1, "'5'", "a name"),
+        (read_object, "5 - robot", 1, "'5'", A_NAME),
         (read_object, "rb1 - 5", 7, "'5'", "a type"),
         (read_predicate, "near", 1, "'near'", "a predicate such as (near ?a ?b)"),
         (read_predicate, "(near ?a) (far ?a)", 11, "'(far'", A_PREDICATE),

@@ -18,6 +18,7 @@ import kant_sql
 from kant_sql import InvalidArgumentError, KnowledgeBase, NoPlanError, aio
 from kant_sql.errors import PlannerMissingError, QuestionCancelledError
 from kant_sql.planning import Plan
+from kant_sql.planning.commands import configured
 from tests.support.processes.workers import wait_for
 
 DOMAIN = """
@@ -122,7 +123,7 @@ def test_a_command_answers(
 
 
 FAILURES = {
-    "invalid": ("invalid_plan", "the plan is not valid; step 0, (Walk b c), fails"),
+    "invalid": ("invalid_plan", "an invalid plan: step 0, (Walk b c), fails at 1: (at b)"),
     "unknown": ("invalid_plan", "fly"),
     "nonsense": ("internal_error", "it ended with code 0, and said: no idea"),
     "silent": ("internal_error", "it ended with code 0"),
@@ -274,13 +275,14 @@ def test_engines_have_names_in_a_file(
     file.write_text(f'[engines]\nwalker = """{line}"""\n')
     assert kb.plan("walker").engine == "walker"
     file.write_text("[engines]\nwalker = 3\n")
-    with pytest.raises(InvalidArgumentError, match=r"engines.walker in .* write a command line"):
+    with pytest.raises(InvalidArgumentError, match=r"engines.walker in .* is 3; write a comm"):
         kb.plan("walker")
     file.write_text(f'[engine]\nwalker = """{line}"""\n')
     with pytest.raises(InvalidArgumentError, match=r"engines in .* is None; write a command line"):
         kb.plan("walker")
-    monkeypatch.delenv("KANT_SQL_ENGINES")
+    monkeypatch.setenv("KANT_SQL_ENGINES", "")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    assert configured() == {}
     (tmp_path / "kant_sql").mkdir()
     (tmp_path / "kant_sql" / "engines.toml").write_text(f'[engines]\nwalker = """{line}"""\n')
     assert kb.plan("walker").engine == "walker"

@@ -465,9 +465,9 @@ def test_an_engine_that_cannot_be_imported_is_not_called_missing(
 
 
 def test_an_engine_that_is_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    file = tmp_path / "engines.toml"
-    file.write_text('[engines]\nlama = "lama {domain} {problem}"\n')
-    monkeypatch.setenv("KANT_SQL_ENGINES", str(file))
+    monkeypatch.chdir(tmp_path)
+    Path("engines.toml").write_text('[engines]\nlama = "lama {domain} {problem}"\n')
+    monkeypatch.setenv("KANT_SQL_ENGINES", "engines.toml")
     with pytest.raises(
         PlannerMissingError, match=r"hal9000 is not installed; install it.*pyperplan.*, lama$"
     ):
