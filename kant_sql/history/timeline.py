@@ -130,7 +130,9 @@ def timeline(
             window = window._replace(since=min(window.since, said or window.since))
             # What changes at the beginning of the window is true then.
             begin = min(window.since + MICROSECOND, window.until)
-            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
+            (before,) = revisions_at(session, kb_id, [window.since])
+            before = min(before, window.high)
+            valid = ValidRange(begin, window.until, before, window.high, window.head)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
