@@ -260,6 +260,8 @@ def test_a_cup_was_in_the_kitchen_for_half_an_hour(cup: KnowledgeBase) -> None:
     (lane,) = cup.timeline(clock="valid", predicate="in").lanes
     (bar,) = lane.bars
     assert (bar.since_at, bar.until_at, bar.actor) == (begin, end, "camera")
+    (lane,) = cup.timeline(clock="valid", until=middle).lanes
+    assert [(bar.since_at, bar.until_at) for bar in lane.bars] == [(begin, None)]
     drawn = [cup.timeline(clock=clock, predicate="in").svg() for clock in ("valid", "committed")]
     assert ["(in cup1 kitchen)" in each for each in drawn] == [True, False]
 
