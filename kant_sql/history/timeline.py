@@ -37,7 +37,7 @@ from ..store.state import State
 from .drawing import Timeline
 from .gantt import PlanBars
 from .moments import MICROSECOND, is_valid_clock
-from .revisions import Revision, missing_revision, read_numbered, why_of
+from .revisions import FIRST_MOMENT, Revision, missing_revision, read_numbered, why_of
 from .window import (
     TIMELINE_KINDS,
     Bar,
@@ -122,13 +122,17 @@ def timeline(
     is_valid = is_valid_clock(clock)
 
     def work(session: Session, kb_id: int | None) -> Timeline:
-        begin = since
+        begin, end = since, FIRST_MOMENT if is_valid and until == 0 else until
         if is_valid and kb_id is not None:
             # A revision stands for the time of its commit; without one, all that is known begins.
             whole = read_window(session, kb_id, store, (since, None), upto)
-            said = first_said(session, kb_id, whole.head) if since is None else None
-            begin = min(whole.since, said or whole.since)
-        window = read_window(session, kb_id, store, (begin, until), upto)
+            begin = whole.since
+            if not since:
+                said = first_said(session, kb_id, whole.head) or begin
+                if end is not None:
+                    whole = read_window(session, kb_id, store, (FIRST_MOMENT, end), upto)
+                begin = min(begin, said, whole.until)
+        window = read_window(session, kb_id, store, (begin, end), upto)
         if kb_id is None or not window.head:
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
         valid = None
