@@ -182,7 +182,8 @@ def statistics(
         refuse_unknown_actor(state.store, actor)
     group = attrgetter(*GROUPINGS)
     waiting = _unconfirmed(state, wanted, actor, low, high) if found else {}
-    return [replace(one, unconfirmed=waiting.get(group(one), 0)) for one in found]
+    said = [replace(one, unconfirmed=waiting.get(group(one), 0)) for one in found]
+    return html.Listing(said, "group")
 
 
 def _unconfirmed(

@@ -37,7 +37,7 @@ from ..store.state import State
 from .drawing import Timeline
 from .gantt import PlanBars
 from .moments import MICROSECOND, is_valid_clock
-from .revisions import Revision, missing_revision, read_numbered, why_of
+from .revisions import FIRST_MOMENT, Revision, missing_revision, read_numbered, why_of
 from .window import (
     TIMELINE_KINDS,
     Bar,
@@ -84,7 +84,8 @@ def timeline(
     A notebook draws the result; `svg` is the drawing as text.
 
     Args:
-        since: the beginning, given as for `kb.at`; None for the first revision.
+        since: the beginning, given as for `kb.at`; None for the first revision, or, by valid time,
+            for the earliest period if that began before it.
         until: the end; None for the last revision. A time in the future counts as now.
         predicate: show lanes of this predicate or function.
         object: show lanes with this object among the arguments, and steps of plans likewise.
@@ -121,16 +122,24 @@ def timeline(
     is_valid = is_valid_clock(clock)
 
     def work(session: Session, kb_id: int | None) -> Timeline:
-        window = read_window(session, kb_id, store, (since, until), upto)
+        begin, end = since, FIRST_MOMENT if is_valid and until == 0 else until
+        if is_valid and kb_id is not None:
+            # A revision stands for the time of its commit; without one, all that is known begins.
+            whole = read_window(session, kb_id, store, (since, None), upto)
+            begin = whole.since
+            if not since:
+                said = first_said(session, kb_id, whole.head) or begin
+                if end is not None:
+                    whole = read_window(session, kb_id, store, (FIRST_MOMENT, end), upto)
+                begin = min(begin, said, whole.until)
+        window = read_window(session, kb_id, store, (begin, end), upto)
         if kb_id is None or not window.head:
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
         valid = None
         if is_valid:
-            said = first_said(session, kb_id, window.head) if since is None else None
-            window = window._replace(since=min(window.since, said or window.since))
             # What changes at the beginning of the window is true then.
-            begin = min(window.since + MICROSECOND, window.until)
-            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
+            first = min(window.since + MICROSECOND, window.until)
+            valid = ValidRange(first, window.until, window.low, window.high, window.head)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)

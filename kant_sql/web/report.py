@@ -111,7 +111,7 @@ def report_html(
         "is_valid": is_valid_clock(clock),
         "verify_command": report.command("verify"),
     }
-    if not report.is_empty:
+    if page["is_valid"] or not report.is_empty:
         page |= _happened(report, read, rules)
     if verify:
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))
@@ -120,18 +120,20 @@ def report_html(
 
 
 def _happened(report: ReportReader, read: Sections, rules: Rules | None) -> dict[str, Any]:
-    """Read the sections of a range that has revisions."""
-    page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "plans"))
+    """Read the sections of a range; without revisions, those of what was true then."""
+    page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "plans", "corrections"))
     timeline = read("timeline", report.timeline)
     if timeline is not None:
         page["timeline"] = report.stays(timeline)
         page["drawing"] = draw(timeline.timeline)
         page["plans"] = read("plans", partial(report.plans, timeline))
+        page["corrections"] = read("corrections", partial(report.corrections, timeline))
+    if report.is_empty:
+        return page
     page["acts"] = read("acts", report.acts)
     page["rules"] = read("rules", lambda: report.rules(rules))
     page["goals"] = read("goals", report.goals)
     page["effects"] = read("effects", report.effects)
-    page["corrections"] = read("corrections", report.corrections)
     page["log"] = read("log", report.log)
     return page
 

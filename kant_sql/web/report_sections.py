@@ -352,16 +352,11 @@ class ReportReader(NamedTuple):
         command = self.command("unconfirmed", "--at", str(last))
         return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
 
-    def corrections(self) -> ReportRows[Correction]:
+    def corrections(self, shown: ReportTimeline) -> ReportRows[Correction]:
         """Find what was believed in the range, and said differently since, up to now."""
-        first, last = (self._revision(end) for end in (self.tally.first, self.tally.last))
-        found = self.kb.corrections(since=self.tally.first, limit=SEEN)
-        own = [
-            one
-            for one in found
-            if (first is None or one.valid_until > first.committed_at)
-            and (last is None or one.valid_from <= last.committed_at)
-        ]
+        since, until = shown.timeline.since, shown.timeline.until
+        found = self.kb.corrections(since=min(self.tally.first, self.kb.revision), limit=SEEN)
+        own = [one for one in found if one.valid_until > since and one.valid_from <= until]
         left_out = "more corrections" if len(own) > EFFECTS or len(found) == SEEN else None
         command = self.command("corrections", "--since", str(self.tally.first))
         return ReportRows(left_out, command, own[:EFFECTS])

@@ -242,7 +242,7 @@ VALID: dict[str, tuple[int, Call]] = {
     "check_rules": (12, lambda kb: kb.pddl.check_rules(RULE, clock="valid")),
     "diff": (10, lambda kb: kb.diff(1, kb.revision, clock="valid")),
     # Lanes of few and of many versions are read in two ways.
-    "timeline": (18, lambda kb: kb.timeline(clock="valid")),
+    "timeline": (19, lambda kb: kb.timeline(clock="valid")),
     "query": (6, lambda kb: list(kb.at(valid=LATE[0]).query("(robot_at ?r ?w)"))),
     "holds": (5, lambda kb: kb.at(valid=LATE[0]).holds("(robot_at rb1 wp1)")),
     "corrections": (5, lambda kb: kb.corrections(limit=10)),

@@ -45,6 +45,7 @@ SHOWN: dict[str, tuple[int, Callable[[KnowledgeBase], Any]]] = {
     "verdict": (0, lambda kb: kb.pddl.check_rules("(always (not (robot_at rb1 wp1)))")[0]),
     "verification": (0, lambda kb: kb.store.verify(structure=False)),
     "anchor": (0, lambda kb: kb.store.anchor()),
+    "statistics": (0, lambda kb: kb.statistics()),
     "validation": (0, lambda kb: kb.validate(kb.plans.get_all()[0])),
 }
 
@@ -57,8 +58,9 @@ def shown(value: object) -> str:
 
 
 def told(kb: KnowledgeBase, size: int) -> KnowledgeBase:
-    """Give a knowledge base so many facts, and a plan."""
+    """Give a knowledge base so many facts, an act, and a plan."""
     fill(kb, size)
+    kb.executions.report("dock", outcome="failed", code="E4")
     kb.actions.save(navigation())
     kb.objects.save(waypoint(0))
     kb.plans.record(Plan((PlanStep(None, "navigation", ("rb1", "wp0", "wp1")),), "hand", "found"))

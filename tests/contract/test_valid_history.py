@@ -260,8 +260,24 @@ def test_a_cup_was_in_the_kitchen_for_half_an_hour(cup: KnowledgeBase) -> None:
     (lane,) = cup.timeline(clock="valid", predicate="in").lanes
     (bar,) = lane.bars
     assert (bar.since_at, bar.until_at, bar.actor) == (begin, end, "camera")
+    (lane,) = cup.timeline(clock="valid", until=middle).lanes
+    assert [(bar.since_at, bar.until_at) for bar in lane.bars] == [(begin, None)]
     drawn = [cup.timeline(clock=clock, predicate="in").svg() for clock in ("valid", "committed")]
     assert ["(in cup1 kitchen)" in each for each in drawn] == [True, False]
+
+
+def test_a_timeline_begins_with_the_facts_of_the_first_revision(fresh_kb: KnowledgeBase) -> None:
+    with fresh_kb.transaction():
+        fresh_kb.predicates.save("(clean ?p - room)")
+        fresh_kb.objects.save("hall - room")
+        fresh_kb.propositions.save("(clean hall)")
+    fresh_kb.objects.save("lab - room")
+    first, second = (one.committed_at for one in fresh_kb.store.revisions())
+    begin, end = first + timedelta(microseconds=1), second
+    with fresh_kb.transaction(valid_from=begin, valid_until=end):
+        fresh_kb.propositions.delete("(clean hall)")
+    (lane,) = fresh_kb.timeline(clock="valid").lanes
+    assert [(bar.since_at, bar.until_at) for bar in lane.bars] == [(first, begin), (end, None)]
 
 
 def test_what_is_gone_has_a_past(cup: KnowledgeBase) -> None:

@@ -252,6 +252,21 @@ def test_a_range_without_a_revision_says_so(story: KnowledgeBase) -> None:
     assert page.links == ["#summary", "#verification"]
 
 
+def test_what_was_true_without_a_revision_is_reported(kb: KnowledgeBase) -> None:
+    begin, end = (datetime(2026, 1, 31, hour, tzinfo=UTC) for hour in (9, 17))
+    fill(kb, 2)
+    with kb.transaction(actor="camera", valid_from=begin, valid_until=end):
+        kb.propositions.delete(fact(0))
+        kb.propositions.save(fact(1))
+    for since in (begin, None):
+        page = Page(report_html(kb, verify=False, clock="valid", since=since, until=end))
+        assert "This range has no revision." in page.text
+        assert page.links[:3] == ["#summary", "#timeline", "#corrections"]
+        assert page.text.count("2026-01-31 09:00:00") >= 2
+    page = Page(report_html(kb, verify=False, clock="valid", until=0))
+    assert "2026-01-31" not in page.text
+
+
 @pytest.mark.more
 def test_rules_are_held_against_the_range(connect: Connect, tmp_path: Path) -> None:
     kb = connect(record_store(new_file_store(tmp_path / "ruled.db")), knowledge_base="courier")
