@@ -21,8 +21,11 @@ Archive = Annotated[
     str | None,
     c.option("The archive with a part of the history, to erase there, too.", metavar="URL"),
 ]
-Parts = Annotated[str, c.option(f"What to erase: {', '.join(SAID)}, by commas.", metavar="PARTS")]
 _PARTS = "reason,source"
+Parts = Annotated[
+    str | None,
+    c.option(f"What to erase: {', '.join(SAID)}, by commas; default: {_PARTS}.", metavar="PARTS"),
+]
 _ERASE = c.CommandWords("[URL] [OBJECT]", "sqlite:///robot.db maria")
 _RETENTION = c.CommandWords("[URL]", "sqlite:///robot.db --after 30d")
 
@@ -36,7 +39,7 @@ def erase(
         list[int] | None,
         c.option("Erase only --parts of this revision; repeatable.", metavar="NUMBER"),
     ] = None,
-    parts: Parts = _PARTS,
+    parts: Parts = None,
     kb: c.Name = None,
     actor: c.Actor = None,
     reason: c.Reason = None,
@@ -69,7 +72,10 @@ def erase(
     url, objects = _ERASE.split(words)
     if bool(objects) == bool(revision):
         raise typer.BadParameter("give an object, or --revision", param_hint=_ERASE.usage)
-    element, said = next(iter(objects), None), parts.split(",") if revision else []
+    _goes_with(revision, "--revision; of an object, --also", "--parts", parts)
+    _goes_with(objects, "an object; of revisions, --parts", "--also", also or None)
+    chosen = _PARTS if parts is None else parts
+    element, said = next(iter(objects), None), chosen.split(",") if revision else []
     with c.open_to_read(url, kb) as (name, knowledge_base):
         if dry_run or not yes:
             if element is None:
@@ -107,6 +113,12 @@ def erase(
         for remaining in done.remaining:
             complain(f"bytes of it may remain in {remaining}")
         return 1 if done.remaining else 0
+
+
+def _goes_with(other: object, what: str, option: str, given: str | list[str] | None) -> None:
+    """Refuse an option that would be ignored."""
+    if given is not None and not other:
+        raise typer.BadParameter(f"goes with {what}", param_hint=option)
 
 
 def _write_preview(found: ErasurePreview, name: str, as_json: bool) -> None:
@@ -153,7 +165,7 @@ def retention(
         str | None,
         c.option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE"),
     ] = None,
-    parts: Parts = _PARTS,
+    parts: Parts = None,
     of_actor: Annotated[
         str | None, c.option("Only in revisions of this actor.", "--of", metavar="ACTOR")
     ] = None,
@@ -181,10 +193,12 @@ def retention(
     url, _ = _RETENTION.split(words)
     if after is None and rules is None:
         raise typer.BadParameter("give an age, or a file with --rules", param_hint="--after")
+    for option, given in (("--of", of_actor), ("--parts", parts)):
+        _goes_with(after, "--after; --rules has its own", option, given)
     from ..history.erasure.retention import read_rules
 
     of = "*" if of_actor is None else f'"{of_actor}"'
-    lines = [] if after is None else [f"{of} {after} {parts}"]
+    lines = [] if after is None else [f"{of} {after} {_PARTS if parts is None else parts}"]
     if rules is not None:
         # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
         with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:

@@ -490,6 +490,14 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
     assert commands.run("erase", url, "--revision", "99").exit_code == 1
     nothing = commands.run("erase", url, "--revision", "1", "--reason", "x", "--yes")
     assert "there is nothing to erase" in nothing.output
+    ignored = (
+        ("erase", url, "bob", "--parts", "reason"),
+        ("erase", url, "--revision", "4", "--also", "reason"),
+        ("retention", url, "--rules", "rules.txt", "--of", "camera"),
+        ("retention", url, "--rules", "rules.txt", "--parts", "reason"),
+    )
+    for refused in ignored:
+        assert "goes with" in commands.complaint(*refused, code=2)
     for wrong in (("erase", url), ("erase", url, "bob", "--revision", "4"), ("retention", url)):
         assert commands.run(*wrong).exit_code == 2
     (path := tmp_path / "rules").write_bytes(b"\xff 30d reason")
