@@ -34,6 +34,7 @@ from ..sql.periods import Subjects, read_names
 from ..sql.rows import FACT, VALUE
 from ..sql.valid_periods import Instant, Key, ValidRange, key_of, read_valid
 from ..store.state import State
+from ..store.store import Store
 from .drawing import Timeline
 from .gantt import PlanBars
 from .moments import MICROSECOND, is_valid_clock
@@ -122,24 +123,17 @@ def timeline(
     is_valid = is_valid_clock(clock)
 
     def work(session: Session, kb_id: int | None) -> Timeline:
-        begin, end = since, FIRST_MOMENT if is_valid and until == 0 else until
+        ends = since, until
         if is_valid and kb_id is not None:
-            # A revision stands for the time of its commit; without one, all that is known begins.
-            whole = read_window(session, kb_id, store, (since, None), upto)
-            begin = whole.since
-            if not since:
-                said = first_said(session, kb_id, whole.head) or begin
-                if end is not None:
-                    whole = read_window(session, kb_id, store, (FIRST_MOMENT, end), upto)
-                begin = min(begin, said, whole.until)
-        window = read_window(session, kb_id, store, (begin, end), upto)
+            ends = _valid_ends(session, kb_id, store, since, until, upto)
+        window = read_window(session, kb_id, store, ends, upto)
         if kb_id is None or not window.head:
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
         valid = None
         if is_valid:
             # What changes at the beginning of the window is true then.
-            first = min(window.since + MICROSECOND, window.until)
-            valid = ValidRange(first, window.until, window.low, window.high, window.head)
+            begin = min(window.since + MICROSECOND, window.until)
+            valid = ValidRange(begin, window.until, window.low, window.high, window.head)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
@@ -147,6 +141,25 @@ def timeline(
         # Plans are of no predicate, and may name what is no object.
         refuse_unknown_names(store, predicate, None if found.plans else object)
     return found
+
+
+def _valid_ends(
+    session: Session,
+    kb_id: int,
+    store: Store,
+    since: When | None,
+    until: When | None,
+    upto: int | None,
+) -> tuple[When, When | None]:
+    """Return the ends of a window of valid times, where a revision is the time of its commit."""
+    end = FIRST_MOMENT if until == 0 else until
+    known = read_window(session, kb_id, store, (since, None), upto)
+    if since:
+        return known.since, end
+    begin = min(known.since, first_said(session, kb_id, known.head) or known.since)
+    if end is not None:
+        begin = min(begin, read_window(session, kb_id, store, (FIRST_MOMENT, end), upto).until)
+    return begin, end
 
 
 class _Row(NamedTuple):

@@ -120,7 +120,7 @@ class RuleWatcher:
         """Judge the revisions up to a new head; return the verdicts that they decided."""
         # A rule that is gone by then is judged for as long as it was kept.
         read = partial(read_ends_of_rules, after=self.last + 1, high=head)
-        ends = self._store.query_known(read, []) if self._given is None else []
+        ends: list[int] = [] if self._given is not None else self._store.query_known(read, [])
         upto = [*(number - 1 for number in ends), head]
         return [verdict for high in upto for verdict in self._judge(high)]
 
