@@ -28,7 +28,7 @@ from ..errors import InvalidArgumentError, KantSqlError
 from ..json_values import JsonValue, json_value
 from ..plugins import Plugins
 from .dao_routes import reading
-from .description import describe
+from .description import describe, schema_of
 from .live import LiveHub, live
 from .pages import TOPICS
 from .registry import Pages, VisibleJson, status_of
@@ -37,7 +37,7 @@ from .security import Guard, Programs, allowed_hosts
 from .stores import OpenStore
 from .tokens import TokenFile
 from .transactions import Transactions
-from .writing import MOST_WRITERS, WRITES
+from .writing import MOST_WRITERS, WRITES, Refusal
 
 logger = logging.getLogger("kant_sql.web")
 
@@ -112,6 +112,8 @@ def create_app(
         version=__version__,
         openapi_url="/api/openapi.json",
         default_response_class=VisibleJson,
+        # Also of wrong parameters, for which FastAPI would describe a document of its own.
+        responses={"default": {"model": schema_of(Refusal), "description": "An error"}},
         docs_url=None,
         redoc_url=None,
         lifespan=lifespan,

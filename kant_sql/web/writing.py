@@ -121,7 +121,7 @@ class Stale(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """The answer to a request that was refused: nothing was written.
+    """The answer to a request that is refused or fails: nothing was written.
 
     Attributes:
         error: what is wrong, which element, and the remedy.

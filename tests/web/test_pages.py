@@ -98,6 +98,11 @@ def test_the_description_documents_every_answer(client: TestClient) -> None:
             assert all(each["schema"] for each in content.values()), path
             assert content, path
             assert method["description"], path
+            assert "422" not in method["responses"], path
+            schema = method["responses"]["default"]["content"]["application/json"]["schema"]
+            assert schema["$ref"].endswith("/Refusal"), path
+    wrong = client.get("/api/log?kb=courier&before=x").json()
+    assert wrong.keys() == described["components"]["schemas"]["Refusal"]["properties"].keys()
 
 
 def undocumented(value: Any, schema: Any, schemas: dict[str, Any]) -> set[str]:
