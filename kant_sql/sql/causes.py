@@ -348,6 +348,7 @@ def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> lis
         ChangedAtom(number, (bool(fact), owner, _objects(arguments)), bool(began), *rest)
         for number, fact, owner, arguments, began, *rest in rows
     ]
+    found.sort(key=lambda one: (one.revision, not one.atom[0], not one.holds, one.atom))
     set_again = {(one.revision, one.atom) for one in found if one.holds}
     # A value that is replaced ends where the next one begins.
     return [one for one in found if one.holds or (one.revision, one.atom) not in set_again]
