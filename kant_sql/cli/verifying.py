@@ -99,8 +99,9 @@ def verify(
 def _parse_since(text: str | None, is_continued: bool | None) -> datetime | None:
     if text is None:
         return None
-    if is_continued is False:
-        raise typer.BadParameter("not with --complete", param_hint="--complete-since")
+    if is_continued is not None:
+        other = "--continue" if is_continued else "--complete"
+        raise typer.BadParameter(f"not with {other}", param_hint="--complete-since")
     moment = parse_when(text, "--complete-since")
     if not isinstance(moment, datetime):
         raise typer.BadParameter("expected a time", param_hint="--complete-since")

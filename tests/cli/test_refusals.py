@@ -83,6 +83,7 @@ REFUSED = (
     ("verify --all --kb tiago", 2, "not both"),
     ("verify --all --jobs 0", 2, "--jobs"),
     ("verify --all --complete --complete-since yesterday", 2, "not with --complete"),
+    ("verify --all --continue --complete-since yesterday", 2, "not with --continue"),
     ("verify --all --complete-since 7", 2, "expected a time"),
     ("verify --all --complete-since nonsense", 2, "--complete-since"),
     ("verify --anchor nowhere.json", 2, "nowhere.json"),
