@@ -287,8 +287,9 @@ class Cursor:
 
     def odd_name(self, name: str, kind: str) -> None:
         """Warn about a name that is not standard; refuse one that cannot be a name."""
-        if not is_name(name, kind if kind != OBJECTS else "object"):
-            self.refuse_name(name, kind if kind != OBJECTS else "object")
+        declared = kind if kind != OBJECTS else "object"
+        if not is_name(name, declared):
+            self.refuse_name(name, declared)
         expected = f"{with_article(kind)} of a letter and letters, digits, '-' and '_'"
         self.deviate(expected, "taken as it is")
 

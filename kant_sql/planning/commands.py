@@ -23,12 +23,13 @@ from ..pddl.requirements import used_requirements
 from ..pddl.writer import write
 from .metrics import unconditional
 from .plan import OPTIMAL, SATISFICING, Plan
-from .processes import ENGINES_VARIABLE, MOST_OUTPUT, Ended, PlannerProcess
+from .processes import MOST_OUTPUT, Ended, PlannerProcess
 
 WAYS_OUT = (
     "Plan.read(text) takes the plan of a program outside, and in a branch, kb.branch(), you can "
     "relax the goal or the conditions and plan again"
 )
+ENGINES_VARIABLE = "KANT_SQL_ENGINES"
 _COMMAND = re.compile(r"\s*(?P<name>[^\s:{}]+):\s+(?P<line>\S.*)", re.DOTALL)
 _NO_PLAN = re.compile(r"unsolvable|no solution|no plan|not solvable", re.IGNORECASE)
 _NUMBERED = re.compile(r"(?:sas_)?plan(?:\.(\d+))?|.*\.soln")
@@ -92,7 +93,7 @@ def find_command(engine: str) -> Command | None:
         return _parsed(given["name"], given["line"], engine)
     if "{domain}" in engine:
         return _parsed(None, engine, engine)
-    line = configured().get(engine)
+    line = configured(engines_file()).get(engine)
     return None if line is None else _parsed(engine, line, f"{engine}: {line}")
 
 
@@ -133,9 +134,8 @@ def engines_file() -> Path:
     return Path(folder, "kant_sql", "engines.toml")
 
 
-def configured() -> dict[str, str]:
+def configured(path: Path) -> dict[str, str]:
     """Read the command lines of the file of engines, by their names."""
-    path = engines_file()
     if not path.exists() and not os.environ.get(ENGINES_VARIABLE):
         return {}
     import tomllib

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 GUARD = Path(__file__).with_name("guard.py")
-ENGINES_VARIABLE = "KANT_SQL_ENGINES"
 # What a planner may print, in bytes; none of those that are known prints as much.
 MOST_OUTPUT = 16 << 20
 # Seconds in which the system ends what was killed.
@@ -58,9 +57,6 @@ class PlannerProcess:
     def run(self, words: Sequence[str], until: float) -> Ended:
         """Run a program until a moment of the monotonic clock at which it is ended."""
         path = os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
-        env = {**os.environ, "PYTHONPATH": path, "TMPDIR": self.folder}
-        if env.get(ENGINES_VARIABLE):
-            env[ENGINES_VARIABLE] = str(Path(env[ENGINES_VARIABLE]).absolute())
         with self._guard:
             if self.is_ended:
                 return Ended(0, "", "timeout")
@@ -68,7 +64,7 @@ class PlannerProcess:
             self._process = process = subprocess.Popen(
                 [sys.executable, "-IS", str(GUARD), str(self.memory), *words],
                 cwd=self.folder,
-                env=env,
+                env={**os.environ, "PYTHONPATH": path, "TMPDIR": self.folder},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,

@@ -20,7 +20,7 @@ from ..arguments import expect, flag, iterate, one_of, optional_text, seconds, w
 from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMissingError, printable
 from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
-from .commands import INVALID, MISREAD, WAYS_OUT, ask, ask_directly, find_command
+from .commands import INVALID, MISREAD, WAYS_OUT, ask, ask_directly, engines_file, find_command
 from .names import require_unified_planning
 from .plan import EngineRun, Plan
 from .processes import PlannerProcess
@@ -36,6 +36,7 @@ class Task(NamedTuple):
     engine: str | None
     timeout: float | None
     strict: bool
+    engines: Path  # the file that names engines: the process has another folder
     is_costed: bool = False
     failures: Mapping[str, str] = {}  # the statuses of engines that were asked already
 
@@ -123,10 +124,10 @@ def solve(
         asked = [expect(one, str, "an engine", InvalidArgumentError) for one in given]
         if not asked:
             raise InvalidArgumentError("engines is empty; name at least one, or leave it out")
-    is_best = keep == "best"
+    is_best, file = keep == "best", engines_file().absolute()
     attempts = [
         Attempt(
-            Task(domain, problem, one, timeout, strict, is_costed or is_best),
+            Task(domain, problem, one, timeout, strict, file, is_costed or is_best),
             *(judge, longest, (memory or 0) << 20, is_best),
         )
         for one in asked

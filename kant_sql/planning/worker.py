@@ -338,7 +338,7 @@ class Search:
         engine = self._task.engine
         if engine is not None and not self._engines.find(engine):
             how = self._engines.how(engine)
-            others = ", ".join((*self._engines.planners(), *configured()))
+            others = ", ".join((*self._engines.planners(), *configured(self._task.engines)))
             raise PlannerMissingError(f"engine {engine} {how}, or choose one of {others}")
         domain, problem = self._task.domain, self._task.problem
         if self._task.strict:

@@ -218,18 +218,17 @@ def ends_of(source: VersionColumns) -> list[ChangeEnd]:
     return [ChangeEnd(source, source.version[name], n) for n, name in enumerate(names)]
 
 
-_ENDS = [end for source in _SOURCES.values() for end in ends_of(source)]
+def _ends_without(*kinds: str) -> list[ChangeEnd]:
+    """Return the ends of versions of all kinds but some."""
+    sources = (source for kind, source in _SOURCES.items() if kind not in kinds)
+    return [end for source in sources for end in ends_of(source)]
+
+
+_ENDS = _ends_without()
 # Of all but definitions.
-_OTHER_ENDS = [
-    end for kind, source in _SOURCES.items() if kind not in KIND_TABLES for end in ends_of(source)
-]
+_OTHER_ENDS = _ends_without(*KIND_TABLES)
 # Where a text is looked for; archives and promotions name folders of the server.
-SEARCHED_ENDS = [
-    end
-    for kind, source in _SOURCES.items()
-    if kind not in (ARCHIVE, PROMOTION)
-    for end in ends_of(source)
-]
+SEARCHED_ENDS = _ends_without(ARCHIVE, PROMOTION)
 
 
 def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:

@@ -96,22 +96,26 @@ def report_html(
     names = items(objects, str, "the objects")
     report = ReportReader.of(kb, since, until, clock)
     read = Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
+    # First: an unknown name is refused before all else takes its time.
+    involved = {
+        name: read(f"object {name}", partial(_object, report, name))
+        for name in dict.fromkeys(names)
+    }
+    causes = {
+        text: read(f"fact {text}", partial(report.causes, text))
+        for text in dict.fromkeys(items(facts, str, "the facts"))
+    }
+    is_valid = is_valid_clock(clock)
+    has_parts = is_valid or not report.is_empty
     page: dict[str, Any] = {
         "summary": report.summary(),
-        # First: an unknown name is refused before all else takes its time.
-        "objects": {
-            name: read(f"object {name}", partial(_object, report, name))
-            for name in dict.fromkeys(names)
-        },
-        "facts": {
-            text: read(f"fact {text}", partial(report.causes, text))
-            for text in dict.fromkeys(items(facts, str, "the facts"))
-        },
+        "objects": involved if has_parts else {},
+        "facts": {} if report.is_empty else causes,
         "is_verified": verify,
-        "is_valid": is_valid_clock(clock),
+        "is_valid": is_valid,
         "verify_command": report.command("verify"),
     }
-    if page["is_valid"] or not report.is_empty:
+    if has_parts:
         page |= _happened(report, read, rules)
     if verify:
         page["verification"] = read("verification", lambda: report.verify(anchor, progress))
@@ -121,15 +125,15 @@ def report_html(
 
 def _happened(report: ReportReader, read: Sections, rules: Rules | None) -> dict[str, Any]:
     """Read the sections of a range; without revisions, those of what was true then."""
-    page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "plans", "corrections"))
+    page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "corrections"))
     timeline = read("timeline", report.timeline)
     if timeline is not None:
         page["timeline"] = report.stays(timeline)
         page["drawing"] = draw(timeline.timeline)
-        page["plans"] = read("plans", partial(report.plans, timeline))
         page["corrections"] = read("corrections", partial(report.corrections, timeline))
     if report.is_empty:
         return page
+    page["plans"] = timeline and read("plans", partial(report.plans, timeline))
     page["acts"] = read("acts", report.acts)
     page["rules"] = read("rules", lambda: report.rules(rules))
     page["goals"] = read("goals", report.goals)

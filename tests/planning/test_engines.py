@@ -18,7 +18,7 @@ import kant_sql
 from kant_sql import InvalidArgumentError, KnowledgeBase, NoPlanError, aio
 from kant_sql.errors import PlannerMissingError, QuestionCancelledError
 from kant_sql.planning import Plan
-from kant_sql.planning.commands import configured
+from kant_sql.planning.commands import configured, engines_file
 from tests.support.processes.workers import wait_for
 
 DOMAIN = """
@@ -282,7 +282,7 @@ def test_engines_have_names_in_a_file(
         kb.plan("walker")
     monkeypatch.setenv("KANT_SQL_ENGINES", "")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    assert configured() == {}
+    assert configured(engines_file()) == {}
     (tmp_path / "kant_sql").mkdir()
     (tmp_path / "kant_sql" / "engines.toml").write_text(f'[engines]\nwalker = """{line}"""\n')
     assert kb.plan("walker").engine == "walker"
