@@ -83,8 +83,9 @@ def test_who_waits_survives_a_server_that_is_killed_and_restarted(
         mortal_server.crash()
         in_processes((write_many, mortal_url, 1, 1))
         assert call.result() == 2
-    before = open_files()
     with waiting(kb) as call:
+        # It listens now; before, its thread may have ended with the server, or live on.
+        before = open_files()
         for _ in range(2):
             mortal_server.crash()
         in_processes((write_many, mortal_url, 2, 1))
