@@ -38,7 +38,6 @@ from .rows import (
     THEN,
     Kind,
     ListTable,
-    VersionTable,
     held_at,
     is_of_version,
     looked_up,
@@ -119,20 +118,19 @@ def _slots(columns: Iterable[ColumnElement[Any]]) -> tuple[list[Any], list[Any]]
     return numbers, texts
 
 
-def _version_columns(kind: Kind) -> list[ColumnElement[Any]]:
-    return [kind.version.owner, kind.name, *(kind.version.table.c[name] for name in kind.columns)]
-
-
-def _list_columns(list_: ListTable) -> list[ColumnElement[Any]]:
-    return [list_.table.c[name] for name in list_.columns]
-
-
-_SHAPES = [
-    *((kind.version.table, _slots(_version_columns(kind))) for kind in KIND_TABLES.values()),
-    *((list_.table, _slots(_list_columns(list_))) for _, list_ in _LISTS),
-]
+# What is read of each table.
+_READ: dict[Table, list[ColumnElement[Any]]] = {
+    **{
+        kind.version.table: [
+            *(kind.version.owner, kind.name),
+            *(kind.version.table.c[name] for name in kind.columns),
+        ]
+        for kind in KIND_TABLES.values()
+    },
+    **{list_.table: [list_.table.c[name] for name in list_.columns] for _, list_ in _LISTS},
+}
 # How many columns of a sort the widest table has.
-_NUMBERS, _TEXTS = (max(len(slots[sort]) for _, slots in _SHAPES) for sort in (0, 1))
+_NUMBERS, _TEXTS = (max(map(len, sort)) for sort in zip(*map(_slots, _READ.values()), strict=True))
 
 
 def _part(part: str, columns: Iterable[ColumnElement[Any]]) -> Select[Any]:
@@ -154,23 +152,20 @@ def _places(columns: Sequence[ColumnElement[Any]]) -> Callable[[Row], Row]:
     return itemgetter(*(next(number if _is_number(column) else text) for column in columns))
 
 
-_COLUMNS: dict[Table, Callable[[Row], Row]] = {
-    **{kind.version.table: _places(_version_columns(kind)) for kind in KIND_TABLES.values()},
-    **{list_.table: _places(_list_columns(list_)) for _, list_ in _LISTS},
-}
+_COLUMNS = {table: _places(columns) for table, columns in _READ.items()}
 
 
 def _version_part(kind: Kind, held: Any) -> Select[Any]:
     """Return the part that reads the versions of one kind for which `held(version)` is true."""
     version = kind.version.table
-    return _part(version.name, _version_columns(kind)).where(version.c.kb_id == KB, held(version.c))
+    return _part(version.name, _READ[version]).where(version.c.kb_id == KB, held(version.c))
 
 
 def _list_part(kind: Kind, list_: ListTable, held: Any) -> Select[Any]:
     """Return the part that reads what belongs to those versions in a table below theirs."""
     version, table = kind.version, list_.table
     which = and_(version.table.c.kb_id == KB, held(version.table.c))
-    return _part(table.name, _list_columns(list_)).where(
+    return _part(table.name, _READ[table]).where(
         table.c.kb_id == KB,
         *is_of_version(table, version.table, version.owner.name, which),
         # Redundant, but it keeps the index scan away from older versions.
@@ -188,6 +183,11 @@ def _newer_then(version: Any) -> ColumnElement[bool]:
     return and_(version.since > _AFTER, held_at(version))
 
 
+def _ended(version: Any) -> ColumnElement[bool]:
+    """Return whether a version ended after the revision `after`, up to `at`."""
+    return and_(version.until > _AFTER, version.until <= THEN)
+
+
 def _parts(held: Any) -> list[Select[Any]]:
     return [
         *(_version_part(kind, held) for kind in KIND_TABLES.values()),
@@ -195,11 +195,12 @@ def _parts(held: Any) -> list[Select[Any]]:
     ]
 
 
-def _gone_part(kind: str, version: VersionTable, *ended: ColumnElement[bool]) -> Select[Any]:
-    columns = version.table.c
-    return _part(f"{GONE}{kind}", [version.owner]).where(
-        columns.kb_id == KB, columns.until > _AFTER, *ended
-    )
+def _gone_parts(ended: Callable[[Any], ColumnElement[bool]]) -> Iterator[Select[Any]]:
+    """Return the parts that read what versions of each kind ended."""
+    for kind, tables in KIND_TABLES.items():
+        version = tables.version.table.c
+        part = _part(f"{GONE}{kind}", [tables.version.owner])
+        yield part.where(version.kb_id == KB, ended(version))
 
 
 _HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
@@ -221,26 +222,13 @@ _LAST_CHANGE = Query(
 )
 _SINCE = Query(
     lambda: union_all(
-        *(_gone_part(kind, tables.version) for kind, tables in KIND_TABLES.items()),
+        *_gone_parts(lambda version: version.until > _AFTER),
         *_parts(_newer),
         _part(ERASED, [_ERASURE.since]).where(_ERASURE.kb_id == KB, _ERASURE.since > _AFTER),
     )
 )
 
-_ADVANCE = Query(
-    lambda: union_all(
-        *(
-            _gone_part(kind, tables.version, tables.version.table.c.until <= THEN)
-            for kind, tables in KIND_TABLES.items()
-        ),
-        *_parts(_newer_then),
-    )
-)
-
-
-def _ended(version: Any) -> ColumnElement[bool]:
-    """Return whether a version ended after the revision `after`, up to `at`."""
-    return and_(version.until > _AFTER, version.until <= THEN)
+_ADVANCE = Query(lambda: union_all(*_gone_parts(_ended), *_parts(_newer_then)))
 
 
 def _last_text(version: Any) -> ColumnElement[Any]:
