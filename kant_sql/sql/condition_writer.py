@@ -23,8 +23,9 @@ from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
 from ..knowledge.rules import DerivationRule, DerivationRules
 from .comparisons import ComparisonWriter
-from .dialects.words import COVERS, RAW, Words
+from .dialects.words import COVERS, HEAD, RAW, Words
 from .estimates import COUNTED, Size, domain_size, sample
+from .intervals import MOST_FORKS
 
 # The first arguments of a fact that its version has, too.
 ARGUMENT_COLUMNS = ("first_object_id", "second_object_id")
@@ -218,6 +219,9 @@ class ConditionWriter(ABC):
     values: dict[str, Any] = field(default_factory=dict)
     # Recursive predicates that are being computed -> the table that has them so far.
     growing: dict[int, str] = field(default_factory=dict)
+    # The tables of the WITH clause, and their names by what they have.
+    _tables: list[str] = field(default_factory=list)
+    _relations: dict[Any, str] = field(default_factory=dict)
     _types: dict[r.Slot, tuple[r.TypeSet, ...]] = field(default_factory=dict)
     _parameters: dict[tuple[type[Any], Any, bool], str] = field(default_factory=dict)
     _aliases: int = 0
@@ -587,22 +591,57 @@ class ConditionWriter(ABC):
         """Join what gives variables their objects, and filter by all else."""
 
     @abstractmethod
-    def forks(self) -> str:
-        """Return the table of the forks of the past state, with the column `value`."""
-
-    @abstractmethod
-    def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:
-        """Return the relation of the facts of a predicate that held, with columns `c0` ...
-
-        `given` has the parameters for some terms.
-        """
-
-    @abstractmethod
     def relation(self, fact: r.HoldsFact, given: Mapping[int, r.Place], places: Places) -> str:
         """Return the table of a recursive predicate, with columns `c0` ...
 
         The facts with the given terms are complete in it; it may lack others.
         """
+
+    # Tables of the WITH clause.
+
+    def _table(self, name: str, columns: int, sql: str, kind: str = "") -> None:
+        """Add a table of the WITH clause."""
+        listed = ", ".join(f"c{n}" for n in range(columns)) or "present"
+        self._tables.append(f"{name} ({listed}) AS {kind}({sql})")
+
+    def forks(self) -> str:
+        """Return the table of the forks of the past state, with the column `value`."""
+        # Written out each time, with their number: what is read twice SQLite takes for a million
+        # rows, and with statistics reads a whole table to filter what they are joined to.
+        listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {HEAD}"
+        return f"(SELECT f.value FROM {listed} LIMIT {MOST_FORKS})"
+
+    def past(self, predicate: int, arity: int, given: Mapping[int, str]) -> str:
+        """Return the relation of the facts of a predicate that held, with columns `c0` ...
+
+        `given` has the parameters for some terms.
+        """
+        key = ("past", predicate, *sorted(given.items()))
+        name = self._relations.get(key)
+        if name is not None:
+            return name
+        name = f"{PAST}{predicate}" + (f"_{len(self._tables)}" if given else "")
+        self._relations[key] = name
+        # The forks as a table: for `fork IN` a planner without statistics expects few rows, and
+        # then compares all of them with each row that they are joined to.
+        selection = JoinedTables(self.words, {})
+        found = any(n < len(ARGUMENT_COLUMNS) for n in given)
+        if not self.words.is_one_state:
+            selection.tables = [f"{self.forks()} AS f0"]
+            selection.where = ["v0.fork = f0.value"]
+            if found:
+                selection.sorted["v0"] = "since"
+        selection.tables.append(f"{self.facts(found)} AS v0")
+        selection.where += self.versions("v0", predicate, "" if found else self.words.unsought)
+        columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
+        for n in range(len(columns), arity):
+            selection.tables.append(f"proposition_argument AS a{n}")
+            selection.where += self.argument(f"a{n}", "v0.proposition_id", n)
+            columns.append(f"a{n}.object_id")
+        selection.where += [f"{columns[n]} = {place}" for n, place in given.items()]
+        sql = selection.text(", ".join(columns) or "1")
+        self._table(name, arity, sql, "MATERIALIZED ")
+        return name
 
     def types_of(self, slot: r.Slot) -> tuple[r.TypeSet, ...]:
         """Return the type sets that the objects of a variable fit."""

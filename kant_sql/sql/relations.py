@@ -25,9 +25,8 @@ from typing_extensions import override
 from ..knowledge import resolved as r
 from ..knowledge.rules import DerivationRule
 from .comparisons import MAX_LEVELS, levels_of
-from .condition_writer import ARGUMENT_COLUMNS, PAST, JoinedTables, Places
-from .dialects.words import HEAD, Words
-from .intervals import MOST_FORKS
+from .condition_writer import Places
+from .dialects.words import Words
 from .joins import JoinWriter
 from .query import Query, text_literal
 
@@ -133,8 +132,6 @@ class ConditionCompiler(JoinWriter):
     """Writes the statements of one condition, with the relations that it needs."""
 
     steps: list[Iteration] = field(default_factory=list)
-    _tables: list[str] = field(default_factory=list)
-    _relations: dict[Any, str] = field(default_factory=dict)
     # How deep the parentheses are nested around what is being written.
     _level: int = 0
 
@@ -143,48 +140,6 @@ class ConditionCompiler(JoinWriter):
         if self._tables:
             sql = f"WITH RECURSIVE {', '.join(self._tables)} {sql}"
         return ConditionStatement(sql, self.values, tuple(self.steps))
-
-    def _table(self, name: str, columns: int, sql: str) -> None:
-        listed = ", ".join(f"c{n}" for n in range(columns)) or "present"
-        self._tables.append(f"{name} ({listed}) AS ({sql})")
-
-    @override
-    def forks(self) -> str:
-        # Written out each time, with their number: what is read twice SQLite takes for a million
-        # rows, and with statistics reads a whole table to filter what they are joined to.
-        listed = f"{self.words.each.format(':forks')} AS f WHERE f.value <= {HEAD}"
-        return f"(SELECT f.value FROM {listed} LIMIT {MOST_FORKS})"
-
-    @override
-    def past(self, predicate: int, arity: int, given: Mapping[int, str] | None = None) -> str:
-        given = {} if given is None else given
-        key = ("past", predicate, *sorted(given.items()))
-        name = self._relations.get(key)
-        if name is not None:
-            return name
-        name = f"{PAST}{predicate}" + (f"_{len(self._tables)}" if given else "")
-        self._relations[key] = name
-        # The forks as a table: for `fork IN` a planner without statistics expects few rows, and
-        # then compares all of them with each row that they are joined to.
-        selection = JoinedTables(self.words, {})
-        found = any(n < len(ARGUMENT_COLUMNS) for n in given)
-        if not self.words.is_one_state:
-            selection.tables = [f"{self.forks()} AS f0"]
-            selection.where = ["v0.fork = f0.value"]
-            if found:
-                selection.sorted["v0"] = "since"
-        selection.tables.append(f"{self.facts(found)} AS v0")
-        selection.where += self.versions("v0", predicate, "" if found else self.words.unsought)
-        columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
-        for n in range(len(columns), arity):
-            selection.tables.append(f"proposition_argument AS a{n}")
-            selection.where += self.argument(f"a{n}", "v0.proposition_id", n)
-            columns.append(f"a{n}.object_id")
-        selection.where += [f"{columns[n]} = {place}" for n, place in given.items()]
-        sql = selection.text(", ".join(columns) or "1")
-        listed = ", ".join(f"c{n}" for n in range(arity)) or "present"
-        self._tables.append(f"{name} ({listed}) AS MATERIALIZED ({sql})")
-        return name
 
     # Depth.
 
