@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from decimal import Decimal
-from functools import lru_cache, wraps
+from functools import lru_cache
 from itertools import islice
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -68,33 +68,8 @@ T = TypeVar("T")
 BATCH = 5_000
 
 
-# What returns lists, and what one item of them is called in a notebook.
-_LISTS = {
-    **dict.fromkeys(("get_all", "get_by_type"), "element"),
-    **dict.fromkeys(("get_by_predicate", "get_by_object"), "fact"),
-    **{"get_propositions": "goal", "get_by_function": "value"},
-}
-
-
-def _listed(method: Callable[..., list[Any]], noun: str) -> Callable[..., list[Any]]:
-    @wraps(method)
-    def listed(self: object, *arguments: Any, **named: Any) -> list[Any]:
-        found = method(self, *arguments, **named)
-        return found if isinstance(found, Listing) else Listing(found, noun)
-
-    return listed
-
-
 class SqlDao:
-    """A DAO on a store: on its present, or on its past at one revision.
-
-    Notebooks show the lists that it returns as tables.
-    """
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        for name in _LISTS.keys() & vars(cls).keys():
-            setattr(cls, name, _listed(vars(cls)[name], _LISTS[name]))
+    """A DAO on a store: on its present, or on its past at one revision."""
 
     def __init__(self, store: Store, at: int | None = None) -> None:
         """Make a DAO."""
@@ -249,8 +224,10 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
 
         return self._open_store.write(save)
 
-    def _of_named(self, kind: str, name: str, answer: Callable[[View, int], list[T]]) -> list[T]:
-        """Ask about a named element; refuse a name that never was."""
+    def _of_named(
+        self, kind: str, name: str, noun: str, answer: Callable[[View, int], list[T]]
+    ) -> list[T]:
+        """List what there is of a named element; refuse a name that never was."""
 
         def read(view: View) -> list[T]:
             element = view.definitions.elements(kind).named(name)
@@ -260,7 +237,7 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
                 refuse_unknown(self._store, name, kind)
             return found
 
-        return self._open_store.read(read, self._at)
+        return Listing(self._open_store.read(read, self._at), noun)
 
     def _saving(
         self, transaction: Transaction, batch: Sequence[Ground]
@@ -696,7 +673,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             builder = DtoBuilder(definitions)
             return [self._build(builder, definition) for definition in self._all(definitions)]
 
-        return self._open_store.read_definitions(build, self._at)
+        return Listing(self._open_store.read_definitions(build, self._at), "element")
 
     @override
     def save(self, dto: D | str | Sequence[D | str], *, cascade: bool = False) -> bool:

@@ -16,6 +16,7 @@ from ..dto import PddlPropositionDto, PddlTypeDto
 from ..dto import formulas as f
 from ..dto.lexical import ROOT_TYPE, fold
 from ..errors import InvalidKnowledgeError, reading_rows
+from ..html import Listing
 from ..knowledge.atoms import AtomKey
 from ..knowledge.canonical import canonical_text
 from ..knowledge.definitions import (
@@ -185,7 +186,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
 
     @override
     def get_all(self) -> list[N]:
-        return self._open_store.read_definitions(self._stored, self._at)
+        return Listing(self._open_store.read_definitions(self._stored, self._at), "element")
 
     @override
     def save(self, formula: Given | Sequence[Given]) -> bool:
@@ -328,11 +329,11 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
 
     @override
     def get_all(self) -> list[f.Formula]:
-        return self._open_store.read(read_goals, self._at)
+        return Listing(self._open_store.read(read_goals, self._at), "element")
 
     @override
     def get_propositions(self) -> list[PddlPropositionDto]:
-        return self._open_store.read(GOALS.answer, self._at)
+        return Listing(self._open_store.read(GOALS.answer, self._at), "goal")
 
     def _check(self, formula: object) -> None:
         if isinstance(formula, PddlPropositionDto):

@@ -19,6 +19,7 @@ from ..dto.elements import atom_text, trusted_value
 from ..dto.formulas import Fluent, Node
 from ..dto.lexical import MAX_DIGITS, decimal_text, is_word, number_text
 from ..errors import InvalidKnowledgeError, TypeMismatchError, each_readable
+from ..html import Listing
 from ..knowledge.atoms import FluentKey, FluentValue
 from ..knowledge.definitions import Definitions, FunctionDefinition
 from ..pddl.given import read_value
@@ -261,12 +262,14 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
     @override
     def get_all(self) -> list[PddlFunctionValueDto]:
-        return self._open_store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
+        found = self._open_store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
+        return Listing(found, "element")
 
     @override
     def get_by_function(self, name: str) -> list[PddlFunctionValueDto]:
         return self._of_named(
-            "function", name, lambda view, id_: _dtos(view, OF_FUNCTION.rows(view, function=id_))
+            *("function", name, "value"),
+            lambda view, id_: _dtos(view, OF_FUNCTION.rows(view, function=id_)),
         )
 
     @override

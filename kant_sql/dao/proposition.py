@@ -14,6 +14,7 @@ from ..dto import PddlObjectDto, PddlPredicateDto, PddlPropositionDto
 from ..dto.elements import atom_text
 from ..dto.formulas import Atom, Node
 from ..errors import ArityError, InvalidKnowledgeError, PddlError, TypeMismatchError, all_readable
+from ..html import Listing
 from ..knowledge.atoms import AtomKey
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
@@ -282,17 +283,19 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
 
     @override
     def get_all(self) -> list[PddlPropositionDto]:
-        return self._open_store.read(_ALL.answer, self._at)
+        return Listing(self._open_store.read(_ALL.answer, self._at), "element")
 
     @override
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
         return self._of_named(
-            "predicate", name, lambda view, id_: _OF_PREDICATE.answer(view, predicate=id_)
+            "predicate", name, "fact", lambda view, id_: _OF_PREDICATE.answer(view, predicate=id_)
         )
 
     @override
     def get_by_object(self, name: str) -> list[PddlPropositionDto]:
-        return self._of_named("object", name, lambda view, id_: _OF_OBJECT.answer(view, object=id_))
+        return self._of_named(
+            "object", name, "fact", lambda view, id_: _OF_OBJECT.answer(view, object=id_)
+        )
 
     # Here, so that `help` shows what is given.
     @override

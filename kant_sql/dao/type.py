@@ -10,6 +10,7 @@ from ..arguments import expect, expect_list, flag
 from ..dto import PddlEitherTypeDto, PddlObjectDto, PddlTypeDto
 from ..dto.lexical import ROOT_TYPE, check_name, fold
 from ..errors import InvalidKnowledgeError, TypeCycleError
+from ..html import Listing
 from ..knowledge.canonical import type_text
 from ..knowledge.definitions import Definitions, ObjectDefinition, TypeDefinition
 from ..knowledge.trees import Mentioned
@@ -270,4 +271,4 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
         found = self._open_store.read_definitions(find, self._at)
         if found is None:
             refuse_unknown(self._open_store, name, "type")
-        return found or []
+        return Listing(found or (), "element")
