@@ -86,7 +86,7 @@ class PddlConditionEffectDto(AtomDto):
             text = f"(not {text})"
         return f"({self.time} {text})" if self.time else text
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         return self.text()
 
 
@@ -188,7 +188,7 @@ class PddlActionDto(NamedDto):
             check_number(duration, role)
         self.duration = duration
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         names = {fold(parameter.name) for parameter in self.parameters}
         return action_text(
             self.keyword,

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import wraps
 from typing import Any, ClassVar, TypeVar
 
 from ..arguments import expect, flag, items, refusal
@@ -28,21 +27,6 @@ def _malformed(dto: Dto) -> InvalidKnowledgeError:
     )
 
 
-def _checked_text(text: Callable[[Dto], str]) -> Callable[[Dto], str]:
-    """Make a `__str__` raise an error of the library when a field has a wrong type."""
-
-    @wraps(text)
-    def checked(self: Dto) -> str:
-        try:
-            return expect(text(self), str, "the text")
-        except KantSqlError:
-            raise
-        except Exception as error:
-            raise _malformed(self) from error
-
-    return checked
-
-
 D = TypeVar("D", bound="Dto")
 
 
@@ -60,12 +44,22 @@ class Dto:
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls._roles = {name: f"the {name} of a {cls.__name__}" for name in ("predicate", "objects")}
-        if "__str__" in vars(cls):
-            cls.__str__ = _checked_text(cls.__str__)  # type: ignore[method-assign,assignment]
 
     def _identity(self) -> tuple[object, ...]:
         """Return a hashable key that identifies this element."""
         raise NotImplementedError
+
+    def _text(self) -> str:
+        """Return the PDDL text."""
+        return repr(self)
+
+    def __str__(self) -> str:
+        try:
+            return expect(self._text(), str, "the text")
+        except KantSqlError:
+            raise
+        except Exception as error:
+            raise _malformed(self) from error
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Dto):
@@ -177,7 +171,7 @@ class PddlTypeDto(NamedDto):
         found: PddlTypeDto = memo[id(self)]
         return found
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         return self.name if self.parent is None else f"{self.name} - {self.parent.name}"
 
 
@@ -253,7 +247,7 @@ class PddlObjectDto(NamedDto):
         """Set whether the domain declares it, not the problem."""
         self.is_constant = flag(is_constant, "is_constant of a PddlObjectDto")
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         return f"{self.name} - {self.type.name}"
 
 
@@ -321,7 +315,7 @@ class PddlPredicateDto(DeclarationDto):
         self.set_types(types)
         self.set_parameter_names(parameter_names)
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         return declaration_text(self.name, [part.name for part in self.types], self.parameter_names)
 
 
@@ -410,7 +404,7 @@ class PddlPropositionDto(AtomDto):
         name = fold(self.predicate.name)
         return ("proposition", name, self._folded_objects(), bool(self.is_goal))
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         return atom_text(self.predicate.name, [object_.name for object_ in self.objects])
 
 
@@ -469,7 +463,7 @@ class PddlFunctionDto(DeclarationDto):
         """Set the types of the values."""
         self.value_types = items(value_types, PddlTypeDto, "the value types of a PddlFunctionDto")
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         return function_text(
             self.name,
             [part.name for part in self.types],
@@ -541,7 +535,7 @@ class PddlFunctionValueDto(AppliedDto):
     def _identity(self) -> tuple[object, ...]:
         return ("function value", fold(self.function.name), self._folded_objects())
 
-    def __str__(self) -> str:
+    def _text(self) -> str:
         fluent = atom_text(self.function.name, [object_.name for object_ in self.objects])
         value = self.value
         return value_text(
