@@ -62,23 +62,6 @@ class Journal:
             scope.start = 0
         self._entries.clear()
 
-    def enter(self, scope: JournalScope) -> None:
-        """Begin a scope."""
-        scope.start = len(self._entries)
-        self._scopes.append(scope)
-
-    def exit(self, scope: JournalScope, failed: bool) -> None:
-        """End a scope; roll it back if it failed."""
-        try:
-            if failed:
-                self._roll_back(scope)
-            elif scope.savepoint is not None:
-                self._session.release(scope.savepoint)
-        finally:
-            self._scopes.pop()
-            if not self._scopes:
-                self._entries.clear()
-
     def _roll_back(self, scope: JournalScope) -> None:
         if scope.savepoint is None:
             for table, key, before in reversed(self._entries[scope.start :]):
@@ -110,10 +93,21 @@ class JournalScope:
         self.copies: dict[int, _Table] = {}
 
     def __enter__(self) -> None:
-        self._journal.enter(self)
+        journal = self._journal
+        self.start = len(journal._entries)
+        journal._scopes.append(self)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._journal.exit(self, kind is not None)
+        journal = self._journal
+        try:
+            if kind is not None:
+                journal._roll_back(self)
+            elif self.savepoint is not None:
+                journal._session.release(self.savepoint)
+        finally:
+            journal._scopes.pop()
+            if not journal._scopes:
+                journal._entries.clear()
 
 
 def _restore(table: _Table, key: Any, before: Any) -> None:
