@@ -20,16 +20,10 @@ from ..knowledge.canonical import type_text
 from ..knowledge.definitions import FunctionDefinition, ObjectDefinition, PredicateDefinition
 from ..knowledge.rules import rules_of
 from ..pddl.given import read_fact
+from ..sql import tables as t
 from ..sql.intervals import ANY_PREDICATE, held_then
 from ..sql.query import Query, constant, first_rows, in_list, in_rows, integer
 from ..sql.rows import KB, THEN, looked_up, table_of
-from ..sql.tables import (
-    ConfirmationRow,
-    PropositionArgumentRow,
-    PropositionRow,
-    PropositionVersionRow,
-    RevisionRow,
-)
 from ..sql.valid_time import OWN
 from ..store.snapshot import View
 from ..store.transaction import Transaction
@@ -123,12 +117,12 @@ class References(Arguments):
 
 
 _COLUMNS = (
-    PropositionRow.id,
-    PropositionRow.predicate_id,
-    PropositionRow.arguments,
-    PropositionRow.is_goal,
+    t.PropositionRow.id,
+    t.PropositionRow.predicate_id,
+    t.PropositionRow.arguments,
+    t.PropositionRow.is_goal,
 )
-_NOW, _THEN = PropositionVersionRow.until.is_(None), held_then(PropositionVersionRow)
+_NOW, _THEN = t.PropositionVersionRow.until.is_(None), held_then(t.PropositionVersionRow)
 
 
 class PropositionReading(Reading):
@@ -139,12 +133,12 @@ class PropositionReading(Reading):
     @classmethod
     def of_versions(cls, *conditions: ColumnElement[bool]) -> Self:
         """Ask for the propositions of the versions that are open."""
-        versions = select(PropositionVersionRow.proposition_id).where(
-            PropositionVersionRow.kb_id == KB, *conditions
+        versions = select(t.PropositionVersionRow.proposition_id).where(
+            t.PropositionVersionRow.kb_id == KB, *conditions
         )
         now, then = (
             select(*_COLUMNS).where(
-                PropositionRow.kb_id == KB, in_rows(PropositionRow.id, versions.where(*held))
+                t.PropositionRow.kb_id == KB, in_rows(t.PropositionRow.id, versions.where(*held))
             )
             for held in ((_NOW,), (_THEN, *([] if conditions else [ANY_PREDICATE])))
         )
@@ -153,26 +147,28 @@ class PropositionReading(Reading):
     @classmethod
     def of_object(cls) -> Self:
         """Ask for the propositions that mention an object: of each, one version is looked up."""
-        mentioning = select(PropositionArgumentRow.proposition_id).where(
-            PropositionArgumentRow.kb_id == KB,
-            PropositionArgumentRow.object_id == integer("object"),
+        mentioning = select(t.PropositionArgumentRow.proposition_id).where(
+            t.PropositionArgumentRow.kb_id == KB,
+            t.PropositionArgumentRow.object_id == integer("object"),
         )
-        version = table_of(PropositionVersionRow).alias(OWN).c
+        version = table_of(t.PropositionVersionRow).alias(OWN).c
         holds = case((or_(version.until.is_(None), version.until > THEN), constant(1)))
         last = select(holds).where(
-            version.kb_id == KB, version.proposition_id == PropositionRow.id, version.since <= THEN
+            version.kb_id == KB,
+            version.proposition_id == t.PropositionRow.id,
+            version.since <= THEN,
         )
         last = first_rows(last.order_by(version.since.desc()), 1)
         is_open = version.until.is_(None)
         now, then = (
             select(*_COLUMNS).where(
-                PropositionRow.kb_id == KB,
-                in_rows(PropositionRow.id, mentioning),
+                t.PropositionRow.kb_id == KB,
+                in_rows(t.PropositionRow.id, mentioning),
                 held.is_not(None),
             )
             for held in (
                 looked_up(
-                    version.proposition_id, version.proposition_id, PropositionRow.id, is_open
+                    version.proposition_id, version.proposition_id, t.PropositionRow.id, is_open
                 ),
                 last.scalar_subquery(),
             )
@@ -195,9 +191,9 @@ class GoalReading(PropositionReading):
 _ALL = PropositionReading.of_versions()
 _OF_OBJECT = PropositionReading.of_object()
 _OF_PREDICATE = PropositionReading.of_versions(
-    PropositionVersionRow.predicate_id == bindparam("predicate")
+    t.PropositionVersionRow.predicate_id == bindparam("predicate")
 )
-GOALS = GoalReading.of_versions(table_of(PropositionVersionRow).c.is_goal)
+GOALS = GoalReading.of_versions(table_of(t.PropositionVersionRow).c.is_goal)
 
 
 def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) -> AtomKey | None:
@@ -252,7 +248,7 @@ def retract_all(transaction: Transaction, *, are_goals: bool) -> int:
     return len(atoms)
 
 
-_CONFIRMED, _REVISION = table_of(ConfirmationRow).c, table_of(RevisionRow).c
+_CONFIRMED, _REVISION = table_of(t.ConfirmationRow).c, table_of(t.RevisionRow).c
 # Times never go back, so the first revision after a moment is the first by number.
 _FIRST = first_rows(
     select(_REVISION.number)
@@ -261,7 +257,7 @@ _FIRST = first_rows(
     1,
 ).scalar_subquery()
 _ACTOR = looked_up(_REVISION.actor, _REVISION.number, _CONFIRMED.since)
-_HELD = table_of(PropositionVersionRow).c
+_HELD = table_of(t.PropositionVersionRow).c
 # A fact that was retracted since and saved again is another effect, which nobody has seen.
 _SINCE = looked_up(
     _HELD.since, _HELD.proposition_id, _CONFIRMED.proposition_id, _HELD.until.is_(None)

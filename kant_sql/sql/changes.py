@@ -27,46 +27,34 @@ from sqlalchemy import (
 
 from .. import html
 from ..errors import StoreIntegrityError, unreadable
+from . import tables as t
 from .dialects.base import Row, Session
 from .executions import EXECUTION
 from .places import Place, from_place
 from .query import InRange, Query, constant, first_rows, in_list, integer
 from .rows import KB, KIND_TABLES, PROPOSITION, VERSION_COLUMNS, VersionColumns, looked_up, table_of
-from .tables import (
-    ArchiveRow,
-    ConfirmationRow,
-    ErasureRow,
-    ExecutionVersionRow,
-    FunctionValueSayingRow,
-    PlanRow,
-    PromotionRow,
-    PropositionRow,
-    PropositionSayingRow,
-    RevisionExecutionRow,
-    RevisionRow,
-)
 
 OWN_COLUMNS: tuple[Any, ...] = (
-    RevisionRow.number,
-    RevisionRow.committed_at,
-    RevisionRow.actor,
-    RevisionRow.reason,
+    t.RevisionRow.number,
+    t.RevisionRow.committed_at,
+    t.RevisionRow.actor,
+    t.RevisionRow.reason,
     # As text: a driver decodes a JSON string, and the result is no longer JSON.
-    cast(RevisionRow.source, Text).label("source"),
-    RevisionRow.hash,
-    RevisionRow.observed_at,
+    cast(t.RevisionRow.source, Text).label("source"),
+    t.RevisionRow.hash,
+    t.RevisionRow.observed_at,
 )
-STEP_COLUMNS: tuple[Any, ...] = RevisionExecutionRow.plan_id, RevisionExecutionRow.position
+STEP_COLUMNS: tuple[Any, ...] = t.RevisionExecutionRow.plan_id, t.RevisionExecutionRow.position
 REVISIONS = (
     select(*OWN_COLUMNS, *STEP_COLUMNS)
     .outerjoin(
-        RevisionExecutionRow,
+        t.RevisionExecutionRow,
         and_(
-            RevisionExecutionRow.kb_id == RevisionRow.kb_id,
-            RevisionExecutionRow.number == RevisionRow.number,
+            t.RevisionExecutionRow.kb_id == t.RevisionRow.kb_id,
+            t.RevisionExecutionRow.number == t.RevisionRow.number,
         ),
     )
-    .where(RevisionRow.kb_id == KB)
+    .where(t.RevisionRow.kb_id == KB)
 )
 
 _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
@@ -83,7 +71,7 @@ def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]
     """Select the last revision up to a time: a parameter, or a column of a table."""
     # Times never go back, and only their index finds this one in a long history. PostgreSQL 15
     # would sort all revisions before it to find the largest number of one time.
-    earlier = table_of(RevisionRow).alias().c
+    earlier = table_of(t.RevisionRow).alias().c
     times = (
         select(earlier.committed_at)
         .where(earlier.kb_id == KB, earlier.committed_at <= moment)
@@ -91,8 +79,8 @@ def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]
     )
     time = first_rows(times, 1).correlate(*of).scalar_subquery()
     # Unlike `number`, a sum cannot be looked for by the index of numbers.
-    largest = func.max(RevisionRow.number + constant(0))
-    rows = RevisionRow.kb_id == KB, RevisionRow.committed_at == time
+    largest = func.max(t.RevisionRow.number + constant(0))
+    rows = t.RevisionRow.kb_id == KB, t.RevisionRow.committed_at == time
     return select(largest).where(*rows).correlate(*of).scalar_subquery()
 
 
@@ -135,7 +123,7 @@ class ChangeEnd(NamedTuple):
         if not joined or not self._is_atom:
             return self._line(self.revision, self.source.text, *conditions)
         # PostgreSQL looks texts up one by one in six times the time.
-        atom = table_of(PropositionRow)
+        atom = table_of(t.PropositionRow)
         own = and_(atom.c.kb_id == KB, atom.c.id == self.source.owner)
         line = self._line(self.revision, atom.c.text, *conditions)
         return line.select_from(self.source.owner.table.outerjoin(atom, own))
@@ -178,7 +166,7 @@ def _record(mapped: Any, kind: str) -> VersionColumns:
 
 
 def _confirmations() -> VersionColumns:
-    table, atom = table_of(ConfirmationRow).c, table_of(PropositionRow).c
+    table, atom = table_of(t.ConfirmationRow).c, table_of(t.PropositionRow).c
     text = looked_up(atom.text, atom.id, table.proposition_id)
     return VersionColumns(None, table, table.proposition_id, constant(CONFIRMATION), text)
 
@@ -187,20 +175,20 @@ def _confirmations() -> VersionColumns:
 _RECORDS = {
     kind: _record(mapped, kind)
     for mapped, kind in (
-        (PlanRow, PLAN),
-        (ArchiveRow, ARCHIVE),
-        (PromotionRow, PROMOTION),
-        (ErasureRow, ERASURE),
+        (t.PlanRow, PLAN),
+        (t.ArchiveRow, ARCHIVE),
+        (t.PromotionRow, PROMOTION),
+        (t.ErasureRow, ERASURE),
     )
 }
-_OUTCOME = table_of(ExecutionVersionRow).c
+_OUTCOME = table_of(t.ExecutionVersionRow).c
 EXECUTIONS = VersionColumns(None, _OUTCOME, _OUTCOME.plan_id, _OUTCOME.kind, _OUTCOME.text)
 CONFIRMATIONS = _confirmations()
 SAYINGS = [
     VersionColumns(None, table.c, table.c[owner], constant(SAYING), table.c.text)
     for table, owner in (
-        (table_of(PropositionSayingRow), "proposition_id"),
-        (table_of(FunctionValueSayingRow), "function_value_id"),
+        (table_of(t.PropositionSayingRow), "proposition_id"),
+        (table_of(t.FunctionValueSayingRow), "function_value_id"),
     )
 ]
 _SOURCES = {
@@ -399,7 +387,7 @@ def paged(parts: Iterable[Select[Any]], key: Sequence[type] = (), by_text: bool 
         key: the types of the place that the page begins at, of lines of one revision.
         by_text: lines are in the order of their texts, which are read of all of them.
     """
-    some, atom = union_all(*parts).subquery("some").c, table_of(PropositionRow)
+    some, atom = union_all(*parts).subquery("some").c, table_of(t.PropositionRow)
 
     def text_of(row: Any) -> ColumnElement[Any]:
         own = select(atom.c.text).where(atom.c.kb_id == KB, atom.c.id == row.owner)
@@ -442,7 +430,7 @@ def page_of(
 
 def _counts() -> Select[Any]:
     """Count what each revision changed: of a kind, up to a bound."""
-    revision = table_of(RevisionRow)
+    revision = table_of(t.RevisionRow)
     numbers: list[Any] = []
     for end in _ENDS:
         line = end.line(end.revision == revision.c.number)

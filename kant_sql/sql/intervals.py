@@ -26,6 +26,7 @@ from sqlalchemy import (
     select,
 )
 
+from . import tables as t
 from .dialects.base import Session
 from .query import (
     Fork,
@@ -40,16 +41,16 @@ from .query import (
     in_list,
     in_rows,
 )
-from .rows import KB, PROPOSITION, THEN, VALUE, VersionTable, held_at, looked_up, table_of
-from .tables import (
-    TABLES,
-    Base,
-    FunctionValueRow,
-    FunctionValueSayingRow,
-    FunctionValueVersionRow,
-    PropositionRow,
-    PropositionSayingRow,
-    PropositionVersionRow,
+from .rows import (
+    KB,
+    PROPOSITION,
+    THEN,
+    VALUE,
+    VersionTable,
+    held_at,
+    looked_up,
+    made_here,
+    table_of,
 )
 
 # Fork value of open versions.
@@ -59,7 +60,7 @@ _BITS = 63
 MOST_FORKS = _BITS + 1
 
 
-def _intervals(mapped: type[Base], owner: str) -> VersionTable:
+def _intervals(mapped: type[t.Base], owner: str) -> VersionTable:
     table = table_of(mapped)
     ended = {"fork": Fork(table.c.since, THEN)}
     return VersionTable(owner, table, closed=ended, opened={"fork": constant(HOLDS_NOW)})
@@ -92,8 +93,8 @@ def _all_ids(identity: Table) -> Select[Any]:
     return select(identity.c.id).where(identity.c.kb_id == KB)
 
 
-ANY_PREDICATE = in_rows(PropositionVersionRow.predicate_id, _all_ids(TABLES["predicate"]))
-ANY_FUNCTION = in_rows(FunctionValueVersionRow.function_id, _all_ids(TABLES["function"]))
+ANY_PREDICATE = in_rows(t.PropositionVersionRow.predicate_id, _all_ids(t.TABLES["predicate"]))
+ANY_FUNCTION = in_rows(t.FunctionValueVersionRow.function_id, _all_ids(t.TABLES["function"]))
 _ANY_OWNER = {PROPOSITION: ANY_PREDICATE, VALUE: ANY_FUNCTION}
 
 
@@ -135,7 +136,7 @@ def then(session: Session, at: int) -> dict[str, Any]:
     return {"at": at, "forks": session.list_value(forks_at(at))}
 
 
-_VERSION = table_of(PropositionVersionRow).c
+_VERSION = table_of(t.PropositionVersionRow).c
 _ID = each_of("ids", BigInteger)
 
 
@@ -145,16 +146,16 @@ def _open_since(proposition: ColumnElement[int]) -> ScalarSelect[int]:
 
 
 _ATOMS = found_rows(
-    select(PropositionRow.id, PropositionRow.arguments, PropositionRow.text).where(
-        PropositionRow.kb_id == KB,
-        PropositionRow.is_goal == bindparam("is_goal"),
-        PropositionRow.predicate_id == bindparam("predicate"),
+    select(t.PropositionRow.id, t.PropositionRow.arguments, t.PropositionRow.text).where(
+        t.PropositionRow.kb_id == KB,
+        t.PropositionRow.is_goal == bindparam("is_goal"),
+        t.PropositionRow.predicate_id == bindparam("predicate"),
     ),
-    table_of(PropositionRow).c.arguments,
+    table_of(t.PropositionRow).c.arguments,
     "arguments",
 ).c
 FIND = Query(select(*_ATOMS, _open_since(_ATOMS.id)))
-VERSIONS = _intervals(PropositionVersionRow, "proposition_id")
+VERSIONS = _intervals(t.PropositionVersionRow, "proposition_id")
 OPEN = Query(select(_ID, _open_since(_ID)))
 CLOSED_HERE = Query(
     select(
@@ -168,8 +169,8 @@ CLOSED_HERE = Query(
 )
 
 
-VALUE_VERSIONS = _intervals(FunctionValueVersionRow, "function_value_id")
-_VALUE = table_of(FunctionValueVersionRow).c
+VALUE_VERSIONS = _intervals(t.FunctionValueVersionRow, "function_value_id")
+_VALUE = table_of(t.FunctionValueVersionRow).c
 
 
 def open_value(fluent: ColumnElement[int]) -> tuple[ScalarSelect[Any], ScalarSelect[Any]]:
@@ -182,10 +183,10 @@ def open_value(fluent: ColumnElement[int]) -> tuple[ScalarSelect[Any], ScalarSel
 
 
 _FLUENTS = found_rows(
-    select(FunctionValueRow.id, FunctionValueRow.arguments, FunctionValueRow.text).where(
-        FunctionValueRow.kb_id == KB, FunctionValueRow.function_id == bindparam("function")
+    select(t.FunctionValueRow.id, t.FunctionValueRow.arguments, t.FunctionValueRow.text).where(
+        t.FunctionValueRow.kb_id == KB, t.FunctionValueRow.function_id == bindparam("function")
     ),
-    table_of(FunctionValueRow).c.arguments,
+    table_of(t.FunctionValueRow).c.arguments,
     "arguments",
 ).c
 FIND_VALUE = Query(select(*_FLUENTS, *open_value(_FLUENTS.id)))
@@ -202,14 +203,12 @@ class SayingTable(VersionTable):
             each: its text, and its number as text.
     """
 
-    def __init__(self, mapped: type[Base], owner: str, *columns: str) -> None:
+    def __init__(self, mapped: type[t.Base], owner: str, *columns: str) -> None:
         """Build the statements."""
         # Nothing that was said ends, so no statement does that.
         self.table = table = table_of(mapped)
         self.owner, self.children = table.c[owner], ()
-        self.unmake = (
-            IdsQuery(delete(table), self.owner, lambda t: (t.c.kb_id == KB, t.c.since == THEN)),
-        )
+        self.unmake = (IdsQuery(delete(table), self.owner, made_here),)
         own = ("kb_id", owner, "since", "valid_from", "valid_until", "fork", "text")
         self.names = (*own, *columns)
         self.new = Insert(table, *self.names)
@@ -226,9 +225,9 @@ class SayingTable(VersionTable):
 
 
 FACT_SAYINGS = SayingTable(
-    PropositionSayingRow,
+    t.PropositionSayingRow,
     *("proposition_id", "predicate_id", "first_object_id", "second_object_id", "holds"),
 )
 VALUE_SAYINGS = SayingTable(
-    FunctionValueSayingRow, *("function_value_id", "function_id", "value", "number", "object_id")
+    t.FunctionValueSayingRow, *("function_value_id", "function_id", "value", "number", "object_id")
 )

@@ -18,20 +18,12 @@ from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, func,
 from ..errors import UNREADABLE, StoreError, missing_revision, reading_rows, unreadable
 from ..knowledge.canonical import read_source
 from ..knowledge.definitions import DERIVED_PREDICATE, GOAL
+from . import tables as t
 from .dialects import create_backend
 from .dialects.base import Backend, Session, retrying
 from .dialects.containing import contains, pattern_of
 from .query import Query, constant, first_rows, in_list, integer
 from .schema import ensure_schema
-from .tables import (
-    TABLES,
-    HeadRow,
-    KnowledgeBaseRow,
-    PropositionRow,
-    PropositionVersionRow,
-    RevisionRow,
-    VerificationRow,
-)
 
 T = TypeVar("T")
 
@@ -45,38 +37,40 @@ _ZERO = constant(0)
 
 # Statements are built on first use: few processes that connect list knowledge bases.
 _COLUMNS: tuple[Any, ...] = (
-    KnowledgeBaseRow.id,
-    KnowledgeBaseRow.name,
-    HeadRow.revision,
-    RevisionRow.number,
-    RevisionRow.committed_at,
-    RevisionRow.actor,
-    RevisionRow.reason,
+    t.KnowledgeBaseRow.id,
+    t.KnowledgeBaseRow.name,
+    t.HeadRow.revision,
+    t.RevisionRow.number,
+    t.RevisionRow.committed_at,
+    t.RevisionRow.actor,
+    t.RevisionRow.reason,
     # As text: a driver decodes a JSON string, and the result is no longer JSON.
-    cast(RevisionRow.source, Text),
-    HeadRow.origin,
-    HeadRow.origin_revision,
-    HeadRow.origin_committed_at,
-    HeadRow.heard_at,
-    VerificationRow.revision,
-    VerificationRow.verified_at,
-    VerificationRow.complete_at,
+    cast(t.RevisionRow.source, Text),
+    t.HeadRow.origin,
+    t.HeadRow.origin_revision,
+    t.HeadRow.origin_committed_at,
+    t.HeadRow.heard_at,
+    t.VerificationRow.revision,
+    t.VerificationRow.verified_at,
+    t.VerificationRow.complete_at,
 )
 
 
 def _rows(*conditions: ColumnElement[bool]) -> Select[Any]:
     return (
         select(*_COLUMNS)
-        .select_from(KnowledgeBaseRow)
+        .select_from(t.KnowledgeBaseRow)
         # A head that is missing, or whose revision is, is named and not passed over.
-        .outerjoin(HeadRow, HeadRow.kb_id == KnowledgeBaseRow.id)
+        .outerjoin(t.HeadRow, t.HeadRow.kb_id == t.KnowledgeBaseRow.id)
         .outerjoin(
-            RevisionRow,
-            and_(RevisionRow.kb_id == HeadRow.kb_id, RevisionRow.number == HeadRow.revision),
+            t.RevisionRow,
+            and_(
+                t.RevisionRow.kb_id == t.HeadRow.kb_id, t.RevisionRow.number == t.HeadRow.revision
+            ),
         )
-        .outerjoin(VerificationRow, VerificationRow.kb_id == HeadRow.kb_id)
-        .where(HeadRow.revision.is_distinct_from(_ZERO), *conditions)
-        .order_by(KnowledgeBaseRow.id)
+        .outerjoin(t.VerificationRow, t.VerificationRow.kb_id == t.HeadRow.kb_id)
+        .where(t.HeadRow.revision.is_distinct_from(_ZERO), *conditions)
+        .order_by(t.KnowledgeBaseRow.id)
     )
 
 
@@ -88,7 +82,7 @@ class _Listing(NamedTuple):
 
 
 def _listing(rows: Callable[[], Select[Any]]) -> _Listing:
-    return _Listing(Query(rows), Query(lambda: rows().with_only_columns(KnowledgeBaseRow.id)))
+    return _Listing(Query(rows), Query(lambda: rows().with_only_columns(t.KnowledgeBaseRow.id)))
 
 
 def _page(conditions: Callable[[], Iterable[ColumnElement[bool]]]) -> _Listing:
@@ -96,47 +90,49 @@ def _page(conditions: Callable[[], Iterable[ColumnElement[bool]]]) -> _Listing:
 
 
 def _after() -> ColumnElement[bool]:
-    last = select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("after"))
+    last = select(t.KnowledgeBaseRow.id).where(t.KnowledgeBaseRow.name == bindparam("after"))
     found = last.correlate(None).scalar_subquery()
-    return KnowledgeBaseRow.id > func.coalesce(found, integer("last"), _ZERO)
+    return t.KnowledgeBaseRow.id > func.coalesce(found, integer("last"), _ZERO)
 
 
 _EVERY = _listing(_rows)
-_BY_ID = Query(lambda: _rows(KnowledgeBaseRow.id == bindparam("id")))
-_NAME = Query(lambda: select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == bindparam("id")))
+_BY_ID = Query(lambda: _rows(t.KnowledgeBaseRow.id == bindparam("id")))
+_NAME = Query(
+    lambda: select(t.KnowledgeBaseRow.name).where(t.KnowledgeBaseRow.id == bindparam("id"))
+)
 # What stands for a name that is damaged.
 _NAMELESS = re.compile(r"id (\d{1,18})")
 _PAGE = _page(lambda: [_after()])
-_FOUND = _page(lambda: [_after(), contains(KnowledgeBaseRow.name)])
-_NAMED = _page(lambda: [KnowledgeBaseRow.name == bindparam("name")])
+_FOUND = _page(lambda: [_after(), contains(t.KnowledgeBaseRow.name)])
+_NAMED = _page(lambda: [t.KnowledgeBaseRow.name == bindparam("name")])
 _TOTAL = Query(
-    lambda: select(func.count(), func.coalesce(func.sum(HeadRow.revision), _ZERO)).where(
+    lambda: select(func.count(), func.coalesce(func.sum(t.HeadRow.revision), _ZERO)).where(
         # What no revision reaches is damaged, and might be too large for a sum.
-        HeadRow.revision.between(constant(1), constant(2**40))
+        t.HeadRow.revision.between(constant(1), constant(2**40))
     )
 )
 
 
 def _live(is_goal: bool, most: str) -> Any:
     """Select the facts or the goals of a head, up to a number."""
-    version = PropositionVersionRow
+    version = t.PropositionVersionRow
     kind = version.is_goal if is_goal else ~version.is_goal
     rows: Any = (
         select(version.kb_id, version.proposition_id)
-        .where(version.kb_id == HeadRow.kb_id, version.until.is_(None), kind)
-        .correlate(HeadRow)
+        .where(version.kb_id == t.HeadRow.kb_id, version.until.is_(None), kind)
+        .correlate(t.HeadRow)
     )
     return first_rows(rows, integer(most)).subquery()
 
 
 def _count(rows: Any) -> Any:
-    return select(func.count()).select_from(rows).correlate(HeadRow).scalar_subquery()
+    return select(func.count()).select_from(rows).correlate(t.HeadRow).scalar_subquery()
 
 
 def _reached(goals: Any) -> Any:
     """Count the goals that are facts now."""
-    goal, fact = PropositionRow.__table__.alias("goal"), PropositionRow.__table__.alias("fact")
-    version = PropositionVersionRow.__table__.alias("held")
+    goal, fact = t.PropositionRow.__table__.alias("goal"), t.PropositionRow.__table__.alias("fact")
+    version = t.PropositionVersionRow.__table__.alias("held")
     rows = (
         goals.join(goal, and_(goal.c.kb_id == goals.c.kb_id, goal.c.id == goals.c.proposition_id))
         .join(
@@ -162,12 +158,12 @@ def _reached(goals: Any) -> Any:
 
 def _formulas() -> Any:
     """Count the live goals that are not atoms, and the rules that may derive one."""
-    version = TABLES["formula_version"]
+    version = t.TABLES["formula_version"]
     section = version.c.section.in_([constant(s) for s in (GOAL, DERIVED_PREDICATE)])
     return (
         select(func.count())
-        .where(version.c.kb_id == HeadRow.kb_id, version.c.until.is_(None), section)
-        .correlate(HeadRow)
+        .where(version.c.kb_id == t.HeadRow.kb_id, version.c.until.is_(None), section)
+        .correlate(t.HeadRow)
         .scalar_subquery()
     )
 
@@ -175,12 +171,12 @@ def _formulas() -> Any:
 # Of some knowledge bases in one statement: it walks the live propositions of each, up to a limit.
 _COUNTS = Query(
     lambda: select(
-        HeadRow.kb_id,
+        t.HeadRow.kb_id,
         _count(_live(False, "facts")),
         _count(_live(True, "goals")),
         _reached(_live(True, "goals")),
         _formulas(),
-    ).where(in_list(HeadRow.kb_id, "ids"))
+    ).where(in_list(t.HeadRow.kb_id, "ids"))
 )
 
 

@@ -41,20 +41,9 @@ from ..knowledge.definitions import (
     TypeDefinition,
 )
 from ..knowledge.trees import ParameterDefinition, TreeNode, TreeTerm
+from . import tables as t
 from .dialects.base import Row
 from .query import AtKey, IdsQuery, Insert, Query, constant, first_rows, in_rows
-from .tables import (
-    TABLES,
-    Base,
-    FunctionValueArgumentRow,
-    FunctionValueRow,
-    FunctionValueSayingRow,
-    FunctionValueVersionRow,
-    PropositionArgumentRow,
-    PropositionRow,
-    PropositionSayingRow,
-    PropositionVersionRow,
-)
 
 KB: ColumnElement[int] = bindparam("kb", type_=BigInteger)
 THEN: ColumnElement[int] = bindparam("at", type_=BigInteger)
@@ -65,7 +54,7 @@ def held_at(table: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
     return and_(table.since <= at, or_(table.until.is_(None), table.until > at))
 
 
-def table_of(mapped: type[Base]) -> Table:
+def table_of(mapped: type[t.Base]) -> Table:
     """Return the table of a class."""
     return mapped.__table__
 
@@ -88,6 +77,11 @@ def looked_up(
     found = select(wanted).where(column.table.c.kb_id == KB, *conditions)
     found = found.where(AtKey(column, value)).order_by(column)
     return first_rows(found, 1).correlate_except(column.table).scalar_subquery()
+
+
+def made_here(table: FromClause) -> tuple[ColumnElement[bool], ...]:
+    """Return the conditions that a row is of the uncommitted revision."""
+    return table.c.kb_id == KB, table.c.since == THEN
 
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -143,9 +137,7 @@ class VersionTable:
         self.unmake: tuple[IdsQuery, ...] = (IdsQuery(delete(table), self.owner, is_open),)
         if children:
             self.unmake = tuple(
-                IdsQuery(
-                    delete(each), each.c[owner], lambda t: (t.c.kb_id == KB, t.c.since == THEN)
-                )
+                IdsQuery(delete(each), each.c[owner], made_here)
                 for each in (*reversed(children), table)
             )
 
@@ -332,7 +324,7 @@ class Kind:
 
 
 def _list(table: str, record: Any = None, first: int = 0, **lists: ListTable) -> ListTable:
-    return ListTable(TABLES[table], record, first=first, **lists)
+    return ListTable(t.TABLES[table], record, first=first, **lists)
 
 
 def _typed_names(table: str) -> ListTable:
@@ -365,7 +357,7 @@ _KINDS: dict[str, tuple[Any, dict[str, ListTable]]] = {
     "document": (DocumentDefinition, {"items": _list("document_item", Item)}),
 }
 KIND_TABLES = {
-    kind: Kind(definition, TABLES[kind], TABLES[f"{kind}_version"], **lists)
+    kind: Kind(definition, t.TABLES[kind], t.TABLES[f"{kind}_version"], **lists)
     for kind, (definition, lists) in _KINDS.items()
 }
 
@@ -395,13 +387,13 @@ def _definition(kind: str, tables: Kind) -> VersionColumns:
 
 
 def _value() -> VersionColumns:
-    version = table_of(FunctionValueVersionRow).c
-    identity, owner = table_of(FunctionValueRow).c, version.function_value_id
+    version = table_of(t.FunctionValueVersionRow).c
+    identity, owner = table_of(t.FunctionValueRow).c, version.function_value_id
     return VersionColumns(identity, version, owner, constant(VALUE), version.text)
 
 
 def _proposition() -> VersionColumns:
-    version, atom = table_of(PropositionVersionRow).c, table_of(PropositionRow).c
+    version, atom = table_of(t.PropositionVersionRow).c, table_of(t.PropositionRow).c
     # The version's own copy: a lookup of the text in the identity table costs more.
     kind: Any = case((version.is_goal, constant(GOAL)), else_=constant(FACT))
     text = looked_up(atom.text, atom.id, version.proposition_id)
@@ -442,7 +434,7 @@ class AtomTables(NamedTuple):
         return select(version[self.owner]).where(version.kb_id == KB, version.until.is_(None))
 
 
-def _atoms(key: tuple[str, ...], *mapped: type[Base]) -> AtomTables:
+def _atoms(key: tuple[str, ...], *mapped: type[t.Base]) -> AtomTables:
     identity, arguments, version, sayings = map(table_of, mapped)
     return AtomTables(identity, arguments, version, sayings, f"{identity.name}_id", key)
 
@@ -450,11 +442,16 @@ def _atoms(key: tuple[str, ...], *mapped: type[Base]) -> AtomTables:
 ATOM_TABLES = {
     PROPOSITION: _atoms(
         ("is_goal", "predicate_id", "arguments"),
-        *(PropositionRow, PropositionArgumentRow, PropositionVersionRow, PropositionSayingRow),
+        *(
+            t.PropositionRow,
+            t.PropositionArgumentRow,
+            t.PropositionVersionRow,
+            t.PropositionSayingRow,
+        ),
     ),
     VALUE: _atoms(
         ("function_id", "arguments"),
-        *(FunctionValueRow, FunctionValueArgumentRow),
-        *(FunctionValueVersionRow, FunctionValueSayingRow),
+        *(t.FunctionValueRow, t.FunctionValueArgumentRow),
+        *(t.FunctionValueVersionRow, t.FunctionValueSayingRow),
     ),
 }
