@@ -27,7 +27,7 @@ from ..planning import Plan, problem_hash
 from ..sql import tables as t
 from ..sql.changes import ASSERTED, PLAN, Change
 from ..sql.dialects.base import Row
-from ..sql.plans import PlanDefinition, plan_rows
+from ..sql.executions import PlanDefinition, plan_rows
 from ..sql.query import Query, integer
 from ..sql.rows import KB, table_of
 from ..store.snapshot import View

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from kant_sql.errors import InvalidKnowledgeError
 from kant_sql.planning import Plan, PlanStep
-from kant_sql.sql.executions import ExecutionDefinition, read_outcome, status_text
-from kant_sql.sql.plans import PlanDefinition
+from kant_sql.sql.executions import ExecutionDefinition, PlanDefinition, read_outcome, status_text
 from tests.support.generators.documents import NAMES
 
 TEXTS = st.none() | st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))

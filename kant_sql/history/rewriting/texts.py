@@ -24,8 +24,15 @@ from ...sql import tables as t
 from ...sql.changes import ASSERTED, CONFIRMATION, PLAN, RETRACTED, SAYING
 from ...sql.definition_rows import load_at
 from ...sql.dialects.base import Row, Session
-from ...sql.executions import NO_PLAN, PLAN_STEP, ExecutionDefinition, Key, outcome_text, quoted
-from ...sql.plans import PlanDefinition
+from ...sql.executions import (
+    NO_PLAN,
+    PLAN_STEP,
+    ExecutionDefinition,
+    Key,
+    PlanDefinition,
+    outcome_text,
+    quoted,
+)
 from ...sql.query import Query, constant, in_list, integer
 from ...sql.rows import ATOM_TABLES, FACT, GOAL, KB, KIND_TABLES, PROPOSITION, VALUE, table_of
 from ...store.snapshot import View

@@ -21,6 +21,7 @@ from ...sql.executions import (
     PLAN_STEP,
     ExecutionDefinition,
     Key,
+    PlanDefinition,
     id_text,
     of_execution,
     outcome_text,
@@ -28,7 +29,6 @@ from ...sql.executions import (
     status_text,
 )
 from ...sql.intervals import FACT_SAYINGS, VALUE_SAYINGS, SayingTable, fork, fork_of_period
-from ...sql.plans import PlanDefinition
 from ...sql.query import Query, constant, in_rows, integer
 from ...sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, AtomTables, looked_up, table_of
 from .definition_check import IdentityNames, ObjectFunctions, doubles, is_decimal
