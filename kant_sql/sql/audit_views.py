@@ -118,144 +118,123 @@ def _view(name: str, order: str, window: str | None, columns: str) -> AuditView:
     return AuditView(f"{PREFIX}{name}", types, tuple(order.split()), window)
 
 
-AUDIT_VIEWS = {
-    view.name: view
-    for view in (
-        _view(
-            "knowledge_base",
-            "revision",
-            None,
-            "revision committed_at committed_epoch origin verified_revision verified_at",
-        ),
-        _view("revision", "revision", _MADE, f"revision {_REVISION} form hash"),
-        _view(
-            "change",
-            "revision sign kind text element_id",
-            _MADE,
-            f"revision sign kind text element_id {_REVISION}",
-        ),
-        _view("fact", "since kind proposition_id", _HELD, _FACTS),
-        _view("goal", "since proposition_id", _HELD, _FACTS),
-        _view(
-            "fact_argument",
-            "since kind proposition_id position",
-            _HELD,
-            f"{_FACT} text {_ARGUMENT} {_INTERVAL}",
-        ),
-        _view("value", "since function_value_id", _HELD, f"{_VALUES} text {_INTERVAL}"),
-        _view(
-            "fact_valid",
-            "known_since proposition_id valid_from",
-            _KNOWN,
-            f"proposition_id predicate arguments text {_VALID}",
-        ),
-        _view(
-            "value_valid",
-            "known_since function_value_id valid_from",
-            _KNOWN,
-            f"{_VALUES} {_VALID}",
-        ),
-        _view(
-            "value_argument",
-            "since function_value_id position",
-            _HELD,
-            f"{_VALUE} text {_ARGUMENT} {_INTERVAL}",
-        ),
-        _view(
-            "object",
-            "since object_id",
-            _HELD,
-            f"object object_id type is_constant text {_INTERVAL}",
-        ),
-        _view(
-            "definition",
-            "since kind element_id",
-            _HELD,
-            f"kind name element_id text {_INTERVAL}",
-        ),
-        _view("action", "since action_id", _HELD, f"{_ACTION} text {_INTERVAL}"),
-        _view(
-            "action_literal",
-            "since action_id section position",
-            _HELD,
-            f"{_ACTION} section position role predicate literal time is_conditional {_INTERVAL}",
-        ),
-        _view(
-            "plan",
-            "plan_id",
-            _BEGAN,
-            "plan_id revision revision_at revision_epoch problem_hash planner planner_version "
-            "objective value number status steps steps_running steps_succeeded steps_failed "
-            f"steps_aborted {_BEGINNING} text domain_pddl problem_pddl",
-        ),
-        _view(
-            "plan_step",
-            "plan_id position",
-            _PLANNED,
-            f"{_STEP} action arguments text planned_start planned_duration status {_BEGUN} "
-            f"{_ENDED} revisions",
-        ),
-        _view(
-            "plan_step_status",
-            "since plan_id position",
-            _HELD,
-            f"{_STEP} status text {_INTERVAL}",
-        ),
-        _view(
-            "plan_step_argument",
-            "plan_id position argument",
-            _PLANNED,
-            f"{_STEP} text argument object object_id",
-        ),
-        _view(
-            "execution",
-            "plan_id position",
-            "started <= :high AND COALESCE(ended >= :low, TRUE)",
-            f"execution {_STEP} action arguments text outcome code message {_BEGUN} "
-            f"started_reason started_source {_ENDED} planned_duration",
-        ),
-        _view(
-            "statistics",
-            "action arguments",
-            None,
-            "action arguments executions running succeeded failed aborted refused success_rate "
-            "success_low success_high mean median percentile_95 codes kb_id unconfirmed",
-        ),
-        _view(
-            "effect",
-            "since execution proposition_id",
-            _HELD,
-            f"execution {_STEP} proposition_id text since since_at since_epoch asserted_by until "
-            "until_at until_epoch retracted_by confirmed confirmed_at confirmed_epoch confirmed_by",
-        ),
-        _view(
-            "confirmation",
-            "revision proposition_id",
-            _MADE,
-            f"revision text proposition_id {_REVISION}",
-        ),
-        _view(
-            "archive",
-            "archive_id",
-            None,
-            "archive_id revision revision_at revision_epoch target versions rest "
-            f"{_BEGINNING} text",
-        ),
-        _view(
-            "promotion",
-            "promotion_id",
-            None,
-            f"promotion_id revision revision_at revision_epoch origin {_BEGINNING} text",
-        ),
-        _view(
-            "erasure",
-            "erasure_id",
-            None,
-            "erasure_id revision revision_at revision_epoch kind element_id pseudonym parts digest "
-            f"{_BEGINNING} text",
-        ),
-    )
-}
+_VIEWS = (
+    _view(
+        "knowledge_base",
+        "revision",
+        None,
+        "revision committed_at committed_epoch origin verified_revision verified_at",
+    ),
+    _view("revision", "revision", _MADE, f"revision {_REVISION} form hash"),
+    _view(
+        "change",
+        "revision sign kind text element_id",
+        _MADE,
+        f"revision sign kind text element_id {_REVISION}",
+    ),
+    _view("fact", "since kind proposition_id", _HELD, _FACTS),
+    _view("goal", "since proposition_id", _HELD, _FACTS),
+    _view(
+        "fact_argument",
+        "since kind proposition_id position",
+        _HELD,
+        f"{_FACT} text {_ARGUMENT} {_INTERVAL}",
+    ),
+    _view("value", "since function_value_id", _HELD, f"{_VALUES} text {_INTERVAL}"),
+    _view(
+        "fact_valid",
+        "known_since proposition_id valid_from",
+        _KNOWN,
+        f"proposition_id predicate arguments text {_VALID}",
+    ),
+    _view("value_valid", "known_since function_value_id valid_from", _KNOWN, f"{_VALUES} {_VALID}"),
+    _view(
+        "value_argument",
+        "since function_value_id position",
+        _HELD,
+        f"{_VALUE} text {_ARGUMENT} {_INTERVAL}",
+    ),
+    _view(
+        "object", "since object_id", _HELD, f"object object_id type is_constant text {_INTERVAL}"
+    ),
+    _view("definition", "since kind element_id", _HELD, f"kind name element_id text {_INTERVAL}"),
+    _view("action", "since action_id", _HELD, f"{_ACTION} text {_INTERVAL}"),
+    _view(
+        "action_literal",
+        "since action_id section position",
+        _HELD,
+        f"{_ACTION} section position role predicate literal time is_conditional {_INTERVAL}",
+    ),
+    _view(
+        "plan",
+        "plan_id",
+        _BEGAN,
+        "plan_id revision revision_at revision_epoch problem_hash planner planner_version "
+        "objective value number status steps steps_running steps_succeeded steps_failed "
+        f"steps_aborted {_BEGINNING} text domain_pddl problem_pddl",
+    ),
+    _view(
+        "plan_step",
+        "plan_id position",
+        _PLANNED,
+        f"{_STEP} action arguments text planned_start planned_duration status {_BEGUN} "
+        f"{_ENDED} revisions",
+    ),
+    _view("plan_step_status", "since plan_id position", _HELD, f"{_STEP} status text {_INTERVAL}"),
+    _view(
+        "plan_step_argument",
+        "plan_id position argument",
+        _PLANNED,
+        f"{_STEP} text argument object object_id",
+    ),
+    _view(
+        "execution",
+        "plan_id position",
+        "started <= :high AND COALESCE(ended >= :low, TRUE)",
+        f"execution {_STEP} action arguments text outcome code message {_BEGUN} "
+        f"started_reason started_source {_ENDED} planned_duration",
+    ),
+    _view(
+        "statistics",
+        "action arguments",
+        None,
+        "action arguments executions running succeeded failed aborted refused success_rate "
+        "success_low success_high mean median percentile_95 codes kb_id unconfirmed",
+    ),
+    _view(
+        "effect",
+        "since execution proposition_id",
+        _HELD,
+        f"execution {_STEP} proposition_id text since since_at since_epoch asserted_by until "
+        "until_at until_epoch retracted_by confirmed confirmed_at confirmed_epoch confirmed_by",
+    ),
+    _view(
+        "confirmation",
+        "revision proposition_id",
+        _MADE,
+        f"revision text proposition_id {_REVISION}",
+    ),
+    _view(
+        "archive",
+        "archive_id",
+        None,
+        f"archive_id revision revision_at revision_epoch target versions rest {_BEGINNING} text",
+    ),
+    _view(
+        "promotion",
+        "promotion_id",
+        None,
+        f"promotion_id revision revision_at revision_epoch origin {_BEGINNING} text",
+    ),
+    _view(
+        "erasure",
+        "erasure_id",
+        None,
+        "erasure_id revision revision_at revision_epoch kind element_id pseudonym parts digest "
+        f"{_BEGINNING} text",
+    ),
+)
+AUDIT_VIEWS = {view.name: view for view in _VIEWS}
 
 BOUNDS = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
 
