@@ -6,6 +6,7 @@ pyarrow, of the extra `data`, is imported on first use.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cache
@@ -19,6 +20,7 @@ from ..errors import InvalidArgumentError, needing, printable, reading_rows
 from .dialects.base import Row, Session
 from .query import Query
 from .rows import KB
+from .schema import recorded
 
 if TYPE_CHECKING:
     import pyarrow
@@ -40,201 +42,84 @@ class AuditView(NamedTuple):
     """A view for auditors.
 
     Attributes:
-        columns: its columns in their order, with their types.
         order: the columns that sort its rows; no two rows have the same values in all of them.
         window: the condition that a row is of the revisions from `:low` to `:high`; None where
             rows are of no revision.
     """
 
     name: str
-    columns: Mapping[str, ColumnType]
     order: tuple[str, ...]
     window: str | None
 
+    @property
+    def columns(self) -> Mapping[str, ColumnType]:
+        """Its columns in their order, with their types."""
+        return _columns()[self.name]
 
-# A column has one type in all views: by its name, by the last word of that, or text.
-_NAMED = {
-    ColumnType.TIME: "valid_from valid_until",
-    ColumnType.BOOLEAN: "is_constant is_conditional",
-    ColumnType.INTEGER: (
-        "revision form plan_step position argument since until known_since known_until started "
-        "ended confirmed verified_revision executions running succeeded failed aborted refused "
-        "steps steps_running steps_succeeded steps_failed steps_aborted revisions versions "
-        "unconfirmed parts"
-    ),
-    ColumnType.DOUBLE: (
-        "delay duration number planned_start planned_duration success_rate success_low "
-        "success_high mean median percentile_95"
-    ),
+
+_HEAD = re.compile(rf"CREATE VIEW ({PREFIX}\w+) \(\n(.*?)\n\)", re.DOTALL)
+_COLUMN = re.compile(r'^    "?(\w+)"? ([a-z ]+)', re.MULTILINE)
+_TYPES = {
+    "boolean": ColumnType.BOOLEAN,
+    "double precision": ColumnType.DOUBLE,
+    **dict.fromkeys(("bigint", "integer"), ColumnType.INTEGER),
+    "timestamp with time zone": ColumnType.TIME,
 }
-_TYPES = {name: type_ for type_, names in _NAMED.items() for name in names.split()}
-_LAST_WORDS = {"at": ColumnType.TIME, "epoch": ColumnType.DOUBLE, "id": ColumnType.INTEGER}
 
 
-_REVISION = (
-    "committed_at committed_epoch committed_hour observed_at observed_epoch delay actor reason "
-    "source plan_id plan_step"
-)
-_BEGINNING = "since since_at since_epoch since_observed_at asserted_by asserted_reason"
-_INTERVAL = (
-    f"{_BEGINNING} until until_at until_epoch until_observed_at retracted_by retracted_reason "
-    "duration"
-)
-_FACT = "kind proposition_id predicate"
-_FACTS = f"{_FACT} arguments text {_INTERVAL}"
-_ARGUMENT = "position parameter object object_id"
-_VALUE = "function_value_id function"
-_VALUES = f"{_VALUE} arguments fluent value number"
-_ACTION = "action action_id kind"
-_STEP = "plan_id position"
-_BEGUN = "started started_at started_epoch started_by"
-_ENDED = "ended ended_at ended_epoch ended_by ended_reason duration"
-# What was true of a time, and as it was known.
-_VALID = (
-    "valid_from valid_from_epoch valid_until valid_until_epoch known_since known_since_at "
-    "known_since_epoch known_by known_reason known_until known_until_at known_until_epoch "
-    "corrected_by corrected_reason"
-)
+@cache
+def _columns() -> dict[str, dict[str, ColumnType]]:
+    """Read the columns of each view from the record of what the migrations make on PostgreSQL."""
+    heads = (_HEAD.match(statement.text) for statement in recorded("postgresql"))
+    return {
+        head[1]: {
+            name: _TYPES.get(type_.strip(), ColumnType.TEXT)
+            for name, type_ in _COLUMN.findall(head[2])
+        }
+        for head in heads
+        if head is not None
+    }
+
 
 # An interval is in a window in which it began, held or ended.
 _HELD = "since <= :high AND COALESCE(until >= :low, TRUE)"
 _KNOWN = "known_since <= :high AND COALESCE(known_until >= :low, TRUE)"
-_BEGAN = "since BETWEEN :low AND :high"
 _MADE = "revision BETWEEN :low AND :high"
 _PLANNED = (
     "plan_id IN (SELECT p.plan_id FROM audit_plan AS p WHERE p.kb_id = :kb"
     " AND p.since BETWEEN :low AND :high)"
 )
-
-
-def _view(name: str, order: str, window: str | None, columns: str) -> AuditView:
-    # The id comes last, but for what was added later: one shard has all rows of a knowledge base,
-    # which its name does not find.
-    names = ("knowledge_base", *columns.split(), "kb_id")
-    types = {
-        column: _TYPES.get(column) or _LAST_WORDS.get(column.rpartition("_")[2], ColumnType.TEXT)
-        for column in names
-    }
-    return AuditView(f"{PREFIX}{name}", types, tuple(order.split()), window)
-
-
-_VIEWS = (
-    _view(
-        "knowledge_base",
-        "revision",
-        None,
-        "revision committed_at committed_epoch origin verified_revision verified_at",
-    ),
-    _view("revision", "revision", _MADE, f"revision {_REVISION} form hash"),
-    _view(
-        "change",
-        "revision sign kind text element_id",
-        _MADE,
-        f"revision sign kind text element_id {_REVISION}",
-    ),
-    _view("fact", "since kind proposition_id", _HELD, _FACTS),
-    _view("goal", "since proposition_id", _HELD, _FACTS),
-    _view(
-        "fact_argument",
-        "since kind proposition_id position",
-        _HELD,
-        f"{_FACT} text {_ARGUMENT} {_INTERVAL}",
-    ),
-    _view("value", "since function_value_id", _HELD, f"{_VALUES} text {_INTERVAL}"),
-    _view(
-        "fact_valid",
-        "known_since proposition_id valid_from",
-        _KNOWN,
-        f"proposition_id predicate arguments text {_VALID}",
-    ),
-    _view("value_valid", "known_since function_value_id valid_from", _KNOWN, f"{_VALUES} {_VALID}"),
-    _view(
-        "value_argument",
-        "since function_value_id position",
-        _HELD,
-        f"{_VALUE} text {_ARGUMENT} {_INTERVAL}",
-    ),
-    _view(
-        "object", "since object_id", _HELD, f"object object_id type is_constant text {_INTERVAL}"
-    ),
-    _view("definition", "since kind element_id", _HELD, f"kind name element_id text {_INTERVAL}"),
-    _view("action", "since action_id", _HELD, f"{_ACTION} text {_INTERVAL}"),
-    _view(
-        "action_literal",
-        "since action_id section position",
-        _HELD,
-        f"{_ACTION} section position role predicate literal time is_conditional {_INTERVAL}",
-    ),
-    _view(
-        "plan",
-        "plan_id",
-        _BEGAN,
-        "plan_id revision revision_at revision_epoch problem_hash planner planner_version "
-        "objective value number status steps steps_running steps_succeeded steps_failed "
-        f"steps_aborted {_BEGINNING} text domain_pddl problem_pddl",
-    ),
-    _view(
-        "plan_step",
-        "plan_id position",
-        _PLANNED,
-        f"{_STEP} action arguments text planned_start planned_duration status {_BEGUN} "
-        f"{_ENDED} revisions",
-    ),
-    _view("plan_step_status", "since plan_id position", _HELD, f"{_STEP} status text {_INTERVAL}"),
-    _view(
-        "plan_step_argument",
-        "plan_id position argument",
-        _PLANNED,
-        f"{_STEP} text argument object object_id",
-    ),
-    _view(
-        "execution",
-        "plan_id position",
-        "started <= :high AND COALESCE(ended >= :low, TRUE)",
-        f"execution {_STEP} action arguments text outcome code message {_BEGUN} "
-        f"started_reason started_source {_ENDED} planned_duration",
-    ),
-    _view(
-        "statistics",
-        "action arguments",
-        None,
-        "action arguments executions running succeeded failed aborted refused success_rate "
-        "success_low success_high mean median percentile_95 codes kb_id unconfirmed",
-    ),
-    _view(
-        "effect",
-        "since execution proposition_id",
-        _HELD,
-        f"execution {_STEP} proposition_id text since since_at since_epoch asserted_by until "
-        "until_at until_epoch retracted_by confirmed confirmed_at confirmed_epoch confirmed_by",
-    ),
-    _view(
-        "confirmation",
-        "revision proposition_id",
-        _MADE,
-        f"revision text proposition_id {_REVISION}",
-    ),
-    _view(
-        "archive",
-        "archive_id",
-        None,
-        f"archive_id revision revision_at revision_epoch target versions rest {_BEGINNING} text",
-    ),
-    _view(
-        "promotion",
-        "promotion_id",
-        None,
-        f"promotion_id revision revision_at revision_epoch origin {_BEGINNING} text",
-    ),
-    _view(
-        "erasure",
-        "erasure_id",
-        None,
-        "erasure_id revision revision_at revision_epoch kind element_id pseudonym parts digest "
-        f"{_BEGINNING} text",
-    ),
-)
-AUDIT_VIEWS = {view.name: view for view in _VIEWS}
+_ORDERS_AND_WINDOWS = {
+    "knowledge_base": ("revision", None),
+    "revision": ("revision", _MADE),
+    "change": ("revision sign kind text element_id", _MADE),
+    "fact": ("since kind proposition_id", _HELD),
+    "goal": ("since proposition_id", _HELD),
+    "fact_argument": ("since kind proposition_id position", _HELD),
+    "value": ("since function_value_id", _HELD),
+    "fact_valid": ("known_since proposition_id valid_from", _KNOWN),
+    "value_valid": ("known_since function_value_id valid_from", _KNOWN),
+    "value_argument": ("since function_value_id position", _HELD),
+    "object": ("since object_id", _HELD),
+    "definition": ("since kind element_id", _HELD),
+    "action": ("since action_id", _HELD),
+    "action_literal": ("since action_id section position", _HELD),
+    "plan": ("plan_id", "since BETWEEN :low AND :high"),
+    "plan_step": ("plan_id position", _PLANNED),
+    "plan_step_status": ("since plan_id position", _HELD),
+    "plan_step_argument": ("plan_id position argument", _PLANNED),
+    "execution": ("plan_id position", "started <= :high AND COALESCE(ended >= :low, TRUE)"),
+    "statistics": ("action arguments", None),
+    "effect": ("since execution proposition_id", _HELD),
+    "confirmation": ("revision proposition_id", _MADE),
+    "archive": ("archive_id", None),
+    "promotion": ("promotion_id", None),
+    "erasure": ("erasure_id", None),
+}
+AUDIT_VIEWS = {
+    f"{PREFIX}{name}": AuditView(f"{PREFIX}{name}", tuple(order.split()), window)
+    for name, (order, window) in _ORDERS_AND_WINDOWS.items()
+}
 
 BOUNDS = [bindparam(bound, type_=BigInteger) for bound in ("low", "high")]
 
