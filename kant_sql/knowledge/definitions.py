@@ -473,15 +473,6 @@ def _parents(types: Elements[TypeDefinition], type_id: int) -> tuple[int, ...]:
 class PendingDefinitions(Definitions):
     """The definitions within a transaction; `origin` are those at its start."""
 
-    types: PendingElements[TypeDefinition]
-    objects: PendingElements[ObjectDefinition]
-    predicates: PendingElements[PredicateDefinition]
-    functions: PendingElements[FunctionDefinition]
-    actions: PendingElements[ActionDefinition]
-    formulas: PendingElements[FormulaDefinition]
-    rules: PendingElements[RuleDefinition]
-    documents: PendingElements[DocumentDefinition]
-
     def __init__(self, origin: Definitions) -> None:
         # Most transactions use few kinds, so each is made on first use.
         self.origin = origin
@@ -529,6 +520,6 @@ class PendingDefinitions(Definitions):
             *[used[kind].publish() if kind in used else origin.elements(kind) for kind in KINDS]
         )
         made.templates, made.guards = self.templates, self.guards
-        if "type" not in used or not self.types.changes:
+        if "type" not in used or not used["type"].changes:
             made._ancestry = origin._hierarchy()
         return made
