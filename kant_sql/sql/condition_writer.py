@@ -67,17 +67,11 @@ class JoinedTables:
 
     def text(self, columns: str) -> str:
         """Write it as a SELECT."""
-        tables, where = (self.tables, self.where)
         if self._words.fence:
-            tables, where, columns = self._fenced(columns)
-        elif self._words.is_one_state:
-            tables, where, columns = self._listed(columns)
-        sql = f"SELECT {columns}"
-        if tables:
-            sql += " FROM " + " CROSS JOIN ".join(tables)
-        if where:
-            sql += f" WHERE {balanced('AND', where)}"
-        return sql
+            return _select(*self._fenced(columns))
+        if self._words.is_one_state:
+            return _select(*self._listed(columns))
+        return _select(self.tables, self.where, columns)
 
     def _parted(self) -> tuple[list[list[str]], list[tuple[int, str]]]:
         """Part the conditions: those of each stored table, and the others by their last table."""
@@ -140,6 +134,15 @@ class JoinedTables:
         return tables, [condition for _, condition in rest], columns
 
 
+def _select(tables: Sequence[str], where: Sequence[str], columns: str) -> str:
+    sql = f"SELECT {columns}"
+    if tables:
+        sql += " FROM " + " CROSS JOIN ".join(tables)
+    if where:
+        sql += f" WHERE {balanced('AND', where)}"
+    return sql
+
+
 def _grouped(
     name: str, tables: Sequence[str], where: Sequence[str], later: Iterable[str]
 ) -> tuple[str, Callable[[str], str]]:
@@ -147,10 +150,7 @@ def _grouped(
     own = _used({table.split()[-1] for table in tables}, later)
     names = {one: f"{name}.{one.replace('.', '_')}" for one in own}
     listed = ", ".join(f"{one} AS {one.replace('.', '_')}" for one in own) or "1 AS present"
-    sql = f"SELECT {listed} FROM {' CROSS JOIN '.join(tables)}"
-    if where:
-        sql += f" WHERE {balanced('AND', where)}"
-    return sql, _renaming(names)
+    return _select(tables, where, listed), _renaming(names)
 
 
 def _as_list(
@@ -351,16 +351,15 @@ class ConditionWriter(ABC):
                 return f"EXISTS ({selection.text('1')})"
 
     def _junction(self, part: r.AllOf | r.OneOf, parts: Sequence[r.Part], places: Places) -> str:
-        if not parts:
-            return "TRUE" if isinstance(part, r.AllOf) else "FALSE"
         is_all = isinstance(part, r.AllOf)
-        found, rest = self._ground_lists(parts, is_all)
-        found += [self.truth(inner, places) for inner in rest]
+        if not parts:
+            return "TRUE" if is_all else "FALSE"
+        found = self.operands(parts, places, is_all)
         return f"({balanced('AND' if is_all else 'OR', found)})"
 
-    def conjuncts(self, parts: Sequence[r.Part], places: Places) -> list[str]:
-        """Write the parts of a conjunction."""
-        found, rest = self._ground_lists(parts, True)
+    def operands(self, parts: Sequence[r.Part], places: Places, is_all: bool) -> list[str]:
+        """Write the parts of a conjunction, or of a disjunction."""
+        found, rest = self._ground_lists(parts, is_all)
         return found + [self.truth(part, places) for part in rest]
 
     def _ground_lists(

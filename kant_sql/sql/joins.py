@@ -54,7 +54,7 @@ class _Join:
         rest = [*self._equalities, *self._facts, *self._choices, *filters]
         selection = self._selection
         with self._writer.asking(self._rows):
-            selection.where += self._writer.conjuncts(rest, selection.places)
+            selection.where += self._writer.operands(rest, selection.places, True)
         if len(selection.tables) > MAX_JOINED:
             raise UnsupportedConstructError(
                 f"a conjunction of the condition binds {len(selection.tables)} variables or more, "

@@ -157,9 +157,7 @@ class ConditionCompiler(JoinWriter):
             name = self._apart(self.rows([part], bound, given), len(columns))
         if not columns:
             return f"EXISTS (SELECT 1 FROM {name})"
-        values = ", ".join(places[slot] for slot in columns)
-        listed = ", ".join(f"c{n}" for n in range(len(columns)))
-        return f"({values}) IN (SELECT {listed} FROM {name})"
+        return self._listed_in(name, dict(enumerate(columns)), places)
 
     @override
     def union(self, choice: r.OneOf, bound: Sequence[r.Bound], places: Places) -> str:

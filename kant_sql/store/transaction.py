@@ -100,30 +100,29 @@ class Transaction:
     _started: float = field(init=False)
     # The ledgers of the kinds touched so far.
     _ledgers: dict[str, PendingChanges] = field(default_factory=dict, init=False)
-    _propositions: PropositionLedger | None = field(default=None, init=False)
-    _values: FunctionValueLedger | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.number = self._context.number
         self._started = time.monotonic()
 
-    @property
+    @cached_property
     def propositions(self) -> PropositionLedger:
         """The propositions that it changes."""
-        found = self._propositions
-        if found is None:
-            found = self._propositions = PropositionLedger(self._context, self._atoms)
-            self._track(_PROPOSITIONS, found)
-        return found
+        made = PropositionLedger(self._context, self._atoms)
+        self._track(_PROPOSITIONS, made)
+        return made
 
-    @property
+    @cached_property
     def values(self) -> FunctionValueLedger:
         """The values of functions that it changes."""
-        found = self._values
-        if found is None:
-            found = self._values = FunctionValueLedger(self._context, self._fluents)
-            self._track(_VALUES, found)
-        return found
+        made = FunctionValueLedger(self._context, self._fluents)
+        self._track(_VALUES, made)
+        return made
+
+    @property
+    def _was_spilled(self) -> bool:
+        """Whether propositions were written and forgotten."""
+        return _PROPOSITIONS in self._ledgers and self.propositions.was_spilled
 
     def _track(self, name: str, ledger: InternedLedger[Any, Any]) -> None:
         self._ledgers[name] = ledger
@@ -177,8 +176,11 @@ class Transaction:
     @property
     def is_stateless(self) -> bool:
         """Whether it has met no proposition and no fluent so far."""
-        ledgers = self._propositions, self._values
-        return all(ledger is None or ledger.is_untouched for ledger in ledgers)
+        return all(
+            ledger.is_untouched
+            for ledger in self._ledgers.values()
+            if isinstance(ledger, InternedLedger)
+        )
 
     def allocate(self) -> int:
         """Allocate the next id."""
@@ -307,10 +309,9 @@ class Transaction:
 
     def spill(self) -> None:
         """Write and forget the pending propositions, if they are many."""
-        propositions = self._propositions
-        if propositions is not None and len(propositions.pending) >= SPILL_AT:
+        if _PROPOSITIONS in self._ledgers and len(self.propositions.pending) >= SPILL_AT:
             self.flush()
-            propositions.forget()
+            self.propositions.forget()
 
     def flush(self) -> None:
         """Write what is pending, so that a query sees it."""
@@ -364,13 +365,13 @@ class Transaction:
             return
         from .guard import TouchedRules
 
-        propositions, changes = self._propositions, {}
-        for kind, ledger in self._ledgers.items():
+        changes = {
+            kind: [*ledger.differences()]
+            for kind, ledger in self._ledgers.items()
             # What is said of the past breaks no rule about the present.
-            if isinstance(ledger, Ledger) and not isinstance(ledger, SayingLedger):
-                changes[kind] = [*ledger.differences()]
-        was_spilled = propositions is not None and propositions.was_spilled
-        touched = TouchedRules(self.definitions, None if was_spilled else changes)
+            if isinstance(ledger, Ledger) and not isinstance(ledger, SayingLedger)
+        }
+        touched = TouchedRules(self.definitions, None if self._was_spilled else changes)
         if touched.whole or touched.rows:
             self.flush()
             touched.refuse(self.session, self.kb_id)
@@ -379,14 +380,14 @@ class Transaction:
         """Share what it has learned with later transactions, after it has ended well."""
         before = self.head.revision
         revision = self.made or before
-        if self._propositions is None:
+        if _PROPOSITIONS in self._ledgers:
+            self.propositions.publish(revision)
+        else:
             self._atoms.advance(before, revision)
+        if _VALUES in self._ledgers:
+            self.values.publish(revision)
         else:
-            self._propositions.publish(revision)
-        if self._values is None:
             self._fluents.advance(before, revision)
-        else:
-            self._values.publish(revision)
 
     def _check_open(self) -> None:
         """Refuse to write after an error with which the database has ended the transaction."""
@@ -398,11 +399,10 @@ class Transaction:
 
     def _changes(self, touched: list[PendingChanges]) -> Iterable[Change]:
         """Return the lines of the revision, sorted; false if there are none."""
-        propositions = self._propositions
-        was_spilled = propositions is not None and propositions.was_spilled
+        was_spilled = self._was_spilled
         lines: list[Change] = []
         for ledger in touched:
-            if not (was_spilled and ledger is propositions):
+            if not (was_spilled and ledger is self.propositions):
                 found = ledger.lines()
                 self.redefined = self.redefined or bool(ledger.defines and found)
                 lines += found
