@@ -79,39 +79,27 @@ FluentCache = InternCache[FluentKey, GroundFluent, HeldValue | None]
 class Agreements:
     """References by DTOs that agree with what is stored, as one transaction meets them.
 
-    An added definition leaves the others as they are, so agreements stay valid; `clear` them when a
-    definition changes or is removed.
+    Those of earlier ones are kept with the definitions. An added definition leaves the others as
+    they are, so agreements stay valid; `clear` them when a definition changes or is removed.
     """
 
     __slots__ = ("known", "new")
 
-    def __init__(self, known: dict[Hashable, Definition]) -> None:
-        self.known = known
+    def __init__(self, definitions: Definitions) -> None:
+        self.known: dict[Hashable, Definition] = definitions.derived.setdefault(Agreements, {})
         self.new: dict[Hashable, Definition] = {}
 
     def clear(self) -> None:
         """Forget all, for this transaction alone."""
         self.known, self.new = {}, {}
 
-
-class AgreementCache:
-    """The references that agree with one snapshot of definitions, for the writers of a process."""
-
-    def __init__(self) -> None:
-        self._kept: tuple[Definitions | None, dict[Hashable, Definition]] = (None, {})
-
-    def at(self, definitions: Definitions) -> Agreements:
-        """Return what agrees with a snapshot."""
-        kept, known = self._kept
-        return Agreements(known if kept is definitions else {})
-
-    def learn(self, agreements: Agreements, definitions: Definitions) -> None:
-        """Share what a writer has found, which holds of the snapshot after its commit."""
-        known = agreements.known
-        if len(known) + len(agreements.new) > CACHED_AGREEMENTS:
+    def learn(self, definitions: Definitions) -> None:
+        """Share what a writer has found, which holds of the definitions after its commit."""
+        known = self.known
+        if len(known) + len(self.new) > CACHED_AGREEMENTS:
             known = {}
-        known.update(agreements.new)
-        self._kept = definitions, known
+        known.update(self.new)
+        definitions.derived[Agreements] = known
 
 
 class Snapshot(NamedTuple):

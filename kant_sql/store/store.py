@@ -38,7 +38,7 @@ from ..knowledge.sayings import COMMITTED, FROM_NOW_ON, OBSERVED, Given, make_pe
 from ..sql.dialects.base import Backend, Session, WriterLock, retrying
 from ..sql.query import Query, StoreClock
 from ..sql.schema import ensure_schema
-from .caches import AgreementCache, AtomCache, DefinitionCache, FluentCache
+from .caches import Agreements, AtomCache, DefinitionCache, FluentCache
 from .head import Committed, Head, create_knowledge_base, find_knowledge_base, hash_of, lock_head
 from .ledger import WriteContext
 from .ownership import OPEN, Block, block_ahead, blocks_of_thread, own_block
@@ -118,7 +118,6 @@ class Store:
         self._is_closed = False
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()
-        self._agreements = AgreementCache()
         self._forget_identities()
         # The archived revision, and how often texts were forgotten, when identities were cached.
         self._known_of = 0, 0
@@ -436,7 +435,7 @@ class Store:
             return Transaction(
                 *(session, kb_id, self.name, head, metadata),
                 PendingDefinitions(definitions),
-                self._agreements.at(definitions),
+                Agreements(definitions),
                 WriteContext(session, kb_id, head, period),
                 *(self._atoms, self._fluents, given),
             )
@@ -520,7 +519,7 @@ class Store:
             if transaction.redefined:
                 definitions = transaction.definitions.publish()
                 self._definitions.keep(committed.number, definitions)
-            self._agreements.learn(transaction.agreements, definitions)
+            transaction.agreements.learn(definitions)
         transaction.publish()
         if committed is not None and logger.isEnabledFor(logging.DEBUG):
             self._log_revision(transaction, committed)

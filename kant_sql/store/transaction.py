@@ -46,11 +46,7 @@ from .ledger import (
     WriteContext,
 )
 
-_NEW_REVISION = Insert(
-    table_of(RevisionRow),
-    *("kb_id", "number", "committed_at", "actor", "reason", "source", "form", "hash"),
-    *("observed_at", "seed"),
-)
+_NEW_REVISION = whole_rows(table_of(RevisionRow))
 _NEW_REQUEST = Insert(table_of(RequestRow), "kb_id", "number", "key", "digest", "results")
 _NEW_LINK = Insert(table_of(RevisionExecutionRow), "kb_id", "number", "plan_id", "position")
 
