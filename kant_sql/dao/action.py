@@ -47,7 +47,7 @@ from .base import SqlNamedDao, identify
 from .formula import refuse_others, tree_writer
 from .interfaces import PddlActionDao, PddlEventDao, PddlProcessDao
 from .signatures import PREDICATES
-from .text import TextReader
+from .text import read_text
 from .type import OBJECTS, TYPES, ensure_types
 
 Trees = tuple[Tree, Tree, Tree]
@@ -63,7 +63,7 @@ def read_parts(
     typed = [(one.name, one.type_text) for one in parameters]
     conditions, effects = map(str, condition), map(str, effect)
     text = action_text(kind, name, typed, duration_text(duration), conditions, effects)
-    read: Any = TextReader(transaction).read(read_action, text)
+    read: Any = read_text(transaction, read_action, text)
     found = (read.duration if read.durative else [], read.conditions, read.effects)
     for given, part in zip((duration, condition, effect), found, strict=True):
         refuse_others(And(tuple(given)), And(tuple(part)))

@@ -61,7 +61,7 @@ from ..store.store import Store
 from ..store.transaction import Transaction
 from .dependants import clear_for_redefinition, delete_mentioned
 from .interfaces import AnyDao, Dao, FactLike, NamedDao, ValueLike
-from .text import TextReader, refuse_unknown
+from .text import read_text, refuse_unknown
 
 T = TypeVar("T")
 
@@ -685,7 +685,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         self._check(one)
 
         def save(transaction: Transaction) -> bool:
-            return self._put(transaction, self._dto(TextReader(transaction), one), cascade)
+            return self._put(transaction, self._dto(transaction, one), cascade)
 
         self._open_store.write(save)
         return True
@@ -704,7 +704,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         flag(cascade, "cascade", InvalidArgumentError)
 
         def save(transaction: Transaction) -> bool:
-            dto = self._dto(TextReader(transaction), given)
+            dto = self._dto(transaction, given)
             stored = self._named(transaction.definitions, dto.name)
             if (stored is not None) != is_stored:
                 return False
@@ -724,8 +724,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             for batch in batches(given):
                 for each in batch:
                     self._check(each)
-                text = TextReader(transaction)
-                dtos = [self._dto(text, each) for each in batch]
+                dtos = [self._dto(transaction, each) for each in batch]
                 transaction.look_up(self.kind, (dto.name for dto in dtos))
                 with transaction.batch():
                     changed += sum(self._put(transaction, dto, cascade) for dto in dtos)
@@ -771,11 +770,11 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         self._check(found)
         return str(found.name)
 
-    def _dto(self, text: TextReader, given: D | str) -> D:
+    def _dto(self, transaction: Transaction, given: D | str) -> D:
         """Return a DTO, which may be given as text."""
         if not isinstance(given, str):
             return given
-        dto: D = text.read(self._reads, given, needs_names=self._needs_names)
+        dto: D = read_text(transaction, self._reads, given, needs_names=self._needs_names)
         self._check(dto)
         return dto
 

@@ -59,7 +59,7 @@ from .interfaces import (
     TimedInitialLiteralDao,
 )
 from .proposition import GOALS, References, check_dto, existing_key, key_of_atom, retract_all
-from .text import TextReader, expect_text
+from .text import expect_text, read_stored, read_text
 from .type import TYPES
 
 
@@ -117,7 +117,7 @@ def read_formulas(definitions: Definitions, section: str) -> list[FormulaDefinit
 
 def read_given(transaction: Transaction, section: str, given: f.Node | str) -> Any:
     """Read a formula that is given as text or as a node."""
-    read = TextReader(transaction).read(_READS[section], given)
+    read = read_text(transaction, _READS[section], given)
     if isinstance(given, f.Node):
         refuse_others(given, read)
     return read
@@ -233,7 +233,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
     def _remove(self, transaction: Transaction, dto: Any) -> bool:
         node: N | None = dto
         if isinstance(dto, str):
-            node = TextReader(transaction).read_stored(_READS[self.section], dto)
+            node = read_stored(transaction, _READS[self.section], dto)
         if node is None:
             return False
         gone = [self._remove_part(transaction, part) for part in self._parts(node)]

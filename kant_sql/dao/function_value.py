@@ -35,7 +35,7 @@ from .dependants import function_values_on
 from .interfaces import FunctionReference, Number, ObjectReference, PddlFunctionValueDao, ValueLike
 from .proposition import Arguments
 from .signatures import FUNCTIONS
-from .text import TextReader, expect_text, refuse_unknown
+from .text import expect_text, read_stored, read_text, refuse_unknown
 from .type import OBJECTS
 
 # Digits of a result that has no exact decimal, such as a third, or one beyond `MAX_DIGITS` digits.
@@ -108,13 +108,11 @@ class FluentReferences(Arguments):
     def entry(self, given: ValueLike) -> tuple[FluentKey, str, FluentValue]:
         """Check a value; save what a DTO refers to when it is missing."""
         if isinstance(given, str | Node):
-            fluent, value = self.read(read_value, given)
+            fluent, value = read_text(self._transaction, read_value, given)
             if value is None:
                 raise InvalidKnowledgeError(f"{fluent} has no value; give one, such as '{VALUE}'")
             function, key, text = self.resolve(fluent.function, names_of(fluent))
             return key, text, self.value(function, value, text)
-        # It may define something.
-        self._text = None
         function, key, text = self.resolve(given.function, given.objects)
         return key, text, self.value(function, given.value, text)
 
@@ -351,7 +349,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
     def _key_of(self, transaction: Transaction, given: ValueLike) -> FluentKey | None:
         if not isinstance(given, str | Node):
             return existing_key(transaction.definitions, given.function, given.objects)
-        found = TextReader(transaction).read_stored(read_value, given)
+        found = read_stored(transaction, read_value, given)
         if found is None:
             return None
         fluent = found.fluent

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import timedelta
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self
 
 from sqlalchemy import ColumnElement, String, bindparam, case, false, or_, select
 from typing_extensions import override
@@ -31,10 +31,8 @@ from .base import DtoBuilder, Reading, SqlGroundDao, batches
 from .dependants import propositions_on, retract
 from .interfaces import FactLike, PddlPropositionDao
 from .signatures import PREDICATES
-from .text import TextReader, expect_text
+from .text import expect_text, read_stored, read_text
 from .type import OBJECTS
-
-T = TypeVar("T")
 
 FACT = "(robot_at rb1 wp1)"
 
@@ -46,13 +44,6 @@ class Arguments:
 
     def __init__(self, transaction: Transaction) -> None:
         self._transaction = transaction
-        self._text: TextReader | None = None
-
-    def read(self, read: Callable[..., T], given: str | Node) -> T:
-        """Read a text with one of the functions of `pddl.given`."""
-        if self._text is None:
-            self._text = TextReader(self._transaction)
-        return self._text.read(read, given)
 
     def check(
         self,
@@ -103,12 +94,10 @@ class References(Arguments):
     def resolve(self, given: FactLike) -> tuple[AtomKey, str]:
         """Check a proposition; save what a DTO refers to when it is missing."""
         if isinstance(given, str | Node):
-            atom = self.read(read_fact, given)
+            atom = read_text(self._transaction, read_fact, given)
             predicate = PREDICATES.ensure(self._transaction, atom.predicate, self.role)
             objects = self.check(atom, predicate, [str(term) for term in atom.terms])
         else:
-            # It may define something.
-            self._text = None
             predicate = PREDICATES.ensure(self._transaction, given.predicate, self.role)
             objects = self.check(given, predicate, given.objects)
         ids = " ".join([str(object_.id) for object_ in objects])
@@ -199,7 +188,7 @@ GOALS = GoalReading.of_versions(table_of(t.PropositionVersionRow).c.is_goal)
 def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) -> AtomKey | None:
     """Find the key of a proposition from names alone; text must name what was known once."""
     if isinstance(given, str | Node):
-        atom = TextReader(transaction).read_stored(read_fact, given)
+        atom = read_stored(transaction, read_fact, given)
         return None if atom is None else key_of_atom(transaction, atom, is_goal)
     dto = given
     expect(dto.predicate, PddlPredicateDto, "the predicate of a proposition")

@@ -15,7 +15,6 @@ from ..knowledge.definitions import DECLARED
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
-from ..pddl.symbols import SymbolTable
 from ..sql.definition_rows import find_id
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows
@@ -39,47 +38,40 @@ def expect_text(given: object, what: str, article: str, example: str, *also: typ
         )
 
 
-class TextReader:
-    """Reads what is given as text, with the names of a transaction as it is now."""
+def read_text(
+    transaction: Transaction, read: Callable[..., T], given: str | Node, *, needs_names: bool = True
+) -> T:
+    """Read a text with one of the functions of `pddl.given`, most of which need known names."""
+    if not needs_names:
+        return read(str(given))
+    return read(str(given), symbols=symbols_of(transaction.definitions))
 
-    def __init__(self, transaction: Transaction) -> None:
-        self.transaction = transaction
-        self._symbols: SymbolTable | None = None
 
-    def read(self, read: Callable[..., T], given: str | Node, *, needs_names: bool = True) -> T:
-        """Read it with one of the functions of `pddl.given`, most of which need known names."""
-        if not needs_names:
-            return read(str(given))
-        if self._symbols is None:
-            self._symbols = symbols_of(self.transaction.definitions)
-        return read(str(given), symbols=self._symbols)
+def read_stored(transaction: Transaction, read: Callable[..., T], given: str | Node) -> T | None:
+    """Read what may be stored; None if it names something that holds no more."""
+    try:
+        return read_text(transaction, read, given)
+    except PddlError:
+        if _names_what_was(transaction, str(given)):
+            return None
+        raise
 
-    def read_stored(self, read: Callable[..., T], given: str | Node) -> T | None:
-        """Read what may be stored; None if it names something that holds no more."""
-        try:
-            return self.read(read, given)
-        except PddlError:
-            if self._names_what_was(str(given)):
-                return None
-            raise
 
-    def _names_what_was(self, text: str) -> bool:
-        """Return whether a text names something that is gone, and nothing that never was."""
-        elements = self.transaction.definitions.elements
-        words = {
-            word
-            for word in tokenize(fold(text))
-            if is_word(word) and word[0] not in "?:" and not NUMBER.fullmatch(word)
-        }
-        words -= _KEYWORDS
-        gone = {
-            word for word in words if all(elements(kind).named(word) is None for kind in DECLARED)
-        }
-        for kind in DECLARED if gone else ():
-            self.transaction.look_up(kind, gone)
-        return bool(gone) and all(
-            any(elements(kind).id_of(word) is not None for kind in DECLARED) for word in gone
-        )
+def _names_what_was(transaction: Transaction, text: str) -> bool:
+    """Return whether a text names something that is gone, and nothing that never was."""
+    elements = transaction.definitions.elements
+    words = {
+        word
+        for word in tokenize(fold(text))
+        if is_word(word) and word[0] not in "?:" and not NUMBER.fullmatch(word)
+    }
+    words -= _KEYWORDS
+    gone = {word for word in words if all(elements(kind).named(word) is None for kind in DECLARED)}
+    for kind in DECLARED if gone else ():
+        transaction.look_up(kind, gone)
+    return bool(gone) and all(
+        any(elements(kind).id_of(word) is not None for kind in DECLARED) for word in gone
+    )
 
 
 # How many names are compared with an unknown one.

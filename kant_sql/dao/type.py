@@ -19,7 +19,7 @@ from ..store.transaction import Transaction
 from .base import Definer, DtoBuilder, SqlNamedDao
 from .dependants import of_types
 from .interfaces import PddlObjectDao, PddlTypeDao
-from .text import TextReader, refuse_unknown
+from .text import refuse_unknown
 
 
 class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
@@ -244,11 +244,11 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
     definer = OBJECTS
 
     @override
-    def _dto(self, text: TextReader, given: PddlObjectDto | str) -> PddlObjectDto:
-        dto = super()._dto(text, given)
+    def _dto(self, transaction: Transaction, given: PddlObjectDto | str) -> PddlObjectDto:
+        dto = super()._dto(transaction, given)
         if isinstance(given, str):
             # A text cannot say it, so it stays.
-            stored = text.transaction.definitions.objects.named(dto.name)
+            stored = transaction.definitions.objects.named(dto.name)
             dto.set_is_constant(stored is not None and stored.is_constant)
         return dto
 

@@ -10,7 +10,7 @@ from ..dao.action import read_parts
 from ..dao.base import batches, identify
 from ..dao.dependants import delete_mentioned
 from ..dao.formula import read_formula, read_given
-from ..dao.text import TextReader
+from ..dao.text import read_text
 from ..dto.elements import atom_text
 from ..dto.lexical import fold, is_same_number
 from ..errors import ConflictError, InvalidKnowledgeError, TypeCycleError, few_of
@@ -301,7 +301,7 @@ def _misfits(transaction: Transaction) -> Iterator[str]:
         checks.append((f"action {action.name}", partial(read_parts, transaction, *own)))
     for rule in definitions.rules:
         text = str(TreeReader(definitions, rule.constraint).formula())
-        again = partial(TextReader(transaction).read, read_rules, text)
+        again = partial(read_text, transaction, read_rules, text)
         checks.append((f"rule {rule.name}", again))
     for said, call in checks:
         try:

@@ -9,7 +9,7 @@ from .. import html
 from ..arguments import one_of
 from ..dao.base import identify
 from ..dao.formula import tree_writer
-from ..dao.text import TextReader, expect_text
+from ..dao.text import expect_text, read_text
 from ..dto import formulas as f
 from ..dto.lexical import check_name
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
@@ -154,7 +154,7 @@ def save(
 
     def work(transaction: Transaction) -> bool:
         check_name("rule", name)
-        found = TextReader(transaction).read(read_rules, rule)
+        found = read_text(transaction, read_rules, rule)
         if len(found) != 1:
             raise InvalidKnowledgeError(
                 f"rule {name!r} has {len(found)} formulas; give one, or (and ...) of several"
