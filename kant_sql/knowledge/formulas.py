@@ -187,7 +187,8 @@ class TreeWriter:
             term = TreeTerm(quantifier=position, variable=index)
             self._scope.setdefault(fold(one.name), []).append(term)
         if isinstance(node, f.Derived):
-            self._add(_derived_atom(node), position)
+            parameters = tuple([f.Variable(one.name) for one in node.variables])
+            self._add(f.Atom(node.predicate, parameters), position)
         self._add(node.formula, position)
         for one in bound:
             self._scope[fold(one.name)].pop()
@@ -225,10 +226,6 @@ _QUANTIFIERS: dict[type, str] = {
     f.Exists: kinds.EXISTS,
     f.Derived: kinds.DERIVED,
 }
-
-
-def _derived_atom(rule: f.Derived) -> f.Atom:
-    return f.Atom(rule.predicate, tuple(f.Variable(part.name) for part in rule.variables))
 
 
 def _plain(node: Any) -> tuple[str, dict[str, str | None], Sequence[f.Node]]:

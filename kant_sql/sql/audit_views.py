@@ -254,7 +254,7 @@ def _batched(
 def _record_batch(schema: Any, view: AuditView, rows: Sequence[Row]) -> pyarrow.RecordBatch:
     columns = zip(*rows, strict=True)
     arrays = [
-        _ARRAYS[type_](values, field.type)
+        _ARRAYS.get(type_, _array)(values, field.type)
         for values, type_, field in zip(columns, view.columns.values(), schema, strict=True)
     ]
     return import_arrow().RecordBatch.from_arrays(arrays, schema=schema)
@@ -276,10 +276,4 @@ def _times(values: Sequence[Any], type_: Any) -> Any:
     return _array(values, type_)
 
 
-_ARRAYS: dict[ColumnType, Callable[[Sequence[Any], Any], Any]] = {
-    ColumnType.TEXT: _array,
-    ColumnType.INTEGER: _array,
-    ColumnType.DOUBLE: _array,
-    ColumnType.BOOLEAN: _truths,
-    ColumnType.TIME: _times,
-}
+_ARRAYS = {ColumnType.BOOLEAN: _truths, ColumnType.TIME: _times}

@@ -77,11 +77,7 @@ class ValidStore(Store):
 
     @override
     def queue_up(self) -> WriterLock | None:
-        raise self.refuse_write()
-
-    def refuse_write(self) -> ReadOnlyError:
-        """Make the error for who would change it."""
-        return ReadOnlyError(
+        raise ReadOnlyError(
             f"this is knowledge base {self.name!r} as it was at {self.valid}: the past cannot be "
             "changed; give the period to kb.transaction(valid_from=, valid_until=)"
         )

@@ -654,11 +654,6 @@ class Backend(ABC):
             for step in (self.engine.dispose, *closers):
                 steps.callback(step)
 
-    def is_used_elsewhere(self) -> bool:
-        """Return whether another thread than this one has a session."""
-        here = threading.get_ident()
-        return any(thread != here for thread in self.sessions.values())
-
     def examine_fork(self) -> None:  # noqa: B027 (only some drivers do not survive every fork)
         """Note, in a child process, whether the parent left the database in a usable state."""
 

@@ -666,7 +666,7 @@ class SqliteBackend(Backend):
         """
         in_transaction = any(connection.in_transaction for connection in self.connections)
         has_spilled = not self.in_memory and in_transaction and self.file.has_spilled()
-        if has_spilled or self.is_used_elsewhere():
+        if has_spilled or {*self.sessions.values()} - {threading.get_ident()}:
             SqliteBackend._is_torn = True
 
     def leave_connections(self) -> None:

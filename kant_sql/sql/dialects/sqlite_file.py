@@ -41,7 +41,6 @@ _HASH = "SELECT hash FROM revision WHERE kb_id = ? AND number = ?"
 
 # A write-ahead log begins with a magic number, and a salt that changes whenever the log restarts.
 WAL_MAGIC = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
-_READ = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0)
 WAL_HEADER, WAL_SALT = 32, slice(16, 24)
 # Each of its frames is a page after a header, which has the salt that the log had then. The header
 # of the log's index has the page size, the number of frames that are committed, and the salt.
@@ -136,7 +135,7 @@ def contents_of(path: str, found: os.stat_result) -> Contents:
 def _read(path: str, start: int, size: int) -> bytes:
     """Read a part of a file, as far as there is one."""
     try:
-        handle = os.open(path, _READ)
+        handle = os.open(path, os.O_RDONLY)
         try:
             if start:
                 os.lseek(handle, start, os.SEEK_SET)
