@@ -18,7 +18,7 @@ from ..pddl.lexer import tokenize
 from ..sql.definition_rows import find_id
 from ..sql.dialects.base import Session
 from ..sql.query import Query, first_rows
-from ..sql.rows import KB, KIND_TABLES
+from ..sql.rows import KB, KIND_TABLES, table_of
 from ..sql.tables import RevisionRow
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -80,30 +80,14 @@ _COMPARED = 5_000
 _RECENT = 1_000
 
 _NAMES = {
-    kind: Query(
-        first_rows(
-            select(tables.identity.c.name).where(tables.identity.c.kb_id == KB),
-            _COMPARED,
-        )
-    )
-    for kind, tables in KIND_TABLES.items()
+    kind: Query(first_rows(select(names.c.name).where(names.c.kb_id == KB), _COMPARED))
+    for kind, names in ((kind, tables.identity) for kind, tables in KIND_TABLES.items())
 }
-_OF_ACTOR = Query(
-    first_rows(
-        select(RevisionRow.number).where(
-            RevisionRow.kb_id == KB, RevisionRow.actor == bindparam("actor")
-        ),
-        1,
-    )
-)
-_RECENT_ACTORS = Query(
-    first_rows(
-        select(RevisionRow.actor)
-        .where(RevisionRow.kb_id == KB)
-        .order_by(RevisionRow.number.desc()),
-        _RECENT,
-    )
-)
+_REVISIONS = table_of(RevisionRow).c
+_BY_ACTOR = _REVISIONS.kb_id == KB, _REVISIONS.actor == bindparam("actor")
+_OF_ACTOR = Query(first_rows(select(_REVISIONS.number).where(*_BY_ACTOR), 1))
+_ACTORS = select(_REVISIONS.actor).where(_REVISIONS.kb_id == KB)
+_RECENT_ACTORS = Query(first_rows(_ACTORS.order_by(_REVISIONS.number.desc()), _RECENT))
 
 
 def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
