@@ -298,7 +298,8 @@ class Sweep:
         base = low if low == archived else low - 1
         self._redefined = self._read_redefined(base)
         before, self._before = self._before, None
-        if before is not None and before._patterns_found == self._patterns_found:
+        follows = before is not None and before._range.high == base
+        if before is not None and follows and before._patterns_found == self._patterns_found:
             self._definitions, self._world = before._definitions, before._world
             self._last = before._last
         else:

@@ -491,6 +491,19 @@ def test_rules_that_are_judged_together_are_judged_as_each_alone(kb: KnowledgeBa
     assert {one.verdict for one in found} >= {"kept", "violated"}
 
 
+def test_what_was_archived_since_the_last_verdict_is_passed_over(
+    kb: KnowledgeBase, tmp_path: Path
+) -> None:
+    kb.rules.save("one-place", "(at-most-one (?p - place) (at r1 ?p))")
+    kb.propositions.save("(at r1 hall)")
+    assert [each.verdict for each in kb.rules.standing()] == ["kept"]
+    kb.propositions.delete("(at r1 hall)")
+    kb.propositions.save("(open hall)")
+    kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.propositions.save("(at r1 room)")
+    assert [each.verdict for each in kb.rules.standing()] == ["kept"]
+
+
 def test_rules_that_are_kept_share_their_statements(kb: KnowledgeBase) -> None:
     def counted() -> list[int]:
         watching = kb.watch_rules(after=kb.revision, timeout=0)
