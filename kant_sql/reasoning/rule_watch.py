@@ -103,14 +103,13 @@ class RuleWatcher:
     ) -> None:
         """Begin after a revision."""
         self.last = last  # the last revision whose verdicts were returned
-        self._store = store
-        self._given: list[_Asked] | None = None
-        if rules is not None:
-            low = find_bounds(State(store), since, None).low
-            self._given = [_Asked(low, *read_constraints(store, rules, None))]
-        self._kept: dict[Row, _Asked] = {}
+        self._store, self._rules = store, rules
+        self._low = 1 if rules is None else find_bounds(State(store), since, None).low
+        # What rules are read of: rows of those that are kept, or nothing.
+        self._asked: dict[Row, _Asked] = {} if rules is None else self._read_given(rules)
         self._judges: dict[_Asked, Judge] = {}
         self._sweep: Sweep | None = None
+        self._erased: int | None = 0  # the last erasure; 0 before the first look
         self._lock = Lock()
 
     def stand(self, head: int) -> list[Verdict]:
@@ -142,13 +141,14 @@ class RuleWatcher:
         """Judge the revisions up to a new head; return the verdicts that they decided."""
         # A rule that is gone by then is judged for as long as it was kept.
         read = partial(read_ends_of_rules, after=self.last + 1, high=head)
-        ends: list[int] = [] if self._given is not None else self._store.query_known(read, [])
+        ends: list[int] = self._store.query_known(read, []) if self._rules is None else []
         upto = [*(number - 1 for number in ends), head]
         return [verdict for high in upto for verdict in self._judge(high)]
 
     def _judge(self, head: int) -> list[Verdict]:
         """Judge the rules that are kept at a head, or that are given."""
-        asked = self._read_kept(head) if self._given is None else self._given
+        self._heed()
+        asked = [*self._asked.values()] if self._rules is not None else self._read_kept(head)
 
         def work(session: Session, kb_id: int) -> list[Verdict]:
             # After an error it starts from the beginning.
@@ -165,18 +165,29 @@ class RuleWatcher:
 
         return self._store.query_known(work, [])
 
+    def _heed(self) -> None:
+        """Begin again after an erasure: what was read before has the names that it erased."""
+        erased = self._store.query(read_position).erased
+        if self._erased not in (0, erased):
+            self._judges, self._sweep = {}, None
+            self._asked = {} if self._rules is None else self._read_given(self._rules)
+        self._erased = erased
+
+    def _read_given(self, rules: Rules) -> dict[Row, _Asked]:
+        return {(): _Asked(self._low, *read_constraints(self._store, rules, None))}
+
     def _read_kept(self, head: int) -> list[_Asked]:
         """Read the rules that are kept at a revision."""
         read = partial(read_kept_rules, at=head)
         found: list[Row] = self._store.query_known(read, [])
         rows = [tuple(row) for row in found]
-        new = [row for row in rows if row not in self._kept]
+        new = [row for row in rows if row not in self._asked]
         if new:
             # What they name is defined as long as they are kept.
             known = self._store.read_definitions(lambda known: known, head)
-            self._kept |= {row: self._read(known, *row[1:]) for row in new}
-        self._kept = {row: self._kept[row] for row in rows}
-        return [*self._kept.values()]
+            self._asked |= {row: self._read(known, *row[1:]) for row in new}
+        self._asked = {row: self._asked[row] for row in rows}
+        return [*self._asked.values()]
 
     def _read(self, known: Definitions, since: int, text: str) -> _Asked:
         found = _TEXT.fullmatch(text)

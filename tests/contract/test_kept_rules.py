@@ -504,6 +504,25 @@ def test_what_was_archived_since_the_last_verdict_is_passed_over(
     assert [each.verdict for each in kb.rules.standing()] == ["kept"]
 
 
+def test_verdicts_forget_what_is_erased(kb: KnowledgeBase) -> None:
+    kb.rules.save("one-place", "(forall (?r - drone) (at-most-one (?p - place) (at ?r ?p)))")
+    kb.rules.save("calm", "(always (not (open hall)))")
+    kb.objects.save(["alice - drone"])
+    kb.propositions.save(["(at alice hall)", "(at alice room)", "(open hall)"])
+    watching = kb.watch_rules(ONE_PLACE, timeout=0)
+    assert "alice" in str(kb.rules.standing())
+    list(watching)
+    other = beside(kb, kb.store.factory.name)
+    other.erase("alice", reason="asked for")
+    other.propositions.delete("(open hall)")
+    found = kb.rules.standing()
+    assert "alice" not in str(found)
+    assert found == kb.at(kb.revision).rules.standing()
+    kb.propositions.delete("(at erased-1 hall)")
+    assert "alice" not in str([*kb.watch_rules(ONE_PLACE, after=0, timeout=0)])
+    assert "alice" not in str([*watching])
+
+
 def test_rules_that_are_kept_share_their_statements(kb: KnowledgeBase) -> None:
     def counted() -> list[int]:
         watching = kb.watch_rules(after=kb.revision, timeout=0)
