@@ -88,14 +88,11 @@ def outcome_text(
             text += f" :duration {execution.duration}"
         if recorded != since:
             text += f" :recorded-in {recorded}"
-    if code is not None:
-        text += f" :code {encode_basestring(code)}"
-    if message is not None:
-        text += f" :message {encode_basestring(message)}"
-    if started_at is not None:
-        text += f' :started-at "{time_text(started_at)}"'
-    if ended_at is not None:
-        text += f' :ended-at "{time_text(ended_at)}"'
+    times = (None if at is None else time_text(at) for at in (started_at, ended_at))
+    parts = zip(("code", "message", "started-at", "ended-at"), (code, message, *times), strict=True)
+    for name, said in parts:
+        if said is not None:
+            text += f" :{name} {encode_basestring(said)}"
     return f"{text})"
 
 

@@ -823,9 +823,6 @@ def _value_columns(value: FluentValue) -> tuple[str | None, float | None, int | 
     return (text, float(text), None) if object_id is None else (None, None, object_id)
 
 
-_NO_TIMES = (None, None)
-
-
 class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
     """The outcomes of executions that a transaction sets, and executions without a plan."""
 
@@ -906,11 +903,8 @@ class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
         kb, number, session = self.context.kb_id, self.context.number, self.context.session
         rows: list[Row] = []
         for key, said in opened:
-            if said[5:] != _NO_TIMES:
-                at = (None if at is None else session.from_time(at) for at in said[5:])
-                rows.append((kb, *key, number, None, *said[:5], *at))
-            else:
-                rows.append((kb, *key, number, None, *said))
+            times = [None if at is None else session.from_time(at) for at in said[5:]]
+            rows.append((kb, *key, number, None, *said[:5], *times))
         return ((NEW_OUTCOME, rows),)
 
 
