@@ -120,8 +120,8 @@ class PropositionReading(Reading):
     are_goals = False
 
     @classmethod
-    def of_versions(cls, *conditions: ColumnElement[bool]) -> Self:
-        """Ask for the propositions of the versions that are open."""
+    def of_versions(cls, *conditions: ColumnElement[bool], are_goals: bool = False) -> Self:
+        """Ask for the facts, or the goals, of the versions that are open."""
         versions = select(t.PropositionVersionRow.proposition_id).where(
             t.PropositionVersionRow.kb_id == KB, *conditions
         )
@@ -131,7 +131,9 @@ class PropositionReading(Reading):
             )
             for held in ((_NOW,), (_THEN, *([] if conditions else [ANY_PREDICATE])))
         )
-        return cls(now, then, constant(""), false())
+        made = cls(now, then, constant(""), false())
+        made.are_goals = are_goals
+        return made
 
     @classmethod
     def of_object(cls) -> Self:
@@ -171,18 +173,12 @@ class PropositionReading(Reading):
         return all_readable("proposition", found, build)
 
 
-class GoalReading(PropositionReading):
-    """A query of goals."""
-
-    are_goals = True
-
-
 _ALL = PropositionReading.of_versions()
 _OF_OBJECT = PropositionReading.of_object()
 _OF_PREDICATE = PropositionReading.of_versions(
     t.PropositionVersionRow.predicate_id == bindparam("predicate")
 )
-GOALS = GoalReading.of_versions(table_of(t.PropositionVersionRow).c.is_goal)
+GOALS = PropositionReading.of_versions(table_of(t.PropositionVersionRow).c.is_goal, are_goals=True)
 
 
 def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) -> AtomKey | None:
