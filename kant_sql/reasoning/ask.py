@@ -23,7 +23,7 @@ from ..pddl.given import read_condition, text_of
 from ..sql.answers import GUARDS, Question
 from ..sql.audit_views import text_table
 from ..sql.dialects.base import Row
-from ..sql.estimates import estimates_of
+from ..sql.estimates import Size, estimates_of
 from ..sql.relations import ConditionStatement
 from ..store.snapshot import DefinitionsMovedError, View, refuse_archived
 from ..store.state import State
@@ -93,7 +93,7 @@ def question(
     view: View, numbers: Iterable[str] = (), rules: DerivationRules | None = None
 ) -> Question:
     """Begin a question about a state."""
-    size = estimates_of(view.definitions).of(view.session, view.kb_id)
+    size = Size(estimates_of(view.definitions), view.session, view.kb_id)
     words = view.session.words
     return Question(words, view.definitions, view.at is not None, numbers, size, rules)
 

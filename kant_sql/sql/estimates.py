@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -29,18 +28,6 @@ COUNTED_OF_MANY = 100_000
 SAMPLE, MENTIONED = 8, 20_000
 
 
-class Size(NamedTuple):
-    """Estimates for one statement.
-
-    Attributes:
-        facts: returns how many facts of a predicate hold, about, to compare them with a number.
-        mentions: returns how many atoms, of any time, mention one of some objects, on average.
-    """
-
-    facts: Callable[[int, float], float]
-    mentions: Callable[[tuple[int, ...]], float]
-
-
 class Estimates:
     """The numbers of facts that hold by predicate, and of atoms by the objects they mention.
 
@@ -54,27 +41,6 @@ class Estimates:
         self._sizes: dict[int | tuple[int, ...], tuple[int, int]] = {}
         self._counted_at = time.monotonic()
 
-    def of(self, session: Session, kb_id: int | None) -> Size:
-        """Return the estimates as they are counted in a session."""
-
-        def facts(predicate: int, compared: float) -> float:
-            upto = int(min(compared, COUNTED_OF_MANY))
-            return self._size(session, kb_id, predicate, max(upto, COUNTED))
-
-        def mentions(objects: tuple[int, ...]) -> float:
-            return self._size(session, kb_id, objects, MENTIONED) / max(len(objects), 1)
-
-        return Size(facts, mentions)
-
-    def _size(
-        self, session: Session, kb_id: int | None, of: int | tuple[int, ...], upto: int
-    ) -> int:
-        size, counted = self._sizes.get(of, (0, 0))
-        if size >= counted < upto:
-            size = _count(session, kb_id, of, upto)
-            self._sizes[of] = size, upto
-        return size
-
     def current(self, session: Session, kb_id: int | None) -> int:
         """Return the generation; count again when that was long ago."""
         if time.monotonic() - self._counted_at > COUNTED_FOR:
@@ -87,6 +53,30 @@ class Estimates:
                     self._sizes[of] = now, upto
                     self.generation += 1
         return self.generation
+
+
+class Size(NamedTuple):
+    """The estimates for one statement, as they are counted in a session."""
+
+    estimates: Estimates
+    session: Session
+    kb_id: int | None
+
+    def facts(self, predicate: int, compared: float) -> float:
+        """Return how many facts of a predicate hold, about, to compare them with a number."""
+        return self._counted(predicate, max(int(min(compared, COUNTED_OF_MANY)), COUNTED))
+
+    def mentions(self, objects: tuple[int, ...]) -> float:
+        """Return how many atoms, of any time, mention one of some objects, on average."""
+        return self._counted(objects, MENTIONED) / max(len(objects), 1)
+
+    def _counted(self, of: int | tuple[int, ...], upto: int) -> int:
+        sizes = self.estimates._sizes
+        size, counted = sizes.get(of, (0, 0))
+        if size >= counted < upto:
+            size = _count(self.session, self.kb_id, of, upto)
+            sizes[of] = size, upto
+        return size
 
 
 def estimates_of(definitions: Definitions) -> Estimates:
