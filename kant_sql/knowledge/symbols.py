@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from typing_extensions import override
 
 from ..dto.formulas import Constant
@@ -28,12 +26,12 @@ class _StoredSignatures(Signatures):
             definition = self._elements.named(name)
             if definition is None:
                 return super().find(name)
-            named = _types_of(self._definitions)
-            parameters: tuple[ParameterDefinition, ...] = definition.parameters
+            known = self._definitions
             types: Types = ()
-            if isinstance(definition, FunctionDefinition):
-                types = named(definition.type_ids) if definition.type_ids else ()
-            accepted = tuple([named(parameter.type_ids) for parameter in parameters])
+            if isinstance(definition, FunctionDefinition) and definition.type_ids:
+                types = _named(known, definition.type_ids)
+            parameters: tuple[ParameterDefinition, ...] = definition.parameters
+            accepted = tuple([_named(known, parameter.type_ids) for parameter in parameters])
             found = Signature(definition.name, accepted, types)
             self._found[name] = self._found.setdefault(fold(name), found)
         return found
@@ -49,12 +47,11 @@ class StoredSymbols(SymbolTable):
     def __init__(self, definitions: Definitions) -> None:
         super().__init__()
         self._definitions = definitions
-        self._named = _types_of(definitions)
         self.predicates = _StoredSignatures("predicate", definitions)
         self.functions = _StoredSignatures("function", definitions)
         for type_ in definitions.types:
             self.types[fold(type_.name)] = type_.name
-            self.parents[type_.name] = self._named(type_.parent_ids)
+            self.parents[type_.name] = _named(definitions, type_.parent_ids)
 
     @override
     def object(self, name: str) -> Entity | None:
@@ -63,7 +60,7 @@ class StoredSymbols(SymbolTable):
             definition = self._definitions.objects.named(name)
             if definition is None:
                 return None
-            found = Constant(definition.name), self._named(definition.type_ids)
+            found = Constant(definition.name), _named(self._definitions, definition.type_ids)
             self.objects[name] = found
         return found
 
@@ -76,15 +73,10 @@ class StoredSymbols(SymbolTable):
         return [definition.name for definition in self._definitions.objects]
 
 
-def _types_of(definitions: Definitions) -> Any:
-    """Return what names types, with `object` for none."""
-    live = definitions.types.live
-
-    def named(ids: tuple[int, ...]) -> Types:
-        types = tuple([live(id_).name for id_ in ids])
-        return ANY if not types or ROOT_TYPE in map(fold, types) else types
-
-    return named
+def _named(definitions: Definitions, ids: tuple[int, ...]) -> Types:
+    """Name types, with `object` for none."""
+    types = tuple([definitions.types.live(id_).name for id_ in ids])
+    return ANY if not types or ROOT_TYPE in map(fold, types) else types
 
 
 def symbols_of(definitions: Definitions) -> SymbolTable:
