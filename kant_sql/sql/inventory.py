@@ -316,11 +316,8 @@ class Catalog:
 
     def _read(self, work: Callable[[Session], T]) -> T:
         def once() -> T:
-            session = self._backend.reader()
-            try:
+            with closing(self._backend.reader()) as session:
                 return work(session)
-            finally:
-                session.close()
 
         return retrying(self._backend, once)
 

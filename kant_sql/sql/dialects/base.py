@@ -11,7 +11,7 @@ import time
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from datetime import UTC, datetime
 from math import isinf
 from pathlib import Path
@@ -636,14 +636,9 @@ class Backend(ABC):
         except self.driver_errors as error:
             raise self.translate_connect(error) from error
 
-    @contextmanager
-    def open_session(self) -> Iterator[Session]:
+    def open_session(self) -> closing[Session]:
         """Take a connection for the length of a `with` block."""
-        session = self.session()
-        try:
-            yield session
-        finally:
-            session.close()
+        return closing(self.session())
 
     def close(self) -> None:
         """Close all connections, even if one of them raises."""
