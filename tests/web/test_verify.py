@@ -23,7 +23,7 @@ from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at
 from tests.web.conftest import BASE
 
-SOON = 20.0
+SOON = PATIENCE / 2
 
 
 def result_of(client: TestClient, kb: str = "courier") -> dict[str, Any]:
