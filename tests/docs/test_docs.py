@@ -135,11 +135,10 @@ def fleet_page(
     install_programs(tmp_path)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     monkeypatch.chdir(folder)
+    ports = {port: str(free_port()) for port in ("5432", "5433")}
     text = (ROOT / "docs" / "fleet.md").read_text()
-    for port in ("5432", "5433"):
-        text = text.replace(port, str(free_port()))
     page = tmp_path / "fleet.md"
-    page.write_text(text)
+    page.write_text(re.sub("|".join(ports), lambda found: ports[found[0]], text))
     yield page
     stop_servers(folder)
     shutil.rmtree(folder, ignore_errors=True)

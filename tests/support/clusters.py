@@ -22,6 +22,8 @@ from tests.support.processes.workers import PATIENCE
 from tests.support.servers import programs, system_user
 
 DATABASE = "fleet"
+# Below those that the system gives away before the port is used.
+_PORTS = iter(random.sample(range(20_000, 30_000), 10_000))
 SETTINGS = """
 listen_addresses = ''
 unix_socket_directories = '{folder}'
@@ -45,11 +47,12 @@ def run_program(name: str, *words: str | Path, **options: Any) -> str:
 
 
 def free_port() -> int:
-    """Find a port that nobody listens on, below those that the system gives away meanwhile."""
-    while True:
+    """Find another port that nobody listens on."""
+    for port in _PORTS:
         with socket.socket() as free, suppress(OSError):
-            free.bind(("127.0.0.1", port := random.randrange(20_000, 30_000)))
+            free.bind(("127.0.0.1", port))
             return port
+    pytest.fail("no port is free")
 
 
 def install_programs(folder: Path) -> None:
