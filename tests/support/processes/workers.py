@@ -63,7 +63,7 @@ def in_processes(*calls: Call) -> list[Any]:
     answers = []
     for process, ours in running:
         with ours:
-            answered = ours.poll(PATIENCE)
+            answered = ours.poll(4 * PATIENCE)
             answers.append(ours.recv() if answered else (False, f"{process} does not answer"))
         if not answered:
             process.kill()
@@ -125,7 +125,7 @@ class Child:
 
     def join(self) -> None:
         """Wait until it has come to its end, and check that it is a good one."""
-        deadline = time.monotonic() + PATIENCE / 2
+        deadline = time.monotonic() + 2 * PATIENCE
         ended, status = os.waitpid(self._pid, os.WNOHANG)
         while not ended:
             if time.monotonic() > deadline:
