@@ -43,7 +43,7 @@ from tests.support.processes.workers import PATIENCE, wait_for
 from tests.support.statements import count
 from tests.support.worlds.robots import RB1, WP2, robot_at, waypoint
 
-ROBOTS, CONNECTIONS, THREADS = 1_000, 8, 64
+ROBOTS, CONNECTIONS, THREADS = 1_000, 8, 24
 
 
 @pytest.fixture
@@ -313,7 +313,7 @@ def test_a_thousand_in_tasks(shared_url: str) -> None:
                     await asyncio.sleep(0.01)
 
             # More would wait longer for their turn, on a slow machine, than a call may.
-            places = asyncio.Semaphore(2 * THREADS)
+            places = asyncio.Semaphore(4 * THREADS)
 
             async def work(number: int) -> None:
                 async with places:
