@@ -21,7 +21,7 @@ from tests.support.processes.workers import Child
 from tests.support.worlds.robots import robot_at, waypoint
 
 # Enough facts for more pages than SQLite's cache takes.
-MANY = 8_000
+MANY = 20_000
 
 
 def _save(kb: KnowledgeBase, number: int) -> None:
