@@ -11,6 +11,7 @@ from kant_sql.aio import AsyncKnowledgeBase
 
 ROBOT, PLACE = PddlTypeDto("robot"), PddlTypeDto("place")
 AT = PddlPredicateDto("at", [ROBOT, PLACE])
+ROBOTS = ("rb1", "rb2", "rb3")
 TOUR = [PddlObjectDto(PLACE, name) for name in ("dock", "hall", "kitchen", "dock")]
 
 
@@ -29,26 +30,25 @@ async def patrol(kb: AsyncKnowledgeBase, robot: str) -> None:
             await kb.propositions.save(at(robot, after))
 
 
-async def monitor(kb: AsyncKnowledgeBase) -> None:
-    """Print changes as they are committed, until cancelled."""
+async def monitor(kb: AsyncKnowledgeBase, robots: int) -> None:
+    """Print changes as they are committed, until each robot is back at the dock."""
     seen = 0
-    while True:
+    while robots:
         await kb.watch(seen)
         async for entry in kb.changes(seen):
             seen = entry.revision.number
             if entry.revision.reason is not None:
                 print(f"{entry.revision.actor} {entry.revision.reason}")
+                robots -= entry.revision.reason == f"arrived at {TOUR[-1].name}"
 
 
 async def main(url: str) -> None:
     """Run three patrols, and print where the robots are."""
     async with aio.connect(url, knowledge_base="patrol", actor="setup") as kb:
-        watching = asyncio.create_task(monitor(kb))
-        async with asyncio.TaskGroup() as robots:
-            for name in ("rb1", "rb2", "rb3"):
-                robots.create_task(patrol(kb, name))
-        await asyncio.sleep(0.2)
-        watching.cancel()
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(monitor(kb, len(ROBOTS)))
+            for name in ROBOTS:
+                tasks.create_task(patrol(kb, name))
         for fact in await kb.propositions.get_all():
             print(fact)
         print(f"revision {await kb.revision()}")

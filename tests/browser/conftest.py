@@ -36,7 +36,7 @@ def browser() -> Iterator[Browser]:
             pytest.fail(missing)
         pytest.skip(missing)
     with sync_playwright() as driver:
-        launched = driver.chromium.launch(executable_path=path, args=ARGUMENTS)
+        launched = driver.chromium.launch(executable_path=path, args=ARGUMENTS, timeout=120_000)
         yield launched
         launched.close()
 

@@ -13,6 +13,7 @@ from tests.audit.story import record_store
 from tests.browser.addresses import address
 from tests.browser.conftest import Serve, Visit
 from tests.support.browsing import Serving, Visitor
+from tests.support.clusters import free_port
 from tests.support.servers import MortalServer
 
 HEAD = 36
@@ -28,7 +29,8 @@ def own_url(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def running(own_url: str, serve: Serve) -> Serving:
-    return serve(own_url)
+    # For one that takes its place.
+    return serve(own_url, port=free_port())
 
 
 def write(url: str, *facts: str, reason: str = "moved by hand") -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -62,14 +63,14 @@ def test_the_statement_is_written_to_be_pasted(tmp_path: Path) -> None:
     for moment, expected in ((), [("plate", "table1")]), (("--at", "1"), [("cup", "kitchen")]):
         sql = run(*words, "--sql", *moment).stdout
         assert sql.endswith(";\n")
-        with sqlite3.connect(path) as connection:
+        with closing(sqlite3.connect(path)) as connection:
             assert connection.execute(sql).fetchall() == expected
         assert f"{document(*words, '--sql', *moment)['sql']};\n" == sql
     # The statement for the present is one for the present, whatever is written later.
     sql = run(*words, "--sql").stdout
     with kant_sql.connect(url) as kb:
         kb.propositions.delete_all()
-    with sqlite3.connect(path) as connection:
+    with closing(sqlite3.connect(path)) as connection:
         assert connection.execute(sql).fetchall() == []
 
 

@@ -366,8 +366,9 @@ def test_it_follows_knowledge_bases_and_those_to_come(source: str, replica: str)
 def test_what_is_written_within_an_interval_is_sent_at_once(source: str, replica: str) -> None:
     with following(source, replica, "--interval", "2") as process:
         next_event(process, "pushed")
-        for number in range(8):
-            save(source, number + 20)
+        with kant_sql.connect(source, knowledge_base="tiago") as kb:
+            for number in range(8):
+                kb.objects.save(waypoint(number + 20))
         sent = 0
         pushes = 0
         while sent < 11:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import os
 import pickle
-import time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from kant_sql import InvalidKnowledgeError, KnowledgeBase, PddlActionDto, PddlOb
 from kant_sql.dto import formulas as f
 from kant_sql.errors import SourceError, TypeCycleError
 from kant_sql.pddl import read_domain, read_problem, write
+from tests.contract.test_proportion import ratio
 from tests.support.profile import PROFILE
 
 DOMAIN = """
@@ -195,19 +195,15 @@ def test_dtos_of_a_deep_hierarchy_are_copied_and_shown() -> None:
     )
 
 
-def seconds(kb: KnowledgeBase, levels: int) -> float:
-    types = chain(levels, f"n{levels}x")
-    start = time.process_time()
-    kb.types.save_all(types)
-    kb.types.save_all(reversed(types))
-    kb.types.get_all()
-    return time.process_time() - start
-
-
 def test_saving_takes_time_in_proportion(fresh_kb: KnowledgeBase) -> None:
-    small = seconds(fresh_kb, 200)
+    def save(levels: int) -> None:
+        types = chain(levels, f"n{levels}x")
+        fresh_kb.types.save_all(types)
+        fresh_kb.types.save_all(reversed(types))
+        fresh_kb.types.get_all()
+
     # Squared, that would be 64 times as long.
-    assert seconds(fresh_kb, 1_600) < 30 * small
+    assert ratio(lambda: save(200), lambda: save(1_600)) < 30
 
 
 def test_undeclared_types_take_time_in_proportion() -> None:
@@ -218,12 +214,8 @@ def test_undeclared_types_take_time_in_proportion() -> None:
     found = read_domain(text(2_000))
     assert len(found.types) == 2_000
     assert sum("did you mean" in each.message for each in found.warnings) <= 20
-    times = []
-    for count in (1_000, 8_000):
-        start = time.process_time()
-        read_domain(text(count))
-        times.append(time.process_time() - start)
-    assert times[1] < 30 * times[0]
+    small, large = text(1_000), text(8_000)
+    assert ratio(lambda: read_domain(small), lambda: read_domain(large)) < 30
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")

@@ -18,7 +18,7 @@ from kant_sql.errors import InvalidTimeoutError, QuestionCancelledError, Stateme
 from kant_sql.limits import GuardedCursor, StatementGuard
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.query import raw
-from tests.support.processes.workers import wait_for
+from tests.support.processes.workers import PATIENCE, wait_for
 from tests.support.reading import store_of
 from tests.support.statements import recorded
 from tests.support.stores import Connect
@@ -29,7 +29,7 @@ COUNTING = (
     "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {}) SELECT {} FROM n"
 )
 SLOW, SLOW_ROWS = (raw(COUNTING.format(2_000_000_000, what)) for what in ("count(*)", "i"))
-SOON = 10.0
+SOON = PATIENCE / 2
 
 
 def ask_slowly(kb: KnowledgeBase) -> object:
@@ -92,9 +92,9 @@ def test_a_statement_that_takes_too_long_is_ended(
 
 
 def test_each_statement_has_that_time(filled: KnowledgeBase) -> None:
-    with limited(seconds=0.3):
-        for _ in range(3):
-            time.sleep(0.15)
+    with limited(seconds=1):
+        for _ in range(2):
+            time.sleep(0.6)
             assert filled.propositions.get_all() == [robot_at()]
 
 
@@ -152,9 +152,13 @@ def test_work_that_reads_in_several_statements_ends_between_them(filled: Knowled
 
 
 def test_an_inner_block_obeys_the_outer_one_too(filled: KnowledgeBase) -> None:
-    with limited(seconds=0.2) as outer:
-        with limited(seconds=60) as inner, pytest.raises(StatementTimeoutError, match=r"0\.2 s"):
-            ask_slowly(filled)
+    with (
+        limited(seconds=0.2),
+        limited(seconds=60),
+        pytest.raises(StatementTimeoutError, match=r"0\.2 s"),
+    ):
+        ask_slowly(filled)
+    with limited(seconds=60) as outer:
         with limited() as inner, cancelled_after(inner, 0.05):
             with pytest.raises(QuestionCancelledError):
                 ask_slowly(filled)
@@ -215,12 +219,15 @@ def test_writes_and_open_transactions_are_not_limited(filled: KnowledgeBase) -> 
 
 
 def test_a_late_cancellation_does_not_reach_the_next_question(filled: KnowledgeBase) -> None:
-    generator = random.Random(7)
-    outcomes = set()
+    generator, tries, most = random.Random(7), 0, 0.004
+    outcomes = set[str]()
     with ThreadPoolExecutor(1) as pool:
-        for _ in range(60):
+        while tries < 60 or len(outcomes) < 2:
+            tries += 1
+            # A slow machine needs longer to be asked in time, and a fast one less.
+            most *= 1.0 if len(outcomes) == 2 else 1.1 if "cancelled" in outcomes else 0.95
             with limited() as limit:
-                cancelling = pool.submit(_cancel_after, limit, generator.uniform(0, 0.004))
+                cancelling = pool.submit(_cancel_after, limit, generator.uniform(0, most))
                 until = time.monotonic() + 0.002
                 try:
                     while time.monotonic() < until:
@@ -232,7 +239,6 @@ def test_a_late_cancellation_does_not_reach_the_next_question(filled: KnowledgeB
             assert filled.propositions.get_all() == [robot_at()]
             assert filled.revision == 1
             cancelling.result()
-    assert outcomes == {"answered", "cancelled"}
     assert works(filled)
 
 
@@ -256,8 +262,8 @@ def test_a_cancellation_in_the_moment_of_the_statement_is_not_lost(filled: Knowl
 
 
 def test_waiting_is_not_limited_and_can_be_cancelled(filled: KnowledgeBase) -> None:
-    with limited(seconds=0.2):
-        assert filled.watch(1, timeout=0.4) is None
+    with limited(seconds=1):
+        assert filled.watch(1, timeout=1.2) is None
     started = time.monotonic()
     with limited() as limit, cancelled_after(limit, 0.1), pytest.raises(QuestionCancelledError):
         filled.watch(1, timeout=60)
@@ -297,7 +303,7 @@ def test_the_server_ends_what_is_cancelled(shared_url: str, connect: Connect) ->
         asking = pool.submit(ask)
         wait_for(lambda: observer.execute(running).fetchall() == [(1,)])
         limits[0].cancel()
-        assert observer.execute(running).fetchall() == [(0,)]
+        wait_for(lambda: observer.execute(running).fetchall() == [(0,)])
         assert isinstance(asking.exception(SOON), QuestionCancelledError)
 
 
@@ -319,7 +325,7 @@ def test_cancelling_takes_no_longer_for_many_statements(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)
 def test_the_servers_own_timeout_is_named(shared_url: str, connect: Connect) -> None:
-    kb = connect(f"{shared_url}{'&' if '?' in shared_url else '?'}options=-cstatement_timeout=100")
+    kb = connect(f"{shared_url}{'&' if '?' in shared_url else '?'}options=-cstatement_timeout=1000")
     with pytest.raises(StatementTimeoutError, match="statement_timeout"):
         ask_slowly(kb)
     with limited(seconds=0.05), pytest.raises(StatementTimeoutError, match=r"0\.05 s"):

@@ -17,7 +17,6 @@ from sqlalchemy import make_url
 
 import kant_sql
 from kant_sql import KantSqlError, KnowledgeBase, PddlTypeDto
-from kant_sql.sql.dialects import base as retry
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.schema import VERSIONS
 from kant_sql.store import store
@@ -330,10 +329,8 @@ def test_no_password_is_told(
     server: Server,
     everything: list[str],
     where: str,
-    monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(retry, "RETRY_FOR", 0.5)
     url = with_password(server.new_store(), where)
     assert "s3cret" in url
     with kant_sql.connect(url, knowledge_base="tiago", actor="boss") as kb:

@@ -17,15 +17,25 @@ from sqlalchemy import make_url
 import kant_sql
 from kant_sql import KantSqlError, StoreError, StoreUnreachableError
 from kant_sql.errors import AuthenticationError, ReadOnlyStoreError
+from kant_sql.sql.dialects import base as retry
+from kant_sql.sql.dialects import postgresql
 from tests.support.pages import rows_of
+from tests.support.processes.workers import PATIENCE
 from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at
 
-pytestmark = pytest.mark.usefixtures("real_migrations")
+pytestmark = pytest.mark.usefixtures("real_migrations", "patient")
 
 PASSWORD = "p@ss/w:rd"
-PROMPTLY = 5.0
+# Whatever is tried again, or waits for an answer, takes twice as long.
+PROMPTLY = PATIENCE / 2
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
+    monkeypatch.setattr(postgresql, "CONNECT_TIMEOUT", str(PATIENCE))
 
 
 def assert_silent(error: BaseException | None, *secrets: str) -> None:

@@ -49,7 +49,7 @@ def migrate(url: str) -> None:
 def test_an_open_transaction_of_a_reader_is_named_and_holds_nobody_up(
     change: Callable[[str], None], url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(retry, "RETRY_FOR", 1.5)
+    monkeypatch.setattr(retry, "RETRY_FOR", 3)
     kb = connect(url, knowledge_base="tiago")
     version = schema.current(url)
     with members(url, kant_sql.operations.create_roles(url)) as users, ThreadPoolExecutor() as pool:
@@ -70,7 +70,7 @@ def test_an_open_transaction_of_a_reader_is_named_and_holds_nobody_up(
             assert "(dashboard)" in str(e.value)
             assert "pg_terminate_backend" in str(e.value)
             # A writer waited for one attempt at most, not for the reader.
-            assert number > 2
+            assert number > 1
             assert longest < 10
             assert schema.current(url) == version
         change(url)

@@ -62,10 +62,19 @@ def test_threads_that_read_modify_and_write_lose_no_update(
 
 def test_threads_that_read_while_others_write_see_whole_revisions(kb: KnowledgeBase) -> None:
     counter.start(kb)
-    writers = [lambda: counter.increment(kb, 10)] * 2
-    readers = [lambda: watch_with(kb, 20)] * 4
-    reads = in_threads(*writers, *readers)[2:]
-    assert max(reads) > 1
+    has_read = threading.Event()
+
+    def write() -> None:
+        counter.increment(kb, 1)
+        assert has_read.wait(60)
+        counter.increment(kb, 9)
+
+    def read() -> None:
+        counter.read(kb)
+        has_read.set()
+        watch_with(kb, 20)
+
+    in_threads(*[write] * 2, *[read] * 4)
 
 
 def test_a_transaction_belongs_to_its_thread(url: str, connect: Connect) -> None:

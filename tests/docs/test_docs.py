@@ -21,9 +21,10 @@ from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
 import kant_sql
 from tests.ros.running import PREFIX, environment, node
-from tests.support.clusters import free_port, install_programs, stop_servers, system_user
+from tests.support.clusters import free_port, install_programs, stop_servers
 from tests.support.processes.commands import command, run
 from tests.support.processes.warm import PLANNING, python
+from tests.support.servers import system_user
 
 ROOT = Path(__file__).parents[2]
 ROS = ROOT / "docs" / "ros.md"
@@ -134,11 +135,10 @@ def fleet_page(
     install_programs(tmp_path)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     monkeypatch.chdir(folder)
+    ports = {port: str(free_port()) for port in ("5432", "5433")}
     text = (ROOT / "docs" / "fleet.md").read_text()
-    for port in ("5432", "5433"):
-        text = text.replace(port, str(free_port()))
     page = tmp_path / "fleet.md"
-    page.write_text(text)
+    page.write_text(re.sub("|".join(ports), lambda found: ports[found[0]], text))
     yield page
     stop_servers(folder)
     shutil.rmtree(folder, ignore_errors=True)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,6 +22,7 @@ from kant_sql.sql.dialects import sqlite_file
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.sqlite_file import Contents, StoreFile
 from kant_sql.sql.query import Query
+from tests.support.processes.workers import PATIENCE
 from tests.support.statements import fact, fill
 from tests.support.stores import Connect
 from tests.support.worlds.robots import waypoint
@@ -340,7 +342,6 @@ def test_all_who_have_an_overwritten_file_open_notice(
 def test_an_overwrite_within_a_commit_is_noticed_soon(
     kb: KnowledgeBase, overwrite: Callable[[], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sqlite_file, "COMPARE_AFTER", 0.2)
     original = StoreFile.check_committed
 
     def check_committed(self: StoreFile) -> None:
@@ -349,10 +350,12 @@ def test_an_overwrite_within_a_commit_is_noticed_soon(
         original(self)
 
     with monkeypatch.context() as patched:
+        patched.setattr(sqlite_file, "COMPARE_AFTER", PATIENCE)
         patched.setattr(StoreFile, "check_committed", check_committed)
         kb.propositions.save(fact(1))
         kb.propositions.delete(fact(1))
-    time.sleep(0.2)
+    later = SimpleNamespace(monotonic=lambda: time.monotonic() + PATIENCE, sleep=time.sleep)
+    monkeypatch.setattr(sqlite_file, "time", later)
     with pytest.raises(StoreReplacedError, match="overwritten with another state"):
         kb.propositions.get_all()
 

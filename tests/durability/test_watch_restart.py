@@ -26,6 +26,12 @@ pytestmark = pytest.mark.more
 WRITERS, WRITES, KILLS = 3, 40, 4
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give a server the time that it takes to come back on a busy machine."""
+    monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)
+
+
 @contextmanager
 def follower(url: str, folder: Path) -> Iterator[Connection]:
     """Follow in a process of its own, until the end of the block; then it is killed."""
@@ -111,13 +117,8 @@ def test_a_server_that_is_gone_when_time_is_over_is_an_error(
 
 
 def test_a_follower_meets_every_revision_while_the_server_is_killed(
-    mortal_server: MortalServer,
-    mortal_url: str,
-    connect: Connect,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    mortal_server: MortalServer, mortal_url: str, connect: Connect, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(retry, "RETRY_FOR", PATIENCE)  # A busy machine may be slow to start it.
     kb = connect(mortal_url, knowledge_base="tiago")
     kb.objects.save(waypoint(0))
     written = iter(range(1, 1000))

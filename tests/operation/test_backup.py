@@ -14,8 +14,9 @@ import pytest
 import kant_sql
 from kant_sql import DivergedError, KnowledgeBase
 from kant_sql.sql.predicate_views import update_views
-from tests.support.clusters import DATABASE, Cluster, Node, run_program, system_user
+from tests.support.clusters import DATABASE, Cluster, Node, run_program
 from tests.support.processes.workers import wait_for
+from tests.support.servers import system_user
 from tests.support.stores import Connect
 from tests.support.worlds.robots import robot_at, waypoint
 

@@ -189,7 +189,7 @@ def test_the_first_valid_answer_ends_the_others(
 def test_the_best_answer_until_the_time_is_up(
     kb: KnowledgeBase, fake: Callable[[str], str], tmp_path: Path
 ) -> None:
-    plan = kb.plan(engines=map(fake, ["long", "improves"]), keep="best", timeout=3)
+    plan = kb.plan(engines=map(fake, ["long", "improves"]), keep="best", timeout=8)
     assert [(run.engine, run.status) for run in plan.runs] == [
         ("long", "solved_satisficing"),
         ("improves", "solved_satisficing"),

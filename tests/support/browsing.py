@@ -112,7 +112,7 @@ class Serving:
         """Stop it as Ctrl-C does."""
         self.process.terminate()
         try:
-            self.process.communicate(timeout=15)
+            self.process.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.communicate()

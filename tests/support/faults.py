@@ -51,6 +51,8 @@ def held(url: str) -> Iterator[Callable[[], None]]:
             connection.execute(f"SELECT * FROM head WHERE kb_id = {kb_id:d} FOR UPDATE")
     with closing(connection):
         yield connection.rollback
+        # The process of a server that only loses its client still holds the lock for a while.
+        connection.rollback()
 
 
 def change(url: str, *statements: str) -> None:

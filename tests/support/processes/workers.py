@@ -63,7 +63,7 @@ def in_processes(*calls: Call) -> list[Any]:
     answers = []
     for process, ours in running:
         with ours:
-            answered = ours.poll(PATIENCE)
+            answered = ours.poll(4 * PATIENCE)
             answers.append(ours.recv() if answered else (False, f"{process} does not answer"))
         if not answered:
             process.kill()
@@ -125,7 +125,7 @@ class Child:
 
     def join(self) -> None:
         """Wait until it has come to its end, and check that it is a good one."""
-        deadline = time.monotonic() + PATIENCE / 2
+        deadline = time.monotonic() + 2 * PATIENCE
         ended, status = os.waitpid(self._pid, os.WNOHANG)
         while not ended:
             if time.monotonic() > deadline:
@@ -148,18 +148,17 @@ def change(url: str, work: Callable[[KnowledgeBase], None]) -> None:
         work(kb)
 
 
-def watch(url: str, end: int) -> int:
-    """Read the counter until it is at its end; give how often that was."""
+def watch(url: str, end: int) -> None:
+    """Open the knowledge base of the counter, and read it until it is at its end."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
-        return watch_with(kb, end)
+        watch_with(kb, end)
 
 
-def watch_with(kb: KnowledgeBase, end: int) -> int:
-    """Read the counter until it is at its end; give how often that was."""
+def watch_with(kb: KnowledgeBase, end: int) -> None:
+    """Read the counter until it is at its end."""
     reads = last = 0
     while last < end:
         value = counter.read(kb) if reads % 2 else counter.read_by_calls(kb)
         assert value >= last, f"{last} was read before {value}"
         last = value
         reads += 1
-    return reads
