@@ -193,7 +193,7 @@ class _Reader:
         question, window = self._question, self._window
         length = (window.until - window.since) // MICROSECOND
         self._slices = max(1, min(question.slices, length))
-        own = question.filter, (window.low, window.high), self._valid
+        own = question.wanted, (window.low, window.high), self._valid
         self._lanes = LaneReader(self._session, self._kb_id, *own)
 
     def read(self, name: str) -> Timeline:
