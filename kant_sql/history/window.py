@@ -227,8 +227,9 @@ def check_question(
             )
         place = match[1], LanePlace(int(match[2]), match[3])
     chosen = tuple(kind for kind in TIMELINE_KINDS if kind in wanted)
-    keys = (None if name is None else fold(name) for name in (predicate, object))
-    return TimelineQuestion(chosen, LaneFilter(*keys, text), lanes, slices, place, unchanged)
+    head, argument = (None if name is None else fold(name) for name in (predicate, object))
+    shown_lanes = LaneFilter(head, argument, text)
+    return TimelineQuestion(chosen, shown_lanes, lanes, slices, place, unchanged)
 
 
 class Window(NamedTuple):
