@@ -208,15 +208,15 @@ class _Reader:
         versions = self._versions(sparse, cells)
         periods = self._periods(said) if said else {}
         plans = PlanBars(self._session, self._kb_id, self._window, self._question)
-        wanted = {one for own in periods.values() for each in own.bars for one in each.revisions}
+        wanted = {one for bars, _ in periods.values() for each in bars for one in each.revisions}
         told = self._told(versions, wanted.union(plans.numbers()))
         lanes = []
         for row in rows:
             if row in periods:
-                own = periods[row]
-                if own.bars or own.densities:
-                    true = tuple([_true_bar(one, told) for one in own.bars])
-                    lanes.append(Lane(_shown_kind(row.kind), row.found.text, true, own.densities))
+                own, short = periods[row]
+                if own or short:
+                    true = tuple([_true_bar(one, told) for one in own])
+                    lanes.append(Lane(_shown_kind(row.kind), row.found.text, true, short))
                 continue
             bars, densities = versions[row], tuple[Density, ...]()
             if row in cells:
@@ -402,11 +402,8 @@ class _Period(NamedTuple):
         return self._replace(value=names[self.value]) if isinstance(self.value, int) else self
 
 
-class _Periods(NamedTuple):
-    """Periods that are bars, and those that are too short."""
-
-    bars: list[_Period]
-    densities: tuple[Density, ...] = ()
+# Periods that are bars, and the densities of those that are too short.
+_Periods = tuple[list[_Period], tuple[Density, ...]]
 
 
 def _gathered(
@@ -415,7 +412,7 @@ def _gathered(
     """Make bars of periods; of more than there is room for, of those that last for a slice."""
     # Nothing was read after the `last` instant.
     if len(periods) <= room and last is None:
-        return _Periods(periods)
+        return periods, ()
     bars = []
     short: dict[int, list[_Period]] = {}
     for one in periods:
@@ -435,7 +432,7 @@ def _gathered(
         densities.append(Density(begin, end, len(own), False, *span))
     if last is not None:
         densities.append(Density(last.time, moments[-1], 1, True))
-    return _Periods(bars, tuple(densities))
+    return bars, tuple(densities)
 
 
 def _bar(

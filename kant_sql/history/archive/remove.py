@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
@@ -72,14 +73,10 @@ def first_of(session: Session, kb_id: int, leaving: Leaving, most: int) -> Leavi
     """Limit the versions to remove at once: whole revisions, at least one."""
     if leaving.total <= most:
         return leaving
-    low, high = leaving.low, leaving.high
-    while low < high:
-        middle = (low + high) // 2
-        if count(session, kb_id, leaving.low, middle).total < most:
-            low = middle + 1
-        else:
-            high = middle
-    return count(session, kb_id, leaving.low, high)
+    low = leaving.low
+    ends = range(low, leaving.high)
+    place = bisect_left(ends, most, key=lambda end: count(session, kb_id, low, end).total)
+    return count(session, kb_id, low, low + place)
 
 
 def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session, int]) -> None:
