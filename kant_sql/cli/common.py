@@ -299,17 +299,15 @@ class Stop:
             self.number = number
             signal.signal(number, before[signal.Signals(number)])
 
-        before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        numbers = signal.SIGTERM, signal.SIGINT
+        # What handles one is None where that is not a function of Python's.
+        before: dict[signal.Signals, Any] = {
+            number: signal.getsignal(number) or signal.SIG_DFL for number in numbers
+        }
         # What is ignored stays so, as below nohup.
         before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
         with _handled(before, stop):
             yield
-
-
-def _handler(number: signal.Signals) -> Any:
-    """Return what handles a signal now; the default where that is not a function of Python's."""
-    handler = signal.getsignal(number)
-    return signal.SIG_DFL if handler is None else handler
 
 
 @contextmanager

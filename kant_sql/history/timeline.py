@@ -212,17 +212,18 @@ class _Reader:
         told = self._told(versions, wanted.union(plans.numbers()))
         lanes = []
         for row in rows:
+            densities = tuple[Density, ...]()
             if row in periods:
-                own, short = periods[row]
-                if own or short:
-                    true = tuple([_true_bar(one, told) for one in own])
-                    lanes.append(Lane(_shown_kind(row.kind), row.found.text, true, short))
-                continue
-            bars, densities = versions[row], tuple[Density, ...]()
-            if row in cells:
-                bars, densities = _thin_out(cells[row], bars, moments, self._window)
-            made = tuple([_known_bar(one, told, self._window.head) for one in bars])
-            lanes.append(Lane(_shown_kind(row.kind), row.found.text, made, densities))
+                true, densities = periods[row]
+                if not (true or densities):
+                    continue
+                made = [_bar(one.since, one.until, one.value, one.number, told) for one in true]
+            else:
+                bars = versions[row]
+                if row in cells:
+                    bars, densities = _thin_out(cells[row], bars, moments, self._window)
+                made = [_known_bar(one, told, self._window.head) for one in bars]
+            lanes.append(Lane(_shown_kind(row.kind), row.found.text, tuple(made), densities))
         window = self._window
         return Timeline(
             name,
@@ -438,7 +439,7 @@ def _gathered(
 def _bar(
     since: Instant,
     until: Instant | None,
-    value: str | None,
+    value: str | int | None,
     number: float | None,
     told: Mapping[int, Revision],
 ) -> Bar:
@@ -446,12 +447,8 @@ def _bar(
     actor, reason, source = why_of(told[since.revision])
     ended_by, ended_reason, ended_source = why_of(None if end is None else told[end])
     said = actor, reason, ended_by, ended_reason, source, ended_source
-    return Bar(since.revision, end, since.time, until_at, *said, value, number)
-
-
-def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:
-    value = None if period.value is None else str(period.value)
-    return _bar(period.since, period.until, value, period.number, told)
+    shown = None if value is None else str(value)
+    return Bar(since.revision, end, since.time, until_at, *said, shown, number)
 
 
 class _Cells(NamedTuple):

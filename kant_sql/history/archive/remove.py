@@ -101,15 +101,11 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
 _Statement = tuple[Query, dict[int, Callable[[Any], Any]]]
 
 
-def _unsigned(raw: float | None) -> float | None:
-    """Drop the sign of zero, as a number too small for a double is one on PostgreSQL alone."""
-    return None if raw is None else raw + 0.0
-
-
-# SQLite stores booleans as numbers.
+# SQLite stores booleans as numbers. The sum drops the sign of zero, as which PostgreSQL alone has a
+# number too small for a double.
 _AS_READ: tuple[tuple[type[Any], Callable[[Any], Any]], ...] = (
     (Boolean, bool),
-    (Float, _unsigned),
+    (Float, lambda raw: None if raw is None else raw + 0.0),
 )
 
 
