@@ -23,10 +23,10 @@ from collections.abc import (
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
-from functools import partial, update_wrapper
+from functools import cached_property, partial, update_wrapper
 from inspect import isawaitable
 from types import MethodType, TracebackType
-from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar, overload
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
 from .acts import Execution
@@ -661,26 +661,14 @@ def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object
     return _Call(method, _until_answered)
 
 
-class _Beside(Generic[T]):
+class _Beside(cached_property[T]):
     """A part of a front door: that of the synchronous one at the same name, made on first use."""
 
     def __init__(self, make: Callable[..., T]) -> None:
-        self._make = make
+        def made(part: _Part) -> T:
+            return make(part._door, find=lambda: getattr(part._find(), str(self.attrname)))
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    @overload
-    def __get__(self, part: None, owner: type[_Part]) -> Self: ...
-
-    @overload
-    def __get__(self, part: _Part, owner: type[_Part] | None = None) -> T: ...
-
-    def __get__(self, part: _Part | None, owner: type[_Part] | None = None) -> T | Self:
-        if part is None:
-            return self
-        made = self._make(part._door, find=lambda: getattr(part._find(), self._name))
-        return part.__dict__.setdefault(self._name, made)  # type: ignore[no-any-return]
+        super().__init__(made)
 
 
 class _AsyncElements(_Part, Generic[E, Given]):
