@@ -37,7 +37,7 @@ from .security import Guard, Programs, allowed_hosts
 from .stores import OpenStore
 from .tokens import TokenFile
 from .transactions import Transactions
-from .writing import MOST_WRITERS, WRITES, Refusal
+from .writing import MOST_WRITERS, PATH_SCOPES, Refusal, write_routes
 
 logger = logging.getLogger("kant_sql.web")
 
@@ -126,7 +126,7 @@ def create_app(
     # First: programs ask these most often, and the routes before a path are tried one by one.
     app.include_router(reading)
     if writing is not None:
-        app.include_router(WRITES.api)
+        app.include_router(write_routes)
     for pages in (*TOPICS, *added):
         app.include_router(pages.api)
         app.include_router(pages.html)
@@ -136,7 +136,7 @@ def create_app(
         app.router.routes.append(Route(f"/{name}", endpoint, methods=["POST"]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     _answer_errors(app)
-    own = None if tokens is None else Programs(tokens, WRITES.scopes, LONGEST_BODY)
+    own = None if tokens is None else Programs(tokens, PATH_SCOPES, LONGEST_BODY)
     app.state.accepts = (lambda scope: True) if own is None else own.accepts
     app.add_middleware(
         Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token, programs=own
