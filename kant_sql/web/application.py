@@ -147,14 +147,14 @@ def create_app(
 def _answer_errors(app: FastAPI) -> None:
     """Answer errors with one sentence, never with a traceback."""
 
-    async def refused(request: Request, error: Exception) -> Response:
-        assert isinstance(error, KantSqlError)
+    @app.exception_handler(KantSqlError)
+    async def refused(request: Request, error: KantSqlError) -> Response:
         said = app.state.store.folders.said(error)
         details = json_value(vars(error)) if request.url.path.startswith(DAO_PATH) else None
         return _error(request, status_of(error), said, type(error).__name__, details)
 
-    async def wrong(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
+    @app.exception_handler(RequestValidationError)
+    async def wrong(request: Request, error: RequestValidationError) -> Response:
         parts = [
             f"the body is not JSON: {part['ctx']['error']}"
             if part["type"] == "json_invalid"
@@ -165,21 +165,17 @@ def _answer_errors(app: FastAPI) -> None:
             parts = ["the body is taken for JSON only with Content-Type: application/json"]
         return _error(request, 422, "; ".join(parts), "InvalidArgumentError")
 
-    async def failed(request: Request, error: Exception) -> Response:
-        assert isinstance(error, HTTPException)
+    @app.exception_handler(HTTPException)
+    async def failed(request: Request, error: HTTPException) -> Response:
         response = _error(request, error.status_code, str(error.detail), "HTTPException")
         response.headers.update(error.headers or {})
         return response
 
+    @app.exception_handler(Exception)
     async def broken(request: Request, error: Exception) -> Response:
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
         message = "the server failed; its log says more"
         return _error(request, 500, message, "InternalServerError")
-
-    app.add_exception_handler(KantSqlError, refused)
-    app.add_exception_handler(RequestValidationError, wrong)
-    app.add_exception_handler(HTTPException, failed)
-    app.add_exception_handler(Exception, broken)
 
 
 def _error(
