@@ -102,9 +102,7 @@ def plan(
         else:
             several = engine is not None and len(engine) > 1
             by: Any = {"engines": engine} if several else {"engine": engine[0] if engine else None}
-            by |= {"keep": "best"} if best else {}
-            given = {"costs": costs, "memory": memory}
-            by |= {name: value for name, value in given.items() if value is not None}
+            by |= {"keep": "best" if best else "first", "costs": costs, "memory": memory}
             found = state.plan(timeout=timeout, strict=strict, **by)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:

@@ -216,9 +216,8 @@ def token_for(host: str) -> str | None:
         )
     if not (given.isascii() and given.isprintable()) or given != given.strip():
         raise InvalidArgumentError(
-            f"{TOKEN_VARIABLE} has characters that HTTP headers cannot carry; use ASCII "
-            "letters and "
-            "digits"
+            f"{TOKEN_VARIABLE} has characters that HTTP headers cannot carry; use ASCII letters "
+            "and digits"
         )
     return given
 

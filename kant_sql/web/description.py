@@ -6,7 +6,8 @@ import inspect
 import re
 from datetime import datetime
 from decimal import Decimal
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from fastapi import FastAPI, Request
@@ -33,16 +34,9 @@ def schema_of(annotation: Any) -> Any:
         return list[arguments[0]]  # type: ignore[valid-type]
     if isinstance(origin, type) and hasattr(origin, "keys"):
         return dict[arguments]  # type: ignore[misc,valid-type]
-    return annotation if origin is None else _union(annotation, arguments)
-
-
-def _union(annotation: Any, arguments: tuple[Any, ...]) -> Any:
-    if isinstance(get_args(annotation)[0], str):
-        return annotation
-    made = arguments[0]
-    for one in arguments[1:]:
-        made |= one
-    return made
+    # One of some words stays as it is.
+    is_plain = origin is None or isinstance(get_args(annotation)[0], str)
+    return annotation if is_plain else reduce(or_, arguments)
 
 
 def texts_of(documented: object, section: str) -> tuple[str, dict[str, str]]:
