@@ -657,6 +657,21 @@ async def _read_all(door: _Door, ask: Callable[[], Answers]) -> Answers:
     return await door.read(read)
 
 
+async def _open_past(door: _Door, ask: Callable[[], KnowledgeBase]) -> AsyncKnowledgeBase:
+    """Open a past state, which is closed with the front door."""
+    return AsyncKnowledgeBase(door, kb=await door.read(ask))
+
+
+def _begin_branch(door: _Door, begin: Callable[[], KnowledgeBase]) -> Opening[AsyncKnowledgeBase]:
+    """Begin a branch, in the thread of the task's transaction if there is one."""
+    door.refuse_closed()
+    block = door.own_block()
+    if block is not None:
+        return Opening(partial(block.run_in_thread, begin), wrap=_front_door)
+    door.refuse_to_wait()
+    return Opening(begin, wrap=_front_door)
+
+
 def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
     return _Call(method, _until_answered)
 
@@ -873,6 +888,8 @@ class AsyncKnowledgeBase(_Part):
     restore = _write(KnowledgeBase.restore)
     erasure_preview = _write(KnowledgeBase.erasure_preview)
     erase = _write(KnowledgeBase.erase)
+    at = _Call(KnowledgeBase.at, _open_past)
+    branch = _Call(KnowledgeBase.branch, _begin_branch)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
         """Wrap a knowledge base; `connect` does this.
@@ -886,32 +903,6 @@ class AsyncKnowledgeBase(_Part):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {factory_of(self._kb).label}>"
-
-    async def at(
-        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
-    ) -> AsyncKnowledgeBase:
-        """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
-        call = partial(self._kb.at, when, known=known, valid=valid)
-        return AsyncKnowledgeBase(self._door, kb=await self._door.read(call))
-
-    def branch(
-        self,
-        name: str | None = None,
-        *,
-        at: When | None = None,
-        url: str | None = None,
-    ) -> Opening[AsyncKnowledgeBase]:
-        """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`.
-
-        Await the result, or use it in `async with`.
-        """
-        self._door.refuse_closed()
-        call = partial(self._kb.branch, name, at=at, url=url)
-        block = self._door.own_block()
-        if block is not None:
-            return Opening(partial(block.run_in_thread, call), wrap=_front_door)
-        self._door.refuse_to_wait()
-        return Opening(call, wrap=_front_door)
 
     async def diff(
         self,
