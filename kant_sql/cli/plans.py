@@ -151,15 +151,10 @@ def _write_plan(printer: Printer, found: Plan, recorded: RecordedPlan | None) ->
 
 
 def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
-    document: Document = {
-        "revision": found.revision,
-        "engine": found.engine,
-        "status": found.status,
-        "ignored": found.ignored,
-        "steps": found.steps,
-    }
+    names = ["revision", "engine", "status", "ignored", "steps"]
     if len(found.runs) > 1:
-        document["runs"] = found.runs
+        names.append("runs")
+    document: Document = {name: getattr(found, name) for name in names}
     if recorded is not None:
         document.update(plan=recorded.id, recorded_in=recorded.recorded_in)
     return document
