@@ -102,7 +102,9 @@ def plan(
         else:
             several = engine is not None and len(engine) > 1
             by: Any = {"engines": engine} if several else {"engine": engine[0] if engine else None}
-            by |= {"keep": "best" if best else "first", "costs": costs, "memory": memory}
+            by |= {"keep": "best"} if best else {}
+            given = {"costs": costs, "memory": memory}
+            by |= {name: value for name, value in given.items() if value is not None}
             found = state.plan(timeout=timeout, strict=strict, **by)
     recorded = _record(url, name, found, actor, reason) if record else None
     if as_json:
@@ -151,10 +153,15 @@ def _write_plan(printer: Printer, found: Plan, recorded: RecordedPlan | None) ->
 
 
 def _plan_document(found: Plan, recorded: RecordedPlan | None) -> Document:
-    names = ["revision", "engine", "status", "ignored", "steps"]
+    document: Document = {
+        "revision": found.revision,
+        "engine": found.engine,
+        "status": found.status,
+        "ignored": found.ignored,
+        "steps": found.steps,
+    }
     if len(found.runs) > 1:
-        names.append("runs")
-    document: Document = {name: getattr(found, name) for name in names}
+        document["runs"] = found.runs
     if recorded is not None:
         document.update(plan=recorded.id, recorded_in=recorded.recorded_in)
     return document
