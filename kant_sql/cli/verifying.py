@@ -91,8 +91,10 @@ def verify(
     tasks = _tasks(url, names, anchored, wants, since)
     printer, totals = Printer(), Counter[str]()
     for done in run_tasks(url, tasks, jobs):
-        is_continued = done.continued_from is not None
-        totals.update(all=1, intact=done.is_intact, continued=is_continued, done=done.revisions)
+        totals["all"] += 1
+        totals["intact"] += done.is_intact
+        totals["continued"] += done.continued_from is not None
+        totals["done"] += done.revisions
         if as_json:
             write_json(done)
         else:
