@@ -23,10 +23,10 @@ from collections.abc import (
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, ExitStack, suppress
 from contextvars import ContextVar
-from functools import partial, update_wrapper
+from functools import cached_property, partial, update_wrapper
 from inspect import isawaitable
 from types import MethodType, TracebackType
-from typing import Any, Concatenate, Generic, ParamSpec, Self, TypeVar, overload
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
 from . import knowledge_base as sync
 from .acts import Execution
@@ -657,30 +657,33 @@ async def _read_all(door: _Door, ask: Callable[[], Answers]) -> Answers:
     return await door.read(read)
 
 
+async def _open_past(door: _Door, ask: Callable[[], KnowledgeBase]) -> AsyncKnowledgeBase:
+    """Open a past state, which is closed with the front door."""
+    return AsyncKnowledgeBase(door, kb=await door.read(ask))
+
+
+def _begin_branch(door: _Door, begin: Callable[[], KnowledgeBase]) -> Opening[AsyncKnowledgeBase]:
+    """Begin a branch, in the thread of the task's transaction if there is one."""
+    door.refuse_closed()
+    block = door.own_block()
+    if block is not None:
+        return Opening(partial(block.run_in_thread, begin), wrap=_front_door)
+    door.refuse_to_wait()
+    return Opening(begin, wrap=_front_door)
+
+
 def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object, object, R]]:
     return _Call(method, _until_answered)
 
 
-class _Beside(Generic[T]):
+class _Beside(cached_property[T]):
     """A part of a front door: that of the synchronous one at the same name, made on first use."""
 
     def __init__(self, make: Callable[..., T]) -> None:
-        self._make = make
+        def made(part: _Part) -> T:
+            return make(part._door, find=lambda: getattr(part._find(), str(self.attrname)))
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    @overload
-    def __get__(self, part: None, owner: type[_Part]) -> Self: ...
-
-    @overload
-    def __get__(self, part: _Part, owner: type[_Part] | None = None) -> T: ...
-
-    def __get__(self, part: _Part | None, owner: type[_Part] | None = None) -> T | Self:
-        if part is None:
-            return self
-        made = self._make(part._door, find=lambda: getattr(part._find(), self._name))
-        return part.__dict__.setdefault(self._name, made)  # type: ignore[no-any-return]
+        super().__init__(made)
 
 
 class _AsyncElements(_Part, Generic[E, Given]):
@@ -885,6 +888,8 @@ class AsyncKnowledgeBase(_Part):
     restore = _write(KnowledgeBase.restore)
     erasure_preview = _write(KnowledgeBase.erasure_preview)
     erase = _write(KnowledgeBase.erase)
+    at = _Call(KnowledgeBase.at, _open_past)
+    branch = _Call(KnowledgeBase.branch, _begin_branch)
 
     def __init__(self, door: _Door, *, kb: KnowledgeBase) -> None:
         """Wrap a knowledge base; `connect` does this.
@@ -898,32 +903,6 @@ class AsyncKnowledgeBase(_Part):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {factory_of(self._kb).label}>"
-
-    async def at(
-        self, when: When | None = None, *, known: When | None = None, valid: When | None = None
-    ) -> AsyncKnowledgeBase:
-        """Open a past state for reading, as `KnowledgeBase.at`; it is closed with this one."""
-        call = partial(self._kb.at, when, known=known, valid=valid)
-        return AsyncKnowledgeBase(self._door, kb=await self._door.read(call))
-
-    def branch(
-        self,
-        name: str | None = None,
-        *,
-        at: When | None = None,
-        url: str | None = None,
-    ) -> Opening[AsyncKnowledgeBase]:
-        """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`.
-
-        Await the result, or use it in `async with`.
-        """
-        self._door.refuse_closed()
-        call = partial(self._kb.branch, name, at=at, url=url)
-        block = self._door.own_block()
-        if block is not None:
-            return Opening(partial(block.run_in_thread, call), wrap=_front_door)
-        self._door.refuse_to_wait()
-        return Opening(call, wrap=_front_door)
 
     async def diff(
         self,

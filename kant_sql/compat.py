@@ -400,8 +400,7 @@ class Ros2DaoFactory(DaoFactory):
 class DaoFactoryMethod:
     """Creates the factory, as the original's factory method does."""
 
-    def __init__(self) -> None:
-        self.dao_families = DaoFamilies
+    dao_families = DaoFamilies
 
     def create_dao_factory(
         self,
@@ -485,11 +484,9 @@ class ParameterLoader:
                 node.declare_parameter(name, default)
             return node.get_parameter(name).value
 
-        family = read("dao_family", int(DaoFamilies.SQL))
+        family: Any = read("dao_family", int(DaoFamilies.SQL))
         texts = ("uri", ""), ("mongo_uri", ""), ("knowledge_base", "default"), ("actor", "")
         uri, mongo_uri, knowledge_base, actor = (str(read(*each)) for each in texts)
-        if not isinstance(family, int):
-            raise InvalidArgumentError(f"{shown(family)} is not a valid DaoFamilies")
         self._factory = DaoFactoryMethod().create_dao_factory(
             family,
             uri=uri or mongo_uri or None,

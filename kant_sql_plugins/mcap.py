@@ -278,11 +278,11 @@ class _Recording:
         if span is not None:
             self._write_true(session, kb_id, span)
             low, high = span.before + 1, span.high
-        before = _time_of_revision(session, kb_id, low - 1)
+        before = session.first(_TIME_OF, kb=kb_id, revision=low - 1)
         if before is not None:
             queries = _STATE if span is None else _STATE[-1:]
             held = chain.from_iterable(session.stream(each, kb=kb_id, low=low) for each in queries)
-            self._write(self._take_all(_audited(session, held)), before)
+            self._write(self._take_all(_audited(session, held)), session.to_time(before[0]))
         # Oldest first; of a revision, what it ended first.
         found = session.stream(_CHANGES[span is not None], kb=kb_id, low=low, high=high)
         changes = _audited(session, found)
@@ -370,7 +370,8 @@ class _Recording:
         for lane in lanes:
             change = lane.last
             assert change is not None
-            at = _nanoseconds(moment or change.observed_at or change.committed_at)
+            elapsed = (moment or change.observed_at or change.committed_at) - _EPOCH
+            at = min(max(0, elapsed // MICROSECOND), _LAST_TIME) * 1_000  # in nanoseconds
             self._writer.add_message(
                 lane.channel,
                 log_time=at,
@@ -393,10 +394,6 @@ def _read(change: _AuditedChange) -> tuple[str, list[str]]:
             "'kant-sql verify' shows what was changed by hand"
         )
     return words[-1], words
-
-
-def _nanoseconds(moment: datetime) -> int:
-    return min(max(0, (moment - _EPOCH) // MICROSECOND), _LAST_TIME) * 1_000
 
 
 def _schema(type_: str) -> dict[str, object]:
@@ -452,6 +449,7 @@ _OWNERS = {
     is_fact: Query(text(f"SELECT id, name FROM {owner} WHERE kb_id = :kb"))
     for is_fact, owner in ((True, "predicate"), (False, "function"))
 }
+# When a revision was sensed, or else committed.
 _TIME_OF = Query(
     text(
         "SELECT COALESCE(observed_at, committed_at) FROM audit_revision"
@@ -481,12 +479,6 @@ def _audited(session: Session, rows: Iterable[Row]) -> Iterator[_AuditedChange]:
             observed = change.observed_at and session.to_time(change.observed_at)
             committed = session.to_time(change.committed_at)
         yield change._replace(committed_at=committed, observed_at=observed)
-
-
-def _time_of_revision(session: Session, kb_id: int, revision: int) -> datetime | None:
-    """Return when a revision was sensed, or else committed; None without it."""
-    row = session.first(_TIME_OF, kb=kb_id, revision=revision)
-    return None if row is None else session.to_time(row[0])
 
 
 # What it reads of valid times.

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -299,17 +299,15 @@ class Stop:
             self.number = number
             signal.signal(number, before[signal.Signals(number)])
 
-        before = {number: _handler(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        numbers = signal.SIGTERM, signal.SIGINT
+        # What handles one is None where that is not a function of Python's.
+        before: dict[signal.Signals, Any] = {
+            number: signal.getsignal(number) or signal.SIG_DFL for number in numbers
+        }
         # What is ignored stays so, as below nohup.
         before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
         with _handled(before, stop):
             yield
-
-
-def _handler(number: signal.Signals) -> Any:
-    """Return what handles a signal now; the default where that is not a function of Python's."""
-    handler = signal.getsignal(number)
-    return signal.SIG_DFL if handler is None else handler
 
 
 @contextmanager
@@ -409,36 +407,6 @@ class Argument(TyperArgument):
         return record and (self.metavar or str(self.name), record[1])
 
 
-class LaterCommands(MutableMapping[str, Any]):
-    """The commands of a group by their names; each is made when it is asked for."""
-
-    def __init__(self, made: MutableMapping[str, Any], functions: Functions, plugins: Plug) -> None:
-        self._made = made
-        self._functions = functions
-        self._plugins = plugins
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._made:
-            find = self._functions.get(name)
-            function = self._plugins.get(name) if find is None else find()
-            if function is None:
-                raise KeyError(name)
-            self._made[name] = _make(name, function)
-        return self._made[name]
-
-    def __iter__(self) -> Iterator[str]:
-        yield from dict.fromkeys((*self._functions, *self._made, *self._plugins.names()))
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-    def __setitem__(self, name: str, command: Any) -> None:
-        self._made[name] = command
-
-    def __delitem__(self, name: str) -> None:
-        del self._made[name]
-
-
 class CommandGroup(TyperGroup):
     """Commands of the library, and of plugins: functions with annotations for Typer."""
 
@@ -450,7 +418,24 @@ class CommandGroup(TyperGroup):
         super().__init__(*args, **options)
         for command in (self, *self.commands.values()):
             _name_arguments(command)
-        self.commands = LaterCommands(self.commands, self.functions, self.plugins)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands, those of plugins last."""
+        return [*dict.fromkeys((*self.functions, *self.commands, *self.plugins.names()))]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command, which is made when it is first asked for; None if there is none."""
+        made: dict[str, Any] = {**self.commands}
+        if made.get(cmd_name) is None:
+            find = self.functions.get(cmd_name)
+            function = self.plugins.get(cmd_name) if find is None else find()
+            if function is None:
+                # Typer suggests those of these names that are spelled alike.
+                made = {**dict.fromkeys(self.list_commands(ctx)), **made}
+            else:
+                made[cmd_name] = _make(cmd_name, function)
+            self.commands = made
+        return made.get(cmd_name)
 
 
 def command_group(plugins: str, help_: str) -> typer.Typer:

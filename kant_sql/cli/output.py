@@ -297,19 +297,13 @@ def _write_columns(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Non
         sys.stdout.write(f"{_GAP.join([*padded, last]).rstrip()}\n")
 
 
-def progress_console() -> Console | None:
-    """Return the terminal for progress bars; None if standard error is none."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    return console if sys.stderr.isatty() and console.is_interactive else None
-
-
 @contextmanager
 def bar(name: str) -> Iterator[Callable[[int, int], None] | None]:
     """Show a progress bar in a terminal; yield the function that moves it."""
-    console = progress_console()
-    if console is None:
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not (sys.stderr.isatty() and console.is_interactive):
         yield None
         return
     from rich.progress import (

@@ -7,7 +7,8 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
@@ -88,12 +89,21 @@ def verify(
     wants = verify_all or since is not None if is_continued is None else is_continued
     names = _chosen(url, kb, verify_all, anchored)
     tasks = _tasks(url, names, anchored, wants, since)
-    report = _Report(Printer(), as_json, anchored is not None, verify_all or wants)
+    printer, totals = Printer(), Counter[str]()
     for done in run_tasks(url, tasks, jobs):
-        report.add(done)
+        totals["all"] += 1
+        totals["intact"] += done.is_intact
+        totals["continued"] += done.continued_from is not None
+        totals["done"] += done.revisions
+        if as_json:
+            write_json(done)
+        else:
+            _write(printer, done, anchored is not None, verify_all or wants)
+        # Whoever follows a long run reads it as it comes.
+        sys.stdout.flush()
     if verify_all and not as_json:
-        report.end()
-    return 0 if report.is_intact else FAILED
+        _write_totals(printer, totals)
+    return 0 if totals["intact"] == totals["all"] else FAILED
 
 
 def _parse_since(text: str | None, is_continued: bool | None) -> datetime | None:
@@ -217,64 +227,37 @@ def _text(name: object) -> str:
     return name if isinstance(name, str) else repr(name)
 
 
-class _Report:
-    """Writes what was found of each knowledge base, and of all together."""
+def _write(printer: Printer, done: Verification, has_anchor: bool, is_resumable: bool) -> None:
+    """Write what was found of one knowledge base."""
+    line, name = printer.line, printable(done.knowledge_base)
+    counts = f"{done.revisions} revisions, {done.changes} changes"
+    for finding in done.findings:
+        line(f"{name}: {printable(_finding_text(finding))}", "red")
+    if done.is_intact:
+        line(f"{name}: intact ({counts})", "green")
+    else:
+        line(f"{name}: {plural(len(done.findings), 'finding')} ({counts})", "bold red")
+    if done.continued_at is not None:
+        line(f"{name}: {_continued(done)}")
+    if is_resumable and done.keep_error is not None:
+        line(f"{name}: {_not_kept(done.is_intact, printable(done.keep_error))}", "yellow")
+    for erased in done.erasures:
+        line(f"{name}: {printable(erased)}")
+    for archive in done.archives:
+        line(f"{name}: {printable(archive)}")
+    if has_anchor and done.anchored is None:
+        line(f"{name}: the anchor says nothing of it", "yellow")
 
-    def __init__(self, printer: Printer, as_json: bool, has_anchor: bool, is_resumable: bool):
-        self._printer = printer
-        self._as_json = as_json
-        self._has_anchor = has_anchor
-        self._is_resumable = is_resumable
-        self._count = self._intact = self._continued = self._revisions = 0
 
-    @property
-    def is_intact(self) -> bool:
-        """Whether nothing was found of any."""
-        return self._intact == self._count
-
-    def add(self, done: Verification) -> None:
-        """Write what was found of one."""
-        self._count += 1
-        self._intact += done.is_intact
-        self._continued += done.continued_from is not None
-        self._revisions += done.revisions
-        if self._as_json:
-            write_json(done)
-        else:
-            self._write(done)
-        # Whoever follows a long run reads it as it comes.
-        sys.stdout.flush()
-
-    def end(self) -> None:
-        """Write what was found of all."""
-        kbs = plural(self._count, "knowledge base")
-        wrong = self._count - self._intact
-        found = f"{wrong} not intact" if wrong else "all intact"
-        self._printer.line(
-            f"{kbs}: {found}; {plural(self._revisions, 'revision')} verified, "
-            f"{self._continued} continued",
-            "bold red" if wrong else "bold",
-        )
-
-    def _write(self, done: Verification) -> None:
-        line, name = self._printer.line, printable(done.knowledge_base)
-        counts = f"{done.revisions} revisions, {done.changes} changes"
-        for finding in done.findings:
-            line(f"{name}: {printable(_finding_text(finding))}", "red")
-        if done.is_intact:
-            line(f"{name}: intact ({counts})", "green")
-        else:
-            line(f"{name}: {plural(len(done.findings), 'finding')} ({counts})", "bold red")
-        if done.continued_at is not None:
-            line(f"{name}: {_continued(done)}")
-        if self._is_resumable and done.keep_error is not None:
-            line(f"{name}: {_not_kept(done.is_intact, printable(done.keep_error))}", "yellow")
-        for erased in done.erasures:
-            line(f"{name}: {printable(erased)}")
-        for archive in done.archives:
-            line(f"{name}: {printable(archive)}")
-        if self._has_anchor and done.anchored is None:
-            line(f"{name}: the anchor says nothing of it", "yellow")
+def _write_totals(printer: Printer, totals: Mapping[str, int]) -> None:
+    """Write what was found of all together."""
+    wrong = totals["all"] - totals["intact"]
+    found = f"{wrong} not intact" if wrong else "all intact"
+    printer.line(
+        f"{plural(totals['all'], 'knowledge base')}: {found}; "
+        f"{plural(totals['done'], 'revision')} verified, {totals['continued']} continued",
+        "bold red" if wrong else "bold",
+    )
 
 
 def _continued(done: Verification) -> str:

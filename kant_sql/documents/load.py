@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from ..arguments import Progress
 from ..dao.action import action_trees, put_action
@@ -27,6 +27,8 @@ from .build import REQUIREMENT, check_title, constant_ids, put_document
 
 N = TypeVar("N", TypedName, Predicate, Function)
 _NAME = attrgetter("name")
+# A fluent, its text, and its value.
+_Entry = tuple[FluentKey, str, FluentValue]
 
 
 def _conflict(stored: str, declared: str) -> ConflictError:
@@ -34,20 +36,6 @@ def _conflict(stored: str, declared: str) -> ConflictError:
         f"{stored} is stored, but the document has {declared}; load it with mode='replace', or "
         "make the two agree"
     )
-
-
-class NamedAtoms(NamedTuple):
-    """Ground atoms with their keys."""
-
-    texts: dict[AtomKey, str]  # canonical PDDL texts
-    old: list[AtomKey]  # those that may be stored; the others mention new objects
-
-
-class NamedValues(NamedTuple):
-    """Fluents and their values."""
-
-    entries: list[tuple[FluentKey, str, FluentValue]]  # the text is that of the fluent alone
-    old: list[FluentKey]  # those that may be stored; the others mention new objects
 
 
 class NameResolver:
@@ -66,8 +54,10 @@ class NameResolver:
         if transaction.is_stateless:
             self._new = frozenset(id_ for id_ in self._ids.values() if int(id_) >= next_id)
 
-    def atoms(self, atoms: Iterable[Atom], is_goal: bool) -> NamedAtoms:
-        """Find the keys of ground atoms."""
+    def atoms(
+        self, atoms: Iterable[Atom], is_goal: bool
+    ) -> tuple[dict[AtomKey, str], list[AtomKey]]:
+        """Find the keys of ground atoms, with their texts, and those that may be stored."""
         texts: dict[AtomKey, str] = {}
         old: list[AtomKey] = []
         is_old, find, known = self._new.isdisjoint, self._arguments, self._heads["predicate"]
@@ -79,21 +69,21 @@ class NameResolver:
             # A document has each fact once, but maybe not each goal.
             if is_goal or is_old(ids):
                 old.append(key)
-        return NamedAtoms(texts, old)
+        return texts, old
 
-    def values(self, values: Iterable[FunctionValue]) -> NamedValues:
-        """Find the keys of fluents."""
-        made, known = NamedValues([], []), self._heads["function"]
+    def values(self, values: Iterable[FunctionValue]) -> tuple[list[_Entry], list[FluentKey]]:
+        """Find the keys of fluents, with their texts and values, and those that may be stored."""
+        entries, old, known = list[_Entry](), list[FluentKey](), self._heads["function"]
         for fluent, value in values:
             id_, name = known.get(fluent.function) or self._head("function", fluent.function)
             ids, names = self._arguments(fluent.terms)
             text = f"({name} {' '.join(names)})" if names else f"({name})"
             held = self._numbers.get(id(value)) or self._value(value)
             key = FluentKey(id_, " ".join(ids))
-            made.entries.append((key, text, held))
+            entries.append((key, text, held))
             if self._new.isdisjoint(ids):
-                made.old.append(key)
-        return made
+                old.append(key)
+        return entries, old
 
     def _arguments(self, terms: Sequence[object]) -> tuple[list[str], list[str]]:
         names: list[str] = [*map(_NAME, terms)]
@@ -125,7 +115,7 @@ def refuse_contradictions(
     transaction: Transaction,
     names: NameResolver,
     problem: Problem,
-    values: Collection[tuple[FluentKey, str, FluentValue]],
+    values: Collection[_Entry],
 ) -> None:
     """Refuse a problem whose initial state contradicts the stored one."""
     if not transaction.says:
@@ -137,21 +127,19 @@ def refuse_contradictions(
         if isinstance(literal, Not) and isinstance(literal.formula, Atom)
     ]
     propositions = transaction.propositions
-    found = propositions.find(names.atoms(denied, False).texts)
+    found = propositions.find(names.atoms(denied, False)[0])
     propositions.load(found.values())
     for atom in found.values():
         if propositions.holds(atom):
             raise _conflict(atom.text, f"(not {atom.text})")
     formulas = transaction.definitions.formulas
     if any(formula.section == d.INITIAL for formula in formulas):
-        for text in names.atoms(problem.facts, False).texts.values():
+        for text in names.atoms(problem.facts, False)[0].values():
             if formulas.named(d.formula_name(d.INITIAL, f"(not {text})")) is not None:
                 raise _conflict(f"(not {text})", text)
 
 
-def _refuse_values(
-    transaction: Transaction, values: Collection[tuple[FluentKey, str, FluentValue]]
-) -> None:
+def _refuse_values(transaction: Transaction, values: Collection[_Entry]) -> None:
     found = transaction.values.find({key for key, _, _ in values})
     transaction.values.load(found.values())
     for key, text, value in values:
@@ -521,7 +509,7 @@ def _put_problem_formulas(
     formulas = Formulas(transaction)
     for goal in problem.goal:
         if isinstance(goal, Atom) and is_ground(goal):
-            (text,) = names.atoms((goal,), True).texts.values()
+            (text,) = names.atoms((goal,), True)[0].values()
             formulas.items.append(d.Item(d.GOAL, text))
         else:
             formulas.put(d.GOAL, (goal,))

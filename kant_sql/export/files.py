@@ -15,6 +15,7 @@ from itertools import accumulate, product
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, Protocol
+from urllib.parse import quote
 
 from ..arguments import (
     Progress,
@@ -152,12 +153,7 @@ def folder_name(name: str) -> str:
 
 def encoded(name: str) -> str:
     """Percent-encode what is not a letter or digit of ASCII, or one of `-_.`."""
-    return "".join(
-        character
-        if character.isascii() and (character.isalnum() or character in "-_.")
-        else "".join(f"%{byte:02X}" for byte in character.encode())
-        for character in name
-    )
+    return quote(name, safe="").replace("~", "%7E")
 
 
 Write = Callable[["pyarrow.RecordBatch"], None]

@@ -51,10 +51,6 @@ class Belief:
     content: str
     revision: Revision | None
 
-    def _html_row_(self) -> html.Row:
-        by = None if self.revision is None else self.revision.actor
-        return {"content": self.content, "by": by}
-
 
 @dataclass(frozen=True)
 class Correction:
@@ -77,14 +73,16 @@ class Correction:
     said: Belief
 
     def _html_row_(self) -> html.Row:
+        revisions = self.believed.revision, self.said.revision
+        actors = [None if one is None else one.actor for one in revisions]
         return {
             "element": self.text,
             "from": self.valid_from,
             "until": self.valid_until,
             "believed": self.believed.content,
-            "by": self.believed._html_row_()["by"],
+            "by": actors[0],
             "said": self.said.content,
-            "said by": self.said._html_row_()["by"],
+            "said by": actors[1],
         }
 
 

@@ -227,19 +227,18 @@ class Lookup(NamedTuple):
     is_involved: bool = False  # an object, of which all that involves it may be asked for
 
 
-class Found(NamedTuple):
-    """What may be asked for: lookups, and their parameters."""
-
-    lookups: tuple[Lookup, ...]
-    parameters: dict[str, Any]
-
-
-def look_up(session: Session, kb_id: int, wanted: Sequence[Sought]) -> Found:
-    """Find how to ask for elements: without a statement for names, in one for formulas."""
+def look_up(
+    session: Session, kb_id: int, wanted: Sequence[Sought]
+) -> tuple[tuple[Lookup, ...], dict[str, Any]]:
+    """Find lookups of elements, and their parameters, in one statement if there are formulas."""
     found: list[Lookup] = []
     parameters: dict[str, Any] = {}
     for part, each in enumerate(wanted):
-        if not isinstance(each, Written) and _may_be(names := _names_in(each)):
+        if isinstance(each, Written):
+            continue
+        # Its own name, and those of its objects.
+        names = each.name, *(each.arguments if isinstance(each, Applied) else ())
+        if len(names) <= MAX_ARITY + 1 and all(map(is_word, names)):
             found += _lookups(part, each)
             parameters |= {_parameter(part, number): name for number, name in enumerate(names)}
     texts = {each.words for each in wanted if isinstance(each, Written)}
@@ -249,7 +248,7 @@ def look_up(session: Session, kb_id: int, wanted: Sequence[Sought]) -> Found:
         for part, id_ in enumerate(ids, start=len(wanted)):
             found.append(Lookup("formula", part))
             parameters[_parameter(part, 0)] = id_
-    return Found(tuple(found), parameters)
+    return tuple(found), parameters
 
 
 _VERSION = VERSION_COLUMNS["formula"].version
@@ -268,15 +267,6 @@ def take_objects(wanted: Sequence[Sought]) -> tuple[set[str], list[Sought]]:
         if is_word(each.name):
             names.add(each.name)
     return names, rest
-
-
-def _may_be(names: Sequence[str]) -> bool:
-    """Return whether an element can have these names: its own, and those of its objects."""
-    return len(names) <= MAX_ARITY + 1 and all(map(is_word, names))
-
-
-def _names_in(wanted: Named | Applied) -> tuple[str, ...]:
-    return (wanted.name, *wanted.arguments) if isinstance(wanted, Applied) else (wanted.name,)
 
 
 def _lookups(part: int, wanted: Named | Applied) -> Iterator[Lookup]:

@@ -110,7 +110,7 @@ class PlanBars:
     ) -> None:
         """Read those with a step that has the object and the text; the caller reads revisions."""
         self.has_more = False  # whether earlier plans, or steps, are left out
-        self._question = question
+        self._wanted = question.wanted
         self._plans: list[Row] = []
         self._steps: dict[int, list[tuple[int, str]]] = {}
         self._ran: dict[Key, _Ran] = {}
@@ -131,7 +131,7 @@ class PlanBars:
         if len(steps) > MOST_STEPS:
             self.has_more = True
             del steps[MOST_STEPS:]
-        if self._question.object is None and self._question.text is None:
+        if self._wanted.object is None and self._wanted.text is None:
             # A plan may have no steps.
             self._steps = {row[0]: [] for row in self._plans}
         for plan_id, position, text in steps:
@@ -148,8 +148,8 @@ class PlanBars:
             self._ran[place] = _Ran(status, began if before is None else before.since, ended)
 
     def _is_wanted(self, text: str) -> bool:
-        object_, part = self._question.object, self._question.text
-        if object_ is not None and fold(object_) not in tokenize(fold(text))[2:]:
+        _, object_, part = self._wanted
+        if object_ is not None and object_ not in tokenize(fold(text))[2:]:
             return False
         return is_in(part, text)
 

@@ -54,8 +54,6 @@ class MergeConflict:
         decided: `ours` or `theirs`; None if it is not decided.
     """
 
-    _json_ = "element", "base", "ours", "theirs", "decided"
-
     element: str
     base: str | None
     ours: MergeSide

@@ -193,7 +193,7 @@ class _Reader:
         question, window = self._question, self._window
         length = (window.until - window.since) // MICROSECOND
         self._slices = max(1, min(question.slices, length))
-        own = question.filter, (window.low, window.high), self._valid
+        own = question.wanted, (window.low, window.high), self._valid
         self._lanes = LaneReader(self._session, self._kb_id, *own)
 
     def read(self, name: str) -> Timeline:
@@ -208,21 +208,22 @@ class _Reader:
         versions = self._versions(sparse, cells)
         periods = self._periods(said) if said else {}
         plans = PlanBars(self._session, self._kb_id, self._window, self._question)
-        wanted = {one for own in periods.values() for each in own.bars for one in each.revisions}
+        wanted = {one for bars, _ in periods.values() for each in bars for one in each.revisions}
         told = self._told(versions, wanted.union(plans.numbers()))
         lanes = []
         for row in rows:
+            densities = tuple[Density, ...]()
             if row in periods:
-                own = periods[row]
-                if own.bars or own.densities:
-                    true = tuple([_true_bar(one, told) for one in own.bars])
-                    lanes.append(Lane(_shown_kind(row.kind), row.found.text, true, own.densities))
-                continue
-            bars, densities = versions[row], tuple[Density, ...]()
-            if row in cells:
-                bars, densities = _thin_out(cells[row], bars, moments, self._window)
-            made = tuple([_known_bar(one, told, self._window.head) for one in bars])
-            lanes.append(Lane(_shown_kind(row.kind), row.found.text, made, densities))
+                true, densities = periods[row]
+                if not (true or densities):
+                    continue
+                made = [_bar(one.since, one.until, one.value, one.number, told) for one in true]
+            else:
+                bars = versions[row]
+                if row in cells:
+                    bars, densities = _thin_out(cells[row], bars, moments, self._window)
+                made = [_known_bar(one, told, self._window.head) for one in bars]
+            lanes.append(Lane(_shown_kind(row.kind), row.found.text, tuple(made), densities))
         window = self._window
         return Timeline(
             name,
@@ -402,11 +403,8 @@ class _Period(NamedTuple):
         return self._replace(value=names[self.value]) if isinstance(self.value, int) else self
 
 
-class _Periods(NamedTuple):
-    """Periods that are bars, and those that are too short."""
-
-    bars: list[_Period]
-    densities: tuple[Density, ...] = ()
+# Periods that are bars, and the densities of those that are too short.
+_Periods = tuple[list[_Period], tuple[Density, ...]]
 
 
 def _gathered(
@@ -415,7 +413,7 @@ def _gathered(
     """Make bars of periods; of more than there is room for, of those that last for a slice."""
     # Nothing was read after the `last` instant.
     if len(periods) <= room and last is None:
-        return _Periods(periods)
+        return periods, ()
     bars = []
     short: dict[int, list[_Period]] = {}
     for one in periods:
@@ -435,13 +433,13 @@ def _gathered(
         densities.append(Density(begin, end, len(own), False, *span))
     if last is not None:
         densities.append(Density(last.time, moments[-1], 1, True))
-    return _Periods(bars, tuple(densities))
+    return bars, tuple(densities)
 
 
 def _bar(
     since: Instant,
     until: Instant | None,
-    value: str | None,
+    value: str | int | None,
     number: float | None,
     told: Mapping[int, Revision],
 ) -> Bar:
@@ -449,12 +447,8 @@ def _bar(
     actor, reason, source = why_of(told[since.revision])
     ended_by, ended_reason, ended_source = why_of(None if end is None else told[end])
     said = actor, reason, ended_by, ended_reason, source, ended_source
-    return Bar(since.revision, end, since.time, until_at, *said, value, number)
-
-
-def _true_bar(period: _Period, told: Mapping[int, Revision]) -> Bar:
-    value = None if period.value is None else str(period.value)
-    return _bar(period.since, period.until, value, period.number, told)
+    shown = None if value is None else str(value)
+    return Bar(since.revision, end, since.time, until_at, *said, shown, number)
 
 
 class _Cells(NamedTuple):

@@ -211,11 +211,11 @@ def read_newest(
     """Read versions that began up to a revision: kind, text, since, until, owner; in any order."""
     # Of each identity the newest are read, in one statement for names and one more for formulas; of
     # an object, if asked for, all that involves it.
-    found, rows = look_up(session, kb_id, wanted), list[Row]()
-    for start in range(0, len(found.lookups), MOST_LOOKUPS):
-        some = found.lookups[start : start + MOST_LOOKUPS]
+    (lookups, parameters), rows = look_up(session, kb_id, wanted), list[Row]()
+    for start in range(0, len(lookups), MOST_LOOKUPS):
+        some = lookups[start : start + MOST_LOOKUPS]
         query = _newest(some, with_involved, with_revision)
-        rows += session.rows(query, kb=kb_id, at=at, size=size, **found.parameters)
+        rows += session.rows(query, kb=kb_id, at=at, size=size, **parameters)
     # Parts of a question may name one element.
     return list(dict.fromkeys(rows))
 

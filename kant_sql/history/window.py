@@ -186,22 +186,11 @@ class TimelineQuestion(NamedTuple):
     """What a timeline shows, checked."""
 
     kinds: tuple[str, ...]  # the kinds of lanes, and `plan`
-    predicate: str | None  # the name of the predicate or the function; None for all
-    object: str | None  # the name of an object among the arguments; None for all
-    text: str | None  # a part of the text; None for all
+    wanted: LaneFilter  # the names and the text, as the store compares them
     lanes: int  # how many lanes at most
     slices: int  # how many slices at most
     after: tuple[str, LanePlace] | None  # the source and the place of the lane before the first
     unchanged: bool  # whether lanes that never changed are shown, too
-
-    @property
-    def filter(self) -> LaneFilter:
-        """The names and the text as the store compares them."""
-        return LaneFilter(
-            None if self.predicate is None else fold(self.predicate),
-            None if self.object is None else fold(self.object),
-            self.text,
-        )
 
 
 _AFTER = re.compile(r"(fact|goal|formula|value):([0-9]{1,18}):([0-9 ]*)")
@@ -238,7 +227,9 @@ def check_question(
             )
         place = match[1], LanePlace(int(match[2]), match[3])
     chosen = tuple(kind for kind in TIMELINE_KINDS if kind in wanted)
-    return TimelineQuestion(chosen, predicate, object, text, lanes, slices, place, unchanged)
+    head, argument = (None if name is None else fold(name) for name in (predicate, object))
+    shown_lanes = LaneFilter(head, argument, text)
+    return TimelineQuestion(chosen, shown_lanes, lanes, slices, place, unchanged)
 
 
 class Window(NamedTuple):

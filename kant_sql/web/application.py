@@ -37,7 +37,7 @@ from .security import Guard, Programs, allowed_hosts
 from .stores import OpenStore
 from .tokens import TokenFile
 from .transactions import Transactions
-from .writing import MOST_WRITERS, WRITES, Refusal
+from .writing import MOST_WRITERS, PATH_SCOPES, Refusal, write_routes
 
 logger = logging.getLogger("kant_sql.web")
 
@@ -126,7 +126,7 @@ def create_app(
     # First: programs ask these most often, and the routes before a path are tried one by one.
     app.include_router(reading)
     if writing is not None:
-        app.include_router(WRITES.api)
+        app.include_router(write_routes)
     for pages in (*TOPICS, *added):
         app.include_router(pages.api)
         app.include_router(pages.html)
@@ -136,7 +136,7 @@ def create_app(
         app.router.routes.append(Route(f"/{name}", endpoint, methods=["POST"]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     _answer_errors(app)
-    own = None if tokens is None else Programs(tokens, WRITES.scopes, LONGEST_BODY)
+    own = None if tokens is None else Programs(tokens, PATH_SCOPES, LONGEST_BODY)
     app.state.accepts = (lambda scope: True) if own is None else own.accepts
     app.add_middleware(
         Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token, programs=own
@@ -147,14 +147,14 @@ def create_app(
 def _answer_errors(app: FastAPI) -> None:
     """Answer errors with one sentence, never with a traceback."""
 
-    async def refused(request: Request, error: Exception) -> Response:
-        assert isinstance(error, KantSqlError)
+    @app.exception_handler(KantSqlError)
+    async def refused(request: Request, error: KantSqlError) -> Response:
         said = app.state.store.folders.said(error)
         details = json_value(vars(error)) if request.url.path.startswith(DAO_PATH) else None
         return _error(request, status_of(error), said, type(error).__name__, details)
 
-    async def wrong(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
+    @app.exception_handler(RequestValidationError)
+    async def wrong(request: Request, error: RequestValidationError) -> Response:
         parts = [
             f"the body is not JSON: {part['ctx']['error']}"
             if part["type"] == "json_invalid"
@@ -165,21 +165,17 @@ def _answer_errors(app: FastAPI) -> None:
             parts = ["the body is taken for JSON only with Content-Type: application/json"]
         return _error(request, 422, "; ".join(parts), "InvalidArgumentError")
 
-    async def failed(request: Request, error: Exception) -> Response:
-        assert isinstance(error, HTTPException)
+    @app.exception_handler(HTTPException)
+    async def failed(request: Request, error: HTTPException) -> Response:
         response = _error(request, error.status_code, str(error.detail), "HTTPException")
         response.headers.update(error.headers or {})
         return response
 
+    @app.exception_handler(Exception)
     async def broken(request: Request, error: Exception) -> Response:
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
         message = "the server failed; its log says more"
         return _error(request, 500, message, "InternalServerError")
-
-    app.add_exception_handler(KantSqlError, refused)
-    app.add_exception_handler(RequestValidationError, wrong)
-    app.add_exception_handler(HTTPException, failed)
-    app.add_exception_handler(Exception, broken)
 
 
 def _error(
@@ -220,9 +216,8 @@ def token_for(host: str) -> str | None:
         )
     if not (given.isascii() and given.isprintable()) or given != given.strip():
         raise InvalidArgumentError(
-            f"{TOKEN_VARIABLE} has characters that HTTP headers cannot carry; use ASCII "
-            "letters and "
-            "digits"
+            f"{TOKEN_VARIABLE} has characters that HTTP headers cannot carry; use ASCII letters "
+            "and digits"
         )
     return given
 

@@ -25,7 +25,7 @@ from .security import refusal
 from .stores import OpenStore, answer
 from .tokens import Token
 from .transactions import GONE, Lend, Step, Transactions
-from .writing import WRITES, Kind, RequestKey, Result, open_transaction
+from .writing import PATH_SCOPES, Kind, RequestKey, Result, open_transaction, post, write_routes
 
 reading = APIRouter(prefix="/api", tags=["DAOs"])
 
@@ -77,7 +77,7 @@ def _parsed(text: str) -> Any:
         raise InvalidArgumentError(f"the arguments are not JSON: {error}") from error
 
 
-@WRITES.post("/dao", "write")
+@post("/dao", "write")
 def dao(kb: KnowledgeBase, *, kind: Kind, do: str, arguments: Any) -> list[Result]:
     """Call a method of a DAO that writes, as the library does; the result is what it returns.
 
@@ -109,10 +109,10 @@ class TransactionStep(BaseModel):
     source: Annotated[Any, Field(description="Of `begin`: where it comes from, any JSON.")] = None
 
 
-WRITES.scopes[TRANSACTION_PATH] = "write"
+PATH_SCOPES[TRANSACTION_PATH] = "write"
 
 
-@WRITES.api.post(TRANSACTION_PATH.removeprefix("/api"), response_model=dict[str, Any])
+@write_routes.post(TRANSACTION_PATH.removeprefix("/api"), response_model=dict[str, Any])
 async def dao_transaction(
     request: Request, given: TransactionStep, kb_name: KbName = None
 ) -> Response:

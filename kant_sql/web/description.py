@@ -6,7 +6,8 @@ import inspect
 import re
 from datetime import datetime
 from decimal import Decimal
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from fastapi import FastAPI, Request
@@ -33,16 +34,9 @@ def schema_of(annotation: Any) -> Any:
         return list[arguments[0]]  # type: ignore[valid-type]
     if isinstance(origin, type) and hasattr(origin, "keys"):
         return dict[arguments]  # type: ignore[misc,valid-type]
-    return annotation if origin is None else _union(annotation, arguments)
-
-
-def _union(annotation: Any, arguments: tuple[Any, ...]) -> Any:
-    if isinstance(get_args(annotation)[0], str):
-        return annotation
-    made = arguments[0]
-    for one in arguments[1:]:
-        made |= one
-    return made
+    # One of some words stays as it is.
+    is_plain = origin is None or isinstance(get_args(annotation)[0], str)
+    return annotation if is_plain else reduce(or_, arguments)
 
 
 def texts_of(documented: object, section: str) -> tuple[str, dict[str, str]]:
@@ -87,96 +81,55 @@ class ApiType(NamedTuple):
     schema: str | None
 
 
-class ApiField(NamedTuple):
-    """A parameter of a question, or a field of a document."""
-
-    name: str
-    type: ApiType
-    is_required: bool
-    description: str
-    default: str
-
-
-class ApiQuestion(NamedTuple):
-    """A path below `/api`."""
-
-    path: str
-    description: str
-    parameters: list[ApiField]
-    answer: ApiType
-
-
-class ApiDocument(NamedTuple):
-    """A document that an answer is, or contains."""
-
-    name: str
-    description: str
-    fields: list[ApiField]
-
-
 def describe(app: FastAPI) -> None:
     """Serve the page."""
 
     @app.get("/api", include_in_schema=False)
     async def description(request: Request) -> HTMLResponse:
         document = app.openapi()
-        data = {"topics": _topics(document), "schemas": _schemas(document)}
+        data = {"topics": _topics(document), "documents": _documents(document), "type": type_of}
         return render(request, "api.html", data, None)
 
 
-def _topics(document: dict[str, Any]) -> dict[str, list[ApiQuestion]]:
-    topics: dict[str, list[ApiQuestion]] = {}
+def _topics(document: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Return the operations by topic, each with its path and the schema of its answer."""
+    topics: dict[str, list[dict[str, Any]]] = {}
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
             good = next(code for code in operation["responses"] if code.startswith("2"))
             content = operation["responses"][good].get("content", {})
-            schema = content.get("application/json", {}).get("schema", {})
-            parameters = [
-                _field(one["name"], one["schema"], one.get("required", False), one)
-                for one in operation.get("parameters", ())
-            ]
+            answer = content.get("application/json", {}).get("schema", {})
             named = path if method == "get" else f"{method.upper()} {path}"
-            question = ApiQuestion(named, operation["description"], parameters, _type_name(schema))
-            topics.setdefault(operation["tags"][0], []).append(question)
+            topics.setdefault(operation["tags"][0], []).append(
+                {**operation, "path": named, "answer": answer}
+            )
     return topics
 
 
-def _schemas(document: dict[str, Any]) -> list[ApiDocument]:
-    return [
-        ApiDocument(
-            name,
-            schema.get("description", ""),
-            [
-                _field(field, of, field in schema.get("required", ()), of)
-                for field, of in schema["properties"].items()
-            ],
-        )
+def _documents(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the schemas of what answers are, or contain, by name."""
+    return {
+        name: schema
         for name, schema in sorted(document["components"]["schemas"].items())
         if "properties" in schema and not name.endswith("Error")
-    ]
+    }
 
 
-def _field(name: str, schema: dict[str, Any], required: bool, said: dict[str, Any]) -> ApiField:
-    default = schema.get("default")
-    text = "" if default in (None, "") else str(default)
-    return ApiField(name, _type_name(schema), required, said.get("description", ""), text)
-
-
-def _type_name(schema: dict[str, Any]) -> ApiType:
+def type_of(schema: dict[str, Any]) -> ApiType:
     """Return a JSON schema as words."""
     if "$ref" in schema:
         name = schema["$ref"].removeprefix(_SCHEMA)
         return ApiType(name, name)
     if "anyOf" in schema:
-        parts = [_type_name(part) for part in schema["anyOf"]]
+        parts = [type_of(part) for part in schema["anyOf"]]
         linked = next((part.schema for part in parts if part.schema), None)
         return ApiType(" or ".join(part.text for part in parts), linked)
     if "enum" in schema:
         return ApiType(" or ".join(f'"{value}"' for value in schema["enum"]), None)
     if schema.get("type") == "array":
-        item = _type_name(schema.get("items", {}))
+        item = type_of(schema.get("items", {}))
         return ApiType(f"array of {item.text}", item.schema)
     if "additionalProperties" in schema and isinstance(schema["additionalProperties"], dict):
-        value = _type_name(schema["additionalProperties"])
+        value = type_of(schema["additionalProperties"])
         return ApiType(f"object of {value.text}", value.schema)
     return ApiType(str(schema.get("type", "any JSON value")), None)

@@ -211,7 +211,10 @@ class Guard:
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 is_file = scope["path"].startswith("/static/") and message["status"] == 200
-                _add_headers(MutableHeaders(scope=message), _CACHE if is_file else _NO_CACHE)
+                headers = MutableHeaders(scope=message)
+                cache = {"Cache-Control": _CACHE if is_file else _NO_CACHE}
+                for name, value in (_HEADERS | cache).items():
+                    headers.setdefault(name, value)
             await send(message)
 
         response = await self._refuse(scope, receive)
@@ -288,12 +291,6 @@ def _token_page(target: str, wrong: bool = False) -> Response:
 
     page = render_text("token.html", {"target": target, "wrong": wrong, "action": LOGIN})
     return Response(page, 401, media_type="text/html")
-
-
-def _add_headers(headers: MutableHeaders, cache: str) -> None:
-    for name, value in _HEADERS.items():
-        headers.setdefault(name, value)
-    headers.setdefault("Cache-Control", cache)
 
 
 def _host_name(host: str) -> str:

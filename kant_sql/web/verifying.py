@@ -71,15 +71,6 @@ class _Run:
         self.limit.check()
         self.done, self.total = done, total
 
-    def state(self) -> VerificationRun:
-        """Describe it while it runs."""
-        return VerificationRun(self.started_at, self.done, self.total)
-
-    def outcome(self, result: Verification | None, error: str | None) -> VerificationOutcome:
-        """Describe how it has ended."""
-        made_at = None if self.anchor is None else self.anchor.made_at
-        return VerificationOutcome(self.started_at, datetime.now(UTC), made_at, result, error)
-
 
 class Verifier:
     """Runs verifications, and keeps the last result of each knowledge base. Threads share it."""
@@ -98,7 +89,8 @@ class Verifier:
         """Return what is known of a knowledge base."""
         with self._lock:
             run, last = self._running.get(name), self._last.get(name)
-        return VerificationState(name, None if run is None else run.state(), last)
+        running = None if run is None else VerificationRun(run.started_at, run.done, run.total)
+        return VerificationState(name, running, last)
 
     def start(self, name: str, anchor: Anchor | None = None) -> None:
         """Start a verification; without an anchor, one that runs already is as good."""
@@ -141,9 +133,11 @@ class Verifier:
         except Exception as failed:
             logger.error("the verification of %r failed", run.name, exc_info=failed)
             error = "the verification failed; the server's log says more"
+        made_at = None if run.anchor is None else run.anchor.made_at
+        ended = VerificationOutcome(run.started_at, datetime.now(UTC), made_at, result, error)
         with self._lock:
             del self._running[run.name]
-            self._last[run.name] = run.outcome(result, error)
+            self._last[run.name] = ended
             self._last.move_to_end(run.name)
             if len(self._last) > MOST_KEPT:
                 self._last.popitem(last=False)

@@ -150,45 +150,43 @@ class _Said(BaseModel):
     ] = None
 
 
-class Writes:
-    """The requests that write."""
+# The requests that write, and the scope that each path needs.
+write_routes = APIRouter(prefix="/api", tags=["writing"])
+PATH_SCOPES: dict[str, str] = {}
 
-    def __init__(self) -> None:
-        self.api = APIRouter(prefix="/api", tags=["writing"])
-        self.scopes: dict[str, str] = {}  # the scope that each path needs
 
-    def post(self, path: str, scope: str, did: str | None = None) -> Callable[[F], F]:
-        """Register a function that writes: its keywords are the fields of the body."""
-        # It runs in a transaction, which is one revision. It returns what its changes returned, and
-        # warnings. `did` begins the reason, where none is given.
+def post(path: str, scope: str, did: str | None = None) -> Callable[[F], F]:
+    """Register a function that writes: its keywords are the fields of the body."""
+    # It runs in a transaction, which is one revision. It returns what its changes returned, and
+    # warnings. `did` begins the reason, where none is given.
 
-        def register(function: F) -> F:
-            description, texts = texts_of(function, "Args")
-            hints = inspect.signature(function, eval_str=True).parameters
-            fields: dict[str, Any] = {
-                name: (
-                    Annotated[one.annotation, Field(description=texts[name])],
-                    ... if one.default is inspect.Parameter.empty else one.default,
-                )
-                for name, one in [*hints.items()][1:]
-            }
-            name = f"{function.__name__.capitalize()}Body"
-            body = create_model(name, __base__=_Said, __doc__=description, **fields)
-            refused = {"model": schema_of(Refusal)}
-            self.scopes[f"/api{path}"] = scope
-            self.api.post(
-                path,
-                name=function.__name__,
-                description=f"{description} Needs the scope `{scope}`.",
-                response_model=schema_of(WriteAnswer),
-                responses={
-                    **dict.fromkeys((400, 401, 403, 404, 409, 413, 429, 503), refused),
-                    412: {"model": schema_of(Stale)},
-                },
-            )(_endpoint(function, body, did))
-            return function
+    def register(function: F) -> F:
+        description, texts = texts_of(function, "Args")
+        hints = inspect.signature(function, eval_str=True).parameters
+        fields: dict[str, Any] = {
+            name: (
+                Annotated[one.annotation, Field(description=texts[name])],
+                ... if one.default is inspect.Parameter.empty else one.default,
+            )
+            for name, one in [*hints.items()][1:]
+        }
+        name = f"{function.__name__.capitalize()}Body"
+        body = create_model(name, __base__=_Said, __doc__=description, **fields)
+        refused = {"model": schema_of(Refusal)}
+        PATH_SCOPES[f"/api{path}"] = scope
+        write_routes.post(
+            path,
+            name=function.__name__,
+            description=f"{description} Needs the scope `{scope}`.",
+            response_model=schema_of(WriteAnswer),
+            responses={
+                **dict.fromkeys((400, 401, 403, 404, 409, 413, 429, 503), refused),
+                412: {"model": schema_of(Stale)},
+            },
+        )(_endpoint(function, body, did))
+        return function
 
-        return register
+    return register
 
 
 def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) -> Any:
@@ -320,10 +318,7 @@ def _stale(kb: KnowledgeBase, error: StaleRevisionError) -> Stale:
     return Stale(str(error), type(error).__name__, error.actual, (*since,))
 
 
-WRITES = Writes()
-
-
-@WRITES.post("/facts", "write")
+@post("/facts", "write")
 def facts(
     kb: KnowledgeBase, *, delete: Texts = (), save: Texts = (), confirm: bool = False
 ) -> list[Result]:
@@ -338,7 +333,7 @@ def facts(
         return [kb.propositions.delete_all(delete), kb.propositions.save_all(save)]
 
 
-@WRITES.post("/values", "write")
+@post("/values", "write")
 def values(kb: KnowledgeBase, *, unset: Texts = (), set: Values | None = None) -> list[Result]:
     """Set values of functions, in one revision; the results say of each whether it changed.
 
@@ -352,7 +347,7 @@ def values(kb: KnowledgeBase, *, unset: Texts = (), set: Values | None = None) -
     return done + [dao.set(fluent, value=_number(value)) for fluent, value in (set or {}).items()]
 
 
-@WRITES.post("/transaction", "write")
+@post("/transaction", "write")
 def transaction(kb: KnowledgeBase, *, changes: Changes, confirm: bool = False) -> list[Result]:
     """Make changes of any kind, in order, in one revision: all or none of them.
 
@@ -392,7 +387,7 @@ def _call(kb: KnowledgeBase, change: DaoCall) -> Result:
     return result
 
 
-@WRITES.post("/apply", "apply", "applied")
+@post("/apply", "apply", "applied")
 def apply(kb: KnowledgeBase, *, step: Text) -> list[Result]:
     """Execute a step, if its conditions hold: `kb.apply`. There are no results.
 
@@ -403,7 +398,7 @@ def apply(kb: KnowledgeBase, *, step: Text) -> list[Result]:
     return []
 
 
-@WRITES.post("/start", "apply", "started")
+@post("/start", "apply", "started")
 def start(kb: KnowledgeBase, *, step: Text) -> list[Result]:
     """Start a durative step: `kb.start`. The result is the id of its execution.
 
@@ -413,7 +408,7 @@ def start(kb: KnowledgeBase, *, step: Text) -> list[Result]:
     return [kb.start(step).id]
 
 
-@WRITES.post("/end", "apply", "ended")
+@post("/end", "apply", "ended")
 def end(kb: KnowledgeBase, *, step: Text) -> list[Result]:
     """End a step that runs: `kb.end`. The result is the id of its execution.
 
@@ -423,7 +418,7 @@ def end(kb: KnowledgeBase, *, step: Text) -> list[Result]:
     return [kb.end(step).id]
 
 
-@WRITES.post("/abort", "apply", "aborted")
+@post("/abort", "apply", "aborted")
 def abort(kb: KnowledgeBase, *, step: Text, undo: bool = False) -> list[Result]:
     """Abort a step that runs: `kb.abort`. The result is the id of its execution.
 
@@ -434,7 +429,7 @@ def abort(kb: KnowledgeBase, *, step: Text, undo: bool = False) -> list[Result]:
     return [kb.abort(step, undo=undo).id]
 
 
-@WRITES.post("/fail", "apply", "failed")
+@post("/fail", "apply", "failed")
 def fail(
     kb: KnowledgeBase, *, execution: Text, code: Text | None = None, text: Text | None = None
 ) -> list[Result]:
@@ -451,7 +446,7 @@ def fail(
     return [kb.fail(found, code=code, text=text).id]
 
 
-@WRITES.post("/load", "write")
+@post("/load", "write")
 def load(
     kb: KnowledgeBase,
     *,

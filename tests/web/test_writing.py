@@ -17,7 +17,7 @@ from kant_sql.dao_calls import LONGEST_BODY
 from kant_sql.web import writing
 from kant_sql.web.application import create_app
 from kant_sql.web.tokens import TokenFile
-from kant_sql.web.writing import WRITES
+from kant_sql.web.writing import PATH_SCOPES
 from tests.support.processes.commands import run
 from tests.web.conftest import BASE
 
@@ -321,7 +321,7 @@ def test_without_tokens_there_is_nothing_to_write_with(url: str) -> None:
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         kb.types.save("robot")
     with TestClient(create_app(url), base_url=BASE) as client:
-        assert {client.post(path, json={}).status_code for path in WRITES.scopes} == {404, 405}
+        assert {client.post(path, json={}).status_code for path in PATH_SCOPES} == {404, 405}
         assert not any(
             "writing" in str(path)
             for path in client.get("/api/openapi.json").json()["paths"].values()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
@@ -72,14 +73,10 @@ def first_of(session: Session, kb_id: int, leaving: Leaving, most: int) -> Leavi
     """Limit the versions to remove at once: whole revisions, at least one."""
     if leaving.total <= most:
         return leaving
-    low, high = leaving.low, leaving.high
-    while low < high:
-        middle = (low + high) // 2
-        if count(session, kb_id, leaving.low, middle).total < most:
-            low = middle + 1
-        else:
-            high = middle
-    return count(session, kb_id, leaving.low, high)
+    low = leaving.low
+    ends = range(low, leaving.high)
+    place = bisect_left(ends, most, key=lambda end: count(session, kb_id, low, end).total)
+    return count(session, kb_id, low, low + place)
 
 
 def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session, int]) -> None:
@@ -104,15 +101,11 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
 _Statement = tuple[Query, dict[int, Callable[[Any], Any]]]
 
 
-def _unsigned(raw: float | None) -> float | None:
-    """Drop the sign of zero, as a number too small for a double is one on PostgreSQL alone."""
-    return None if raw is None else raw + 0.0
-
-
-# SQLite stores booleans as numbers.
+# SQLite stores booleans as numbers. The sum drops the sign of zero, as which PostgreSQL alone has a
+# number too small for a double.
 _AS_READ: tuple[tuple[type[Any], Callable[[Any], Any]], ...] = (
     (Boolean, bool),
-    (Float, _unsigned),
+    (Float, lambda raw: None if raw is None else raw + 0.0),
 )
 
 

@@ -160,16 +160,14 @@ class _Push:
         if self._terms.adopt and here.origin is not None:
             raise ReplicaError(
                 f"{self._source.backend.label}: knowledge base {name!r} is itself a replica, of "
-                f"the one in {here.origin}; nothing was written: if {label} is "
-                "that one, nobody could write to either; push from the original, or promote "
-                "this source"
+                f"the one in {here.origin}; nothing was written: if {label} is that one, nobody "
+                "could write to either; push from the original, or promote this source"
             )
         if not self._terms.adopt:
             raise ReplicaError(
                 f"{label}: knowledge base {name!r} is not a replica: others may write to it; "
-                "nothing was written. It has the same history up to revision "
-                f"{head.revision}: to make it "
-                "a replica, which refuses local writes, push with adopt=True (--adopt)"
+                f"nothing was written. It has the same history up to revision {head.revision}: to "
+                "make it a replica, which refuses local writes, push with adopt=True (--adopt)"
             )
 
     def _refuse_restored(self, stores: Stores, here: HeadState) -> None:

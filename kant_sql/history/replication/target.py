@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from datetime import datetime
@@ -87,14 +88,11 @@ def last_archive(session: Session, kb_id: int) -> str | None:
 def first_difference(stores: Stores, upto: int) -> int:
     """Find the first revision with another hash, by a binary search: each covers all before it."""
     source, source_kb, target, target_kb = stores
-    low, high = 1, upto
-    while low < high:
-        middle = (low + high) // 2
-        if hash_of(source, source_kb, middle) == hash_of(target, target_kb, middle):
-            low = middle + 1
-        else:
-            high = middle
-    return low
+
+    def differs(number: int) -> bool:
+        return hash_of(source, source_kb, number) != hash_of(target, target_kb, number)
+
+    return 1 + bisect_left(range(1, upto), True, key=differs)
 
 
 def diverged(stores: Stores, name: str, upto: int) -> KantSqlError:

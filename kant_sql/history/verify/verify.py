@@ -80,11 +80,6 @@ class Kept(NamedTuple):
     # when a verification that began at revision 1 last ended; None: none was kept
     complete_at: datetime | None
 
-    @property
-    def origin(self) -> str:
-        """Name the verification, for a message."""
-        return f"verification of {time_text(self.verified_at)}"
-
 
 def read_kept(session: Session, kb_id: int) -> Kept | None:
     """Read how far it was verified; None if nothing was kept, or nothing readable."""
@@ -357,7 +352,8 @@ class _Verifier:
             place = f"anchor of {anchored.committed_at}"
             _check_anchor(check, anchored.revision, anchored.hash, place, chain)
         if kept is not None:
-            _check_anchor(check, kept.revision, kept.hash, kept.origin, chain)
+            place = f"verification of {time_text(kept.verified_at)}"
+            _check_anchor(check, kept.revision, kept.hash, place, chain)
         self._tell(self._last + self._ids)
         return Verification(
             self._name,

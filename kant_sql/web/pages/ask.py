@@ -7,7 +7,6 @@ from typing import Annotated, Literal, NamedTuple
 
 from fastapi import Query
 
-from ...dto.formulas import Formula
 from ...knowledge_base import KnowledgeBase
 from ...moment_text import Moment
 from ...reasoning.complete import Completion
@@ -125,7 +124,7 @@ def _answers(
 
 def _periods(
     kb: KnowledgeBase,
-    condition: str | Formula,
+    condition: str,
     bounds: tuple[Moment | None, Moment | None],
     parameters: str | None,
     clock: str,
