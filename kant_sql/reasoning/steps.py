@@ -20,7 +20,7 @@ from ..knowledge.definitions import ActionDefinition, Definitions
 from ..knowledge.formulas import action_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
-from ..pddl.document import ACTION, DURATIVE_ACTION, Action
+from ..pddl.document import DURATIVE_ACTION, EXECUTABLE, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import Plan, PlanStep
@@ -400,7 +400,7 @@ def prepared(definitions: Definitions, definition: ActionDefinition) -> Prepared
 
 def executable(definitions: Definitions) -> Iterator[ActionDefinition]:
     """Yield the actions that can be steps: processes and events are not."""
-    return (each for each in definitions.actions if each.kind in (ACTION, DURATIVE_ACTION))
+    return (each for each in definitions.actions if each.kind in EXECUTABLE)
 
 
 def find_action(definitions: Definitions, name: str) -> ActionDefinition:
@@ -409,7 +409,7 @@ def find_action(definitions: Definitions, name: str) -> ActionDefinition:
     if found is None:
         names = [each.name for each in executable(definitions)]
         raise InvalidKnowledgeError(f"the action {shown(name)} is not known{hint(name, names)}")
-    if found.kind not in (ACTION, DURATIVE_ACTION):
+    if found.kind not in EXECUTABLE:
         raise UnsupportedConstructError(
             f"{found.name!r} is of kind {found.kind}, which happens by itself; name an action"
         )
@@ -484,15 +484,12 @@ def _given(definitions: Definitions, step: object) -> _Given:
             actions=lambda: [each.name for each in definitions.actions],
         )
         return *read, None if duration is None else Decimal(duration), None
-    if isinstance(step, PlanStep):
-        return step.action, step.arguments, step.duration, None
-    if isinstance(step, Execution):
-        return step.action, step.arguments, step.duration, step
-    found = _of_unified_planning(step)
-    return found.action, found.arguments, None, None
+    recorded = step if isinstance(step, Execution) else None
+    given = recorded or read_plan_step(step)
+    return given.action, given.arguments, given.duration, recorded
 
 
-def read_plan_step(step: Step) -> PlanStep:
+def read_plan_step(step: object) -> PlanStep:
     """Read a step of a plan, whatever it names."""
     if isinstance(step, PlanStep):
         return step
