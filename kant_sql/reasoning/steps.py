@@ -25,6 +25,7 @@ from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import Plan, PlanStep
 from .arithmetic import ADDITIVE
+from .ask import find_object
 from .failures import FailedCondition
 
 T = TypeVar("T")
@@ -449,15 +450,7 @@ def _ground(definitions: Definitions, step: object) -> GroundStep:
             f"({' '.join((name, *arguments))}) has {len(arguments)} arguments, expected "
             f"{len(action.parameters)} as in ({wanted})"
         )
-    objects = []
-    for argument in arguments:
-        object_ = definitions.objects.named(argument)
-        if object_ is None:
-            names = [each.name for each in definitions.objects]
-            raise InvalidKnowledgeError(
-                f"the object {shown(argument)} of the step is not known{hint(argument, names)}"
-            )
-        objects.append(object_)
+    objects = [find_object(definitions, each, " of the step") for each in arguments]
     ids = tuple([each.id for each in objects])
     names_ = tuple([each.name for each in objects])
     return GroundStep(action, ids, names_, duration, recorded)
