@@ -408,7 +408,7 @@ class _Tracer:
         self.links: _Links = []
         # The state after the last archived revision is the first that conditions are judged in.
         self.searched = position.archived and position.archived + 1
-        self._reader = ExecutionReader(state.store, view, view.kb_id)
+        self._reader = ExecutionReader(state.store, view)
         self._evaluation = _Evaluation(view, position.head)
 
     def result(self, text: str) -> CauseLinks:
