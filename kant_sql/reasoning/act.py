@@ -12,7 +12,7 @@ from ..arguments import count_limit, expect, optional_text, shown
 from ..errors import InvalidArgumentError
 from ..html import Feed, Listing
 from ..knowledge.definitions import Definitions, ObjectDefinition
-from ..knowledge.resolved import fits
+from ..knowledge.resolved import FALSE, fits
 from ..pddl.cursor import hint
 from ..planning import PlanStep
 from ..store.snapshot import View
@@ -152,7 +152,7 @@ class _Search(NamedTuple):
             return []
         action = prepared(definitions, definition)
         promise, fixed = promise_of(action), self._objects(definitions, action)
-        if fixed is None or not promise.is_listed or not is_executable(action):
+        if fixed is None or promise.listed == FALSE or not is_executable(action):
             return []
         ids = {position: object_.id for position, object_ in fixed.items()}
         for position, id_ in ids.items():

@@ -42,15 +42,7 @@ from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .act import begin, in_revision, step_text, view_of
-from .effects import (
-    Earlier,
-    EffectReader,
-    StepChanges,
-    combined,
-    not_applicable,
-    settled,
-    unchanged,
-)
+from .effects import Earlier, EffectReader, StepChanges, combined, new_values, not_applicable
 from .explain import Explainer
 from .failures import FailedCondition
 from .promise import closed_nodes, duration_of, is_true, until_end
@@ -563,8 +555,8 @@ def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
         numbers = {} if step.duration is None else {f.DURATION: step.duration}
         read = EffectReader(view, found, numbers).read(found.action.items(AT_START))
         deleted = {key: key.text(view.definitions) for key in read.deletes if key not in read.adds}
-        items, _ = settled(view, read)
-        same = unchanged(view, items)
+        pairs = new_values(view, read).items()
+        same = {key for key, (before, value) in pairs if value == before}
         return read, {**read.adds, **deleted}, same
 
     try:
