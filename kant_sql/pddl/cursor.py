@@ -59,9 +59,8 @@ class Diagnostics:
     def __init__(self, strict: bool) -> None:
         # Whether a violation of the standard is an error.
         self.strict = flag(strict, "strict", InvalidArgumentError)
-        self.standard_names: set[str] = set()  # names of typed lists that were checked
-        # The same for variables, with their question marks.
-        self.standard_variables: set[str] = set()
+        # The names of typed lists that were checked, and variables with their question marks.
+        self.checked: dict[str, set[str]] = {OBJECTS: set(), VARIABLES: set()}
         self.odd_names: set[str] = set()  # other names that already have a warning
         # The messages of each section, by the indexes of their tokens.
         self._noted: dict[Section, list[tuple[int, str]]] = {}
@@ -230,15 +229,12 @@ class Cursor:
     def typed_list(self, kind: str) -> list[Group]:
         """Read a typed list and the parenthesis after it."""
         tokens, at = self.tokens, self.at
-        diagnostics = self.diagnostics
-        standard = (
-            diagnostics.standard_variables if kind == VARIABLES else diagnostics.standard_names
-        )
+        checked = self.diagnostics.checked[kind]
         groups: list[Group] = []
         start = at
         while True:
             token = tokens[at]
-            if token in standard:
+            if token in checked:
                 at += 1
                 continue
             self.at = at
@@ -269,14 +265,12 @@ class Cursor:
 
     def _check_name(self, kind: str, token: str) -> None:
         """Check a name of a typed list, once for each spelling."""
-        name, known = token, self.diagnostics.standard_names
-        if kind == VARIABLES:
-            if token[:1] != "?":
-                self.fail("a variable, which begins with '?'")
-            name, known = token[1:], self.diagnostics.standard_variables
+        if kind == VARIABLES and token[:1] != "?":
+            self.fail("a variable, which begins with '?'")
+        name = token[1:] if kind == VARIABLES else token
         if _STANDARD_NAME.fullmatch(name) is None:
             self.odd_name(name, kind)
-        known.add(token)
+        self.diagnostics.checked[kind].add(token)
 
     def odd_name(self, name: str, kind: str) -> None:
         """Warn about a name that is not standard; refuse one that cannot be a name."""
