@@ -174,10 +174,9 @@ class Scanner:
         section = Section(self._text, keyword, start, start)
         if keyword == HEAD:
             self._forms.append(Form(section))
-        elif self._forms:
-            self._forms[-1].add(section)
         else:
-            self._refuse(start, f"'({keyword}'", "(define")
+            # A section before any form is within foreign text, which is not closed.
+            self._forms[-1].add(section)
         return section
 
     def _check_head(self, form: Form) -> None:
