@@ -13,6 +13,7 @@ import typer
 from ..dto import formulas as f
 from ..errors import InvalidKnowledgeError, UnknownNameError, UnsupportedConstructError, printable
 from ..knowledge.canonical import time_text
+from ..knowledge.sayings import COMMITTED
 from ..pddl.lexer import Source, decode, load
 from . import common as c
 from .documents import STANDARD_INPUT, read_bytes
@@ -300,9 +301,18 @@ def rules(
     source = next(map(rules_source, given), None)
     if refuse and save is None:
         raise typer.BadParameter("goes with --save", param_hint="--refuse")
+    of_range = bool(since or until or clock != COMMITTED)
     if save is not None or delete is not None:
+        if of_range or kept or at or as_json or (given and save is None):
+            hint = "--save and --delete"
+            raise typer.BadParameter("these judge nothing; leave out the rest", param_hint=hint)
         with c.open_to_read(url, kb, actor) as (_, knowledge_base):
             return _change_kept(knowledge_base, save, delete, source, refuse)
+    if kept and (given or of_range):
+        raise typer.BadParameter(
+            "judges each rule since it was saved; leave out RULES, --since, --until and --clock",
+            param_hint="--kept",
+        )
     first, last = c.parse_range(since, until)
     with c.open_state(url, kb, at) as (name, state):
         if kept:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from threading import Lock
@@ -12,7 +12,6 @@ from ..arguments import seconds
 from ..dto import formulas as f
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import find_bounds, head_revision, last_before
-from ..history.revisions import read_numbered
 from ..knowledge.definitions import Definitions
 from ..moment_text import When
 from ..sql.dialects.base import Row, Session
@@ -20,8 +19,18 @@ from ..sql.periods import read_ends_of_rules, read_kept_rules
 from ..store.snapshot import read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
-from .rules import Judge, Rules, Verdict, Verdicts, read_constraints
-from .sweep import Range
+from .rules import (
+    Judge,
+    Rules,
+    Verdict,
+    Verdicts,
+    conclude,
+    judge_together,
+    read_constraints,
+    stand,
+    verdicts,
+)
+from .sweep import Range, Sweep
 
 _TEXT = re.compile(r"\(:rule (\S+) :on-violation \S+ (.*)\)", re.DOTALL)
 
@@ -81,6 +90,10 @@ class _Asked:
     definitions: Definitions
     name: str | None = None
 
+    def judge(self) -> Judge:
+        """Begin to judge."""
+        return Judge(self.constraints, name=self.name, watches=True)
+
 
 class RuleWatcher:
     """Judges rules as revisions come: those that are given, or those that are kept."""
@@ -90,13 +103,13 @@ class RuleWatcher:
     ) -> None:
         """Begin after a revision."""
         self.last = last  # the last revision whose verdicts were returned
-        self._store = store
-        self._given: list[_Asked] | None = None
-        if rules is not None:
-            low = find_bounds(State(store), since, None).low
-            self._given = [_Asked(low, *read_constraints(store, rules, None))]
-        self._kept: dict[Row, _Asked] = {}
+        self._store, self._rules = store, rules
+        self._low = 1 if rules is None else find_bounds(State(store), since, None).low
+        # What rules are read of: rows of those that are kept, or nothing.
+        self._asked: dict[Row, _Asked] = {} if rules is None else self._read_given(rules)
         self._judges: dict[_Asked, Judge] = {}
+        self._sweep: Sweep | None = None
+        self._erased: int | None = 0  # the last erasure; 0 before the first look
         self._lock = Lock()
 
     def stand(self, head: int) -> list[Verdict]:
@@ -107,63 +120,102 @@ class RuleWatcher:
                 self.last, self._judges = 0, {}
             self._judge(head)
 
-            def work(session: Session, kb_id: int | None) -> list[Verdict]:
-                judges = self._judges.values()
-                cited = {number for one in judges for number in one.cited}
-                # Of all at once, so that statements do not grow with rules.
-                revisions = {} if kb_id is None else read_numbered(session, kb_id, cited)
-                return [each for one in judges for each in one.standing(session, revisions)]
+            def work(session: Session, kb_id: int) -> list[Verdict]:
+                return stand(session, kb_id, [*self._judges.values()])
 
-            return self._store.query_in_snapshot(work)
+            return self._store.query_known(work, [])
+
+    def within(self, low: int, high: int) -> list[Verdict]:
+        """Judge a range as a whole by the rules that are kept at its end, each since it was."""
+        judges = {one: Judge(one.constraints, name=one.name) for one in self._read_kept(high)}
+        for judge in judges.values():
+            judge.last = low - 1
+
+        def work(session: Session, kb_id: int) -> list[Verdict]:
+            _judge_upto(session, kb_id, judges, high, None)
+            return conclude(session, kb_id, [*judges.values()])
+
+        return self._store.query_known(work, [])
 
     def follow(self, head: int) -> list[Verdict]:
         """Judge the revisions up to a new head; return the verdicts that they decided."""
         # A rule that is gone by then is judged for as long as it was kept.
         read = partial(read_ends_of_rules, after=self.last + 1, high=head)
-        ends: list[int] = [] if self._given is not None else self._store.query_known(read, [])
+        ends: list[int] = self._store.query_known(read, []) if self._rules is None else []
         upto = [*(number - 1 for number in ends), head]
         return [verdict for high in upto for verdict in self._judge(high)]
 
     def _judge(self, head: int) -> list[Verdict]:
         """Judge the rules that are kept at a head, or that are given."""
-        asked = self._read_kept(head) if self._given is None else self._given
+        self._heed()
+        asked = [*self._asked.values()] if self._rules is not None else self._read_kept(head)
 
-        def work(session: Session, kb_id: int | None) -> list[Verdict]:
+        def work(session: Session, kb_id: int) -> list[Verdict]:
             # After an error it starts from the beginning.
             before, self._judges = self._judges, {}
-            judges: dict[_Asked, Judge] = {}
-            found: list[Verdict] = []
-            if kb_id is None:
-                return []
-            archived = read_position(session, kb_id).archived
-            for one in asked:
-                known = one.constraints, one.definitions
-                judge = before.get(one) or Judge(kb_id, *known, name=one.name, watches=True)
-                judges[one] = judge
-                for high in (self.last, head):
-                    judge.decided()
-                    low = max(one.low, judge.last + 1, archived if one.name else 0)
-                    if low <= high:
-                        refuse_archived(session, kb_id, low, archived)
-                        judge.follow(session, Range(low, high, archived))
-                found += judge.decided()
-            self._judges, self.last = judges, head
+            sweep, self._sweep = self._sweep, None
+            judges = {one: before.get(one) or one.judge() for one in asked}
+            for high in (self.last, head):
+                for judge in judges.values():
+                    judge.take()
+                sweep = _judge_upto(session, kb_id, judges, high, sweep)
+            self._judges, self._sweep, self.last = judges, sweep, head
+            found = verdicts(session, kb_id, {one: one.take() for one in judges.values()})
             return sorted(found, key=lambda one: one.revision.number if one.revision else 0)
 
-        return self._store.query_in_snapshot(work)
+        return self._store.query_known(work, [])
+
+    def _heed(self) -> None:
+        """Begin again after an erasure: what was read before has the names that it erased."""
+        erased = self._store.query(read_position).erased
+        if self._erased not in (0, erased):
+            self._judges, self._sweep = {}, None
+            self._asked = {} if self._rules is None else self._read_given(self._rules)
+        self._erased = erased
+
+    def _read_given(self, rules: Rules) -> dict[Row, _Asked]:
+        return {(): _Asked(self._low, *read_constraints(self._store, rules, None))}
 
     def _read_kept(self, head: int) -> list[_Asked]:
         """Read the rules that are kept at a revision."""
-        rows: list[Row] = self._store.query_known(partial(read_kept_rules, at=head), [])
-        before, self._kept = self._kept, {}
-        for row in map(tuple, rows):
-            self._kept[row] = before.get(row) or self._read(head, *row[1:])
-        return [*self._kept.values()]
+        read = partial(read_kept_rules, at=head)
+        found: list[Row] = self._store.query_known(read, [])
+        rows = [tuple(row) for row in found]
+        new = [row for row in rows if row not in self._asked]
+        if new:
+            # What they name is defined as long as they are kept.
+            known = self._store.read_definitions(lambda known: known, head)
+            self._asked |= {row: self._read(known, *row[1:]) for row in new}
+        self._asked = {row: self._asked[row] for row in rows}
+        return [*self._asked.values()]
 
-    def _read(self, head: int, since: int, text: str) -> _Asked:
+    def _read(self, known: Definitions, since: int, text: str) -> _Asked:
         found = _TEXT.fullmatch(text)
         assert found is not None
-        return _Asked(since, *read_constraints(self._store, found[2], head), found[1])
+        return _Asked(since, *read_constraints(self._store, found[2], None, known), found[1])
+
+
+def kept_within(state: State, low: int, high: int) -> list[Verdict]:
+    """Judge a range by the rules that are kept at its end, by each since it was saved."""
+    return RuleWatcher(state.store, 0).within(low, high)
+
+
+def _judge_upto(
+    session: Session, kb_id: int, judges: Mapping[_Asked, Judge], high: int, before: Sweep | None
+) -> Sweep | None:
+    """Judge the revisions that each judge has not seen, in statements that all share."""
+    archived = read_position(session, kb_id).archived
+    begins = [
+        (judge, max(one.low, judge.last + 1, archived if one.name else 0))
+        for one, judge in judges.items()
+    ]
+    due = [(judge, low) for judge, low in begins if low <= high]
+    if not due:
+        return before
+    begin = min(low for _, low in due)
+    refuse_archived(session, kb_id, begin, archived)
+    newest = max((one.definitions for one in judges), key=lambda each: each.revision or 0)
+    return judge_together(session, kb_id, due, newest, Range(begin, high, archived), before)
 
 
 def watcher_of(

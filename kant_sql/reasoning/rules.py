@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -41,6 +41,7 @@ from .evaluate import Conditions
 from .sweep import Range, Sweep, Visit, read_at_last, read_range, revision_text
 from .trajectory import Moment, Rule, rules_of
 from .valid_sweep import ValidPast, ValidSweep, check_range, instant_at, read_past
+from .world import World
 
 
 @dataclass(frozen=True)
@@ -243,9 +244,10 @@ def check_rules(
         if kb_id is None or bounds.high < bounds.low:
             return Verdicts([*_not_judged(constraints)], first=0, last=0)
         span = read_range(session, kb_id, bounds)
-        judge = Judge(kb_id, constraints, definitions, clock)
-        judge.follow(session, span)
-        return Verdicts(judge.conclude(session), first=span.low, last=span.high)
+        judge = Judge(constraints, clock)
+        judge_together(session, kb_id, [(judge, span.low)], definitions, span)
+        found = conclude(session, kb_id, [judge])
+        return Verdicts(found, first=span.low, last=span.high)
 
     return store.query_in_snapshot(work)
 
@@ -258,10 +260,10 @@ def _check_valid(state: State, rules: Rules | None, span: ValidRange) -> Verdict
         if kb_id is None or not span.known:
             return Verdicts([*_not_judged(constraints)], first=0, last=0)
         check_range(session, kb_id, span)
-        judge = Judge(kb_id, constraints, past.definitions, VALID)
-        judge.follow_valid(session, past)
+        judge = Judge(constraints, VALID)
+        _judge_valid(session, kb_id, judge, past)
         first = min(span.before + 1, span.known)
-        return Verdicts(judge.conclude(session), first=first, last=span.known)
+        return Verdicts(conclude(session, kb_id, [judge]), first=first, last=span.known)
 
     return state.store.query_in_snapshot(work)
 
@@ -289,12 +291,13 @@ def read_constraints(
     return read_at_last(store, text.code, lambda symbols: read_rules(text, symbols=symbols), upto)
 
 
-class _Decided(NamedTuple):
-    """A verdict on a rule that a state decided; without a word, the verdict so far."""
+class Decided(NamedTuple):
+    """A verdict on a rule, and the state that decided it, if one did."""
 
     rule: Rule
-    moment: Moment | None
-    verdict: str | None = None
+    verdict: str
+    revision: int | None = None  # 0 for the state before a range of valid times
+    time: Decimal = Decimal(0)
 
 
 def _verdict(rule: Rule, last: Moment) -> str:
@@ -304,16 +307,16 @@ def _verdict(rule: Rule, last: Moment) -> str:
     return PENDING if rule.is_open(last) else KEPT
 
 
+# When a revision was committed, and when its knowledge was observed.
+_Times = tuple[datetime, datetime | None]
 _Key = tuple[int, str, tuple[tuple[str, str], ...]]
 
 
 @dataclass(eq=False)
 class Judge:
-    """Judges constraints by the states of a range."""
+    """Judges constraints by the states that it sees; if it watches, it says what each decides."""
 
-    kb_id: int
     constraints: Sequence[f.Formula]
-    definitions: Definitions
     clock: str = COMMITTED
     name: str | None = None
     watches: bool = False
@@ -321,7 +324,8 @@ class Judge:
     def __post_init__(self) -> None:
         nodes = f.walk(*self.constraints)
         numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
-        self._bounds = sorted({number.value for number in numbers})
+        self.bounds = sorted({number.value for number in numbers})  # the times in its rules
+        self.last = 0  # the last revision that was judged; 0 before the first
         # The rules, each with the order of its constraint, and its own.
         self._known: dict[_Key, tuple[tuple[int, int], Rule]] = {}
         # The constraints that had a meaning in some world.
@@ -332,84 +336,66 @@ class Judge:
         self._conditions: Conditions | None = None
         # The revisions that were judged, by the index of their moments.
         self._judged = array("q")
-        self._sweep: Sweep | None = None
-        self._visit: Visit | None = None
-        self._first: int = 0
-        self._begin: datetime | None = None
-        self._before = Decimal(-1)
+        self._world: World | None = None
+        self._first = self._low = 0
+        self.begin_at: datetime | None = None  # when its trajectory begins
+        self._now = Decimal(-1) if self.bounds else Decimal(0)
         # The verdict on each rule, and when another one came.
-        self._verdict: dict[int, str | None] = {}
-        self._decided: list[_Decided] = []
+        self._words: dict[int, str | None] = {}
+        self._decided: list[Decided] = []
 
-    @property
-    def last(self) -> int:
-        """The last revision that was judged; 0 before the first."""
-        return self._range.high if self._first else 0
+    # States.
 
-    def follow(self, session: Session, span: Range) -> None:
-        """Judge the states of a range; another one begins where the last one ended."""
-        self._session, self._range = session, span
-        self._first = self._first or span.low
-        self._judge(self._moments())
+    def begin(self, low: int) -> None:
+        """Begin a range; another one goes on where the last one ended."""
+        self._first, self._low = self._first or low, low
 
-    def follow_valid(self, session: Session, past: ValidPast) -> None:
-        """Judge the states of a range of valid times."""
-        self._session = session
-        self._judge(self._valid_moments(past))
+    def reach(self, number: int, times: _Times, before: Visit | None) -> bool:
+        """Go on to the time of a revision; return whether it is next to a time in a rule.
 
-    def _judge(self, moments: Iterable[tuple[Decimal, int, Visit]]) -> None:
-        for time, revision, following in moments:
-            visit = self._visit
-            if following is not visit:
-                if visit is None or following.world is not visit.world:
-                    self._enter(following)
-                self._visit = following
-            self._observe(Moment(len(self._judged), time))
-            self._judged.append(revision)
+        Then it judges the state before, too.
+        """
+        moment = self._moment(*times)
+        self.begin_at = self.begin_at or moment
+        # Observations may come late; a trajectory does not go back.
+        earlier, self._now = self._now, max(self._now, _seconds(self.begin_at, moment))
+        passes = self._passes(earlier, self._now)
+        seen = max(self._low - 1, self._judged[-1] if self._judged else 0)
+        if passes and before is not None and seen < number - 1:
+            self.judge(earlier, number - 1, before)
+        return passes
 
-    def conclude(self, session: Session) -> list[Verdict]:
+    def see(self, number: int, visit: Visit) -> None:
+        """Judge the state of a revision, at the time that was reached."""
+        self.judge(self._now, number, visit)
+
+    def judge(self, time: Decimal, revision: int, visit: Visit) -> None:
+        """Judge a state."""
+        if visit.world is not self._world:
+            self._world = visit.world
+            self._enter(visit)
+        self._observe(Moment(len(self._judged), time), revision)
+        self._judged.append(revision)
+
+    def conclude(self) -> None:
         """Judge the trajectory after its last state."""
         for _, rule in self._known.values():
             for monitor in rule.monitors:
                 monitor.conclude(self._last[id(rule)])
-        return self.standing(session)
 
-    @property
-    def cited(self) -> set[int]:
-        """The revisions that are read for the verdicts so far."""
-        found = (rule.violation for _, rule in self._known.values())
-        return {self._first, *(self._judged[one.index] for one in found if one is not None)}
-
-    def standing(
-        self, session: Session, revisions: Mapping[int, Revision] | None = None
-    ) -> list[Verdict]:
-        """Return the verdicts so far, in the order of the rules; `revisions` has those cited."""
-        self._session = session
-        rules = sorted(self._known.values())
-        decided = [_Decided(rule, rule.violation) for _, rule in rules]
-        verdicts = self._verdicts(decided, revisions)
-        found = [(order[0], verdict) for (order, _), verdict in zip(rules, verdicts, strict=True)]
-        for number, constraint in enumerate(self.constraints):
-            if number not in self._meant:
-                found += [(number, verdict) for verdict in _not_judged([constraint], self.name)]
-        return [verdict for _, verdict in sorted(found, key=itemgetter(0))]
-
-    def decided(self) -> list[Verdict]:
-        """Return the verdicts that came since the last call."""
-        found, self._decided = self._decided, []
-        return self._verdicts(found)
-
-    def _observe(self, now: Moment) -> None:
+    def _observe(self, now: Moment, revision: int) -> None:
         conditions = self._conditions
         assert conditions is not None
         for rule in self._live:
             self._last[id(rule)] = now
             for monitor in rule.monitors:
                 monitor.observe(now, conditions.holds)
-            verdict = _verdict(rule, now) if self.watches else None
-            if self._verdict.get(id(rule)) != verdict:
-                self._verdict[id(rule)] = verdict
-                self._decided.append(_Decided(rule, now, verdict))
+            if not self.watches:
+                continue
+            verdict = _verdict(rule, now)
+            if self._words.get(id(rule)) != verdict:
+                self._words[id(rule)] = verdict
+                self._decided.append(Decided(rule, verdict, revision, now.time))
 
     def _enter(self, visit: Visit) -> None:
         """Find the rules that have a meaning in a world; those for new objects begin here."""
@@ -429,74 +415,9 @@ class Judge:
                 _, own = self._known.setdefault(key, ((number, len(self._known)), rule))
                 self._live.append(own)
 
-    # Moments.
-
-    def _moments(self) -> Iterator[tuple[Decimal, int, Visit]]:
-        """Yield the time and the number of each revision to judge, and its state."""
-        session, kb_id, span = self._session, self.kb_id, self._range
-        known = self.constraints, self.definitions
-        sweep = self._sweep = Sweep(session, kb_id, *known, span, False, self._sweep)
-        return self._timed(sweep) if self._bounds else self._untimed(sweep)
-
-    def _untimed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
-        """Yield the first revision, those that touch what the rules mention, and the last one."""
-        present, revision = sweep.begin(), self._range.low
-        if present is not None and sweep.following != revision:
-            yield Decimal(0), revision, present
-        while sweep.following is not None:
-            present = sweep.step()
-            revision = present.revision
-            yield Decimal(0), revision, present
-        if present is not None and revision != self._range.high:
-            yield Decimal(0), self._range.high, present
-
-    def _timed(self, sweep: Sweep) -> Iterator[tuple[Decimal, int, Visit]]:
-        """Yield those revisions, and those on both sides of the times of rules."""
-        session, kb_id, (low, high, _) = self._session, self.kb_id, self._range
-        present = sweep.begin()
-        yielded = low - 1
-        for number, committed, observed in stream_times(session, kb_id, low, high):
-            moment = self._moment(committed, observed)
-            self._begin = self._begin or moment
-            # Observations may come late; a trajectory does not go back.
-            before, time = self._before, max(self._before, _seconds(self._begin, moment))
-            passes = self._passes(before, time)
-            if passes and present is not None and yielded < number - 1:
-                yield before, number - 1, present
-            is_next = sweep.following == number
-            if is_next:
-                present = sweep.step()
-            if present is not None and (passes or is_next or number in (low, high)):
-                yielded = number
-                yield time, number, present
-            self._before = time
-
-    def _valid_moments(self, past: ValidPast) -> Iterator[tuple[Decimal, int, Visit]]:
-        """Yield the first time, those at which something changes, and the last one."""
-        session, span = self._session, past.span
-        ends = read_numbered(session, self.kb_id, {1, span.known})
-        sweep = ValidSweep(session, self.kb_id, self.constraints, past, False)
-        present = sweep.begin()
-        begin, end = span.since, span.until
-        if begin == FIRST_MOMENT:
-            begin = min(ends[1].committed_at, sweep.next_time or LAST_MOMENT)
-        if end == LAST_MOMENT:
-            end = max(begin, ends[span.known].committed_at)
-        self._begin = time = begin
-        if sweep.next_time != begin:
-            yield Decimal(0), 0, present
-        while sweep.following is not None:
-            time, revision = instant_at(sweep.following)
-            present = sweep.step()
-            # The last state of a time stays.
-            if sweep.next_time != time:
-                yield _seconds(begin, time), revision, present
-        if time < end:
-            yield _seconds(begin, end), span.known, present
-
     def _passes(self, before: Decimal, time: Decimal) -> bool:
         """Return whether a time of a rule lies between two times, or at one of them alone."""
-        bounds = self._bounds
+        bounds = self.bounds
         reached = bisect_right(bounds, time) > bisect_right(bounds, before)
         return reached or bisect_left(bounds, time) > bisect_left(bounds, before)
 
@@ -505,38 +426,159 @@ class Judge:
 
     # Verdicts.
 
-    def _verdicts(
-        self, found: Sequence[_Decided], revisions: Mapping[int, Revision] | None = None
-    ) -> list[Verdict]:
-        if not found:
-            return []
-        if revisions is None:
-            numbers = {self._judged[one.moment.index] for one in found if one.moment is not None}
-            numbers = {self._first, *numbers} - {0}
-            revisions = read_numbered(self._session, self.kb_id, numbers)
-        is_valid = self.clock == VALID
-        verdicts = []
-        for rule, moment, said in found:
-            revision, time, valid_at = None, None, None
-            if moment is not None:
-                # On the clock of valid times, none has said what was so before the range.
-                revision = revisions.get(self._judged[moment.index])
-                time = moment.time
-                if not self._bounds and not is_valid:
-                    time = self._since(
-                        revisions[self._first], revisions[self._judged[moment.index]]
-                    )
-                if is_valid and self._begin is not None:
-                    valid_at = self._begin + int(time * 1_000_000) * _MICROSECOND
-            word = said or _verdict(rule, self._last[id(rule)])
-            own = (rule.is_soft, rule.preference, revision, time)
-            rest: dict[str, Any] = {"is_pending": word == PENDING, "name": self.name}
-            verdicts.append(Verdict(str(rule), word == KEPT, *own, **rest, valid_at=valid_at))
-        return verdicts
+    def take(self) -> list[Decided]:
+        """Return what was decided since the last call."""
+        found, self._decided = self._decided, []
+        return found
 
-    def _since(self, begin: Revision, revision: Revision) -> Decimal:
-        moments = [self._moment(one.committed_at, one.observed_at) for one in (begin, revision)]
-        return max(Decimal(0), _seconds(*moments))
+    def so_far(self) -> list[Decided]:
+        """Return the verdicts so far, in the order of the rules."""
+        found = []
+        for _, rule in sorted(self._known.values()):
+            at, word = rule.violation, _verdict(rule, self._last[id(rule)])
+            end = () if at is None else (self._judged[at.index], at.time)
+            found.append(Decided(rule, word, *end))
+        return found
+
+    def cited(self, found: Sequence[Decided]) -> set[int]:
+        """Return the revisions that are read for verdicts."""
+        return {self._first, *(one.revision or 0 for one in found)} - {0} if found else set()
+
+    def standing(self, revisions: Mapping[int, Revision]) -> list[Verdict]:
+        """Return the verdicts so far, also on what was not judged, in the order of the rules."""
+        numbers = [number for (number, _), _ in sorted(self._known.values())]
+        so_far = [self.verdict(one, revisions) for one in self.so_far()]
+        found = [*zip(numbers, so_far, strict=True)]
+        for number, constraint in enumerate(self.constraints):
+            if number not in self._meant:
+                found += [(number, verdict) for verdict in _not_judged([constraint], self.name)]
+        return [verdict for _, verdict in sorted(found, key=itemgetter(0))]
+
+    def verdict(self, one: Decided, revisions: Mapping[int, Revision]) -> Verdict:
+        """Make a verdict with the revisions that it cites."""
+        rule, word, number, seconds = one
+        time, valid_at = None if number is None else seconds, None
+        # On the clock of valid times, none has said what was so before the range.
+        revision = None if number is None else revisions.get(number)
+        if number is not None and self.clock == VALID:
+            assert self.begin_at is not None
+            valid_at = self.begin_at + int(seconds * 1_000_000) * _MICROSECOND
+        elif number is not None and not self.bounds:
+            ends = (revisions[each] for each in (self._first, number))
+            moments = [self._moment(each.committed_at, each.observed_at) for each in ends]
+            time = max(Decimal(0), _seconds(*moments))
+        own = (rule.is_soft, rule.preference, revision, time)
+        rest: dict[str, Any] = {"is_pending": word == PENDING, "name": self.name}
+        return Verdict(str(rule), word == KEPT, *own, **rest, valid_at=valid_at)
+
+
+def conclude(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verdict]:
+    """Judge trajectories after their last states."""
+    for judge in judges:
+        judge.conclude()
+    return stand(session, kb_id, judges)
+
+
+def stand(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verdict]:
+    """Read the verdicts of judges so far, also on what was not judged, in the order of rules."""
+    revisions = _read_cited(session, kb_id, {one: one.so_far() for one in judges})
+    return [verdict for one in judges for verdict in one.standing(revisions)]
+
+
+def verdicts(
+    session: Session, kb_id: int, decided: Mapping[Judge, Sequence[Decided]]
+) -> list[Verdict]:
+    """Make verdicts of what judges decided."""
+    revisions = _read_cited(session, kb_id, decided)
+    return [judge.verdict(one, revisions) for judge, own in decided.items() for one in own]
+
+
+def _read_cited(
+    session: Session, kb_id: int, decided: Mapping[Judge, Sequence[Decided]]
+) -> Mapping[int, Revision]:
+    """Read the revisions that verdicts cite, in one statement."""
+    cited = {number for judge, own in decided.items() for number in judge.cited(own)}
+    return read_numbered(session, kb_id, cited)
+
+
+# The states of a range.
+
+
+def judge_together(
+    session: Session,
+    kb_id: int,
+    judges: Sequence[tuple[Judge, int]],
+    definitions: Definitions,
+    span: Range,
+    before: Sweep | None = None,
+) -> Sweep:
+    """Judge the states of a range by some judges, by each from a revision on.
+
+    They share the statements: these do not grow with judges. It returns what another range begins
+    with that follows this one.
+    """
+    formulas = [one for judge, _ in judges for one in judge.constraints]
+    sweep = Sweep(session, kb_id, formulas, definitions, span, False, before)
+    concerned = defaultdict[tuple[bool, int], list[Judge]](list)
+    for judge, low in judges:
+        judge.begin(low)
+        for owner in sweep.owners_of(judge.constraints):
+            concerned[owner].append(judge)
+    begun: set[Judge] = set()
+    present = sweep.begin()
+    for number, times in _moments(session, kb_id, judges, span, sweep):
+        due = {judge for judge, low in judges if low == number}
+        begun |= due
+        due |= {one for one in begun if times and one.bounds and one.reach(number, times, present)}
+        if sweep.following == number:
+            present = sweep.step()
+            touched = (judge for owner in sweep.touched for judge in concerned[owner])
+            due |= begun.intersection(begun if sweep.is_redefined else touched)
+        if present is not None:
+            for judge in begun if number == span.high else due:
+                judge.see(number, present)
+    for judge, _ in judges:
+        judge.last = span.high
+    return sweep
+
+
+def _moments(
+    session: Session, kb_id: int, judges: Sequence[tuple[Judge, int]], span: Range, sweep: Sweep
+) -> Iterator[tuple[int, _Times | None]]:
+    """Yield the revisions to judge: all, with their times, or those that change and the ends."""
+    if any(judge.bounds for judge, _ in judges):
+        for number, committed, observed in stream_times(session, kb_id, span.low, span.high):
+            yield number, (committed, observed)
+        return
+    for end in sorted({*(low for _, low in judges), span.high}):
+        while sweep.following is not None and sweep.following < end:
+            yield sweep.following, None
+        yield end, None
+
+
+def _judge_valid(session: Session, kb_id: int, judge: Judge, past: ValidPast) -> None:
+    """Judge the first valid time, those at which something changes, and the last one."""
+    span = past.span
+    ends = read_numbered(session, kb_id, {1, span.known})
+    sweep = ValidSweep(session, kb_id, judge.constraints, past, False)
+    present = sweep.begin()
+    begin, end = span.since, span.until
+    if begin == FIRST_MOMENT:
+        begin = min(ends[1].committed_at, sweep.next_time or LAST_MOMENT)
+    if end == LAST_MOMENT:
+        end = max(begin, ends[span.known].committed_at)
+    judge.begin_at = begin
+    time = begin
+    if sweep.next_time != begin:
+        judge.judge(Decimal(0), 0, present)
+    while sweep.following is not None:
+        time, revision = instant_at(sweep.following)
+        present = sweep.step()
+        # The last state of a time stays.
+        if sweep.next_time != time:
+            judge.judge(_seconds(begin, time), revision, present)
+    if time < end:
+        judge.judge(_seconds(begin, end), span.known, present)
 
 
 def _not_judged(

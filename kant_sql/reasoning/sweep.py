@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from bisect import bisect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from itertools import groupby
 from typing import Any, NamedTuple, TypeVar
 
@@ -205,6 +206,9 @@ class Visit(NamedTuple):
 class Sweep:
     """Visits the states of a range in which something changed that formulas mention."""
 
+    # What the last step changed: predicates and functions, by their facts and values, or the rest.
+    touched: set[tuple[bool, int]]
+    is_redefined: bool
     _world: World
     _last: int
 
@@ -223,15 +227,11 @@ class Sweep:
         self._kb_id = kb_id
         self._range = span
         self._definitions = self._given = definitions
+        _, self._rules = read_meanings(session, kb_id, [], span.low, span.high)
+        self._derived = {fold(found[1]) for rule in self._rules if (found := RULE.match(rule))}
+        facts, values = self._patterns_found = self._patterns(formulas)
         nodes = [*f.walk(*formulas)]
-        facts, values = self._patterns(nodes)
-        _, rules = read_meanings(session, kb_id, [], span.low, span.high)
-        derived = {fold(found[1]) for rule in rules if (found := RULE.match(rule))}
-        has_rules = any(fold(one.predicate) in derived for one in nodes if isinstance(one, f.Atom))
-        if has_rules:
-            more_facts, more_values = self._of_rules(rules)
-            facts, values = facts + more_facts, values + more_values
-        self._patterns_found = facts, values
+        has_rules = self._has_derived(nodes)
         # It ended where the range begins, so that its state need not be read again.
         self._before = before
         self._subjects = subjects_of(session, kb_id, facts, values, span.low, span.high)
@@ -250,9 +250,19 @@ class Sweep:
             has_rules,
         )
 
-    def _patterns(self, nodes: Iterable[f.Node]) -> tuple[list[Pattern], list[Pattern]]:
-        """Return the facts and values that atoms and fluents may be about."""
-        definitions = self._definitions
+    def owners_of(self, formulas: Sequence[f.Node]) -> set[tuple[bool, int]]:
+        """Return the predicates, and the functions, that some formulas depend on."""
+        facts, values = self._patterns(formulas)
+        return {(True, one.owner) for one in facts} | {(False, one.owner) for one in values}
+
+    def _has_derived(self, nodes: Iterable[f.Node]) -> bool:
+        return any(
+            isinstance(one, f.Atom) and fold(one.predicate) in self._derived for one in nodes
+        )
+
+    def _patterns(self, formulas: Sequence[f.Node]) -> tuple[list[Pattern], list[Pattern]]:
+        """Return the facts and values that formulas may be about."""
+        definitions, nodes = self._given, [*f.walk(*formulas)]
         facts: list[Pattern] = []
         values: list[Pattern] = []
         for node in nodes:
@@ -265,11 +275,15 @@ class Sweep:
             if owner is not None:
                 objects = tuple([object_id(definitions, term) for term in node.terms])
                 (facts if isinstance(node, f.Atom) else values).append(Pattern(owner.id, objects))
+        if self._has_derived(nodes):
+            more_facts, more_values = self._of_rules
+            facts, values = facts + more_facts, values + more_values
         return facts, values
 
-    def _of_rules(self, rules: Iterable[str]) -> tuple[list[Pattern], list[Pattern]]:
-        """Return all facts and values of what any rule names."""
-        words = {fold(word) for rule in rules for word in _WORD.findall(rule)}
+    @cached_property
+    def _of_rules(self) -> tuple[list[Pattern], list[Pattern]]:
+        """All facts and values of what any rule names."""
+        words = {fold(word) for rule in self._rules for word in _WORD.findall(rule)}
         found: list[list[Pattern]] = []
         for kind in ("predicate", "function"):
             identities = find_identities(self._session, self._kb_id, kind, words)
@@ -284,7 +298,8 @@ class Sweep:
         base = low if low == archived else low - 1
         self._redefined = self._read_redefined(base)
         before, self._before = self._before, None
-        if before is not None and before._patterns_found == self._patterns_found:
+        follows = before is not None and before._range.high == base
+        if before is not None and follows and before._patterns_found == self._patterns_found:
             self._definitions, self._world = before._definitions, before._world
             self._last = before._last
         else:
@@ -319,14 +334,19 @@ class Sweep:
     @property
     def following(self) -> int | None:
         """The revision of the next state; None after the last one."""
-        ends = self._next_redefined, self._next_touched and self._next_touched[0]
-        return min((end for end in ends if end is not None), default=None)
+        redefined = self._next_redefined
+        touched: int | None = self._next_touched and self._next_touched[0]
+        if redefined is None or touched is None:
+            return touched if redefined is None else redefined
+        return min(redefined, touched)
 
     def step(self) -> Visit:
         """Go to the next state."""
         revision = self.following
         assert revision is not None
-        if self._next_redefined == revision:
+        self.touched = set()
+        self.is_redefined = self._next_redefined == revision
+        if self.is_redefined:
             self._definitions = self._given_at(revision) or advance(
                 self._session, self._kb_id, self._definitions, self._last, revision
             )
@@ -334,6 +354,7 @@ class Sweep:
             self._next_redefined = next(self._following_redefined, None)
         if self._next_touched is not None and self._next_touched[0] == revision:
             for touch in self._next_touched[1]:
+                self.touched.add((touch.is_fact, touch.owner))
                 self._apply(touch)
             self._next_touched = next(self._touches, None)
         return Visit(revision, self._world, self._definitions)

@@ -24,7 +24,7 @@ from ..moment_text import When
 from ..plans import RecordedPlan
 from ..reasoning import CauseLinks
 from ..reasoning.failures import FailedCondition
-from ..reasoning.kept_rules import read_saved
+from ..reasoning.rule_watch import kept_within
 from ..reasoning.rules import Rules, Verdict, Verdicts
 
 T = TypeVar("T")
@@ -315,11 +315,8 @@ class ReportReader(NamedTuple):
         """Hold rules against the range; without any, those of the store and those that are kept."""
         first, last = self.tally.first, self.tally.last
         found = [*self.kb.pddl.check_rules(rules, since=first, until=last)]
-        then = self.kb.at(last)
-        for kept, saved in read_saved(state_of(then)) if rules is None else ():
-            since = max(first, saved.number)
-            own = then.pddl.check_rules(kept.rule, since=since, until=last)
-            found += [replace(one, name=kept.name) for one in own]
+        if rules is None:
+            found += kept_within(state_of(self.kb), first, last)
         verdicts = Verdicts(found, first=first, last=last)
         ordered = verdicts.worst_first
         command = self.ranged("rules", *(() if rules is None else ("RULES",)))

@@ -292,6 +292,8 @@ def test_rules_come_from_the_store_or_a_file(breakfast: str, tmp_path: Path) -> 
     said = "there are no rules; --kept judges those of the store\n"
     assert run("rules", none).stdout == said
     assert run("rules", none, "--kept").stdout == "there are no rules\n"
+    assert "since it was saved" in complaint("rules", none, "--kept", "--since", "1", code=2)
+    assert "judge nothing" in complaint("rules", none, "--delete", "a", "--kept", code=2)
     assert "no rule 'calm' is kept" in complaint("rules", none, "--delete", "calm")
 
 

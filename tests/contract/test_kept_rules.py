@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -13,6 +15,8 @@ import kant_sql
 from kant_sql import DependantsError, KnowledgeBase, UnsupportedConstructError, aio
 from kant_sql.errors import InvalidKnowledgeError, InvalidNameError, PddlError
 from kant_sql.errors import RuleViolatedError as Refused
+from kant_sql.knowledge_base import state_of
+from kant_sql.reasoning.rule_watch import kept_within
 from tests.support.profile import HUNT
 from tests.support.reading import beside, last_changes, present
 from tests.support.statements import count
@@ -450,6 +454,91 @@ def test_standing_goes_on_from_the_last_call(kb: KnowledgeBase) -> None:
     assert before.verdict == "kept"
     kb.rules.delete("calm")
     assert kb.rules.standing() == []
+
+
+KEPT = [
+    ONE_PLACE,
+    "(forall (?r - robot) (sometime-before (at ?r room) (open room)))",
+    "(within 0.02 (alarm))",
+    "(forall (?p - place) (sometime-after (open ?p) (exists (?r - robot) (at ?r ?p))))",
+    "(always-within 0.01 (alarm) (not (alarm)))",
+    "(hold-during 0.01 0.05 (not (open hall)))",
+    "(forall (?r - robot) (at-most-once (busy ?r)))",
+]
+
+
+def test_rules_that_are_judged_together_are_judged_as_each_alone(kb: KnowledgeBase) -> None:
+    random, saved = Random(3), dict[str, int]()
+    for number in range(60):
+        if random.random() < 0.2:
+            name = f"rule-{random.randrange(9)}"
+            kb.rules.save(name, random.choice(KEPT))
+            saved[name] = kb.revision
+        change(random)(kb)
+        if number % 7:
+            continue
+        for view in (kb, kb.at(kb.revision)):
+            found = view.rules.standing()
+            alone = [
+                replace(one, name=rule.name)
+                for rule in kb.rules.get_all()
+                for one in kb.pddl.check_rules(rule.rule, since=saved[rule.name])
+            ]
+            assert [one.rule for one in found] == [one.rule for one in alone]
+            for one, other in zip(found, alone, strict=True):
+                # What is open is violated if the last state is the end.
+                assert one == other or (one.is_pending and not other.is_satisfied)
+    assert {one.verdict for one in found} >= {"kept", "violated"}
+
+
+def test_what_was_archived_since_the_last_verdict_is_passed_over(
+    kb: KnowledgeBase, tmp_path: Path
+) -> None:
+    kb.rules.save("one-place", "(at-most-one (?p - place) (at r1 ?p))")
+    kb.propositions.save("(at r1 hall)")
+    assert [each.verdict for each in kb.rules.standing()] == ["kept"]
+    kb.propositions.delete("(at r1 hall)")
+    kb.propositions.save("(open hall)")
+    kb.store.archive(kb.revision, to=f"sqlite:///{tmp_path / 'archive.db'}")
+    kb.propositions.save("(at r1 room)")
+    assert [each.verdict for each in kb.rules.standing()] == ["kept"]
+
+
+def test_verdicts_forget_what_is_erased(kb: KnowledgeBase) -> None:
+    kb.rules.save("one-place", "(forall (?r - drone) (at-most-one (?p - place) (at ?r ?p)))")
+    kb.rules.save("calm", "(always (not (open hall)))")
+    kb.objects.save(["alice - drone"])
+    kb.propositions.save(["(at alice hall)", "(at alice room)", "(open hall)"])
+    watching = kb.watch_rules(ONE_PLACE, timeout=0)
+    assert "alice" in str(kb.rules.standing())
+    list(watching)
+    other = beside(kb, kb.store.factory.name)
+    other.erase("alice", reason="asked for")
+    other.propositions.delete("(open hall)")
+    found = kb.rules.standing()
+    assert "alice" not in str(found)
+    assert found == kb.at(kb.revision).rules.standing()
+    kb.propositions.delete("(at erased-1 hall)")
+    assert "alice" not in str([*kb.watch_rules(ONE_PLACE, after=0, timeout=0)])
+    assert "alice" not in str([*watching])
+
+
+def test_rules_that_are_kept_share_their_statements(kb: KnowledgeBase) -> None:
+    def counted() -> list[int]:
+        watching = kb.watch_rules(after=kb.revision, timeout=0)
+        kb.rules.standing()
+        kb.propositions.save("(alarm)")
+        kb.propositions.delete("(alarm)")
+        ends = kb.revision - 1, kb.revision
+        of_report = partial(kept_within, state_of(kb), *ends)
+        return [count(kb.rules.standing), count(lambda: [*watching]), count(of_report)]
+
+    kb.rules.save("calm", "(always (not (alarm)))")
+    counted()
+    alone = counted()
+    for number, rule in enumerate(KEPT[:2] * 4):
+        kb.rules.save(f"rule-{number}", rule)
+    assert counted() == alone
 
 
 async def test_asyncio_follows_rules(url: str) -> None:
