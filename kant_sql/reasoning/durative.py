@@ -42,7 +42,7 @@ from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .act import begin, in_revision, step_text, view_of
-from .effects import Earlier, EffectReader, StepChanges, combined, new_values, not_applicable
+from .effects import Earlier, EffectReader, NewValues, StepChanges, new_values, not_applicable
 from .explain import Explainer
 from .failures import FailedCondition
 from .promise import closed_nodes, duration_of, is_true, until_end
@@ -550,23 +550,21 @@ def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
         return None
     number = step.outcomes[-1].since.number
 
-    def work(view: View) -> tuple[StepChanges, dict[AtomKey, str], set[FluentKey]]:
+    def work(view: View) -> tuple[StepChanges, dict[AtomKey, str], NewValues]:
         found = ground(view.definitions, step)
         numbers = {} if step.duration is None else {f.DURATION: step.duration}
         read = EffectReader(view, found, numbers).read(found.action.items(AT_START))
         deleted = {key: key.text(view.definitions) for key in read.deletes if key not in read.adds}
-        pairs = new_values(view, read).items()
-        same = {key for key, (before, value) in pairs if value == before}
-        return read, {**read.adds, **deleted}, same
+        return read, {**read.adds, **deleted}, new_values(view, read)
 
     try:
-        read, texts, same = store.read_in_snapshot(work, number - 1)
+        read, texts, values = store.read_in_snapshot(work, number - 1)
         changes = diff(State(store, None), number - 1, number)
         lines = {(each.sign, each.text): each for each in changes}
     except (ArchivedError, InvalidKnowledgeError, NotApplicableError, PddlError):
         # Archived, or the start is of the revision that declares what it needs.
         return None
-    return [*_facts(read, texts, lines), *_values(store, read, lines, same)]
+    return [*_facts(read, texts, lines), *_values(store, read, lines, values)]
 
 
 _Lines = dict[tuple[str, str], Change]
@@ -580,11 +578,9 @@ def _facts(read: StepChanges, texts: dict[AtomKey, str], lines: _Lines) -> Itera
             yield _Effect(key, not is_added, is_added, (line,))
 
 
-def _values(
-    store: Store, read: StepChanges, lines: _Lines, same: set[FluentKey]
-) -> Iterator[_Effect]:
+def _values(store: Store, read: StepChanges, lines: _Lines, values: NewValues) -> Iterator[_Effect]:
     for key, (text, made) in read.assignments.items():
-        begin = value_text(text, "")[:-1]
+        (number, expected), begin = values[key], value_text(text, "")[:-1]
         found = {
             sign: (
                 line,
@@ -593,14 +589,11 @@ def _values(
             for (sign, _), line in lines.items()
             if line.text.startswith(begin)
         }
-        if not found and (key in same or any(isinstance(by, int) for _, by in made)):
+        if not found and (number == expected or any(isinstance(by, int) for _, by in made)):
             continue
         (before, after) = (
             found[sign][1] if sign in found else None for sign in (RETRACTED, ASSERTED)
         )
-        is_number = before is not None and before.object_id is None
-        number = Decimal(before.text) if before is not None and is_number else None
-        expected = combined(text, made, number)
         is_alone = after is not None and _is(after, expected)
         yield _Effect(key, before, after, tuple(line for line, _ in found.values()), is_alone)
 

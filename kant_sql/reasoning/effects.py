@@ -273,10 +273,12 @@ def combined(
     return decimal_of(number)
 
 
-def new_values(
-    view: View, changes: StepChanges
-) -> dict[FluentKey, tuple[Decimal | None, Decimal | int | FailedCondition]]:
-    """Return the number of each fluent before a step, and its value after it or why it has none."""
+# The number of each fluent before a step, and its value after it, or why it has none.
+NewValues = Mapping[FluentKey, tuple[Decimal | None, Decimal | int | FailedCondition]]
+
+
+def new_values(view: View, changes: StepChanges) -> NewValues:
+    """Return what becomes of the fluents that a step changes."""
     numbers = {
         key: NumberOf(key.function_id, tuple(map(Known, objects_of(key))))
         for key, (_, made) in changes.assignments.items()
