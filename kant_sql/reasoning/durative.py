@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import partial
 from typing import Any
 
 from ..acts import Execution
@@ -34,15 +35,25 @@ from ..history.diff import diff
 from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
+from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
+from ..sql.definition_rows import find_id
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, ExecutionDefinition, Key
 from ..store.snapshot import View, read_position
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
 from .act import begin, in_revision, step_text, view_of
-from .effects import Earlier, EffectReader, NewValues, StepChanges, new_values, not_applicable
+from .effects import (
+    Earlier,
+    EffectReader,
+    NewValues,
+    StepChanges,
+    new_values,
+    not_applicable,
+    objects_of,
+)
 from .explain import Explainer
 from .failures import FailedCondition
 from .promise import closed_nodes, duration_of, is_true, until_end
@@ -605,9 +616,27 @@ def _is(value: FluentValue, expected: Decimal | int | FailedCondition) -> bool:
 
 
 def _object(store: Store, text: str) -> int | None:
-    """Return the object that a value is; None for a number."""
-    found = store.read_definitions(lambda definitions: definitions.objects.named(text))
-    return None if found is None else found.id
+    """Return the object that a value is, or was until it was deleted; None for a number."""
+    read = partial(find_id, kind="object", name=text)
+    return store.query_known(read, None, in_snapshot=False)
+
+
+def _can_be_again(definitions: Definitions, effect: _Effect) -> bool:
+    """Return whether what held or had a value before a start still can: all that it names."""
+    key, before = effect.key, effect.before
+    if not before:
+        return True
+    ids = [*objects_of(key)]
+    if isinstance(before, FluentValue) and before.object_id is not None:
+        ids.append(before.object_id)
+    owner: PredicateDefinition | FunctionDefinition | None
+    if isinstance(key, AtomKey):
+        owner = definitions.predicates.get(key.predicate_id)
+    else:
+        owner = definitions.functions.get(key.function_id)
+    if owner is None or None in map(definitions.objects.get, ids):
+        return False
+    return definitions.admits(owner, ids)
 
 
 def standing(transaction: Transaction, effects: list[_Effect]) -> list[bool]:
@@ -643,6 +672,13 @@ def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] 
         raise PlanError(
             f"{step} cannot be undone: the changes of its start were overwritten ({texts}); "
             "nothing was written: abort it without undo, and correct its changes"
+        )
+    known = transaction.definitions.current()
+    if gone := [each for each in effects if not _can_be_again(known, each)]:
+        texts = ", ".join(f"{line.sign}{line.text}" for each in gone for line in each.changes)
+        raise PlanError(
+            f"{step} cannot be undone: what its start changed names what was deleted or redefined "
+            f"since ({texts}); nothing was written: abort it without undo, and correct its changes"
         )
     atoms = transaction.propositions.find([e.key for e in effects if isinstance(e.key, AtomKey)])
     fluents = transaction.values.find([e.key for e in effects if isinstance(e.key, FluentKey)])
