@@ -360,7 +360,8 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
 
     Raises:
         PlanError: the step is not running; or with `undo`, something else changed what its
-            start changed, which is named, or the state before is not known. Nothing is written.
+            start changed, which is named, or deleted what that names, or the state before is not
+            known. Nothing is written.
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
 
     Examples:
