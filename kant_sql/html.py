@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from html import escape
-from itertools import islice
+from itertools import chain, islice
 from typing import Generic, TypeVar
 
 from .errors import KantSqlError, printable
@@ -191,6 +191,13 @@ class Feed(Iterator[T_co], Generic[T_co]):
 
     def __next__(self) -> T_co:
         return next(self._items)
+
+    def __bool__(self) -> bool:
+        """Return whether there is a next item, which is read and kept."""
+        for item in self._items:
+            self._items = chain([item], self._items)
+            return True
+        return False
 
     def _repr_html_(self) -> str:
         return guarded(self._first_page)

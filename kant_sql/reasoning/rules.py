@@ -39,7 +39,7 @@ from ..store.state import State
 from ..store.store import Store
 from .evaluate import Conditions
 from .sweep import Range, Sweep, Visit, read_at_last, read_range, revision_text
-from .trajectory import Moment, Rule, rules_of
+from .trajectory import Moment, Monitor, Rule, rules_of
 from .valid_sweep import ValidPast, ValidSweep, check_range, instant_at, read_past
 from .world import World
 
@@ -300,11 +300,11 @@ class Decided(NamedTuple):
     time: Decimal = Decimal(0)
 
 
-def _verdict(rule: Rule, last: Moment) -> str:
+def _verdict(rule: Rule) -> str:
     """Return the verdict on a rule if the last state is the end; `pending` if it is not."""
     if rule.violation is not None:
         return VIOLATED
-    return PENDING if rule.is_open(last) else KEPT
+    return PENDING if rule.is_open else KEPT
 
 
 # When a revision was committed, and when its knowledge was observed.
@@ -330,9 +330,8 @@ class Judge:
         self._known: dict[_Key, tuple[tuple[int, int], Rule]] = {}
         # The constraints that had a meaning in some world.
         self._meant: set[int] = set()
-        # The rules that have a meaning in the present world.
-        self._live: list[Rule] = []
-        self._last: dict[int, Moment] = {}
+        # The rules that have a meaning in the present world, with their monitors.
+        self._live: list[tuple[Rule, list[Monitor]]] = []
         self._conditions: Conditions | None = None
         # The revisions that were judged, by the index of their moments.
         self._judged = array("q")
@@ -381,18 +380,17 @@ class Judge:
         """Judge the trajectory after its last state."""
         for _, rule in self._known.values():
             for monitor in rule.monitors:
-                monitor.conclude(self._last[id(rule)])
+                monitor.conclude()
 
     def _observe(self, now: Moment, revision: int) -> None:
         conditions = self._conditions
         assert conditions is not None
-        for rule in self._live:
-            self._last[id(rule)] = now
-            for monitor in rule.monitors:
+        for rule, monitors in self._live:
+            for monitor in monitors:
                 monitor.observe(now, conditions.holds)
             if not self.watches:
                 continue
-            verdict = _verdict(rule, now)
+            verdict = _verdict(rule)
             if self._words.get(id(rule)) != verdict:
                 self._words[id(rule)] = verdict
                 self._decided.append(Decided(rule, verdict, revision, now.time))
@@ -413,7 +411,7 @@ class Judge:
                 binding = tuple(sorted((fold(name), one) for name, one in rule.binding.items()))
                 key = number, fold(str(rule.formula)), binding
                 _, own = self._known.setdefault(key, ((number, len(self._known)), rule))
-                self._live.append(own)
+                self._live.append((own, own.meet(rule)))
 
     def _passes(self, before: Decimal, time: Decimal) -> bool:
         """Return whether a time of a rule lies between two times, or at one of them alone."""
@@ -435,7 +433,7 @@ class Judge:
         """Return the verdicts so far, in the order of the rules."""
         found = []
         for _, rule in sorted(self._known.values()):
-            at, word = rule.violation, _verdict(rule, self._last[id(rule)])
+            at, word = rule.violation, _verdict(rule)
             end = () if at is None else (self._judged[at.index], at.time)
             found.append(Decided(rule, word, *end))
         return found

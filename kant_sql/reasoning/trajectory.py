@@ -37,6 +37,7 @@ from decimal import Decimal
 from itertools import product
 
 from ..dto import formulas as f
+from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..knowledge.grounding import Binding, bound, substitute
 
@@ -61,26 +62,33 @@ class Monitor(ABC):
         self.formula = formula
         self.binding = binding
         self.violation: Moment | None = None
+        self.last: Moment | None = None  # the last state that it judged
         self.inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
         self._first, self._second = self.inner[0], self.inner[-1]
         self._times = [one.value for one in getattr(formula, "numbers", ())]
 
     def observe(self, now: Moment, holds: Truth) -> None:
         """Judge the next state, which `holds` gives access to."""
+        self.last = now
         if self.violation is None:
             self._judge(now, holds)
 
     @abstractmethod
     def _judge(self, now: Moment, holds: Truth) -> None: ...
 
-    def open(self, last: Moment) -> Moment | None:
+    def open(self) -> Moment | None:
         """Return which state violates it if no other follows the last one; None if none does."""
-        del last
         return None
 
-    def conclude(self, last: Moment) -> None:
+    @property
+    def key(self) -> tuple[str, tuple[str, ...]]:
+        """What it judges, whatever world it was made in."""
+        names = (f"{fold(name)} {value}" for name, value in self.binding.items())
+        return fold(str(self.formula)), tuple(sorted(names))
+
+    def conclude(self) -> None:
         """Judge the trajectory after its last state."""
-        moment = self.open(last)
+        moment = self.open()
         if moment is not None:
             self._violate(moment)
 
@@ -102,8 +110,8 @@ class _Sometime(Monitor):
         del now
         self._is_met = self._is_met or holds(self._first, self.binding)
 
-    def open(self, last: Moment) -> Moment | None:
-        return None if self._is_met else last
+    def open(self) -> Moment | None:
+        return None if self._is_met else self.last
 
 
 class _Within(_Sometime):
@@ -136,7 +144,7 @@ class _SometimeAfter(Monitor):
         if holds(self._second, self.binding):
             self._waiting = None
 
-    def open(self, last: Moment) -> Moment | None:
+    def open(self) -> Moment | None:
         return self._waiting
 
 
@@ -188,8 +196,8 @@ class _AtEnd(Monitor):
         del now
         self._holds = holds(self._first, self.binding)
 
-    def open(self, last: Moment) -> Moment | None:
-        return None if self._holds else last
+    def open(self) -> Moment | None:
+        return None if self._holds else self.last
 
 
 _MONITORS: dict[str, type[Monitor]] = {
@@ -214,7 +222,7 @@ class Rule:
     # The name of the preference; None for a hard constraint or without a name.
     preference: str | None
     is_soft: bool  # whether it is a preference
-    monitors: tuple[Monitor, ...] = field(repr=False)
+    monitors: list[Monitor] = field(repr=False)
 
     @property
     def violation(self) -> Moment | None:
@@ -222,14 +230,25 @@ class Rule:
         found = [one.violation for one in self.monitors if one.violation is not None]
         return min(found, default=None)
 
-    def is_open(self, last: Moment) -> bool:
-        """Return whether it is violated unless a later state makes it good."""
-        return self.violation is None and any(one.open(last) is not None for one in self.monitors)
+    @property
+    def is_open(self) -> bool:
+        """Whether it is violated unless a later state makes it good."""
+        return self.violation is None and any(one.open() is not None for one in self.monitors)
 
     @property
     def violated(self) -> tuple[Monitor, ...]:
         """The monitors whose formulas are violated."""
         return tuple([one for one in self.monitors if one.violation is not None])
+
+    def meet(self, other: Rule) -> list[Monitor]:
+        """Take what the same rule in another world adds; return the monitors that count there."""
+        if not self.is_soft:
+            return self.monitors
+        # A quantifier within a preference has a monitor for each object of the world.
+        own = {one.key: one for one in self.monitors}
+        found = [own.setdefault(one.key, one) for one in other.monitors]
+        self.monitors[:] = own.values()
+        return found
 
     def __str__(self) -> str:
         return str(substitute(self.formula, self.binding))
@@ -254,7 +273,7 @@ class Trajectory:
         """Judge the trajectory after its last state."""
         if self.last is not None:
             for monitor in self._monitors:
-                monitor.conclude(self.last)
+                monitor.conclude()
 
     def violated(self) -> list[Rule]:
         """Return the rules that are violated so far."""
@@ -266,10 +285,10 @@ def rules_of(constraint: f.Formula, objects: Range) -> Iterator[Rule]:
     for part, binding in _parts(constraint, {}, objects):
         if isinstance(part, f.Preference):
             inner = _parts(part.formula, binding, objects)
-            monitors = tuple([_monitor(one, names) for one, names in inner])
+            monitors = [_monitor(one, names) for one, names in inner]
             yield Rule(part, binding, part.name, True, monitors)
         else:
-            yield Rule(part, binding, None, False, (_monitor(part, binding),))
+            yield Rule(part, binding, None, False, [_monitor(part, binding)])
 
 
 def _parts(

@@ -491,6 +491,31 @@ def test_rules_that_are_judged_together_are_judged_as_each_alone(kb: KnowledgeBa
     assert {one.verdict for one in found} >= {"kept", "violated"}
 
 
+@pytest.mark.parametrize("clock", ["committed", "valid"])
+def test_a_quantifier_within_a_preference_has_the_objects_of_each_state(
+    kb: KnowledgeBase, clock: str
+) -> None:
+    random, violated = Random(5), 0
+    for number in range(80):
+        change(random)(kb)
+        if number % 10 < 9:
+            continue
+        for inner in (
+            "(sometime-after (open ?p) (exists (?r - robot) (at ?r ?p)))",
+            "(sometime-before (open ?p) (alarm))",
+            "(always (not (open ?p)))",
+            "(at end (not (open ?p)))",
+        ):
+            each = f"(forall (?p - place) {inner})"
+            hard = kb.pddl.check_rules(each, clock=clock)
+            [soft] = kb.pddl.check_rules(f"(preference own {each})", clock=clock)
+            ends = [present(one.revision).number for one in hard.violated]
+            assert soft.is_satisfied == hard.is_satisfied
+            assert ends == [] or present(soft.revision).number == min(ends)
+            violated += bool(ends)
+    assert 0 < violated < 32
+
+
 def test_what_was_archived_since_the_last_verdict_is_passed_over(
     kb: KnowledgeBase, tmp_path: Path
 ) -> None:

@@ -99,6 +99,13 @@ def test_a_feed_reads_no_more_than_it_shows() -> None:
     assert read == [None, ROWS + 1]
 
 
+def test_an_iterator_is_true_if_there_is_a_next_item() -> None:
+    found = Feed(lambda most: iter([0, 1][:most]), None, noun="number")
+    assert found
+    assert [next(found), bool(found), *found] == [0, True, 1]
+    assert not found
+
+
 def test_an_error_of_the_library_is_shown_and_no_other_is_hidden() -> None:
     def fails(error: Exception) -> str:
         raise error
