@@ -20,7 +20,7 @@ class Questions(Extension):
         if pkg.path != "kant_sql":
             return
         # They are computed, which this tool does not do.
-        pkg.exports = kant_sql.__all__
+        pkg.exports, pkg["pddl"].exports = kant_sql.__all__, kant_sql.pddl.__all__
         for path in (f"knowledge_base.{front}" for front in FRONTS):
             for name, member in list(pkg[path].members.items()):
                 call = str(member.value) if member.is_attribute and member.value is not None else ""

@@ -19,6 +19,7 @@ import shutil
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
@@ -225,26 +226,13 @@ class Player:
         self.start()
 
 
-class Counts:
-    """What was counted.
-
-    Attributes:
-        pushes: those that were acknowledged.
-        changes: those that were sent by them.
-        kills: of processes.
-    """
-
-    def __init__(self) -> None:
-        self.begun = self.pushes = self.changes = self.kills = 0
-
-
-def run(fleet: Fleet, names: Sequence[str], workers: int, kills: int) -> Counts:
-    """Play all robots, and kill some processes while they push."""
+def run(fleet: Fleet, names: Sequence[str], workers: int, kills: int) -> Counter[str]:
+    """Play all robots, and kill some processes while they push; count what they tell."""
     random = Random(fleet.seed)
     # Each robot pushes twice at least.
     numbers = {*random.sample(range(2 * len(names)), min(kills, len(names)))}
     players = [Player(fleet, names[number::workers]) for number in range(workers)]
-    counts = Counts()
+    counts = Counter[str]()
     while waiting := {player.told: player for player in players if player.crews}:
         for told in wait([*waiting]):
             player = waiting[told]  # type: ignore[index]
@@ -254,13 +242,12 @@ def run(fleet: Fleet, names: Sequence[str], workers: int, kills: int) -> Counts:
                 raise SystemExit(f"a process ended with {player.process.exitcode}") from None
             if what == "home":
                 player.crews = player.crews[1:]
-            counts.pushes += what == "pushed"
-            counts.changes += number if what == "pushed" else 0
-            counts.begun += what == "pushes"
-            if what == "pushes" and counts.begun - 1 in numbers:
+            counts[what] += 1
+            counts["changes"] += number
+            if what == "pushes" and counts[what] - 1 in numbers:
                 time.sleep(random.uniform(0, 0.01))
                 player.kill()
-                counts.kills += 1
+                counts["kills"] += 1
     for player in players:
         player.process.join()
     return counts
@@ -324,7 +311,7 @@ def prepare(fleet: Fleet, names: Sequence[str]) -> None:
 
 def report(
     options: argparse.Namespace,
-    counts: Counts,
+    counts: Counter[str],
     compared: Sequence[tuple[int, int, list[str]]],
     seconds: tuple[float, float],
 ) -> int:
@@ -332,9 +319,10 @@ def report(
     revisions, size = (sum(each[number] for each in compared) for number in (0, 1))  # type: ignore[misc]
     wrong = [name for each in compared for name in each[2]]
     print(f"{options.robots:,} robots, {options.minutes} minutes, {seconds[0]:.1f} s")
-    print(f"{revisions:,} revisions, {counts.changes:,} changes sent in {counts.pushes:,} pushes")
+    pushes, changes = counts["pushed"], counts["changes"]
+    print(f"{revisions:,} revisions, {changes:,} changes sent in {pushes:,} pushes")
     print(f"{size:,} bytes in the robots' files")
-    print(f"{counts.kills} processes killed while they pushed")
+    print(f"{counts['kills']} processes killed while they pushed")
     print(f"compared and verified in {seconds[1]:.1f} s")
     for name in wrong:
         print(f"{name}: its history on the server is not its own")

@@ -12,7 +12,7 @@ from ..dto.lexical import decimal_text
 from ..errors import PlanError
 from ..knowledge.definitions import ActionDefinition, Definitions, ObjectDefinition
 from ..pddl.cursor import hint
-from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..pddl.document import EXECUTABLE
 from ..planning import Plan, PlanStep
 from ..sql.executions import ExecutionDefinition, quoted
 
@@ -63,7 +63,7 @@ class _StepCheck:
         action = self._definitions.actions.named(self._step.action)
         if action is None:
             raise self._unknown("action", self._step.action)
-        if action.kind not in (ACTION, DURATIVE_ACTION):
+        if action.kind not in EXECUTABLE:
             raise PlanError(
                 f"{self._role}: {action.name!r} is of kind {action.kind}, which happens by itself; "
                 "leave the step out"

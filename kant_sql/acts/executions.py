@@ -67,9 +67,8 @@ def get(state: State, execution: str | int) -> Execution | None:
         )
 
     def read(view: View) -> Execution | None:
-        if view.kb_id is None or key[1] > _LARGEST_POSITION:
-            return None
-        return ExecutionReader(state.store, view, view.kb_id).one(key)
+        is_position = key[1] <= _LARGEST_POSITION
+        return ExecutionReader(state.store, view).one(key) if is_position else None
 
     return state.store.read_in_snapshot(read, state.at)
 
@@ -259,7 +258,7 @@ def read_page(
         place = dict(zip(_BEFORE, before, strict=True))
         rows = view.session.rows(query, kb=view.kb_id, low=low, size=size + 1, **place, **own)
         keys: list[Key] = [(plan_id, position) for _, plan_id, position in rows[:size]]
-        found = ExecutionReader(state.store, view, view.kb_id).listed(keys)
+        found = ExecutionReader(state.store, view).listed(keys)
         following = (rows[size - 1][0], *keys[-1]) if len(rows) > size else None
         return [found[key] for key in keys if key in found], following
 

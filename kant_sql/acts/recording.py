@@ -191,10 +191,10 @@ class _Held(NamedTuple):
 class ExecutionReader:
     """Reads executions, as of one revision."""
 
-    def __init__(self, store: Store, view: View, kb_id: int) -> None:
+    def __init__(self, store: Store, view: View) -> None:
         self._name = store.name
         self._session = view.session
-        self._kb_id = kb_id
+        self._kb_id = view.kb_id
         self._at = LARGEST if view.at is None else view.at
 
     def of_plans(self, low: int, high: int) -> Iterator[Execution]:
@@ -218,6 +218,8 @@ class ExecutionReader:
         return {key: one for key, one in found if key in wanted}
 
     def _rows(self, query: Query, given: dict[str, Any]) -> list[Row]:
+        if self._kb_id is None:
+            return []
         return self._session.rows(query, kb=self._kb_id, at=self._at, **given)
 
     def _read(
@@ -235,7 +237,7 @@ class ExecutionReader:
             rows = [row for row in rows if (row[0], row[1]) in wanted]
         numbers = {n for each in held.values() for one in each for n in one[:2] if n is not None}
         numbers |= {row[2] for row in rows if row[0] == NO_PLAN}
-        known = read_numbered(self._session, self._kb_id, numbers)
+        known = read_numbered(self._session, self._kb_id or 0, numbers)
         for plan_id, position, *row in rows:
             key = (plan_id, position)
             with reading_rows("execution", f"execution {id_text(key)}"):
@@ -319,8 +321,7 @@ def read_execution(store: Store, key: Key) -> Execution:
     """Read an execution as it is now."""
 
     def work(view: View) -> Execution:
-        assert view.kb_id is not None
-        now = ExecutionReader(store, view, view.kb_id).one(key)
+        now = ExecutionReader(store, view).one(key)
         assert now is not None
         return now
 
@@ -347,7 +348,7 @@ def running_executions(store: Store) -> list[Execution]:
         rows = view.session.rows(RUNNING_NOW, kb=view.kb_id)
         # What components report without PDDL is no action.
         keys = [(plan_id, position) for plan_id, position, action in rows if action is not None]
-        found = ExecutionReader(store, view, view.kb_id).listed(keys)
+        found = ExecutionReader(store, view).listed(keys)
         return [found[key] for key in keys if key in found]
 
     return store.read_in_snapshot(read)

@@ -194,7 +194,7 @@ def _unconfirmed(
     keys = [key for key in map(parse_id, facts) if key is not None]
 
     def read(view: View) -> dict[Key, Execution]:
-        return ExecutionReader(state.store, view, view.kb_id or 0).listed(keys)
+        return ExecutionReader(state.store, view).listed(keys)
 
     counted: Counter[tuple[Any, ...]] = Counter()
     for act in state.store.read_in_snapshot(read, state.at).values() if keys else ():

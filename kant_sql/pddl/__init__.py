@@ -1,96 +1,65 @@
 """PDDL text and what it says: read it, look at it as a document, write it."""
+# ruff: noqa: I001
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from ..dto.formulas import (
-    And,
-    Arithmetic,
-    Assign,
-    Atom,
-    Comparison,
-    Constant,
-    ContinuousTime,
-    Count,
-    Derived,
-    Equal,
-    Exists,
-    Fluent,
-    Forall,
-    Formula,
-    Imply,
-    IsViolated,
-    Metric,
-    Modal,
-    Node,
-    Not,
-    Number,
-    Or,
-    Preference,
-    Timed,
-    TimedLiteral,
-    TypedName,
-    Variable,
-    When,
+    And as And,
+    Arithmetic as Arithmetic,
+    Assign as Assign,
+    Atom as Atom,
+    Comparison as Comparison,
+    Constant as Constant,
+    ContinuousTime as ContinuousTime,
+    Count as Count,
+    Derived as Derived,
+    Equal as Equal,
+    Exists as Exists,
+    Fluent as Fluent,
+    Forall as Forall,
+    Formula as Formula,
+    Imply as Imply,
+    IsViolated as IsViolated,
+    Metric as Metric,
+    Modal as Modal,
+    Node as Node,
+    Not as Not,
+    Number as Number,
+    Or as Or,
+    Preference as Preference,
+    Timed as Timed,
+    TimedLiteral as TimedLiteral,
+    TypedName as TypedName,
+    Variable as Variable,
+    When as When,
 )
 from ..later import asked_for
-from .document import Action, Domain, Function, FunctionValue, PddlWarning, Predicate, Problem
-from .lexer import Position, Source, Text
-from .writer import write
+from .document import (
+    Action as Action,
+    Domain as Domain,
+    Function as Function,
+    FunctionValue as FunctionValue,
+    PddlWarning as PddlWarning,
+    Predicate as Predicate,
+    Problem as Problem,
+)
+from .lexer import Position as Position, Source as Source, Text as Text
+from .writer import write as write
 
 if TYPE_CHECKING:
-    from .reader import read, read_domain, read_problem
-    from .requirements import used_requirements
-else:
-    homes = {
-        ".reader": ("read", "read_domain", "read_problem"),
-        ".requirements": ("used_requirements",),
-    }
-    __getattr__ = asked_for(__name__, homes)
+    from .reader import read as read, read_domain as read_domain, read_problem as read_problem
+    from .requirements import used_requirements as used_requirements
 
-__all__ = [
-    "Action",
-    "And",
-    "Arithmetic",
-    "Assign",
-    "Atom",
-    "Comparison",
-    "Constant",
-    "ContinuousTime",
-    "Count",
-    "Derived",
-    "Domain",
-    "Equal",
-    "Exists",
-    "Fluent",
-    "Forall",
-    "Formula",
-    "Function",
-    "FunctionValue",
-    "Imply",
-    "IsViolated",
-    "Metric",
-    "Modal",
-    "Node",
-    "Not",
-    "Number",
-    "Or",
-    "PddlWarning",
-    "Position",
-    "Predicate",
-    "Preference",
-    "Problem",
-    "Source",
-    "Text",
-    "Timed",
-    "TimedLiteral",
-    "TypedName",
-    "Variable",
-    "When",
-    "read",
-    "read_domain",
-    "read_problem",
-    "used_requirements",
-    "write",
-]
+_HOMES = {
+    ".reader": ("read", "read_domain", "read_problem"),
+    ".requirements": ("used_requirements",),
+}
+# The classes that are imported above, other names, and what is imported on first use.
+_CLASSES = [name for name, value in globals().items() if isinstance(value, type)]
+_READERS = [name for names in _HOMES.values() for name in names]
+__all__ = sorted([*_CLASSES, "Formula", "Source", "write", *_READERS])  # noqa: PLE0605
+
+if not TYPE_CHECKING:
+    __getattr__ = asked_for(__name__, _HOMES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from operator import itemgetter
@@ -59,11 +59,11 @@ class Diagnostics:
     def __init__(self, strict: bool) -> None:
         # Whether a violation of the standard is an error.
         self.strict = flag(strict, "strict", InvalidArgumentError)
-        self.standard_names: set[str] = set()  # names of typed lists that were checked
-        # The same for variables, with their question marks.
-        self.standard_variables: set[str] = set()
+        # The names of typed lists that were checked, and variables with their question marks.
+        self.checked: dict[str, set[str]] = {OBJECTS: set(), VARIABLES: set()}
         self.odd_names: set[str] = set()  # other names that already have a warning
-        self._noted: dict[Section, dict[int, list[str]]] = {}
+        # The messages of each section, by the indexes of their tokens.
+        self._noted: dict[Section, list[tuple[int, str]]] = {}
         self._whole: list[PddlWarning] = []
         self.suggestions = MAX_SUGGESTIONS  # how many warnings may still suggest a name
 
@@ -75,7 +75,7 @@ class Diagnostics:
             self.refuse(section, index, found, expected, nesting)
         within = f"in {nesting}: " if nesting else ""
         message = f"{within}found {found}, expected {expected}; {read_as}"
-        self._noted.setdefault(section, {}).setdefault(index, []).append(message)
+        self._noted.setdefault(section, []).append((index, message))
 
     def check_comments(self, text: Text) -> None:
         """Warn about a comment that is not UTF-8."""
@@ -101,30 +101,22 @@ class Diagnostics:
         found = list(self._whole)
         if not self._noted:
             return tuple(found)
-        for noted in self._noted_by_source():
-            # One call for all: each starts at the beginning of the source.
-            places = noted[0][1].locate(offset for offset, _, _ in noted)
-            for (_, text, messages), place in zip(noted, places, strict=True):
-                found += [PddlWarning(text.name, *place, message) for message in messages]
-        sources = dict.fromkeys(section.text.name for section in self._noted)
-        order = {name: number for number, name in enumerate(sources)}
-        return tuple(sorted(found, key=lambda one: (order.get(one.source, -1), one[1], one[2])))
-
-    def _noted_by_source(self) -> Iterable[list[tuple[int, Text, list[str]]]]:
-        """Return for each source the offsets in its code, the text and the messages of warnings."""
-        sources: dict[int, list[tuple[int, Text, list[str]]]] = {}
-        for section in sorted(self._noted, key=lambda section: section.start):
-            noted, text = self._noted[section], section.text
-            indexes = sorted(noted)
-            sources.setdefault(text.source, []).extend(
-                (offset, text, noted[index])
-                for index, offset in zip(
-                    indexes, text.offsets(section.start, indexes=indexes), strict=True
-                )
-            )
+        sources: dict[int, list[tuple[int, Text, str]]] = {}
+        for section, noted in self._noted.items():
+            noted.sort(key=itemgetter(0))
+            text, indexes = section.text, [index for index, _ in noted]
+            offsets = text.offsets(section.start, indexes=indexes)
+            of_source = sources.setdefault(text.source, [])
+            of_source += [(at, text, said) for (_, said), at in zip(noted, offsets, strict=True)]
         for of_source in sources.values():
             of_source.sort(key=itemgetter(0))
-        return sources.values()
+            # One call for all: each starts at the beginning of the source.
+            places = of_source[0][1].locate(offset for offset, _, _ in of_source)
+            for (_, text, message), place in zip(of_source, places, strict=True):
+                found.append(PddlWarning(text.name, *place, message))
+        names = dict.fromkeys(section.text.name for section in self._noted)
+        order = {name: number for number, name in enumerate(names)}
+        return tuple(sorted(found, key=lambda one: (order.get(one.source, -1), one[1], one[2])))
 
     def hint(self, name: str, known: Callable[[], list[str]]) -> str:
         """Suggest a similar name in a warning, for the first warnings only."""
@@ -237,15 +229,12 @@ class Cursor:
     def typed_list(self, kind: str) -> list[Group]:
         """Read a typed list and the parenthesis after it."""
         tokens, at = self.tokens, self.at
-        diagnostics = self.diagnostics
-        standard = (
-            diagnostics.standard_variables if kind == VARIABLES else diagnostics.standard_names
-        )
+        checked = self.diagnostics.checked[kind]
         groups: list[Group] = []
         start = at
         while True:
             token = tokens[at]
-            if token in standard:
+            if token in checked:
                 at += 1
                 continue
             self.at = at
@@ -276,14 +265,12 @@ class Cursor:
 
     def _check_name(self, kind: str, token: str) -> None:
         """Check a name of a typed list, once for each spelling."""
-        name, known = token, self.diagnostics.standard_names
-        if kind == VARIABLES:
-            if token[:1] != "?":
-                self.fail("a variable, which begins with '?'")
-            name, known = token[1:], self.diagnostics.standard_variables
+        if kind == VARIABLES and token[:1] != "?":
+            self.fail("a variable, which begins with '?'")
+        name = token[1:] if kind == VARIABLES else token
         if _STANDARD_NAME.fullmatch(name) is None:
             self.odd_name(name, kind)
-        known.add(token)
+        self.diagnostics.checked[kind].add(token)
 
     def odd_name(self, name: str, kind: str) -> None:
         """Warn about a name that is not standard; refuse one that cannot be a name."""

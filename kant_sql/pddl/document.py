@@ -19,6 +19,8 @@ from ..dto import formulas as f
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
 ACTION_KINDS = (ACTION, DURATIVE_ACTION, PROCESS, EVENT)
+# What can be a step: processes and events happen by themselves.
+EXECUTABLE = (ACTION, DURATIVE_ACTION)
 
 
 class PddlWarning(NamedTuple):

@@ -10,7 +10,7 @@ from ..dto.lexical import ROOT_TYPE, fold, is_name
 from .cursor import OBJECTS, Cursor, Diagnostics, Section
 from .declarations import ActionReader, DeclarationReader, Declarations, RuleReader, TypedNames
 from .document import Action, Domain, Function, Predicate
-from .forms import ACTIONS, DOMAIN_ORDER, STRUCTURES, Form, check_sections, finish
+from .forms import ACTIONS, Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
 from .lexer import Text
 from .requirements import used_requirements
@@ -69,9 +69,7 @@ class DomainReader:
 
     def _check_forms(self, forms: list[Form]) -> None:
         for form in forms:
-            check_sections(
-                self._diagnostics, form, DOMAIN_ORDER, STRUCTURES, {":objects": ":constants"}
-            )
+            check_sections(self._diagnostics, form)
             if fold(form.name) != fold(forms[0].name):
                 cursor = Cursor(self._diagnostics, form.head)
                 cursor.fail(f"{forms[0].name}, as in {forms[0].head.text.name}", at=4)

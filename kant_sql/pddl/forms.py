@@ -40,6 +40,8 @@ ACTIONS = (":action", ":durative-action", ":process", ":event")
 STRUCTURES = (*ACTIONS, ":derived")
 _SECTIONS = frozenset(DOMAIN_ORDER + PROBLEM_ORDER + STRUCTURES)
 
+# What a section of the other kind of definition is taken for.
+_ALIASES = {":objects": ":constants", ":constants": ":objects"}
 # Sections of older and other languages, which messages name.
 _FOREIGN = {
     ":axiom": "PDDL 1.2; use (:derived ...)",
@@ -172,10 +174,9 @@ class Scanner:
         section = Section(self._text, keyword, start, start)
         if keyword == HEAD:
             self._forms.append(Form(section))
-        elif self._forms:
-            self._forms[-1].add(section)
         else:
-            self._refuse(start, f"'({keyword}'", "(define")
+            # A section before any form is within foreign text, which is not closed.
+            self._forms[-1].add(section)
         return section
 
     def _check_head(self, form: Form) -> None:
@@ -214,21 +215,16 @@ def skip_foreign(cursor: Cursor) -> None:
         cursor.skip()
 
 
-def check_sections(
-    diagnostics: Diagnostics,
-    form: Form,
-    order: tuple[str, ...],
-    structures: tuple[str, ...],
-    aliases: dict[str, str],
-) -> None:
-    """Check the sections of a form, and their order."""
+def check_sections(diagnostics: Diagnostics, form: Form) -> None:
+    """Check the sections of a domain or a problem, and their order."""
+    order, structures = (DOMAIN_ORDER, STRUCTURES) if form.kind == DOMAIN else (PROBLEM_ORDER, ())
     known = {keyword: rank for rank, keyword in enumerate(order)}
     known |= dict.fromkeys(structures, len(order))
     highest, behind = 0, ""
     seen: set[str] = set()
     for section in form.sections:
         if section.keyword not in known:
-            _rename(diagnostics, form, section, list(known), aliases)
+            _rename(diagnostics, form, section, list(known))
         keyword = section.keyword
         expected, read_as = "", ""
         if keyword in seen:
@@ -243,16 +239,10 @@ def check_sections(
             diagnostics.deviate(section, 0, f"'({keyword}'", expected, read_as, form.nesting)
 
 
-def _rename(
-    diagnostics: Diagnostics,
-    form: Form,
-    section: Section,
-    known: list[str],
-    aliases: dict[str, str],
-) -> None:
+def _rename(diagnostics: Diagnostics, form: Form, section: Section, known: list[str]) -> None:
     """Rename a section with an alias, with a warning; refuse an unknown one."""
     keyword = section.keyword
-    alias = aliases.get(keyword)
+    alias = _ALIASES.get(keyword)
     if alias is not None:
         diagnostics.deviate(section, 0, f"'({keyword}'", f"'({alias}'", "read so", form.nesting)
         section.keyword = alias

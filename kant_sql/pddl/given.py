@@ -5,10 +5,9 @@ Each function refuses a text that is something else, or uses undeclared names, w
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 from decimal import Decimal
-from typing import NamedTuple, TypedDict, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from typing_extensions import override
 
@@ -29,13 +28,11 @@ from .declarations import ActionReader, DeclarationReader, RuleReader
 from .document import DURATIVE_ACTION
 from .forms import ACTIONS
 from .formulas import CONSTRAINTS, EFFECT, NO_EFFECTS, PREFERENCES, RULES, FormulaReader
-from .lexer import STRING, Text
+from .lexer import STRING, Text, tokenize
 from .problem import InitialStateReader, metric_of
 from .symbols import ANY, BoundVariable, Entity, SymbolTable, Types
 
-T = TypeVar("T")
 N = TypeVar("N", bound=f.Node)
-_TOKEN = re.compile(r"[()]|[^\s()]+")
 
 
 class ReadCondition(NamedTuple):
@@ -44,11 +41,6 @@ class ReadCondition(NamedTuple):
     formula: f.Formula
     free: tuple[f.TypedName, ...]  # the free variables; `object` where nothing declares a type
     are_declared: bool  # whether a list of parameters declared the free variables
-
-
-class _Parameters(TypedDict):
-    types: list[PddlTypeDto]
-    parameter_names: list[str]
 
 
 class ReadValue(NamedTuple):
@@ -129,7 +121,7 @@ def _declared(symbols: SymbolTable, parameters: str) -> tuple[f.TypedName, ...]:
 
 def disjuncts(text: str) -> list[str]:
     """Return the parts of a disjunction, and of those within it, as texts, whatever they name."""
-    tokens = _TOKEN.findall(Text(STRING, whole=text).code)
+    tokens = tokenize(Text(STRING, whole=text).code)
     parts: list[list[str]] = []
     # How deep the part is that is being read, below the disjunctions around it.
     depth, place = 0, 0
@@ -403,7 +395,7 @@ def read_action(text: str, *, symbols: SymbolTable | None = None) -> PddlActionD
     return dto
 
 
-def _parameters(parameters: Iterable[f.TypedName]) -> _Parameters:
+def _parameters(parameters: Iterable[f.TypedName]) -> dict[str, Any]:
     return {
         "types": [_type_dto(each.types) for each in parameters],
         "parameter_names": [each.name for each in parameters],

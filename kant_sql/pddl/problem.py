@@ -18,7 +18,7 @@ from ..dto.lexical import either_text, fold, is_name
 from .cursor import OBJECTS, Cursor, Diagnostics, Group, Section, hint
 from .declarations import DeclarationReader, TypedNames
 from .document import Domain, FunctionValue, Problem
-from .forms import PROBLEM_ORDER, Form, check_sections, finish
+from .forms import Form, check_sections, finish
 from .formulas import CONSTRAINTS, PREFERENCES, FormulaReader
 from .lexer import Blocks
 from .symbols import ANY, Fit, Signatures, SymbolTable, Types
@@ -434,7 +434,7 @@ class ProblemReader:
 
     def read(self) -> Problem:
         """Read the problem."""
-        check_sections(self._diagnostics, self._form, PROBLEM_ORDER, (), {":constants": ":objects"})
+        check_sections(self._diagnostics, self._form)
         domain = self._read_domain_name()
         requirements: list[str] = []
         for section in self._sections(":requirements"):

@@ -147,42 +147,34 @@ class Signatures:
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
-        self._declared: dict[str, Predicate | Function] = {}
         self._found: dict[str, Signature] = {}
 
     def declare(self, element: Predicate | Function) -> None:
         """Add a declaration."""
-        self._declared[fold(element.name)] = element
+        types = element.types if isinstance(element, Function) else ()
+        parameters = tuple([parameter.types for parameter in element.parameters])
+        self.add(Signature(element.name, parameters, types))
 
     def add(self, signature: Signature) -> None:
-        """Add a signature that is not declared."""
+        """Add a signature."""
         self._found[signature.name] = self._found[fold(signature.name)] = signature
 
     def find(self, name: str) -> Signature | None:
         """Look up a name."""
         found = self._found.get(name)
         if found is None:
-            key = fold(name)
-            found = self._found.get(key)
-            if found is None:
-                element = self._declared.get(key)
-                if element is None:
-                    return None
-                types = element.types if isinstance(element, Function) else ()
-                parameters = tuple([parameter.types for parameter in element.parameters])
-                found = self._found[key] = Signature(element.name, parameters, types)
-            self._found[name] = found
+            found = self._found.get(fold(name))
+            if found is not None:
+                self._found[name] = found
         return found
 
     def names(self) -> list[str]:
         """Return the names, as declared."""
-        names = {key: element.name for key, element in self._declared.items()}
-        names |= {fold(one.name): one.name for one in self._found.values()}
-        return list(names.values())
+        return list({fold(one.name): one.name for one in self._found.values()}.values())
 
     def longest(self) -> int:
         """Return the greatest number of parameters."""
-        return max((len(one.parameters) for one in self._declared.values()), default=0)
+        return max((len(one.accepted) for one in self._found.values()), default=0)
 
 
 class BoundVariable(NamedTuple):
@@ -260,16 +252,13 @@ class SymbolTable:
 
     def preference(self, name: str) -> str | None:
         """Look up a preference."""
-        found = self.preferences.get(fold(name))
-        if found is None and self._domain is not None:
+        if self._domain is not None and fold(name) not in self.preferences:
             # Only a metric needs the preferences of the domain, so they are found on demand.
-            nodes = walk(*formulas(self._domain))
-            self._domain = None
-            for node in nodes:
+            for node in walk(*formulas(self._domain)):
                 if isinstance(node, Preference) and node.name is not None:
                     self.preferences.setdefault(fold(node.name), node.name)
-            return self.preferences.get(fold(name))
-        return found
+            self._domain = None
+        return self.preferences.get(fold(name))
 
     def object(self, name: str) -> Entity | None:
         """Look up a constant or an object."""

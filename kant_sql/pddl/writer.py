@@ -398,10 +398,6 @@ def _duration(constraints: Sequence[f.Formula]) -> list[str]:
 
 
 def _value(value: pddl.FunctionValue) -> str:
-    if not isinstance(value.value, f.Number | f.Constant):
-        raise InvalidKnowledgeError(
-            f"{shown(value.fluent)} is {shown(value.value)}, not a number or an object"
-        )
     return f"(= {node_text(value.fluent)} {node_text(value.value)})"
 
 

@@ -10,7 +10,7 @@ from typing import Protocol
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
-from ..pddl.document import ACTION, DURATIVE_ACTION, Action, Domain, Problem
+from ..pddl.document import DURATIVE_ACTION, EXECUTABLE, Action, Domain, Problem
 from ..pddl.requirements import functions_in, is_function
 from ..plugins import Plugins
 
@@ -108,7 +108,7 @@ def _adds_up(action: Action, static: frozenset[str]) -> bool:
             return False
         if action.kind == DURATIVE_ACTION and not functions <= static:
             return False
-        if action.kind not in {ACTION, DURATIVE_ACTION}:
+        if action.kind not in EXECUTABLE:
             return False
     return True
 

@@ -34,7 +34,7 @@ class Task(NamedTuple):
     domain: Domain
     problem: Problem
     engine: str | None
-    timeout: float | None
+    timeout: float  # infinite to wait without limit
     strict: bool
     engines: Path  # the file that names engines: the process has another folder
     is_costed: bool = False
@@ -127,8 +127,8 @@ def solve(
     is_best, file = keep == "best", engines_file().absolute()
     attempts = [
         Attempt(
-            Task(domain, problem, one, timeout, strict, file, is_costed or is_best),
-            *(judge, longest, (memory or 0) << 20, is_best),
+            Task(domain, problem, one, longest, strict, file, is_costed or is_best),
+            *(judge, (memory or 0) << 20, is_best),
         )
         for one in asked
     ]
@@ -148,10 +148,8 @@ def check_documents(domain: Domain, problem: Problem) -> None:
 class Attempt:
     """An engine that is asked, in processes and a thread of its own."""
 
-    def __init__(
-        self, task: Task, judge: Judge, longest: float, memory: int, is_best: bool
-    ) -> None:
-        self._task, self._judge, self._longest, self._is_best = task, judge, longest, is_best
+    def __init__(self, task: Task, judge: Judge, memory: int, is_best: bool) -> None:
+        self._task, self._judge, self._is_best = task, judge, is_best
         self._started = time.monotonic()
         self.process = PlannerProcess(memory=memory)
         self.plan: Plan | None = None
@@ -172,7 +170,8 @@ class Attempt:
             self._said = str(error).removesuffix(f"; {WAYS_OUT}")
             if isinstance(error, NoPlanError) and error.status == "timeout":
                 name = "" if self._task.engine is None else f"{self._name}: "
-                message = f"{name}no plan was found within {self._longest:g} seconds; {WAYS_OUT}"
+                longest = f"within {self._task.timeout:g} seconds"
+                message = f"{name}no plan was found {longest}; {WAYS_OUT}"
                 error = NoPlanError(message, "timeout")
             self.error = error
         self._ran = time.monotonic() - self._started
@@ -211,14 +210,14 @@ class Attempt:
 
     def _answers(self) -> Iterator[Plan]:
         """Yield the plans of the engine, the best first."""
-        task, engine, until = self._task, self._task.engine, self._started + self._longest
+        task, engine, until = self._task, self._task.engine, self._started + self._task.timeout
         command = None if engine is None else find_command(engine)
         if command is not None:
             yield from ask(command, task.domain, task.problem, self.process, until)
             return
-        improving = min(IMPROVING_SECONDS, self._longest / 2) if task.is_costed else 0
+        improving = min(IMPROVING_SECONDS, task.timeout / 2) if task.is_costed else 0
         if self._is_best:
-            improving = self._longest
+            improving = task.timeout
         try:
             found = ask_directly(
                 task.domain, task.problem, engine, improving, self._failures, self.process, until
@@ -241,9 +240,8 @@ class Attempt:
         require_unified_planning()
         folder = self.process.folder
         task, result = Path(folder, "task"), Path(folder, "result")
-        left = self._started + self._longest - time.monotonic()
-        longest = None if left == float("inf") else max(left, 0.0)
-        asked = self._task._replace(timeout=longest, failures=self._failures)
+        left = max(self._started + self._task.timeout - time.monotonic(), 0.0)
+        asked = self._task._replace(timeout=left, failures=self._failures)
         task.write_bytes(pickle.dumps(asked))
         result.unlink(missing_ok=True)
         words = [sys.executable, "-m", f"{__package__}.worker", folder]

@@ -496,7 +496,7 @@ class Search:
                 return best
         parameters = engine_parameters(name, None if name == "enhsp-any" else improving)
         timeout = None
-        if improves and self._task.timeout is not None and not self._task.strict:
+        if improves and math.isfinite(self._task.timeout) and not self._task.strict:
             # The rest is for a plan without soft goals.
             timeout = self._remaining() / 2
         with factory.OneshotPlanner(name=name, params=parameters) as planner:
@@ -504,8 +504,6 @@ class Search:
 
     def _remaining(self) -> float:
         """Return the seconds until the timeout."""
-        if self._task.timeout is None:
-            return math.inf
         return max(self._task.timeout - (time.monotonic() - self._started), 1.0)
 
     def _ignored(self, variant: Variant) -> tuple[str, ...]:

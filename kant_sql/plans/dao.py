@@ -115,7 +115,7 @@ def _read_plans(store: Store, view: View, plan_id: int | None) -> list[RecordedP
     if not plans:
         return []
     steps: dict[int | None, list[Execution]] = defaultdict(list)
-    reader = ExecutionReader(store, view, view.kb_id)
+    reader = ExecutionReader(store, view)
     for step in reader.of_plans(plans[0][0], plans[-1][0]):
         steps[step.plan_id].append(step)
     return [_recorded_plan(store, row, steps[row[0]]) for row in plans]

@@ -11,8 +11,8 @@ from ..acts.recording import check_execution, key_of
 from ..arguments import count_limit, expect, optional_text, shown
 from ..errors import InvalidArgumentError
 from ..html import Feed, Listing
-from ..knowledge.definitions import ActionDefinition, Definitions
-from ..knowledge.resolved import fits
+from ..knowledge.definitions import Definitions, ObjectDefinition
+from ..knowledge.resolved import FALSE, fits
 from ..pddl.cursor import hint
 from ..planning import PlanStep
 from ..store.snapshot import View
@@ -102,30 +102,37 @@ class _Search(NamedTuple):
 
     def _actions(self, definitions: Definitions) -> list[str]:
         """Find the actions that have all parameters that are fixed."""
-        name = self.name
+        name, found = self.name, []
         actions = executable(definitions) if name is None else [find_action(definitions, name)]
-        found = [each.name for each in actions if self._has_fixed(definitions, each)]
+        for action in (prepared(definitions, each) for each in actions):
+            fixed = self._objects(definitions, action)
+            if fixed is None:
+                continue
+            for position, object_ in fixed.items() if name is not None else ():
+                check_fit(definitions, object_, action.columns[position])
+            found.append(action.name)
         if self.fixed and not found:
             raise InvalidArgumentError(
                 f"no action has parameters named {', '.join(f'?{each}' for each in self.fixed)}"
             )
         return found
 
-    def _has_fixed(self, definitions: Definitions, definition: ActionDefinition) -> bool:
-        action = prepared(definitions, definition)
-        names = [variable.name for variable in action.variables]
+    def _objects(
+        self, definitions: Definitions, action: PreparedAction
+    ) -> dict[int, ObjectDefinition] | None:
+        """Return the objects of fixed parameters, by position; None if one is not a parameter."""
+        names, found = [variable.name for variable in action.variables], {}
         for keyword, value in self.fixed.items():
-            position = _position(names, keyword)
-            if position is None and self.name is not None:
+            name = variable_of(keyword, names)
+            if name is not None:
+                found[names.index(name)] = find_object(definitions, value)
+            elif self.name is None:
+                return None
+            else:
                 raise InvalidArgumentError(
                     f"the action {self.name!r} has no parameter ?{keyword}{hint(keyword, names)}"
                 )
-            if position is None:
-                return False
-            object_ = find_object(definitions, value)
-            if self.name is not None:
-                check_fit(definitions, object_, action.columns[position])
-        return True
+        return found
 
     def _steps(
         self, store: Store, at: int | None, names: Sequence[str], limit: int | None
@@ -144,9 +151,13 @@ class _Search(NamedTuple):
         if definition is None:
             return []
         action = prepared(definitions, definition)
-        promise, ids = promise_of(action), self._fixed_ids(definitions, action)
-        if ids is None or not promise.is_listed or not is_executable(action):
+        promise, fixed = promise_of(action), self._objects(definitions, action)
+        if fixed is None or promise.listed == FALSE or not is_executable(action):
             return []
+        ids = {position: object_.id for position, object_ in fixed.items()}
+        for position, id_ in ids.items():
+            if not all(fits(definitions, id_, one) for one in action.parameters[position].types):
+                return []
         order = [n for n in range(len(action.parameters)) if n not in ids]
         free = [action.columns[n] for n in order]
         is_limited = most is not None and promise.is_whole
@@ -167,24 +178,6 @@ class _Search(NamedTuple):
             if len(found) == most:
                 break
         return found
-
-    def _fixed_ids(self, definitions: Definitions, action: PreparedAction) -> dict[int, int] | None:
-        """Return the ids of fixed parameters, by position; None if an object does not fit."""
-        names, found = [variable.name for variable in action.variables], dict[int, int]()
-        for keyword, value in self.fixed.items():
-            position = _position(names, keyword)
-            assert position is not None
-            id_ = find_object(definitions, value).id
-            if not all(fits(definitions, id_, one) for one in action.parameters[position].types):
-                return None
-            found[position] = id_
-        return found
-
-
-def _position(names: Sequence[str], keyword: str) -> int | None:
-    """Return the position of the parameter that a keyword names."""
-    name = variable_of(keyword, names)
-    return None if name is None else names.index(name)
 
 
 def why_not(state: State, step: Step) -> list[FailedCondition]:

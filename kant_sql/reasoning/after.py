@@ -7,7 +7,7 @@ calculus, 1991). So one statement about the state before judges the state after.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import product
@@ -59,6 +59,24 @@ def with_numbers(part: r.Compares, values: Mapping[r.Quantity, r.Quantity]) -> r
     """Replace numbers within a comparison."""
     left, right = (with_quantities(side, values) for side in (part.left, part.right))
     return r.Compares(part.operator, left, right)
+
+
+def matched(
+    bound: Sequence[r.Bound], pairs: Iterable[tuple[r.Place, r.Place]]
+) -> tuple[dict[r.Slot, r.Place], list[r.Part], tuple[r.Bound, ...]]:
+    """Give places to variables that terms have; return what must hold, and the other variables."""
+    types = {each.slot: each.types for each in bound}
+    places: dict[r.Slot, r.Place] = {}
+    conditions: list[r.Part] = []
+    for term, place in pairs:
+        if isinstance(term, r.Known):
+            conditions.append(r.same(term, place))
+        elif term in types and term not in places:
+            places[term] = place
+            conditions += [r.HasType(place, one) for one in types[term]]
+        else:
+            conditions.append(r.same(places.get(term, term), place))
+    return places, conditions, tuple([each for each in bound if each.slot not in places])
 
 
 class After:
@@ -124,20 +142,11 @@ class After:
         self, item: EffectItem, terms: Sequence[r.Place], value: r.Place | None = None
     ) -> tuple[r.Part, dict[r.Slot, r.Place], tuple[r.Bound, ...]]:
         """Return that, the objects of its variables, and the variables that are left."""
-        own = {each.slot: each for each in item.bound}
-        places: dict[r.Slot, r.Place] = {}
-        conditions: list[r.Part] = []
         pairs = [*zip(item.terms, terms, strict=True)]
         if value is not None:
             assert isinstance(item.value, r.Slot | r.Known)
             pairs.append((item.value, value))
-        for its, wanted in pairs:
-            if isinstance(its, r.Slot) and its in own and its not in places:
-                places[its] = wanted
-                conditions += [r.HasType(wanted, types) for types in own[its].types]
-            else:
-                conditions.append(r.same(its, wanted))
-        rest = tuple(each for each in item.bound if each.slot not in places)
+        places, conditions, rest = matched(item.bound, pairs)
         inner = r.all_of([item.condition, *conditions])
         whole = r.Witness(rest, inner) if rest and inner != r.FALSE else inner
         return r.replaced(whole, places, self._numbers), places, rest

@@ -98,15 +98,16 @@ def question(
     return Question(words, view.definitions, view.at is not None, numbers, size, rules)
 
 
-def find_object(definitions: Definitions, given: Binding) -> ObjectDefinition:
-    """Return the object of a name or a DTO."""
+def find_object(definitions: Definitions, given: Binding, role: str = "") -> ObjectDefinition:
+    """Return the object of a name or a DTO; `role` is what it is of, for messages."""
     kinds: tuple[type[Any], ...] = (str, PddlObjectDto)
     expect(given, kinds, "an object", InvalidArgumentError)
     name = given if isinstance(given, str) else given.name
     found = definitions.objects.named(name)
     if found is None:
         names = [object_.name for object_ in definitions.objects]
-        raise InvalidKnowledgeError(f"the object {shown(name)} is not known{hint(name, names)}")
+        near = hint(name, names)
+        raise InvalidKnowledgeError(f"the object {shown(name)}{role} is not known{near}")
     return found
 
 

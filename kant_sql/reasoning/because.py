@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from itertools import islice, product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from .. import html
 from ..acts import Execution
@@ -29,7 +29,7 @@ from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
 from ..knowledge.reads import Head, Reading, head_of, read_by
 from ..knowledge.rules import rules_of
-from ..pddl.document import ACTION, DURATIVE_ACTION
+from ..pddl.document import EXECUTABLE
 from ..sql.causes import PastReader, WantedActs, changed_atoms, find_acts, find_origins
 from ..sql.definition_rows import find_identities, last_change, load_at
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, Key, read_outcome
@@ -37,14 +37,13 @@ from ..sql.rows import FACT, VALUE
 from ..store.snapshot import View, read_position
 from ..store.state import State
 from .derived import world_of
-from .steps import PreparedAction, prepared
-from .uses import Literal, Uses, parts_used, users_of
+from .steps import PreparedAction, executable, prepared
+from .uses import Given, Literal, Uses, parts_used, users_of
 from .world import Row, World
 
 # Versions of the element in question that are followed, and derived facts that are looked at.
 VERSIONS, DERIVED = 50, 1_000
 _HEADS = ("predicate", "function")
-EXECUTABLE = (ACTION, DURATIVE_ACTION)
 _ABSENT = re.compile(r"\s*\(\s*not\s*(\(.*\))\s*\)\s*", re.DOTALL | re.IGNORECASE)
 
 
@@ -115,6 +114,15 @@ class CauseLinks:
         return html.listing(self.links, "link")
 
 
+class _Asked(NamedTuple):
+    """A part that is evaluated, with the objects of its parameters."""
+
+    part: r.Part
+    parameters: Sequence[r.Slot] = ()
+    arguments: Row = ()
+    duration: Decimal | None = None
+
+
 class _Dated(NamedTuple):
     """A literal of a state, and the revision since which it was so; 0: ever, or by rules."""
 
@@ -123,14 +131,13 @@ class _Dated(NamedTuple):
     at: int
     text: str
 
-
-class _Asked(NamedTuple):
-    """A part that is evaluated, with the objects of its parameters."""
-
-    part: r.Part
-    parameters: Sequence[r.Slot] = ()
-    arguments: Row = ()
-    duration: Decimal | None = None
+    def asked(self, world: World) -> list[_Asked]:
+        """Return the literal, if rules may have derived it."""
+        _, owner, row, holds = self.literal
+        if not self.literal.is_fact or not rules_of(world.definitions).of(owner):
+            return []
+        fact = r.HoldsFact(owner, tuple(map(r.Known, row)))
+        return [_Asked(fact if holds else r.Lacks(fact))]
 
 
 class _ActJob(NamedTuple):
@@ -156,30 +163,10 @@ class _ActJob(NamedTuple):
         return [_Asked(part, slots, ids, act.duration) for part in parts_used(action, self.time)]
 
 
-class _FactJob(NamedTuple):
-    """A literal that rules may have derived."""
-
-    literal: Literal
-    at: int
-
-    def asked(self, world: World) -> list[_Asked]:
-        """Return the literal, if its predicate is derived."""
-        _, owner, row, holds = self.literal
-        if not self.literal.is_fact or not rules_of(world.definitions).of(owner):
-            return []
-        fact = r.HoldsFact(owner, tuple(map(r.Known, row)))
-        return [_Asked(fact if holds else r.Lacks(fact))]
-
-
-class _RuleJob(NamedTuple):
-    """A literal that rules may have derived facts from, with its text."""
-
-    literal: Literal
-    at: int
-    text: str
-
-
-_Job = _ActJob | _FactJob
+_Job = _ActJob | _Dated
+J = TypeVar("J", _Job, _Dated)
+# Parts, and what is given of their variables.
+_Read = list[tuple[r.Part, Given]]
 
 
 class _Evaluation:
@@ -197,22 +184,22 @@ class _Evaluation:
         """Return the literals that each job used."""
         found: list[list[Literal]] = [[] for _ in jobs]
         texts: dict[Literal, str] = {}
-        for world, uses, place in self._in_states(jobs):
+        for world, uses, place in self._in_states(jobs, _read_by_asked):
             for asked in jobs[place].asked(world):
                 own = dict.fromkeys(uses.of(*asked))
                 texts |= {one: _text(world, one) for one in own if one not in texts}
                 found[place] += own
         return self._dated(jobs, found, texts)
 
-    def derived(self, jobs: Sequence[_RuleJob]) -> Iterator[tuple[str, str]]:
+    def derived(self, jobs: Sequence[_Dated]) -> Iterator[tuple[str, str]]:
         """Yield the derived facts that used literals, with those."""
-        for world, uses, place in self._in_states(jobs):
+        for world, uses, place in self._in_states(jobs, _read_by_users):
             job = jobs[place]
             for one in sorted(islice(uses.users(job.literal), DERIVED)):
                 yield _text(world, one), job.text
 
     def _in_states(
-        self, jobs: Sequence[_Job] | Sequence[_RuleJob]
+        self, jobs: Sequence[J], read: Callable[[World, J], _Read]
     ) -> Iterator[tuple[World, Uses, int]]:
         """Yield the place of each job while the world has its state; all are read at once."""
         of_state: defaultdict[int, list[int]] = defaultdict(list)
@@ -225,7 +212,8 @@ class _Evaluation:
                 for world, revisions in worlds
                 for at in revisions
                 for place in of_state[at]
-                for pattern in _patterns(world, jobs[place])
+                for part, given in read(world, jobs[place])
+                for pattern in read_by(rules_of(world.definitions), [part], given)
             }
         )
         for world, revisions in worlds:
@@ -283,17 +271,15 @@ class _Evaluation:
         return [[dated(one, job.at) for one in own] for job, own in pairs]
 
 
-def _patterns(world: World, job: _Job | _RuleJob) -> set[Reading[int]]:
-    """Return what a job depends on."""
-    if isinstance(job, _RuleJob):
-        parts = [one for some in users_of(world.definitions, job.literal).values() for one in some]
-    else:
-        parts = [
-            (one.part, dict(zip(one.parameters, one.arguments, strict=True)))
-            for one in job.asked(world)
-        ]
-    rules = rules_of(world.definitions)
-    return {one for part, given in parts for one in read_by(rules, [part], given)}
+def _read_by_asked(world: World, job: _Job) -> _Read:
+    """Return what the truth of a job depends on."""
+    asked = job.asked(world)
+    return [(one.part, dict(zip(one.parameters, one.arguments, strict=True))) for one in asked]
+
+
+def _read_by_users(world: World, job: _Dated) -> _Read:
+    """Return what it depends on which derived facts use a literal."""
+    return [one for some in users_of(world.definitions, job.literal).values() for one in some]
 
 
 def with_state(world: World, state: Iterable[Any]) -> None:
@@ -422,7 +408,7 @@ class _Tracer:
         self.links: _Links = []
         # The state after the last archived revision is the first that conditions are judged in.
         self.searched = position.archived and position.archived + 1
-        self._reader = ExecutionReader(state.store, view, view.kb_id)
+        self._reader = ExecutionReader(state.store, view)
         self._evaluation = _Evaluation(view, position.head)
 
     def result(self, text: str) -> CauseLinks:
@@ -485,7 +471,7 @@ class _Tracer:
     def _add_derived(self, targets: list[_Target], used: _Texts) -> None:
         """Add the derived facts that used some literals, which come last."""
         jobs = [
-            _RuleJob(one.literal, min(one.until or LARGEST, self.at + 1) - 1, one.text)
+            _Dated(one.literal, one.since, min(one.until or LARGEST, self.at + 1) - 1, one.text)
             for one in targets
         ]
         is_one = len({one.literal for one in targets}) == 1
@@ -499,9 +485,7 @@ class _Tracer:
         low = max(target.since, self.archived, 1)
         high = self.at if target.until is None else min(target.until, self.at)
         users = [*users_of(self.view.definitions, target.literal)]
-        for definition in self.view.definitions.actions:
-            if definition.kind not in EXECUTABLE or low > high:
-                continue
+        for definition in executable(self.view.definitions) if low <= high else ():
             action = prepared(self.view.definitions, definition)
             places = {one.slot: place for place, one in enumerate(action.parameters)}
             for (head, terms), user in product(occurrences(action), users):
@@ -580,11 +564,11 @@ class _Tracer:
             for job in _moments(acts[key])
             if job.at < number
         ]
-        jobs += [(one, _FactJob(one.literal, one.at)) for one in level if not one.since]
+        jobs += [(one, one) for one in level if not one.since]
         used: defaultdict[Any, list[_Dated]] = defaultdict(list)
         for (owner, job), own in zip(jobs, self._run(jobs), strict=True):
             # The first literal of a fact is that fact.
-            used[owner] += own[isinstance(job, _FactJob) :]
+            used[owner] += own[isinstance(job, _Dated) :]
         found = _Links()
         for number in made.keys() - {number for number, _ in acted} - {0}:
             kind = "document" if number in loaded else "observation"

@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import partial
 from typing import Any
 
 from ..acts import Execution
@@ -34,8 +35,10 @@ from ..history.diff import diff
 from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
+from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
+from ..sql.definition_rows import find_id
 from ..sql.executions import ABORTED, REFUSED, RUNNING, SUCCEEDED, ExecutionDefinition, Key
 from ..store.snapshot import View, read_position
 from ..store.state import State
@@ -45,11 +48,11 @@ from .act import begin, in_revision, step_text, view_of
 from .effects import (
     Earlier,
     EffectReader,
+    NewValues,
     StepChanges,
-    combined,
+    new_values,
     not_applicable,
-    settled,
-    unchanged,
+    objects_of,
 )
 from .explain import Explainer
 from .failures import FailedCondition
@@ -357,7 +360,8 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
 
     Raises:
         PlanError: the step is not running; or with `undo`, something else changed what its
-            start changed, which is named, or the state before is not known. Nothing is written.
+            start changed, which is named, or deleted what that names, or the state before is not
+            known. Nothing is written.
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
 
     Examples:
@@ -558,23 +562,21 @@ def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
         return None
     number = step.outcomes[-1].since.number
 
-    def work(view: View) -> tuple[StepChanges, dict[AtomKey, str], set[FluentKey]]:
+    def work(view: View) -> tuple[StepChanges, dict[AtomKey, str], NewValues]:
         found = ground(view.definitions, step)
         numbers = {} if step.duration is None else {f.DURATION: step.duration}
         read = EffectReader(view, found, numbers).read(found.action.items(AT_START))
         deleted = {key: key.text(view.definitions) for key in read.deletes if key not in read.adds}
-        items, _ = settled(view, read)
-        same = unchanged(view, items)
-        return read, {**read.adds, **deleted}, same
+        return read, {**read.adds, **deleted}, new_values(view, read)
 
     try:
-        read, texts, same = store.read_in_snapshot(work, number - 1)
+        read, texts, values = store.read_in_snapshot(work, number - 1)
         changes = diff(State(store, None), number - 1, number)
         lines = {(each.sign, each.text): each for each in changes}
     except (ArchivedError, InvalidKnowledgeError, NotApplicableError, PddlError):
         # Archived, or the start is of the revision that declares what it needs.
         return None
-    return [*_facts(read, texts, lines), *_values(store, read, lines, same)]
+    return [*_facts(read, texts, lines), *_values(store, read, lines, values)]
 
 
 _Lines = dict[tuple[str, str], Change]
@@ -588,11 +590,9 @@ def _facts(read: StepChanges, texts: dict[AtomKey, str], lines: _Lines) -> Itera
             yield _Effect(key, not is_added, is_added, (line,))
 
 
-def _values(
-    store: Store, read: StepChanges, lines: _Lines, same: set[FluentKey]
-) -> Iterator[_Effect]:
+def _values(store: Store, read: StepChanges, lines: _Lines, values: NewValues) -> Iterator[_Effect]:
     for key, (text, made) in read.assignments.items():
-        begin = value_text(text, "")[:-1]
+        (number, expected), begin = values[key], value_text(text, "")[:-1]
         found = {
             sign: (
                 line,
@@ -601,14 +601,11 @@ def _values(
             for (sign, _), line in lines.items()
             if line.text.startswith(begin)
         }
-        if not found and (key in same or any(isinstance(by, int) for _, by in made)):
+        if not found and (number == expected or any(isinstance(by, int) for _, by in made)):
             continue
         (before, after) = (
             found[sign][1] if sign in found else None for sign in (RETRACTED, ASSERTED)
         )
-        is_number = before is not None and before.object_id is None
-        number = Decimal(before.text) if before is not None and is_number else None
-        expected = combined(text, made, number)
         is_alone = after is not None and _is(after, expected)
         yield _Effect(key, before, after, tuple(line for line, _ in found.values()), is_alone)
 
@@ -620,9 +617,27 @@ def _is(value: FluentValue, expected: Decimal | int | FailedCondition) -> bool:
 
 
 def _object(store: Store, text: str) -> int | None:
-    """Return the object that a value is; None for a number."""
-    found = store.read_definitions(lambda definitions: definitions.objects.named(text))
-    return None if found is None else found.id
+    """Return the object that a value is, or was until it was deleted; None for a number."""
+    read = partial(find_id, kind="object", name=text)
+    return store.query_known(read, None, in_snapshot=False)
+
+
+def _can_be_again(definitions: Definitions, effect: _Effect) -> bool:
+    """Return whether what held or had a value before a start still can: all that it names."""
+    key, before = effect.key, effect.before
+    if not before:
+        return True
+    ids = [*objects_of(key)]
+    if isinstance(before, FluentValue) and before.object_id is not None:
+        ids.append(before.object_id)
+    owner: PredicateDefinition | FunctionDefinition | None
+    if isinstance(key, AtomKey):
+        owner = definitions.predicates.get(key.predicate_id)
+    else:
+        owner = definitions.functions.get(key.function_id)
+    if owner is None or None in map(definitions.objects.get, ids):
+        return False
+    return definitions.admits(owner, ids)
 
 
 def standing(transaction: Transaction, effects: list[_Effect]) -> list[bool]:
@@ -658,6 +673,13 @@ def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] 
         raise PlanError(
             f"{step} cannot be undone: the changes of its start were overwritten ({texts}); "
             "nothing was written: abort it without undo, and correct its changes"
+        )
+    known = transaction.definitions.current()
+    if gone := [each for each in effects if not _can_be_again(known, each)]:
+        texts = ", ".join(f"{line.sign}{line.text}" for each in gone for line in each.changes)
+        raise PlanError(
+            f"{step} cannot be undone: what its start changed names what was deleted or redefined "
+            f"since ({texts}); nothing was written: abort it without undo, and correct its changes"
         )
     atoms = transaction.propositions.find([e.key for e in effects if isinstance(e.key, AtomKey)])
     fluents = transaction.values.find([e.key for e in effects if isinstance(e.key, FluentKey)])

@@ -273,41 +273,37 @@ def combined(
     return decimal_of(number)
 
 
-def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[FailedCondition]]:
-    """Return changes as effects on some objects with the values that fluents get, or why not."""
-    items = [ground_item("delete", key.predicate_id, objects_of(key)) for key in changes.deletes]
-    items += [ground_item("add", key.predicate_id, objects_of(key)) for key in changes.adds]
+# The number of each fluent before a step, and its value after it, or why it has none.
+NewValues = Mapping[FluentKey, tuple[Decimal | None, Decimal | int | FailedCondition]]
+
+
+def new_values(view: View, changes: StepChanges) -> NewValues:
+    """Return what becomes of the fluents that a step changes."""
     numbers = {
         key: NumberOf(key.function_id, tuple(map(Known, objects_of(key))))
         for key, (_, made) in changes.assignments.items()
         if any(isinstance(value, Decimal | Fraction) for _, value in made)
     }
     values = read_numbers(view, list(numbers.values())) or {}
-    failed = []
+    found = {}
     for key, (text, made) in changes.assignments.items():
         before = values.get(numbers[key]) if key in numbers else None
-        value = combined(text, made, before)
+        found[key] = before, combined(text, made, before)
+    return found
+
+
+def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[FailedCondition]]:
+    """Return changes as effects on some objects with the values that fluents get, or why not."""
+    items = [ground_item("delete", key.predicate_id, objects_of(key)) for key in changes.deletes]
+    items += [ground_item("add", key.predicate_id, objects_of(key)) for key in changes.adds]
+    failed = []
+    for key, (_, value) in new_values(view, changes).items():
         if isinstance(value, FailedCondition):
             failed.append(value)
         else:
             given = Known(value) if isinstance(value, int) else value
             items.append(ground_item("assign", key.function_id, objects_of(key), given))
     return items, failed
-
-
-def unchanged(view: View, items: Sequence[EffectItem]) -> set[FluentKey]:
-    """Return the fluents that have the numbers already that they are assigned."""
-    assigned = {
-        NumberOf(item.head, item.terms): item.value
-        for item in items
-        if isinstance(item.value, Decimal)
-    }
-    before = read_numbers(view, list(assigned)) or {}
-    return {
-        FluentKey(each.function, " ".join(str(term.id) for term in each.terms))  # type: ignore[union-attr]
-        for each, value in before.items()
-        if assigned[each] == value
-    }
 
 
 def objects_of(key: AtomKey | FluentKey) -> tuple[int, ...]:

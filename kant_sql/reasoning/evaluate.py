@@ -186,25 +186,17 @@ class Compiler:
 
     def _chosen(self, rest: list[_Conjunct], unbound: _Types, delta: Delta) -> _Step | None:
         """Choose the atom or the fluent whose objects are looped over next."""
-        best: tuple[tuple[int, int], _Conjunct] | None = None
-        for each in rest:
-            part = each.part
-            if delta is not None and part is delta[0]:
-                best = (0, 0), each
-                break
-            if isinstance(part, r.FluentIs):
-                if unbound.keys().isdisjoint(part.terms):
-                    best = (0, 0), each
-                    break
+        ranks: dict[int, tuple[int, int]] = {}
+        for place, (part, _) in enumerate(rest):
+            is_delta = delta is not None and part is delta[0]
+            if is_delta or (isinstance(part, r.FluentIs) and unbound.keys().isdisjoint(part.terms)):
+                ranks[place] = (0, 0)
             elif isinstance(part, r.HoldsFact):
                 known = sum(term not in unbound for term in part.terms)
-                rank = (len(part.terms) - known, -known)
-                if best is None or rank < best[0]:
-                    best = rank, each
-        if best is None:
+                ranks[place] = (len(part.terms) - known, -known)
+        if not ranks:
             return None
-        rest.remove(best[1])
-        part = best[1].part
+        part = rest.pop(min(ranks, key=ranks.__getitem__)).part
         if isinstance(part, r.FluentIs):
             return self._value(part, unbound)
         assert isinstance(part, r.HoldsFact)

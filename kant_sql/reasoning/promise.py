@@ -43,8 +43,7 @@ class Promise:
 
     part: r.Part  # the condition
     is_whole: bool  # whether it is all; else what is over all has to be judged for each step
-    is_listed: bool  # whether steps without a duration can begin
-    listed: r.Part  # the condition of these, that of their duration included
+    listed: r.Part  # that of steps without a duration, the condition of their duration included
 
 
 def promise_of(action: PreparedAction) -> Promise:
@@ -69,10 +68,7 @@ def _promise(action: PreparedAction) -> Promise:
         except (OpaqueError, UnsupportedConstructError):
             is_whole = False
     part = r.all_of(parts)
-    is_listed, listed = True, part
-    if action.is_durative:
-        is_listed, listed = _with_duration(action, part)
-    return Promise(part, is_whole, is_listed, listed)
+    return Promise(part, is_whole, _with_duration(action, part) if action.is_durative else part)
 
 
 def _fresh(action: PreparedAction, bound: Sequence[r.Bound], part: r.Part) -> r.Part:
@@ -180,12 +176,12 @@ def limits_of(action: PreparedAction) -> list[tuple[str, r.Quantity, r.Needed]]:
     return found
 
 
-def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
-    """Return whether steps can begin without a duration, and their condition."""
+def _with_duration(action: PreparedAction, part: r.Part) -> r.Part:
+    """Return what must hold so that steps without a duration can begin."""
     limits = limits_of(action)
     fixed = next((limit for operator, limit, _ in limits if operator == "="), None)
     if fixed is None and action.needs_duration:
-        return False, r.FALSE
+        return r.FALSE
     numbers = [limit for _, limit, _ in limits if not isinstance(limit, Decimal)]
     parts = [part, *(r.Compares("=", each, each) for each in numbers)]
     if fixed is not None:
@@ -208,7 +204,7 @@ def _with_duration(action: PreparedAction, part: r.Part) -> tuple[bool, r.Part]:
                 parts += _within("<=", least, most, 2 * TOLERANCE)
     variables = tuple(each for _, _, needed in limits for each in needed.bound)
     inner = r.all_of([*(each for _, _, needed in limits for each in needed.needed), *parts])
-    return True, r.Witness(variables, inner) if variables and inner != r.FALSE else inner
+    return r.Witness(variables, inner) if variables and inner != r.FALSE else inner
 
 
 def _within(

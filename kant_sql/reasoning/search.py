@@ -20,7 +20,7 @@ from ..documents.exchange import PlanningTask, read_task
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
 from ..pddl import write
-from ..pddl.document import ACTION, DURATIVE_ACTION, Action
+from ..pddl.document import EXECUTABLE, Action
 from ..planning.action_costs import (
     MOST_COSTS,
     ActionCost,
@@ -194,7 +194,7 @@ def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[
     seen = {fold(one.action or ""): one for one in whole}
     objects, made = Objects(domain, problem), []
     for action in domain.actions:
-        if action.kind not in (ACTION, DURATIVE_ACTION):
+        if action.kind not in EXECUTABLE:
             made.append(CostedAction(action))
             continue
         expected = expected_of_action(seen.get(fold(action.name)), usual)

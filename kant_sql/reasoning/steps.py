@@ -20,11 +20,12 @@ from ..knowledge.definitions import ActionDefinition, Definitions
 from ..knowledge.formulas import action_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.cursor import hint
-from ..pddl.document import ACTION, DURATIVE_ACTION, Action
+from ..pddl.document import DURATIVE_ACTION, EXECUTABLE, Action
 from ..pddl.formulas import flatten
 from ..pddl.given import read_step
 from ..planning import Plan, PlanStep
 from .arithmetic import ADDITIVE
+from .ask import find_object
 from .failures import FailedCondition
 
 T = TypeVar("T")
@@ -400,7 +401,7 @@ def prepared(definitions: Definitions, definition: ActionDefinition) -> Prepared
 
 def executable(definitions: Definitions) -> Iterator[ActionDefinition]:
     """Yield the actions that can be steps: processes and events are not."""
-    return (each for each in definitions.actions if each.kind in (ACTION, DURATIVE_ACTION))
+    return (each for each in definitions.actions if each.kind in EXECUTABLE)
 
 
 def find_action(definitions: Definitions, name: str) -> ActionDefinition:
@@ -409,7 +410,7 @@ def find_action(definitions: Definitions, name: str) -> ActionDefinition:
     if found is None:
         names = [each.name for each in executable(definitions)]
         raise InvalidKnowledgeError(f"the action {shown(name)} is not known{hint(name, names)}")
-    if found.kind not in (ACTION, DURATIVE_ACTION):
+    if found.kind not in EXECUTABLE:
         raise UnsupportedConstructError(
             f"{found.name!r} is of kind {found.kind}, which happens by itself; name an action"
         )
@@ -449,15 +450,7 @@ def _ground(definitions: Definitions, step: object) -> GroundStep:
             f"({' '.join((name, *arguments))}) has {len(arguments)} arguments, expected "
             f"{len(action.parameters)} as in ({wanted})"
         )
-    objects = []
-    for argument in arguments:
-        object_ = definitions.objects.named(argument)
-        if object_ is None:
-            names = [each.name for each in definitions.objects]
-            raise InvalidKnowledgeError(
-                f"the object {shown(argument)} of the step is not known{hint(argument, names)}"
-            )
-        objects.append(object_)
+    objects = [find_object(definitions, each, " of the step") for each in arguments]
     ids = tuple([each.id for each in objects])
     names_ = tuple([each.name for each in objects])
     return GroundStep(action, ids, names_, duration, recorded)
@@ -484,15 +477,12 @@ def _given(definitions: Definitions, step: object) -> _Given:
             actions=lambda: [each.name for each in definitions.actions],
         )
         return *read, None if duration is None else Decimal(duration), None
-    if isinstance(step, PlanStep):
-        return step.action, step.arguments, step.duration, None
-    if isinstance(step, Execution):
-        return step.action, step.arguments, step.duration, step
-    found = _of_unified_planning(step)
-    return found.action, found.arguments, None, None
+    recorded = step if isinstance(step, Execution) else None
+    given = recorded or read_plan_step(step)
+    return given.action, given.arguments, given.duration, recorded
 
 
-def read_plan_step(step: Step) -> PlanStep:
+def read_plan_step(step: object) -> PlanStep:
     """Read a step of a plan, whatever it names."""
     if isinstance(step, PlanStep):
         return step

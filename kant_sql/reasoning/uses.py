@@ -23,6 +23,7 @@ from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
 from ..knowledge.reads import head_of
 from ..knowledge.rules import DerivationRules, rules_of
+from .after import matched
 from .derived import fitting
 from .evaluate import Compiler, Env, Rows, Test
 from .steps import CONTINUOUS, PreparedAction
@@ -119,19 +120,10 @@ def _rule_use(
     around: Sequence[r.Part],
 ) -> RuleUse:
     """Give the objects of a literal to the variables of a leaf."""
-    types = {one.slot: one.types for one in bound}
     given = tuple([r.Slot(next(rules.numbers)) for _ in leaf.terms])
-    places: dict[r.Slot, r.Place] = {}
-    conditions: list[r.Part] = []
-    for term, own in zip(leaf.terms, given, strict=True):
-        if term in types and term not in places:
-            places[term] = own
-            conditions += [r.HasType(own, one) for one in types[term]]
-        else:
-            conditions.append(r.same(places.get(term, term), own))
+    places, conditions, rest = matched(bound, zip(leaf.terms, given, strict=True))
     # A variable of a quantifier may be bound both around the leaf and within a part beside it.
     conditions += [r.replaced(one, {**places}, rules.numbers) for one in around]
-    rest = tuple([one for one in bound if one.slot not in places])
     row = tuple([places.get(one.slot, one.slot) for one in parameters])
     return RuleUse(*head, given, row, rest, r.all_of(conditions))
 

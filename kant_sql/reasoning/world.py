@@ -192,13 +192,6 @@ class World:
         """Return the values of a function."""
         return self._tables[function]
 
-    def has(self, predicate: int, row: Row) -> bool:
-        """Return whether a fact holds, derived ones included."""
-        rules = self._rules.get(predicate)
-        if rules is not None:
-            rules.refresh()
-        return row in self.relation(predicate).rows
-
     def add(self, predicate: int, row: Row) -> None:
         """Add a fact."""
         if self.relation(predicate, is_stored=True).add(row):

@@ -701,6 +701,43 @@ def test_what_something_else_changed_is_not_undone(rooms: KnowledgeBase) -> None
     rooms.abort(step)
 
 
+GRAB = """
+(define (domain shelf)
+  (:requirements :typing :durative-actions :object-fluents :conditional-effects)
+  (:types box) (:predicates (busy) (seen ?b - box))
+  (:functions (held) - box (nearest) - box)
+  (:durative-action grab :parameters () :duration (= ?duration 3)
+    :effect (and (at start (busy)) (at start (assign (held) (nearest)))
+      (at start (forall (?b - box) (not (seen ?b)))))))
+"""
+SHELF = """
+(define (problem two) (:domain shelf) (:objects a b c - box)
+  (:init (seen a) (= (held) b) (= (nearest) c)) (:goal (and)))
+"""
+
+
+@pytest.mark.parametrize(
+    ("gone", "left"),
+    [
+        ("a", ["+(busy)", "-(seen a)", "+(= (held) c)", "-(= (held) b)"]),
+        ("b", ["+(busy)", "-(seen a)", "+(= (held) c)", "-(= (held) b)"]),
+        ("c", ["+(busy)", "-(seen a)"]),
+    ],
+)
+def test_what_a_start_changed_of_objects_that_are_gone_is_not_taken_back(
+    fresh_kb: KnowledgeBase, gone: str, left: list[str]
+) -> None:
+    kb = loaded(fresh_kb, GRAB, SHELF)
+    step = kb.start("(grab)")
+    kb.objects.delete(gone)
+    before = state(kb)
+    with pytest.raises(PlanError, match=rf"cannot be undone: .*\b{gone}\)"):
+        kb.abort(step, undo=True)
+    assert state(kb) == before
+    assert shown(kb.abort(step).left) == left
+    assert kb.store.verify().is_intact
+
+
 def test_durations(kb: KnowledgeBase) -> None:
     assert kb.start("(long p1 c0 c1) [1.755]").duration == Decimal("1.755")
     kb.abort("(long p1 c0 c1)")

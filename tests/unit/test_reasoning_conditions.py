@@ -32,6 +32,11 @@ def fact(world: World, name: str, *objects: str) -> tuple[int, tuple[int, ...]]:
     return predicate.id, tuple([world.ids[one] for one in objects])
 
 
+def holds(world: World, name: str, *objects: str) -> bool:
+    """Return whether a fact holds, derived ones included."""
+    return Conditions(world).holds(f.Atom(name, tuple(map(f.Constant, objects))))
+
+
 def _world(init: str = "", domain: str = DOMAIN) -> World:
     read = read_domain(domain)
     text = f"""(define (problem p) (:domain d)
@@ -83,23 +88,23 @@ def test_failing_parts_are_named_with_values() -> None:
 
 def test_stored_facts_of_derived_predicates_hold_beside_the_rules() -> None:
     world = _world("(road home a) (reach b c)")
-    assert world.has(*fact(world, "reach", "home", "a"))
-    assert world.has(*fact(world, "reach", "b", "c"))
+    assert holds(world, "reach", "home", "a")
+    assert holds(world, "reach", "b", "c")
     world.add(*fact(world, "road", "a", "b"))
     # A stored fact is used by the rules.
-    assert world.has(*fact(world, "reach", "home", "c"))
-    assert not world.has(*fact(world, "far", "home", "c"))
+    assert holds(world, "reach", "home", "c")
+    assert not holds(world, "far", "home", "c")
     world.remove(*fact(world, "reach", "b", "c"))
-    assert world.has(*fact(world, "reach", "home", "b"))
-    assert not world.has(*fact(world, "reach", "home", "c"))
-    assert world.has(*fact(world, "far", "home", "c"))
+    assert holds(world, "reach", "home", "b")
+    assert not holds(world, "reach", "home", "c")
+    assert holds(world, "far", "home", "c")
 
 
 def test_what_rules_derive_fits_the_parameters_of_the_predicate() -> None:
     world = _world("(road home a)")
-    assert world.has(*fact(world, "far", "home", "b"))
-    assert not world.has(*fact(world, "far", "home", "a"))
-    assert not world.has(*fact(world, "far", "home", "t"))
+    assert holds(world, "far", "home", "b")
+    assert not holds(world, "far", "home", "a")
+    assert not holds(world, "far", "home", "t")
 
 
 def test_recursion_inside_of_a_disjunction_is_followed_to_its_end() -> None:
@@ -109,7 +114,7 @@ def test_recursion_inside_of_a_disjunction_is_followed_to_its_end() -> None:
       (:derived (lit ?x - place) (or (= ?x home)
         (exists (?z - place) (and (road ?z ?x) (or (done) (lit ?z)))))))"""
     world = _world("(road home a) (road a b) (road b c)", domain)
-    assert world.has(*fact(world, "lit", "c"))
+    assert holds(world, "lit", "c")
     world.remove(*fact(world, "road", "a", "b"))
-    assert not world.has(*fact(world, "lit", "c"))
-    assert world.has(*fact(world, "lit", "a"))
+    assert not holds(world, "lit", "c")
+    assert holds(world, "lit", "a")

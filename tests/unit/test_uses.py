@@ -106,7 +106,9 @@ def judge_users(world: World, seed: int) -> int:
     uses, users = Uses(world), defaultdict[Literal, set[Literal]](set)
     derived: list[Literal] = []
     for head in rules.component:
-        world.has(head, ())
+        component = world.rules(head)
+        assert component is not None
+        component.refresh()
         derived += [Literal(True, head, row, True) for row in sorted(world.relation(head).rows)]
     for one in derived[:DERIVED]:
         part = fact_of(one)
