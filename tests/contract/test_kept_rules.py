@@ -467,6 +467,7 @@ KEPT = [
 ]
 
 
+@pytest.mark.more
 def test_rules_that_are_judged_together_are_judged_as_each_alone(kb: KnowledgeBase) -> None:
     random, saved = Random(3), dict[str, int]()
     for number in range(60):
@@ -491,6 +492,7 @@ def test_rules_that_are_judged_together_are_judged_as_each_alone(kb: KnowledgeBa
     assert {one.verdict for one in found} >= {"kept", "violated"}
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("clock", ["committed", "valid"])
 def test_a_quantifier_within_a_preference_has_the_objects_of_each_state(
     kb: KnowledgeBase, clock: str
