@@ -19,6 +19,7 @@ from typer.main import get_command
 
 import kant_sql
 from kant_sql import PddlTypeDto
+from kant_sql.cli.common import CommandGroup
 from kant_sql.cli.main import app, without_passwords
 from tests.cli.conftest import write_history
 from tests.support.processes import commands
@@ -212,9 +213,9 @@ def test_the_version_is_that_of_the_package() -> None:
 
 
 def _commands(command: Any, *path: str) -> Iterator[list[str]]:
-    for name, one in getattr(command, "commands", {}).items():
+    for name in command.list_commands(None) if isinstance(command, CommandGroup) else ():
         yield [*path, name]
-        yield from _commands(one, *path, name)
+        yield from _commands(command.get_command(None, name), *path, name)
 
 
 @pytest.mark.parametrize("words", [[], *_commands(get_command(app))])
