@@ -35,7 +35,7 @@ from ..history.diff import diff
 from ..history.revisions import Revision
 from ..html import Listing
 from ..knowledge.atoms import AtomKey, FluentKey, FluentValue
-from ..knowledge.definitions import Definitions, FunctionDefinition, PredicateDefinition
+from ..knowledge.definitions import Definitions
 from ..knowledge.resolved import AllOf
 from ..sql.changes import ASSERTED, RETRACTED, Change
 from ..sql.definition_rows import find_id
@@ -630,11 +630,8 @@ def _can_be_again(definitions: Definitions, effect: _Effect) -> bool:
     ids = [*objects_of(key)]
     if isinstance(before, FluentValue) and before.object_id is not None:
         ids.append(before.object_id)
-    owner: PredicateDefinition | FunctionDefinition | None
-    if isinstance(key, AtomKey):
-        owner = definitions.predicates.get(key.predicate_id)
-    else:
-        owner = definitions.functions.get(key.function_id)
+    owners: Any = definitions.predicates if isinstance(key, AtomKey) else definitions.functions
+    owner = owners.get(key.predicate_id if isinstance(key, AtomKey) else key.function_id)
     if owner is None or None in map(definitions.objects.get, ids):
         return False
     return definitions.admits(owner, ids)

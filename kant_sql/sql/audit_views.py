@@ -18,6 +18,7 @@ from sqlalchemy import BigInteger, bindparam, column, select, table, text
 from ..arguments import expect, shown
 from ..errors import InvalidArgumentError, needing, printable, reading_rows
 from .dialects.base import Row, Session
+from .dialects.structure import TYPED
 from .query import Query
 from .rows import KB
 from .schema import recorded
@@ -69,8 +70,8 @@ _TYPES = {
 
 @cache
 def _columns() -> dict[str, dict[str, ColumnType]]:
-    """Read the columns of each view from the record of what the migrations make on PostgreSQL."""
-    heads = (_HEAD.match(statement.text) for statement in recorded("postgresql"))
+    """Read the columns of each view from the record of what the migrations make."""
+    heads = (_HEAD.match(statement.text) for statement in recorded(TYPED))
     return {
         head[1]: {
             name: _TYPES.get(type_.strip(), ColumnType.TEXT)

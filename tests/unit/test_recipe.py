@@ -64,7 +64,9 @@ def _modules_that_mention(names: set[str]) -> set[str]:
         mentioned |= {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
         mentioned |= {node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
         mentioned |= {
-            ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Subscript)
+            ast.unparse(node).removeprefix("t.")
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Subscript)
         }
         if mentioned & names:
             found.add(path.relative_to(PACKAGE).as_posix())
