@@ -404,6 +404,8 @@ class Store:
         given: Given = FROM_NOW_ON,
         is_observed: bool = False,
     ) -> Transaction:
+        # Before the lock: once its connection is lost, another thread can commit at any moment.
+        last = self._last
         session = self.backend.session()
         try:
             session.begin(write=True)
@@ -414,7 +416,7 @@ class Store:
             head = lock_head(session, kb_id)
             if head is None:
                 raise vanished(session)
-            self._judge(head)
+            self._judge(head, last)
             if head.origin is not None and not promotes:
                 raise self._is_replica(head.origin)
             if expected is not None:
@@ -450,9 +452,8 @@ class Store:
             "with kb.store.promote() or 'kant-sql promote'"
         )
 
-    def _judge(self, head: Head) -> None:
+    def _judge(self, head: Head, last: Committed | None) -> None:
         """Refuse a store that lacks what was committed before; warn of a clock that is behind."""
-        last = self._last
         if last is not None and (
             head.revision < last.number or (head.revision == last.number and head.hash != last.hash)
         ):

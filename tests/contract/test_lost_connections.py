@@ -15,8 +15,11 @@ import pytest
 from kant_sql import KnowledgeBase, OutcomeUnknownError, StoreError
 from kant_sql.errors import ConnectionLostError
 from kant_sql.sql.dialects import postgresql
+from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
 from kant_sql.sql.query import Query
+from kant_sql.store import store
+from kant_sql.store.head import Head, lock_head
 from kant_sql_plugins.citus import cluster as citus
 from tests.support.chain import check_chain
 from tests.support.faults import (
@@ -232,6 +235,22 @@ def test_a_lost_answer_is_found_out_although_all_connections_were_lost(
     lose_answer(monkeypatch, True, lambda: terminate(shared_url))
     assert a_transaction(kb) is True
     assert check_chain(shared_url) == {"default": 2}
+
+
+def test_a_lock_that_is_lost_to_another_thread_is_no_other_store(
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lose_lock(session: Session, kb_id: int) -> Head | None:
+        monkeypatch.undo()
+        head = lock_head(session, kb_id)
+        terminate(shared_url)
+        with ThreadPoolExecutor(1) as other:
+            assert other.submit(kb.objects.insert, waypoint(7)).result(60)
+        return head
+
+    monkeypatch.setattr(store, "lock_head", lose_lock)
+    assert one_call(kb) is True
+    assert check_chain(shared_url) == {"default": 3}
 
 
 @pytest.mark.usefixtures("impatient")
