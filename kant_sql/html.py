@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from html import escape
-from itertools import chain, islice
+from itertools import islice
 from typing import Generic, TypeVar
 
 from .errors import KantSqlError, printable
@@ -187,17 +187,17 @@ class Feed(Iterator[T_co], Generic[T_co]):
             noun: what one is called.
         """
         self._items = read(limit)
+        self._peeked: list[T_co] = []  # the next item, once somebody has asked whether there is one
         self._read, self._limit, self._noun = read, limit, noun
 
     def __next__(self) -> T_co:
-        return next(self._items)
+        return self._peeked.pop() if self._peeked else next(self._items)
 
     def __bool__(self) -> bool:
         """Return whether there is a next item, which is read and kept."""
-        for item in self._items:
-            self._items = chain([item], self._items)
-            return True
-        return False
+        if not self._peeked:
+            self._peeked += islice(self._items, 1)
+        return bool(self._peeked)
 
     def _repr_html_(self) -> str:
         return guarded(self._first_page)

@@ -104,6 +104,11 @@ def test_an_iterator_is_true_if_there_is_a_next_item() -> None:
     assert found
     assert [next(found), bool(found), *found] == [0, True, 1]
     assert not found
+    many = Feed(lambda most: iter(range(20_000)), None, noun="number")
+    taken = 0
+    while many:
+        taken += next(many) >= 0
+    assert taken == 20_000
 
 
 def test_an_error_of_the_library_is_shown_and_no_other_is_hidden() -> None:
