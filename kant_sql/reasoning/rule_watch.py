@@ -13,7 +13,9 @@ from ..dto import formulas as f
 from ..history.follow import refuse_unwatchable, watch_until
 from ..history.moments import find_bounds, head_revision, last_before
 from ..knowledge.definitions import Definitions
+from ..knowledge.symbols import symbols_of
 from ..moment_text import When
+from ..pddl.given import read_rules
 from ..sql.dialects.base import Row, Session
 from ..sql.periods import read_ends_of_rules, read_kept_rules
 from ..store.snapshot import read_position, refuse_archived
@@ -90,9 +92,9 @@ class _Asked:
     definitions: Definitions
     name: str | None = None
 
-    def judge(self) -> Judge:
+    def judge(self, *, watches: bool) -> Judge:
         """Begin to judge."""
-        return Judge(self.constraints, name=self.name, watches=True)
+        return Judge(self.constraints, name=self.name, watches=watches)
 
 
 class RuleWatcher:
@@ -112,27 +114,30 @@ class RuleWatcher:
         self._erased: int | None = 0  # the last erasure; 0 before the first look
         self._lock = Lock()
 
-    def stand(self, head: int) -> list[Verdict]:
-        """Judge the revisions up to a head; return the verdicts on all rules so far."""
+    def stand(self, state: State) -> Verdicts:
+        """Judge the revisions up to a state; return the verdicts on all rules so far."""
         with self._lock:
+            # Within the lock: a head read before it may be older than another thread's.
+            head = head_revision(state)
             if head < self.last:
                 # The store was put back to an earlier state.
-                self.last, self._judges = 0, {}
+                self.last, self._judges, self._sweep = 0, {}, None
             self._judge(head)
 
             def work(session: Session, kb_id: int) -> list[Verdict]:
                 return stand(session, kb_id, [*self._judges.values()])
 
-            return self._store.query_known(work, [])
+            none: list[Verdict] = []
+            found = self._store.query_known(work, none)
+            return Verdicts(found, first=min(head, 1), last=head)
 
     def within(self, low: int, high: int) -> list[Verdict]:
         """Judge a range as a whole by the rules that are kept at its end, each since it was."""
-        judges = {one: Judge(one.constraints, name=one.name) for one in self._read_kept(high)}
-        for judge in judges.values():
-            judge.last = low - 1
+        judges = {one: one.judge(watches=False) for one in self._read_kept(high)}
 
         def work(session: Session, kb_id: int) -> list[Verdict]:
-            _judge_upto(session, kb_id, judges, high, None)
+            archived = read_position(session, kb_id).archived
+            _judge_upto(session, kb_id, judges, Range(low, high, archived), None)
             return conclude(session, kb_id, [*judges.values()])
 
         return self._store.query_known(work, [])
@@ -154,11 +159,12 @@ class RuleWatcher:
             # After an error it starts from the beginning.
             before, self._judges = self._judges, {}
             sweep, self._sweep = self._sweep, None
-            judges = {one: before.get(one) or one.judge() for one in asked}
+            archived = read_position(session, kb_id).archived
+            judges = {one: before.get(one) or one.judge(watches=True) for one in asked}
             for high in (self.last, head):
                 for judge in judges.values():
                     judge.take()
-                sweep = _judge_upto(session, kb_id, judges, high, sweep)
+                sweep = _judge_upto(session, kb_id, judges, Range(1, high, archived), sweep)
             self._judges, self._sweep, self.last = judges, sweep, head
             found = verdicts(session, kb_id, {one: one.take() for one in judges.values()})
             return sorted(found, key=lambda one: one.revision.number if one.revision else 0)
@@ -189,10 +195,11 @@ class RuleWatcher:
         self._asked = {row: self._asked[row] for row in rows}
         return [*self._asked.values()]
 
-    def _read(self, known: Definitions, since: int, text: str) -> _Asked:
+    @staticmethod
+    def _read(known: Definitions, since: int, text: str) -> _Asked:
         found = _TEXT.fullmatch(text)
         assert found is not None
-        return _Asked(since, *read_constraints(self._store, found[2], None, known), found[1])
+        return _Asked(since, read_rules(found[2], symbols=symbols_of(known)), known, found[1])
 
 
 def kept_within(state: State, low: int, high: int) -> list[Verdict]:
@@ -201,12 +208,12 @@ def kept_within(state: State, low: int, high: int) -> list[Verdict]:
 
 
 def _judge_upto(
-    session: Session, kb_id: int, judges: Mapping[_Asked, Judge], high: int, before: Sweep | None
+    session: Session, kb_id: int, judges: Mapping[_Asked, Judge], span: Range, before: Sweep | None
 ) -> Sweep | None:
-    """Judge the revisions that each judge has not seen, in statements that all share."""
-    archived = read_position(session, kb_id).archived
+    """Judge the revisions of a range that each judge has not seen, in statements that all share."""
+    low, high, archived = span
     begins = [
-        (judge, max(one.low, judge.last + 1, archived if one.name else 0))
+        (judge, max(low, one.low, judge.last + 1, archived if one.name else 0))
         for one, judge in judges.items()
     ]
     due = [(judge, low) for judge, low in begins if low <= high]
@@ -242,8 +249,7 @@ def standing(state: State) -> Verdicts:
         (sometime (not (robot_at rb1 wp1))) is pending
     """
     store, at = state
-    head = head_revision(state)
     watcher = RuleWatcher(store, 0)
     if at is None:
         watcher = store.remembered.setdefault(RuleWatcher, watcher)
-    return Verdicts(watcher.stand(head), first=min(head, 1), last=head)
+    return watcher.stand(state)

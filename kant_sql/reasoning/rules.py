@@ -442,11 +442,13 @@ class Judge:
         """Return the revisions that are read for verdicts."""
         return {self._first, *(one.revision or 0 for one in found)} - {0} if found else set()
 
-    def standing(self, revisions: Mapping[int, Revision]) -> list[Verdict]:
-        """Return the verdicts so far, also on what was not judged, in the order of the rules."""
+    def standing(
+        self, so_far: Sequence[Decided], revisions: Mapping[int, Revision]
+    ) -> list[Verdict]:
+        """Make the verdicts so far, also on what was not judged, in the order of the rules."""
         numbers = [number for (number, _), _ in sorted(self._known.values())]
-        so_far = [self.verdict(one, revisions) for one in self.so_far()]
-        found = [*zip(numbers, so_far, strict=True)]
+        made = [self.verdict(one, revisions) for one in so_far]
+        found = [*zip(numbers, made, strict=True)]
         for number, constraint in enumerate(self.constraints):
             if number not in self._meant:
                 found += [(number, verdict) for verdict in _not_judged([constraint], self.name)]
@@ -479,8 +481,9 @@ def conclude(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verd
 
 def stand(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verdict]:
     """Read the verdicts of judges so far, also on what was not judged, in the order of rules."""
-    revisions = _read_cited(session, kb_id, {one: one.so_far() for one in judges})
-    return [verdict for one in judges for verdict in one.standing(revisions)]
+    so_far = {one: one.so_far() for one in judges}
+    revisions = _read_cited(session, kb_id, so_far)
+    return [each for judge, own in so_far.items() for each in judge.standing(own, revisions)]
 
 
 def verdicts(

@@ -271,9 +271,8 @@ class Trajectory:
 
     def conclude(self) -> None:
         """Judge the trajectory after its last state."""
-        if self.last is not None:
-            for monitor in self._monitors:
-                monitor.conclude()
+        for monitor in self._monitors:
+            monitor.conclude()
 
     def violated(self) -> list[Rule]:
         """Return the rules that are violated so far."""
