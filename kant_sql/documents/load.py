@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from ..arguments import Progress
 from ..dao.action import action_trees, put_action
@@ -38,6 +38,13 @@ def _conflict(stored: str, declared: str) -> ConflictError:
     )
 
 
+class NamedAtoms(NamedTuple):
+    """Ground atoms with their keys."""
+
+    texts: dict[AtomKey, str]  # canonical PDDL texts
+    old: list[AtomKey]  # those that may be stored; the others mention new objects
+
+
 class NameResolver:
     """From names in a consistent document to ids; a document has each name in one spelling."""
 
@@ -54,10 +61,8 @@ class NameResolver:
         if transaction.is_stateless:
             self._new = frozenset(id_ for id_ in self._ids.values() if int(id_) >= next_id)
 
-    def atoms(
-        self, atoms: Iterable[Atom], is_goal: bool
-    ) -> tuple[dict[AtomKey, str], list[AtomKey]]:
-        """Find the keys of ground atoms, with their texts, and those that may be stored."""
+    def atoms(self, atoms: Iterable[Atom], is_goal: bool) -> NamedAtoms:
+        """Find the keys of ground atoms."""
         texts: dict[AtomKey, str] = {}
         old: list[AtomKey] = []
         is_old, find, known = self._new.isdisjoint, self._arguments, self._heads["predicate"]
@@ -69,7 +74,7 @@ class NameResolver:
             # A document has each fact once, but maybe not each goal.
             if is_goal or is_old(ids):
                 old.append(key)
-        return texts, old
+        return NamedAtoms(texts, old)
 
     def values(self, values: Iterable[FunctionValue]) -> tuple[list[_Entry], list[FluentKey]]:
         """Find the keys of fluents, with their texts and values, and those that may be stored."""
@@ -127,14 +132,14 @@ def refuse_contradictions(
         if isinstance(literal, Not) and isinstance(literal.formula, Atom)
     ]
     propositions = transaction.propositions
-    found = propositions.find(names.atoms(denied, False)[0])
+    found = propositions.find(names.atoms(denied, False).texts)
     propositions.load(found.values())
     for atom in found.values():
         if propositions.holds(atom):
             raise _conflict(atom.text, f"(not {atom.text})")
     formulas = transaction.definitions.formulas
     if any(formula.section == d.INITIAL for formula in formulas):
-        for text in names.atoms(problem.facts, False)[0].values():
+        for text in names.atoms(problem.facts, False).texts.values():
             if formulas.named(d.formula_name(d.INITIAL, f"(not {text})")) is not None:
                 raise _conflict(f"(not {text})", text)
 
@@ -509,7 +514,7 @@ def _put_problem_formulas(
     formulas = Formulas(transaction)
     for goal in problem.goal:
         if isinstance(goal, Atom) and is_ground(goal):
-            (text,) = names.atoms((goal,), True)[0].values()
+            (text,) = names.atoms((goal,), True).texts.values()
             formulas.items.append(d.Item(d.GOAL, text))
         else:
             formulas.put(d.GOAL, (goal,))

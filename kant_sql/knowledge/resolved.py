@@ -109,9 +109,13 @@ Quantity = Decimal | NumberOf | Operation | Parameter
 
 
 # How the operators of `Compares` compare.
-COMPARE: dict[str, Callable[[Any, Any], bool]] = dict(
-    zip(f.COMPARISONS, (lt, le, eq, ge, gt), strict=True)
-)
+COMPARE: dict[str, Callable[[Any, Any], bool]] = {
+    "<": lt,
+    "<=": le,
+    "=": eq,
+    ">=": ge,
+    ">": gt,
+}
 
 
 @dataclass(frozen=True, slots=True)

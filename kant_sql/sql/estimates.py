@@ -38,19 +38,19 @@ class Estimates:
     def __init__(self) -> None:
         self.generation = 0
         # By predicate, or by objects: the number, and up to which number it was counted.
-        self._sizes: dict[int | tuple[int, ...], tuple[int, int]] = {}
+        self.sizes: dict[int | tuple[int, ...], tuple[int, int]] = {}
         self._counted_at = time.monotonic()
 
     def current(self, session: Session, kb_id: int | None) -> int:
         """Return the generation; count again when that was long ago."""
         if time.monotonic() - self._counted_at > COUNTED_FOR:
             self._counted_at = time.monotonic()
-            for of, (known, counted) in list(self._sizes.items()):
+            for of, (known, counted) in list(self.sizes.items()):
                 # More than this need not be known again: it would take long.
                 upto = min(counted, COUNTED)
                 size, now = min(known, upto), _count(session, kb_id, of, upto)
                 if not size <= CHANGED * now <= CHANGED * CHANGED * size:
-                    self._sizes[of] = now, upto
+                    self.sizes[of] = now, upto
                     self.generation += 1
         return self.generation
 
@@ -71,7 +71,7 @@ class Size(NamedTuple):
         return self._counted(objects, MENTIONED) / max(len(objects), 1)
 
     def _counted(self, of: int | tuple[int, ...], upto: int) -> int:
-        sizes = self.estimates._sizes
+        sizes = self.estimates.sizes
         size, counted = sizes.get(of, (0, 0))
         if size >= counted < upto:
             size = _count(self.session, self.kb_id, of, upto)

@@ -82,7 +82,7 @@ def test_facts_are_counted_up_to_a_limit(
     fresh_kb.query(CONDITION)[:]
 
     known = definitions(fresh_kb)
-    counted = estimates.estimates_of(known)._sizes
+    counted = estimates.estimates_of(known).sizes
     assert {each.name: counted[each.id][0] for each in known.predicates} == {
         "robot_at": 1,
         "stock": 5,
