@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 import kant_sql
 from kant_sql import Execution, KnowledgeBase, Plan, RecordedPlan, aio
+from kant_sql.documents.exchange import PlanningTask, read_task
 from kant_sql.errors import (
     InvalidArgumentError,
     NoPlanError,
@@ -21,8 +23,10 @@ from kant_sql.errors import (
     ReadOnlyError,
 )
 from kant_sql.knowledge_base import state_of
+from kant_sql.reasoning import replan
 from kant_sql.reasoning.execute import Executive
 from kant_sql.reasoning.replan import Remaining
+from kant_sql.store.state import State
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, loaded, present, store_of
 
@@ -379,6 +383,19 @@ async def test_tasks_replan_too_and_cancel_planners(
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
+
+
+def test_a_step_that_is_done_while_its_plan_is_judged_breaks_nothing(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_later(state: State) -> PlanningTask:
+        monkeypatch.undo()
+        with ThreadPoolExecutor(1) as other:
+            other.submit(kb.apply, present(kb.plans.get(1)).steps[0]).result(60)
+        return read_task(state)
+
+    monkeypatch.setattr(replan, "read_task", read_later)
+    assert kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}").broken is None
 
 
 def test_a_plan_that_is_given_up_just_before_it_is_made_again_is_not(
