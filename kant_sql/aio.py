@@ -237,6 +237,10 @@ class _Block:
         _BLOCKS.set(tuple([block for block in _BLOCKS.get() if block is not self]))
 
 
+def _closed() -> ClosedError:
+    return ClosedError("this knowledge base was closed; connect again")
+
+
 def _cancelled() -> TransactionCancelledError:
     return TransactionCancelledError(
         "a call within this transaction was cancelled, so its effect is unknown: nothing of the "
@@ -251,13 +255,28 @@ class _Crew:
     """The threads of front doors, and how many of their tasks may write at once."""
 
     def __init__(self, size: int = POOL_SIZE, writers: int | None = None) -> None:
-        self.pool = ThreadPoolExecutor(size, "kant_sql")
+        self._pool = ThreadPoolExecutor(size, "kant_sql")
+        self._is_over = False
         self.writers = writers
         self.doors: weakref.WeakSet[_Door] = weakref.WeakSet()
         self._guard = threading.Lock()
         self._places: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = (
             weakref.WeakKeyDictionary()
         )
+
+    def submit(self, call: Callable[[], R]) -> Future[R]:
+        """Queue a call."""
+        try:
+            return self._pool.submit(contextvars.copy_context().run, _contained, call)
+        except RuntimeError as error:
+            if self._is_over:
+                raise _closed() from error
+            raise
+
+    def shutdown(self) -> None:
+        """End the threads after their last calls."""
+        self._is_over = True
+        self._pool.shutdown()
 
     def places(self) -> Iterator[asyncio.Semaphore]:
         """Yield what writers of the running event loop wait for besides their queue."""
@@ -290,7 +309,7 @@ class _Door:
     def refuse_closed(self) -> None:
         """Raise `ClosedError` when it was closed."""
         if self.is_closed:
-            raise ClosedError("this knowledge base was closed; connect again")
+            raise _closed()
 
     def _is_behind(self, block: _Block) -> bool:
         """Return whether this door would wait for the end of a block."""
@@ -378,7 +397,7 @@ class _Door:
 
     def _submit(self, call: Callable[[], R]) -> Future[R]:
         self.refuse_closed()
-        future = self._crew.pool.submit(contextvars.copy_context().run, _contained, call)
+        future = self._crew.submit(call)
         self._running.add(future)
         future.add_done_callback(self._running.discard)
         return future
@@ -403,7 +422,7 @@ class _Door:
             self.kb.close()
             wait([*self._running])
             if not self._is_shared:
-                self._crew.pool.shutdown()
+                self._crew.shutdown()
             for block in blocks:
                 block.lane.end(wait=True)
 
@@ -1076,8 +1095,7 @@ class AsyncKnowledgeStore:
         if self._is_closed:
             # Raises the error.
             return self._store.knowledge_bases()
-        call = partial(contextvars.copy_context().run, self._store.knowledge_bases)
-        return await asyncio.wrap_future(self._crew.pool.submit(call))
+        return await asyncio.wrap_future(self._crew.submit(self._store.knowledge_bases))
 
     async def close(self) -> None:
         """Close all knowledge bases and connections, and end the threads."""
@@ -1090,7 +1108,7 @@ class AsyncKnowledgeStore:
             for end in closing:
                 end()
             self._store.close()
-            self._crew.pool.shutdown()
+            self._crew.shutdown()
 
         await _in_a_thread(close)
 

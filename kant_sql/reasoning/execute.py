@@ -219,6 +219,7 @@ class Executive:
         self._replaced: list[str] = []
         self._why: str | None = None
         self._planning: Limit | None = None
+        self._is_given_up = False
         self._running: dict[Key, Execution] = {}
         self._dispatched: dict[Key, Execution] = {}
         self._threads: list[threading.Thread] = []
@@ -272,6 +273,7 @@ class Executive:
 
     def give_up(self) -> None:
         """End the plan: what runs is aborted."""
+        self._is_given_up = True
         self._asked.put(partial(self._stop, None))
         planning = self._planning
         if planning is not None:
@@ -318,6 +320,9 @@ class Executive:
         if self._why is None or self._running:
             return
         with limited() as self._planning:
+            if self._is_given_up:
+                # Just before it could be cancelled.
+                self._planning.cancel()
             made = take_over(self.state, old, self._why, options)
         self._replaced.append(f"plan {old.id} broke: {self._why}")
         self._planning = self._why = None

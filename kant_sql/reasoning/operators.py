@@ -12,6 +12,7 @@ for all states.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import cached_property, partial, reduce
@@ -29,6 +30,7 @@ from ..knowledge.definitions import KINDS, Definitions
 from ..knowledge.reads import Head, heads_of
 from ..knowledge.rules import rules_of
 from ..planning import PlanStep
+from ..sql.dialects.base import unforked
 from .arithmetic import CHANGES, EXACT, FEW_DIGITS, NOT_FEW, Exact
 from .derived import world_of
 from .effects import combined
@@ -637,7 +639,11 @@ class GroundedTask:
 
 # The tasks of living states, by what they are made of.
 _TASKS: WeakValueDictionary[Any, GroundedTask] = WeakValueDictionary()
-_LOCK = RLock()
+_LOCK = unforked()
+
+if hasattr(os, "register_at_fork"):
+    # Another thread may have held the lock of one.
+    os.register_at_fork(after_in_child=_TASKS.clear)
 
 
 def task_of(

@@ -128,13 +128,16 @@ def replan(
     """
     check_options(options)
     given, remembered = _recorded(state, plan), state.store.remembered
-    remaining = remembered.get(Remaining)
+    # Taken out, so that no two threads have one.
+    remaining = remembered.pop(Remaining, None)
     if remaining is None or remaining.plan_id != given.id:
         # Plans that came before are over.
-        remaining = remembered[Remaining] = Remaining(given.id)
+        remaining = Remaining(given.id)
     broken, is_validated = remaining.look(state, given)
+    remembered[Remaining] = remaining
     if broken is None:
         return Replanned(given, None, is_validated)
+    given = _as_now(state, given)
     runs = [step for step in given.steps if step.outcome == RUNNING]
     if runs:
         raise PlanError(
@@ -198,6 +201,14 @@ def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -
     return made
 
 
+def _as_now(state: State, plan: RecordedPlan) -> RecordedPlan:
+    return SqlPlanDao(state.store).get(plan.id) or plan
+
+
+def _outcomes(plan: RecordedPlan) -> list[str | None]:
+    return [step.outcome for step in plan.steps]
+
+
 class Remaining:
     """What is left of a recorded plan, and up to which revision it is known to work."""
 
@@ -215,7 +226,7 @@ class Remaining:
         is_committed, head = state.store.current() is None, head_revision(state)
         known = self._known if is_committed else None
         # What succeeded may not have had its effects.
-        before, self._outcomes = self._outcomes, [step.outcome for step in plan.steps]
+        before, self._outcomes = self._outcomes, _outcomes(plan)
         if (
             known is not None
             and known <= head
@@ -228,6 +239,11 @@ class Remaining:
         actions = {fold(one.name): one for one in task.domain.actions}
         self._note_needs(task, plan, actions)
         self._broken, is_judged = _why_broken(task, plan, actions)
+        if self._broken is not None:
+            now = _as_now(state, plan)
+            if _outcomes(now) != self._outcomes:
+                # A step has begun or ended between the plan was read and the state.
+                return self.look(state, now)
         self._known = task.revision if is_committed and is_judged else None
         return self._broken, is_judged
 

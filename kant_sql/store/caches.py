@@ -109,6 +109,14 @@ class Snapshot(NamedTuple):
     definitions: Definitions
 
 
+class Pasts(NamedTuple):
+    """Definitions of past revisions, with the names that the last erasure has left."""
+
+    erased: int | None  # the erasure
+    by_revision: dict[int, Definitions]
+    by_epoch: dict[int, Definitions]  # by the revision that last changed them
+
+
 class DefinitionCache:
     """The definitions of the head as a process last saw it, and of some past revisions."""
 
@@ -118,27 +126,33 @@ class DefinitionCache:
     def __init__(self) -> None:
         # The newest definitions that were read; None before the first.
         self.snapshot: Snapshot | None = None
-        self._past: dict[int, Definitions] = {}
-        # By the revision that last changed them.
-        self._epochs: dict[int, Definitions] = {}
-        self._erased: int | None = None
+        self._pasts = Pasts(None, {}, {})
         self._moved = 0  # the last change of definitions that a reader of the past has met
         self.forgotten = 0  # how often all of it was forgotten
 
     def forget(self) -> None:
         """Forget all, as texts of earlier revisions were erased."""
-        self.snapshot, self._past, self._epochs = None, {}, {}
-        self.forgotten += 1
+        self._forget(self._pasts.erased)
 
-    def heed(self, erased: int | None) -> None:
-        """Forget all if there was an erasure since the last look; `erased` is the last one."""
-        if erased != self._erased:
-            self._erased = erased
-            self.forget()
+    def _forget(self, erased: int | None) -> Pasts:
+        pasts = Pasts(erased, {}, {})
+        self.snapshot, self._pasts = None, pasts
+        self.forgotten += 1
+        return pasts
+
+    def heed(self, erased: int | None) -> Pasts:
+        """Forget all if there was an erasure since the last look; `erased` is the last one.
+
+        Returns what is kept of past revisions for who sees this erasure, and no later one.
+        """
+        pasts = self._pasts
+        return pasts if erased == pasts.erased else self._forget(erased)
 
     def adopt(self, other: DefinitionCache, revision: int, definitions: Definitions) -> None:
         """Keep definitions that another cache has, for a past revision."""
-        self._erased, self._past = other._erased, {revision: definitions}
+        pasts = other._pasts
+        if pasts.by_revision.get(revision) is definitions:
+            self._pasts = Pasts(pasts.erased, {revision: definitions}, {})
         guess = other.guess(revision)
         if guess is not None and guess.definitions is definitions:
             self.snapshot = guess
@@ -176,10 +190,9 @@ class DefinitionCache:
 
     def known(self, revision: int | None) -> Definitions | None:
         """Return definitions that are in memory: those of a past revision never change."""
-        if revision in self._past:
-            return self._past[revision]
-        guess = self.guess(revision)
-        return None if guess is None else guess.definitions
+        kept = None if revision is None else self._pasts.by_revision.get(revision)
+        guess = self.guess(revision) if kept is None else None
+        return kept if guess is None else guess.definitions
 
     def at_revision(
         self,
@@ -188,10 +201,11 @@ class DefinitionCache:
         revision: int,
         definition_revision: int,
         archived: int,
+        pasts: Pasts,
     ) -> Definitions:
         """Return the definitions of a past revision, reading no more than has to be read."""
         self._moved = max(self._moved, definition_revision)
-        kept = self._past.get(revision)
+        kept = pasts.by_revision.get(revision)
         if kept is not None:
             return kept
         if revision >= definition_revision:
@@ -199,10 +213,10 @@ class DefinitionCache:
         else:
             # Archived versions no longer show their changes; before all of them was nothing.
             epoch = max(last_change(session, kb_id, revision), min(archived, revision))
-            known = self._epochs.get(epoch)
+            known = pasts.by_epoch.get(epoch)
             definitions = load_at(session, kb_id, revision) if known is None else known
-            _keep(self._epochs, epoch, definitions, CACHED_EPOCHS)
-        _keep(self._past, revision, definitions, CACHED_PASTS)
+            _keep(pasts.by_epoch, epoch, definitions, CACHED_EPOCHS)
+        _keep(pasts.by_revision, revision, definitions, CACHED_PASTS)
         return definitions
 
     def keep(self, definition_revision: int, definitions: Definitions) -> None:

@@ -99,12 +99,12 @@ def open_view(
     if at is None and cache.snapshot is None:
         return View(session, kb_id, cache.load(session, kb_id))
     position = read_position(session, kb_id)
-    cache.heed(position.erased)
+    pasts = cache.heed(position.erased)
     redefined, archived = position.redefined, position.archived
     if at is None:
         return View(session, kb_id, cache.at_head(session, kb_id, redefined, archived))
     refuse_archived(session, kb_id, at if oldest is None else oldest, archived)
-    definitions = cache.at_revision(session, kb_id, at, redefined, archived)
+    definitions = cache.at_revision(session, kb_id, at, redefined, archived, pasts)
     return View(session, kb_id, definitions, at)
 
 

@@ -134,6 +134,7 @@ class Store:
     def forked(self) -> None:
         """Start over in a forked child: another thread may have held locks of the caches."""
         self._forget_identities()
+        self.remembered.clear()
 
     @property
     def is_closed(self) -> bool:

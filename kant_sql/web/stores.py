@@ -13,7 +13,7 @@ import anyio
 from fastapi import Request
 
 from ..arguments import shown
-from ..errors import StoreBusyError, StoreReplacedError, UnknownNameError
+from ..errors import ClosedError, StoreBusyError, StoreReplacedError, UnknownNameError
 from ..knowledge_base import KnowledgeBase, KnowledgeStore, open_store
 from ..limits import Limit, limited
 from ..sql.inventory import Catalog
@@ -53,7 +53,8 @@ class OpenStore:
         """Read what knowledge bases there are; of a file that was replaced, the new one."""
         store = self._store
         try:
-            return read(store.catalog)
+            with self._told(store):
+                return read(store.catalog)
         except StoreReplacedError:
             return read(self._reopen(store).catalog)
 
@@ -66,6 +67,17 @@ class OpenStore:
             store = self._store
         replaced.close()
         return store
+
+    @contextmanager
+    def _told(self, store: KnowledgeStore) -> Iterator[None]:
+        """Say of a store that another thread has closed, as it was replaced, that it was."""
+        try:
+            yield
+        except ClosedError as error:
+            if store is self._store:
+                # The server ends.
+                raise
+            raise StoreReplacedError(str(error)) from error
 
     def choose(self, name: str | None) -> str:
         """Return a name as it is given, or the only one."""
@@ -87,7 +99,8 @@ class OpenStore:
         """Lend a knowledge base; it is kept for the next question."""
         store, kb = self._take(name)
         try:
-            yield kb
+            with self._told(store):
+                yield kb
         except StoreReplacedError:
             # The next question opens the file that is there now.
             self._reopen(store)

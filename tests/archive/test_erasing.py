@@ -7,6 +7,7 @@ import random
 import re
 import shutil
 import signal
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from kant_sql.errors import (
     StoreIntegrityError,
     UnknownNameError,
 )
+from kant_sql.history.archive import archive as archiving
 from kant_sql.history.archive.archive import replicate
 from kant_sql.history.erasure import archived as reaching
 from kant_sql.history.erasure.retention import read_rules
@@ -287,6 +289,31 @@ def test_what_another_does_to_the_archive_meanwhile_is_not_overlooked(
         file_kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url)
     assert file_kb.erase(NAME, reason="asked", also=ALSO, archive=archive_url).parts
     assert not names_it(archive_url)
+    intact(archive_url)
+
+
+@pytest.mark.parametrize("moment", ["_move_all", "rest_digest"])
+def test_what_is_erased_while_it_is_archived_is_in_neither(
+    moment: str,
+    shared_url: str,
+    archive_url: str,
+    connect: Connect,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kb, other = (connect(shared_url, knowledge_base="tiago") for _ in range(2))
+    end, original = live(kb), getattr(archiving, moment)
+
+    def after_an_erasure(*given: Any) -> Any:
+        monkeypatch.undo()
+        found = original(*given) if moment == "rest_digest" else None
+        with ThreadPoolExecutor(1) as another:
+            another.submit(other.erase, NAME, reason="asked", also=ALSO).result(60)
+        return found or original(*given)
+
+    monkeypatch.setattr(archiving, moment, after_an_erasure)
+    assert kb.store.archive(end, to=archive_url).revision == end + 2
+    assert not names_it(archive_url)
+    intact(shared_url)
     intact(archive_url)
 
 

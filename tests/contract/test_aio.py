@@ -557,6 +557,28 @@ async def test_several_loops_share_it(shared_url: str) -> None:
         assert await kb.revision() == 16
 
 
+async def test_what_is_opened_while_its_store_is_closed_is_closed(common_url: str) -> None:
+    store = await kant_sql.aio.open_store(common_url)
+    is_read, may_end = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        is_read.set()
+        may_end.wait(PATIENCE)
+
+    reading = asyncio.create_task(store.knowledge_base("tiago")._door.read(hold))
+    await asyncio.to_thread(is_read.wait, PATIENCE)
+    closing = asyncio.create_task(store.close())
+    await asyncio.sleep(0)
+    late = store.knowledge_base("tiago")
+    may_end.set()
+    await asyncio.gather(reading, closing)
+    for call in (late.types.get_all, partial(late.types.save, ROBOT), late.watch):
+        with pytest.raises(ClosedError):
+            await call()
+    with pytest.raises(ClosedError):
+        await store.knowledge_bases()
+
+
 async def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:
     with pytest.raises(kant_sql.errors.InvalidUrlError):
         await kant_sql.aio.connect("nonsense")

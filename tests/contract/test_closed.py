@@ -9,6 +9,7 @@ import threading
 import weakref
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase, PddlFunctionDto, PddlTypeDto, Plan, aio
 from kant_sql.errors import ClosedError
+from kant_sql.sql.dialects.base import Session
 from tests.support.generators.junk import Calling, Case, World, signature
 from tests.support.reading import store_of
 from tests.support.servers import Server
@@ -227,6 +229,26 @@ def test_a_connection_that_comes_back_while_the_store_is_closed_is_closed_too(
     session.close()
     with pytest.raises(backend.driver_errors):
         connection.execute("SELECT 1")
+
+
+def test_a_file_is_let_go_although_a_read_ends_while_it_is_closed(
+    file_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb = connect(file_url)
+    kb.types.save("robot")
+    is_current = vars(Session)["is_current"].fget
+
+    def closed_after(session: Session) -> bool:
+        monkeypatch.undo()
+        found: bool = is_current(session)
+        with ThreadPoolExecutor(1) as other:
+            other.submit(kb.close).result(60)
+        return found
+
+    monkeypatch.setattr(Session, "is_current", property(closed_after))
+    assert kb.revision == 1
+    # SQLite removes its log with the last connection.
+    assert not Path(f"{file_url.removeprefix('sqlite:///')}-wal").exists()
 
 
 # What nobody closed.

@@ -6,6 +6,7 @@ import json
 import re
 import signal
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from datetime import timedelta
 from pathlib import Path
@@ -20,8 +21,10 @@ from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto, Plan, errors
 from kant_sql.history.erasure.retention import RetentionRule, read_rules
 from kant_sql.history.verify.chain import stream_chain
 from kant_sql.knowledge.canonical import revision_hash
+from kant_sql.sql.definition_rows import load_at
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.postgresql import PostgresqlBackend
+from kant_sql.store import caches
 from tests.support.processes import commands
 from tests.support.reading import loaded
 from tests.support.servers import Server
@@ -308,6 +311,25 @@ def test_other_connections_answer_with_the_pseudonym(shared_url: str, connect: C
     assert writer.propositions.delete("(at erased-1 hall)")
     assert NAME not in everything(writer).replace(f"{NAME}2", "")
     assert kb.store.verify().findings == ()
+
+
+def test_a_reader_that_began_before_keeps_no_name_for_later_ones(
+    shared_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb, other = connect(shared_url), fill(connect(shared_url))
+    kb.objects.get_all()
+
+    def erased_meanwhile(*given: Any) -> Any:
+        monkeypatch.undo()
+        found = load_at(*given)
+        with ThreadPoolExecutor(1) as another:
+            another.submit(other.erase, NAME, reason="asked").result(60)
+            assert NAME not in str(another.submit(kb.objects.get_all).result(60))
+        return found
+
+    monkeypatch.setattr(caches, "load_at", erased_meanwhile)
+    assert NAME in str(kb.at(1).objects.get_all())
+    assert NAME not in str(kb.at(1).objects.get_all())
 
 
 def test_replicas_follow(shared_url: str, connect: Connect, tmp_path: Path) -> None:

@@ -63,6 +63,7 @@ def test_a_process_acts_on_what_another_has_changed(
     [
         *(forks.both_sides_go_on, forks.children_close_first, forks.within_a_transaction),
         *(forks.out_of_a_transaction, forks.beside_a_thread_in_a_transaction),
+        forks.beside_a_thread_that_asks,
     ],
 )
 def test_an_open_knowledge_base_survives_a_fork(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,9 +14,19 @@ from hypothesis import strategies as st
 
 import kant_sql
 from kant_sql import Execution, KnowledgeBase, Plan, RecordedPlan, aio
-from kant_sql.errors import InvalidArgumentError, NoPlanError, PlanError, ReadOnlyError
+from kant_sql.documents.exchange import PlanningTask, read_task
+from kant_sql.errors import (
+    InvalidArgumentError,
+    NoPlanError,
+    PlanError,
+    QuestionCancelledError,
+    ReadOnlyError,
+)
 from kant_sql.knowledge_base import state_of
+from kant_sql.reasoning import replan
+from kant_sql.reasoning.execute import Executive
 from kant_sql.reasoning.replan import Remaining
+from kant_sql.store.state import State
 from tests.support.profile import PROFILE, hunting
 from tests.support.reading import beside, loaded, present, store_of
 
@@ -371,6 +383,35 @@ async def test_tasks_replan_too_and_cancel_planners(
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
+
+
+def test_a_step_that_is_done_while_its_plan_is_judged_breaks_nothing(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_later(state: State) -> PlanningTask:
+        monkeypatch.undo()
+        with ThreadPoolExecutor(1) as other:
+            other.submit(kb.apply, present(kb.plans.get(1)).steps[0]).result(60)
+        return read_task(state)
+
+    monkeypatch.setattr(replan, "read_task", read_later)
+    assert kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}").broken is None
+
+
+def test_a_plan_that_is_given_up_just_before_it_is_made_again_is_not(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look, planner = Remaining.look, "none: sh -c 'exit 0' {domain} {problem}"
+    executive = Executive(state_of(kb), 1, print, replan={"engine": planner})
+
+    def given_up(*given: Any) -> tuple[str | None, bool]:
+        executive.give_up()
+        return look(*given)
+
+    kb.propositions.delete("(open d1)")
+    monkeypatch.setattr(Remaining, "look", given_up)
+    with pytest.raises(QuestionCancelledError):
+        executive.run()
 
 
 # What is remembered is never wrong.

@@ -9,7 +9,7 @@ import shutil
 import socket
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ import psutil
 import pytest
 from sqlalchemy import make_url
 
+from kant_sql.errors import ClosedError
+from kant_sql.web.stores import OpenStore, persistent
 from tests.audit.story import record_store
 from tests.benchmarks.support import alternate
 from tests.browser.addresses import ALL, FIRST
@@ -27,6 +29,8 @@ from tests.support.crawling import Markup
 from tests.support.processes.commands import PROGRAM
 from tests.support.processes.workers import PATIENCE
 from tests.support.servers import MortalServer
+from tests.support.stores import Connect
+from tests.support.worlds.robots import ROBOT
 
 PASSWORD = "the-password-of-the-robot"
 # Of an answer, whatever is asked for: the story is a small store.
@@ -173,6 +177,36 @@ def test_a_broken_file_is_told_without_traceback(sqlite_story: str, tmp_path: Pa
             status, _, text = ask(running, asked)
             assert status in (200, 500, 503), asked
             assert "Traceback" not in text
+
+
+def test_a_question_is_asked_again_of_a_file_that_another_reader_has_opened_anew(
+    file_url: str, connect: Connect, tmp_path: Path
+) -> None:
+    with connect(file_url) as kb:
+        kb.types.save(ROBOT)
+    path, copy = Path(str(make_url(file_url).database)), tmp_path / "copy.db"
+    shutil.copy(path, copy)
+    store, times = OpenStore(file_url), iter([copy])
+
+    def revision() -> int:
+        with store.knowledge_base("default") as kb:
+            for each in times:
+                assert kb.revision
+                each.replace(path)
+                with ThreadPoolExecutor(1) as other:
+                    assert other.submit(persistent, revision).result(60)
+            return kb.revision
+
+    def names() -> list[str]:
+        return store.read_catalog(lambda catalog: catalog.first_names(2))
+
+    with closing(store):
+        assert persistent(revision) == 1
+        assert names() == ["default"]
+    with pytest.raises(ClosedError):
+        persistent(revision)
+    with pytest.raises(ClosedError):
+        names()
 
 
 def test_a_kept_connection_is_no_slower_than_new_ones(served: Serving) -> None:

@@ -207,6 +207,9 @@ def _move_all(
         if made is not None:
             revision = made
             moved.update(leaving.versions)
+        elif leaving.versions:
+            # An erasure may have come between: the copy has what it erased.
+            replicate(ReplicationSide(store.backend, store.name), target, upto)
         is_over = not leaving.versions or (made is not None and leaving.high == upto)
     return dict(moved), target.backend.label, revision
 
@@ -218,22 +221,25 @@ def _move(
     # The target's lock comes first, and is held until its copy is the only one.
     with target.locked(durable=True) as (session, target_kb, head):
 
-        def check(source: Session, kb_id: int | None) -> tuple[Leaving, str]:
+        def check(source: Session, kb_id: int | None) -> tuple[Leaving, str, int]:
             leaving = _count(source, kb_id, upto)
-            if kb_id is None or not leaving.versions:
-                return leaving, ""
+            erased = read_state(source, kb_id).erased
+            if kb_id is None or not leaving.versions or erased > head.revision:
+                return leaving, "", erased
             stores = Stores(source, kb_id, session, target_kb)
             check_archive(stores, store.name, min(head.revision, upto))
             leaving = first_of(source, kb_id, leaving, AT_ONCE)
             compare(leaving, (source, kb_id), (session, target_kb))
-            # Of versions that hold after these revisions, only `until` can still change.
-            return leaving, rest_digest(source, kb_id, leaving.high)
+            # Of versions that hold after these revisions, only `until` can still change, unless
+            # something is erased.
+            return leaving, rest_digest(source, kb_id, leaving.high), erased
 
-        leaving, rest = store.query_in_snapshot(check)
-        if not leaving.versions:
+        leaving, rest, erased = store.query_in_snapshot(check)
+        if not rest:
             return None, leaving
         with store.transaction(actor, reason) as transaction:
-            if transaction.head.archived_revision == leaving.low - 1:
+            now = read_state(transaction.session, transaction.kb_id)
+            if (now.archived_revision, now.erased) == (leaving.low - 1, erased):
                 where = transaction.session, transaction.kb_id, store.name, leaving.high
                 before = standing_commitments(*where)
                 remove(*where[:2], leaving)

@@ -815,12 +815,20 @@ class SqliteBackend(Backend):
         if fit:
             self.sessions.pop(session, None)
             self._idle.append(session)
+            if self.is_closed:
+                # It was closed at that moment, and would keep what came back.
+                self._discard_idle()
         return fit
+
+    def _discard_idle(self) -> None:
+        while self._idle:
+            # Another thread may take the last one.
+            with suppress(IndexError):
+                self._idle.pop().discard()
 
     def close(self) -> None:
         """Close all connections; in memory, wait until no other thread uses the only one."""
         self.is_closed = True
-        idle, self._idle = self._idle, []
         if self.in_memory:
             self._take_turn()
         try:
@@ -828,8 +836,7 @@ class SqliteBackend(Backend):
         finally:
             if self.in_memory:
                 self.turns.end()
-        for session in idle:
-            session.discard()
+        self._discard_idle()
         self.file.forget()
         # Wake watchers of a store in memory, which is gone now.
         self.commits.notify()

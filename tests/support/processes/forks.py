@@ -14,10 +14,13 @@ import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import ForkedError
 from kant_sql.history.replication import calls
+from kant_sql.reasoning import operators
+from kant_sql.reasoning.rule_watch import RuleWatcher
 from kant_sql.sql import schema
 from kant_sql.sql.dialects.structure import Statement
 from tests.support.processes.watchers import waiting
 from tests.support.processes.workers import Child
+from tests.support.reading import store_of
 from tests.support.worlds.robots import robot_at, waypoint
 
 # Enough facts for more pages than SQLite's cache takes.
@@ -321,6 +324,35 @@ def beside_a_thread_that_pushes(url: str, target: str) -> None:
         thread.join()
     with kant_sql.connect(target) as replica:
         assert replica.revision == 2
+
+
+def beside_a_thread_that_asks(url: str) -> None:
+    """Fork while a thread holds what questions keep for later ones: the child asks them anew."""
+    with kant_sql.connect(url) as kb:
+        _save(kb, 1)
+        kb.rules.save("there", "(sometime (robot_at rb1 wp1))")
+        state = kb.state()
+        assert len(kb.rules.standing()) == 1
+        watcher = store_of(kb).remembered[RuleWatcher]
+        held, is_over = threading.Event(), threading.Event()
+
+        def hold() -> None:
+            with watcher._lock, state._task.lock:
+                with operators._LOCK:
+                    held.set()
+                    time.sleep(0.3)
+                is_over.wait(30)
+
+        def child() -> None:
+            assert len(kb.rules.standing()) == 1
+            assert kb.state().holds("(robot_at rb1 wp1)")
+
+        thread = threading.Thread(target=hold)
+        thread.start()
+        held.wait(30)
+        Child(child).join()
+        is_over.set()
+        thread.join()
 
 
 def beside_a_thread_that_connects(url: str) -> None:
