@@ -53,7 +53,7 @@ class OpenStore:
         """Read what knowledge bases there are; of a file that was replaced, the new one."""
         store = self._store
         try:
-            with self._told(store):
+            with self._as_replaced(store):
                 return read(store.catalog)
         except StoreReplacedError:
             return read(self._reopen(store).catalog)
@@ -69,8 +69,8 @@ class OpenStore:
         return store
 
     @contextmanager
-    def _told(self, store: KnowledgeStore) -> Iterator[None]:
-        """Say of a store that another thread has closed, as it was replaced, that it was."""
+    def _as_replaced(self, store: KnowledgeStore) -> Iterator[None]:
+        """Raise `StoreReplacedError` where another thread has closed a replaced store."""
         try:
             yield
         except ClosedError as error:
@@ -99,7 +99,7 @@ class OpenStore:
         """Lend a knowledge base; it is kept for the next question."""
         store, kb = self._take(name)
         try:
-            with self._told(store):
+            with self._as_replaced(store):
                 yield kb
         except StoreReplacedError:
             # The next question opens the file that is there now.
