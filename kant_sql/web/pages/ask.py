@@ -12,7 +12,7 @@ from ...moment_text import Moment
 from ...reasoning.complete import Completion
 from ...reasoning.failures import FailedCondition
 from ...reasoning.when import Held
-from ..registry import Clock, Pages, Valid, moment, past
+from ..registry import Clock, Pages, Valid, bound, moment, past
 
 PAGES = Pages("conditions")
 
@@ -94,7 +94,7 @@ def ask(
     if mode == "state":
         found = _answers(past(kb, at, valid), condition, typed, limit, has_sql=not moment(valid))
         return AskPage(condition, state=found)
-    bounds = moment(since), moment(until)
+    bounds = bound(since), moment(until)
     return AskPage(condition, when=_periods(kb, condition, bounds, typed, clock))
 
 
