@@ -27,7 +27,11 @@ Parameters = Annotated[
 ]
 Mode = Annotated[
     Literal["state", "when"],
-    Query(description="`state`: for whom it holds in a state; `when`: in which periods it held."),
+    Query(
+        description="`state`: for whom it holds in the state of `at` and `valid`; `when`: in which "
+        "periods it held by `clock` between `since` and `until`. The parameters of the other are "
+        "not read."
+    ),
 ]
 At = Annotated[str, Query(description=f"The state; the present if empty. {_MOMENT}")]
 Since = Annotated[str, Query(description=f"The beginning of the periods. {_MOMENT}")]
