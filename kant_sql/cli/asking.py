@@ -308,6 +308,8 @@ def rules(
             raise typer.BadParameter("these judge nothing; leave out the rest", param_hint=hint)
         with c.open_to_read(url, kb, actor) as (_, knowledge_base):
             return _change_kept(knowledge_base, save, delete, source, refuse)
+    if actor is not None:
+        raise typer.BadParameter("goes with --save or --delete", param_hint="--actor")
     if kept and (given or of_range):
         raise typer.BadParameter(
             "judges each rule since it was saved; leave out RULES, --since, --until and --clock",

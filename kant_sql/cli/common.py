@@ -18,7 +18,7 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 
 from ..arguments import URL_VARIABLE
-from ..errors import InvalidArgumentError, KantSqlError, few_of, printable
+from ..errors import InvalidArgumentError, KantSqlError, UnknownNameError, few_of, printable
 from ..moment_text import is_now, parse_moment
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
@@ -364,17 +364,17 @@ def choose(name: str | None, names: Sequence[str]) -> str:
     if wanted in names:
         return wanted
     if not names:
-        raise KantSqlError(
+        raise UnknownNameError(
             "this store is empty: it has no knowledge base yet; name another store, or fill this "
             "one with: kant-sql load"
         )
-    raise KantSqlError(
+    raise UnknownNameError(
         f"there is no knowledge base {wanted!r} in this store; choose one with --kb: "
         f"{few_of([*map(repr, names)], _NAMES_SHOWN, ', ')}"
     )
 
 
-def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> KantSqlError:
+def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> UnknownNameError:
     """Make the error for an element that was not found, with a similar name if there is one."""
     daos = (
         kb.types,
@@ -389,7 +389,7 @@ def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> Ka
     known = {one.lower() for one in names}
     words = (word for word in tokenize(element) if word not in "()-" and word.lower() not in known)
     hints = (found for word in words if (found := hint(word, names)))
-    return KantSqlError(
+    return UnknownNameError(
         f"{printable(element)!r} in knowledge base {name!r}: it {what}{next(hints, '')}"
     )
 

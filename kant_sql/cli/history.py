@@ -172,6 +172,8 @@ def unconfirmed(
     as_json: Annotated[bool, c.json_lines("fact")] = False,
 ) -> None:
     """Show the effects of acts that nobody else has confirmed."""
+    if contradicted and older_than is not None:
+        raise typer.BadParameter("does not go with --contradicted", param_hint="--older-than")
     with c.open_state(url, kb, at) as (_, state):
         found = state.contradicted() if contradicted else state.unconfirmed(older_than=older_than)
         write_each(found, as_json, _write_version)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import KantSqlError, printable
+from ..errors import KantSqlError, UnknownNameError, printable
 from ..planning import Plan
 from . import common as c
 from .asking import write_failed
@@ -214,7 +214,7 @@ def get_recorded(state: KnowledgeBase, name: str, id_: int) -> RecordedPlan:
     """Read a recorded plan; raise if there is none."""
     one = state.plans.get(id_)
     if one is None:
-        raise KantSqlError(
+        raise UnknownNameError(
             f"there is no plan {id_} in knowledge base {name!r}; see: kant-sql plans"
         )
     return one

@@ -14,7 +14,7 @@ from ..dto.actions import Duration
 from ..dto.elements import NamedDto
 from ..dto.formulas import Atom, Node
 from ..dto.lexical import ROOT_TYPE, fold, number_text
-from ..errors import KantSqlError, printable
+from ..errors import UnknownNameError, UnknownRevisionError, printable
 from ..knowledge.canonical import time_text
 from ..pddl.cursor import hint
 from ..pddl.lexer import tokenize
@@ -105,7 +105,7 @@ def _show_revision(url: str, kb: str | None, when: str, as_json: bool) -> None:
     """Show a revision, or the last one at a time, as the log does."""
     with open_state(url, kb, when) as (name, state):
         if state.revision == 0:
-            raise KantSqlError(f"there was no revision of knowledge base {name!r} yet")
+            raise UnknownRevisionError(f"there was no revision of knowledge base {name!r} yet")
         write_each(state.log(state.revision), as_json, write_entry, is_spaced=True)
 
 
@@ -178,7 +178,7 @@ def _find(kind: str, name: str, dtos: Sequence[NamedDto], kb: str) -> str:
     """Return a name in its stored spelling; raise if there is none."""
     names = {fold(dto.name): dto.name for dto in dtos}
     if fold(name) not in names:
-        raise KantSqlError(
+        raise UnknownNameError(
             f"there is no {kind} {printable(name)!r} in knowledge base {kb!r} at this revision"
             f"{hint(name, list(names.values()))}"
         )

@@ -86,10 +86,10 @@ def _find(state: State, branch: State) -> _Branch:
         lambda session, kb_id: _read_ends(session, kb_id, branch.at)
     )
     source: Any = None if first is None else first.source
-    if first is None or last is None or not isinstance(source, dict):
+    if first is None or last is None or not (isinstance(source, dict) and "parent" in source):
         raise _no_branch(store, other, "its first revision names no knowledge base that it is of")
-    if source.get("parent") != store.name:
-        said = f"its first revision says that it is of {shown(source.get('parent'))}"
+    if source["parent"] != store.name:
+        said = f"its first revision says that it is of {shown(source['parent'])}"
         raise _no_branch(store, other, said)
     origin: Any = source.get("revision")
 

@@ -16,7 +16,7 @@ from typing import NamedTuple, cast
 
 from ..dao.text import refuse_unknown_names
 from ..knowledge.sayings import COMMITTED
-from ..moment_text import When
+from ..moment_text import Moment, When, read_when
 from ..sql.dialects.base import Session
 from ..sql.lanes import (
     FORMULA,
@@ -120,12 +120,12 @@ def timeline(
     """
     store, upto = state.store, state.upto
     question = check_question(kinds, predicate, object, text, lanes, slices, after, unchanged)
-    is_valid = is_valid_clock(clock)
+    is_valid, given = is_valid_clock(clock), (read_when(since), read_when(until))
 
     def work(session: Session, kb_id: int | None) -> Timeline:
-        ends = since, until
+        ends: tuple[Moment | None, Moment | None] = given
         if is_valid and kb_id is not None:
-            ends = _valid_ends(session, kb_id, store, since, until, upto)
+            ends = _valid_ends(session, kb_id, store, *given, upto)
         window = read_window(session, kb_id, store, ends, upto)
         if kb_id is None or not window.head:
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
@@ -147,10 +147,10 @@ def _valid_ends(
     session: Session,
     kb_id: int,
     store: Store,
-    since: When | None,
-    until: When | None,
+    since: Moment | None,
+    until: Moment | None,
     upto: int | None,
-) -> tuple[When, When | None]:
+) -> tuple[Moment, Moment | None]:
     """Return the ends of a window of valid times, where a revision is the time of its commit."""
     end = FIRST_MOMENT if until == 0 else until
     known = read_window(session, kb_id, store, (since, None), upto)

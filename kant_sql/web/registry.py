@@ -278,5 +278,10 @@ def past(kb: KnowledgeBase, at: str | None, valid: str | None) -> KnowledgeBase:
 
 def moment(text: str | None) -> int | datetime | None:
     """Read a revision or a time; None for the present."""
+    return None if is_now(text) else bound(text)
+
+
+def bound(text: str | None) -> int | datetime | None:
+    """Read an end of a range, which may be now; None for an open end."""
     stripped = (text or "").strip()
-    return None if not stripped or is_now(stripped) else parse_moment(stripped)
+    return parse_moment(stripped) if stripped else None

@@ -74,6 +74,8 @@ REFUSED = (
     ("plan --reason why", 2, "--record"),
     ("plan --read plan.txt --timeout 0", 2, "do not go with --read"),
     ("rules '(always (robot_at rb1 wp1))' --refuse", 2, "goes with --save"),
+    ("rules --kept --actor operator", 2, "--actor: goes with --save or --delete"),
+    ("unconfirmed --contradicted --older-than 3", 2, "does not go with --contradicted"),
     ("corrections --since soon", 2, NO_MOMENT),
     ("plans first", 2, "'first': expected the number of one plan"),
     ("plans 7 --plan 7", 2, "'7': expected the number of one plan"),
@@ -114,3 +116,20 @@ def test_with_json_the_line_is_a_document(store: str) -> None:
     result = run("log", store, "--since", "2", "--json", "--actor", "nobody")
     assert "'nobody'" in json.loads(result.stderr)["error"]
     assert (result.exit_code, result.stdout) == (1, "")
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        ("log --kb nobody", "UnknownNameError"),
+        ("show --predicate robot_to", "UnknownNameError"),
+        ("plans 7", "UnknownNameError"),
+        ("history rb7", "UnknownNameError"),
+        ("show 0", "UnknownRevisionError"),
+    ],
+)
+def test_the_type_of_what_is_unknown_is_that_of_the_other_doors(
+    store: str, words: str, kind: str
+) -> None:
+    command, *rest = shlex.split(words)
+    assert json.loads(run(command, store, *rest, "--json").stderr)["type"] == kind

@@ -474,9 +474,12 @@ def test_only_a_branch_of_this_one_is_merged(
     stranger = connect("sqlite://", knowledge_base="tiago")
     for other in (stranger, rooms, branch_of(trial, "below", url="sqlite://")):
         if other is not rooms:
-            other.predicates.save("(free)")
+            with other.transaction(source={"file": "free.pddl"}):
+                other.predicates.save("(free)")
         with pytest.raises(ConflictError, match=r"is not a branch of 'tiago': .*kb\.diff"):
             rooms.merge(other)
+    with pytest.raises(ConflictError, match="names no knowledge base that it is of"):
+        rooms.merge(stranger)
     # Of the same name and revision, with another history.
     with pytest.raises(ConflictError, match="is not in this history"):
         stranger.merge(trial)

@@ -247,6 +247,15 @@ def lanes_by_pages(kb: KnowledgeBase, size: int, *since: int, **wanted: Any) -> 
     return tuple(lane for page in pages for lane in page.lanes)
 
 
+@pytest.mark.parametrize("clock", ["committed", "valid"])
+def test_a_revision_may_be_given_as_text(kb: KnowledgeBase, clock: str) -> None:
+    kb.propositions.save(robot_at())
+    with kb.transaction(valid_from="2026-01-01", valid_until="2026-01-02"):
+        kb.propositions.save(robot_at(OTHER))
+    assert kb.timeline("0", clock=clock) == kb.timeline(0, clock=clock)
+    assert kb.timeline(until="0", clock=clock) == kb.timeline(until=0, clock=clock)
+
+
 def test_lanes_come_in_pages(kb: KnowledgeBase) -> None:
     live(kb, 30, 5)
     whole = kb.timeline(4, until=22)

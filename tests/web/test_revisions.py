@@ -61,6 +61,16 @@ def test_the_log_is_filtered(client: TestClient, query: dict[str, Any], expected
     assert page["searched"] is None
 
 
+def test_a_range_that_begins_now_is_not_the_whole_history(client: TestClient) -> None:
+    for path, rows in (("log", "revisions"), ("acts", "executions"), ("statistics", "groups")):
+        assert get(client, f"/{path}")[rows]
+        assert get(client, f"/{path}", since="now")[rows] == []
+    ended = get(client, "/ask", condition="(robot_at rb1 ?t)", mode="when", since=" NOW ")["when"]
+    assert ended["periods"] == []
+    assert get(client, "/timeline", since="now")["first"] == 36
+    assert get(client, "/difference", a="now", b="1")["a"] == 36
+
+
 def test_the_source_is_shown_and_searched_wherever_who_and_why_are(filled: Filled) -> None:
     kb, client = filled
     fill(kb, 3)

@@ -15,7 +15,7 @@ from ...history.moments import find_bounds
 from ...history.revisions import LARGEST, Version
 from ...knowledge_base import KnowledgeBase, state_of
 from ...sql.places import Place, place_text, read_place
-from ..registry import After, Pages, SinceMoment, UntilMoment, moment
+from ..registry import After, Pages, SinceMoment, UntilMoment, bound, moment
 
 PAGES = Pages("acts")
 
@@ -84,7 +84,7 @@ def read_acts(
     after: str | None = None,
 ) -> tuple[list[Execution], str | None]:
     """Read a page of executions, and where the next one begins."""
-    low, high, *_ = find_bounds(state_of(kb), moment(since), moment(until))
+    low, high, *_ = find_bounds(state_of(kb), bound(since), moment(until))
     before: Any = read_place(after, (int, int, int)).key or (high, LARGEST, LARGEST)
     found, end = read_page(state_of(kb), asked, low, before, limit)
     return found, place_text(end and Place(0, end))

@@ -12,7 +12,7 @@ from ...moment_text import Moment
 from ...reasoning.complete import Completion
 from ...reasoning.failures import FailedCondition
 from ...reasoning.when import Held
-from ..registry import Clock, Pages, Valid, moment, past
+from ..registry import Clock, Pages, Valid, bound, moment, past
 
 PAGES = Pages("conditions")
 
@@ -27,7 +27,11 @@ Parameters = Annotated[
 ]
 Mode = Annotated[
     Literal["state", "when"],
-    Query(description="`state`: for whom it holds in a state; `when`: in which periods it held."),
+    Query(
+        description="`state`: for whom it holds in the state of `at` and `valid`; `when`: in which "
+        "periods it held by `clock` between `since` and `until`. The parameters of the other are "
+        "not read."
+    ),
 ]
 At = Annotated[str, Query(description=f"The state; the present if empty. {_MOMENT}")]
 Since = Annotated[str, Query(description=f"The beginning of the periods. {_MOMENT}")]
@@ -94,7 +98,7 @@ def ask(
     if mode == "state":
         found = _answers(past(kb, at, valid), condition, typed, limit, has_sql=not moment(valid))
         return AskPage(condition, state=found)
-    bounds = moment(since), moment(until)
+    bounds = bound(since), moment(until)
     return AskPage(condition, when=_periods(kb, condition, bounds, typed, clock))
 
 

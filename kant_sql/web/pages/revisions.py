@@ -13,6 +13,7 @@ from ...history.log import LogFilter, LogPage, RevisionPage, read_log_page, read
 from ...history.object_tables import ObjectsPage, read_objects_page
 from ...history.state_parts import PARTS, StateFilter, StatePage, read_state
 from ...knowledge_base import KnowledgeBase, state_of
+from ...moment_text import is_now
 from ..registry import (
     After,
     At,
@@ -24,6 +25,7 @@ from ..registry import (
     SinceMoment,
     UntilMoment,
     Valid,
+    bound,
     moment,
     past,
 )
@@ -74,7 +76,7 @@ def log(
 ) -> LogPage:
     """Show the revisions, newest first: who wrote, when, why, and what changed."""
     asked = LogFilter(actor or None, element.strip() or None, text or None)
-    return read_log_page(state_of(kb), asked, moment(since), moment(until), before, REVISIONS)
+    return read_log_page(state_of(kb), asked, bound(since), moment(until), before, REVISIONS)
 
 
 @PAGES.page("/revision", "revision.html", rows=["revision.changes"])
@@ -91,7 +93,7 @@ def corrections(
 
     `since` and `until` are of what was said later.
     """
-    asked = moment(since), moment(until)
+    asked = bound(since), moment(until)
     return read_corrections_page(state_of(kb), *asked, after, CORRECTIONS)
 
 
@@ -116,7 +118,7 @@ def difference(
     other = moment(b)
     if other is None:
         other = kb.revision
-    one = moment(a)
+    one = kb.revision if is_now(a) else moment(a)
     if one is None:
         one = max(0, kb.at(other).revision - 1)
     found = read_difference(state_of(kb), one, other, after, CHANGES, clock)

@@ -8,7 +8,7 @@ from fastapi import Query
 
 from ...acts.statistics import Grouping, Statistics
 from ...knowledge_base import KnowledgeBase
-from ..registry import Pages, SinceMoment, UntilMoment, moment
+from ..registry import Pages, SinceMoment, UntilMoment, bound, moment
 
 PAGES = Pages("statistics")
 
@@ -43,7 +43,7 @@ def statistics(
     found = kb.statistics(
         by=("action", "argument") if by == "argument" else (by,),
         actor=actor or None,
-        since=moment(since),
+        since=bound(since),
         until=moment(until),
         limit=GROUPS + 1,
     )

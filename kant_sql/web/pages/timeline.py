@@ -13,7 +13,7 @@ from ...history.window import TIMELINE_KINDS
 from ...json_values import JsonValue
 from ...knowledge.canonical import time_text
 from ...knowledge_base import KnowledgeBase
-from ..registry import Clock, ElementText, ObjectName, Pages, SinceMoment, UntilMoment, moment
+from ..registry import Clock, ElementText, ObjectName, Pages, SinceMoment, UntilMoment, bound
 from ..rendering import link
 from .revisions import PredicateName
 
@@ -90,8 +90,8 @@ def timeline(
     Versions shorter than a slice of the window are counted, so that the answer is bounded.
     """
     return kb.timeline(
-        moment(since),
-        until=moment(until),
+        bound(since),
+        until=bound(until),
         predicate=predicate or None,
         object=object or None,
         text=text or None,
