@@ -19,15 +19,7 @@ from kant_sql import (
 )
 from kant_sql.errors import ArityError, InvalidNameError, TypeMismatchError
 from tests.support.reading import present, refuses
-from tests.support.worlds.robots import (
-    ROBOT,
-    ROBOT_AT,
-    WAYPOINT,
-    WP1,
-    assigned,
-    literals,
-    navigation,
-)
+from tests.support.worlds.robots import ROBOT, ROBOT_AT, WAYPOINT, WP1, assigned, literals
 
 Action = PddlActionDto
 Literal = PddlConditionEffectDto
@@ -37,22 +29,6 @@ S = PddlObjectDto(WAYPOINT, "s")
 
 def at_start(*objects: PddlObjectDto, predicate: PddlPredicateDto = ROBOT_AT) -> Literal:
     return Literal(predicate, objects, Literal.AT_START)
-
-
-def test_an_action_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
-    actions = fresh_kb.actions
-    assert actions.get("navigation") is None
-    assert actions.save(navigation()) is True
-    found = present(actions.get("NAVIGATION"))
-    assert str(found) == str(navigation())
-    assert found.parameters == navigation().parameters
-    assert found.conditions == navigation().conditions
-    assert found.effects == navigation().effects
-    assert (found.durative, found.duration) == (True, 10)
-    assert actions.get_all() == [navigation()]
-    assert actions.delete(navigation()) is True
-    assert actions.get("navigation") is None
-    assert actions.delete(navigation()) is False
 
 
 def test_a_duration_is_read_as_it_was_saved(fresh_kb: KnowledgeBase) -> None:

@@ -111,19 +111,6 @@ def test_a_function_keeps_all_that_was_said_of_it(fresh_kb: KnowledgeBase) -> No
         assert fresh_kb.functions.save_all(newcomer.functions.get_all()) == 0
 
 
-def test_insert_and_update_of_a_function(fresh_kb: KnowledgeBase) -> None:
-    functions = fresh_kb.functions
-    assert functions.update(DISTANCE) is False
-    assert functions.insert(DISTANCE) is True
-    with nothing_changes(fresh_kb):
-        assert functions.insert(Function("distance")) is False
-        assert functions.update(DISTANCE) is True
-    assert functions.update(Function("distance", [WAYPOINT])) is True
-    assert declared(fresh_kb) == ["(distance ?w0 - wp)"]
-    with pytest.raises(ReadOnlyError):
-        fresh_kb.at(1).functions.save(DISTANCE)
-
-
 def test_another_name_of_a_parameter_is_no_redefinition(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.propositions.save(robot_at())
     fresh_kb.actions.save(navigation())
@@ -427,14 +414,6 @@ def test_numbers_are_changed_exactly(kb: KnowledgeBase) -> None:
     assert values.get("battery", objects=["rb1"]) == 10**399 + 1
     stored = "SELECT value, number FROM function_value_version WHERE kb_id = :kb AND since = 4"
     assert rows(kb, stored) == [("10.10", 10.1)]
-
-
-def test_a_change_of_a_value_is_one_revision_with_the_value_before(kb: KnowledgeBase) -> None:
-    kb.function_values.increase(BATTERY, objects=[RB1], by=5)
-    assert (kb.revision, last_changes(kb)) == (
-        3,
-        ["+ value (= (battery rb1) 15)", "- value (= (battery rb1) 10)"],
-    )
 
 
 def test_the_past_of_values_is_not_written(kb: KnowledgeBase) -> None:

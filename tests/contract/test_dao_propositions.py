@@ -15,41 +15,11 @@ from kant_sql import (
 )
 from kant_sql.errors import ArityError, TypeMismatchError
 from tests.support.atoms import Atoms
-from tests.support.reading import facts, last_changes, refuses, rows, versions
-from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WAYPOINT, WP1, WP2, robot_at
+from tests.support.reading import facts, refuses, rows, versions
+from tests.support.worlds.robots import RB1, ROBOT, ROBOT_AT, WP1, WP2, robot_at
 
 Proposition = PddlPropositionDto
 RAINING = Proposition(PddlPredicateDto("raining"))
-
-
-def test_a_fact_is_saved_read_and_deleted(fresh_kb: KnowledgeBase) -> None:
-    propositions = fresh_kb.propositions
-    assert propositions.save(robot_at()) is True
-    found = propositions.get_all()
-    assert found == [robot_at()]
-    assert (found[0].predicate, found[0].objects, found[0].is_goal) == (ROBOT_AT, [RB1, WP1], False)
-    assert found[0].predicate.types == [ROBOT, WAYPOINT]
-    assert [object_.type for object_ in found[0].objects] == [ROBOT, WAYPOINT]
-    assert propositions.delete(robot_at()) is True
-    assert propositions.get_all() == []
-    assert propositions.delete(robot_at()) is False
-
-
-def test_a_proposition_is_a_fact_and_a_goal_at_once(fresh_kb: KnowledgeBase) -> None:
-    fact, goal = robot_at(), robot_at(is_goal=True)
-    propositions, goals = fresh_kb.propositions, fresh_kb.goals
-    assert propositions.insert(fact) is True
-    assert goals.insert(goal) is True
-    assert propositions.get_all() == [fact]
-    assert goals.get_propositions() == [goal]
-    assert propositions.get_by_predicate("robot_at") == [fact]
-    assert propositions.get_by_object("rb1") == [fact]
-    assert last_changes(fresh_kb) == ["+ goal (robot_at rb1 wp1)"]
-    assert propositions.delete(fact) is True
-    assert propositions.get_all() == []
-    assert propositions.delete(fact) is False
-    assert goals.get_propositions() == [goal]
-    assert goals.delete(goal) is True
 
 
 @pytest.mark.parametrize("method", ["save", "insert", "update", "delete", "save_all", "delete_all"])

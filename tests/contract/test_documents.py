@@ -17,7 +17,7 @@ from kant_sql import (
     ReadOnlyError,
 )
 from kant_sql.documents.exchange import Mode
-from kant_sql.dto.formulas import And, Constant, Equal, Exists, Fluent, Not, TypedName
+from kant_sql.dto.formulas import And, Constant, Equal, Exists, Not, TypedName
 from kant_sql.errors import ConflictError, PddlError, SourceMissingError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import FunctionValue
@@ -577,8 +577,3 @@ def test_a_document_within_a_transaction_is_what_it_has_changed(depot_kb: Knowle
         if not store_of(depot_kb).backend.has_one_connection:
             assert again(depot_kb).pddl.problem().goal == ()
     assert depot_kb.pddl.problem().goal == (at(T2), Not(IDLE))
-
-
-def test_fluents_are_kept(depot_kb: KnowledgeBase) -> None:
-    values = {value.fluent: value.value for value in again(depot_kb).pddl.problem().values}
-    assert values == {fuel(): number("7.50"), Fluent("home", (T1,)): HUB}

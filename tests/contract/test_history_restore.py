@@ -345,15 +345,6 @@ def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     return fresh_kb
 
 
-def test_it_is_the_difference_of_any_two_states(told: KnowledgeBase) -> None:
-    states = [held(told.at(revision)) for revision in range(len(STORY) + 1)]
-    for a, here in enumerate(states):
-        for b, there in enumerate(states):
-            expected = [("+", *each) for each in there - here]
-            expected += [("-", *each) for each in here - there]
-            assert [tuple(change) for change in told.diff(a, b)] == sorted(expected)
-
-
 def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> None:
     start = load(fresh_kb)
     fresh_kb.goals.save(Comparison(">", fuel(), number("2")))

@@ -317,19 +317,6 @@ def test_conditions_and_values_are_those_of_the_state_before(kb: KnowledgeBase) 
     assert len(kb.query("(lit ?c)")) == 1  # (last p1) is c0, which is lit
 
 
-def test_steps_within_a_transaction(kb: KnowledgeBase) -> None:
-    before = kb.revision
-    with kb.transaction(actor="executive", reason="two steps"):
-        assert kb.apply("(board h1 p1 c0)") is None
-        assert not kb.why_not("(fly p1 c0 c1)")
-        kb.apply("(fly p1 c0 c1)")
-        assert kb.why_not("(fly p1 c0 c1)")
-        with pytest.raises(NotApplicableError):
-            kb.apply("(fly p1 c0 c1)")
-    assert kb.revision == before + 1
-    assert kb.holds("(and (at p1 c1) (lit c1))")
-
-
 def test_a_step_of_a_recorded_plan_keeps_its_status(kb: KnowledgeBase) -> None:
     steps = (PlanStep(None, "board", ("h1", "p1", "c0")), PlanStep(None, "fly", ("p1", "c0", "c1")))
     plan = kb.plans.record(Plan(steps, "by hand", "solved_satisficing"))

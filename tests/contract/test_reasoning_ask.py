@@ -212,13 +212,6 @@ def test_answers_are_a_sequence(fresh_kb: KnowledgeBase) -> None:
     assert str(fresh_kb.query("(or)")) == "does not hold"
 
 
-def test_nodes_are_conditions(fresh_kb: KnowledgeBase) -> None:
-    graph.load(fresh_kb)
-    atom = Atom("robot_at", (Variable("r"), Variable("w")))
-    assert len(fresh_kb.query(atom)) == 2
-    assert not fresh_kb.holds(Not(atom), r="rb1", w="w1")
-
-
 @pytest.mark.parametrize(
     ("condition", "message"),
     [

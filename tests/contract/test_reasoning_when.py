@@ -20,7 +20,6 @@ from kant_sql import (
     UnknownRevisionError,
     aio,
 )
-from kant_sql.dto.formulas import And, Atom, Constant, Not, Variable
 from kant_sql.errors import ArchivedError
 from tests.contract.test_reasoning_rules import (
     AT,
@@ -132,15 +131,6 @@ def test_bindings_and_types(day: KnowledgeBase) -> None:
             day.when(text, **given)
     with pytest.raises(InvalidKnowledgeError):
         day.when(text, r="hall")
-
-
-def test_nodes_are_conditions_too(day: KnowledgeBase) -> None:
-    where = Atom("robot_at", (Variable("r"), Constant("kitchen")))
-    assert numbers(day.when(where)) == [("rb2", 2, 4), ("rb1", 5, None)]
-    assert numbers(day.when(And((where, Not(Atom("child_in", (Constant("kitchen"),))))))) == [
-        # `child_in` is defined from revision 3 on.
-        ("rb1", 6, 7)
-    ]
 
 
 def test_a_goal_is_no_fact(day: KnowledgeBase) -> None:
