@@ -16,7 +16,7 @@ from kant_sql.errors import InvalidArgumentError, NoPlanError, PlanError, ReadOn
 from kant_sql.knowledge_base import state_of
 from kant_sql.reasoning.replan import Remaining
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, loaded, present, store_of
+from tests.support.reading import beside, loaded, present, store_of, undone
 
 HOUSE = """
 (define (domain house) (:requirements :adl :durative-actions :fluents :derived-predicates)
@@ -276,17 +276,11 @@ def test_what_is_asked_of_is_a_recorded_plan(fresh_kb: KnowledgeBase) -> None:
 
 def test_what_is_not_committed_is_not_remembered(kb: KnowledgeBase) -> None:
     assert kb.replan().broken is None
-
-    def rolled_back() -> None:
-        with kb.transaction():
-            kb.propositions.delete("(open d2)")
-            assert look(kb, Remaining(1))[0] is not None
-            with pytest.raises(NoPlanError):
-                kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        rolled_back()
+    with undone(kb):
+        kb.propositions.delete("(open d2)")
+        assert look(kb, Remaining(1))[0] is not None
+        with pytest.raises(NoPlanError):
+            kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
     assert kb.replan().broken is None
 
 
@@ -372,8 +366,6 @@ async def test_tasks_replan_too_and_cancel_planners(
         with pytest.raises(asyncio.CancelledError):
             await task
 
-
-# What is remembered is never wrong.
 
 WORLD = """
 (define (domain world) (:requirements :adl :fluents :derived-predicates)
