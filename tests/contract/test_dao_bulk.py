@@ -53,10 +53,6 @@ def many(count: int = COUNT) -> Iterator[PddlPropositionDto]:
     return (near(number) for number in range(count))
 
 
-def texts(*numbers: int) -> list[str]:
-    return sorted(f"(near wp{number} wp0)" for number in numbers)
-
-
 def test_a_large_number_of_facts_is_written_piece_by_piece(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:

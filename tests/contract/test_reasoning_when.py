@@ -413,9 +413,6 @@ def test_definitions_that_matter_as_now_are_not_read_again(day: KnowledgeBase) -
     assert reads() == 1
 
 
-# Archives.
-
-
 def test_an_archived_past_is_refused(shared_url: str, file_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     step(kb, "a", ("+", at(RB1, HALL)), ("+", child(HALL)))
@@ -430,9 +427,6 @@ def test_an_archived_past_is_refused(shared_url: str, file_url: str, connect: Co
     assert numbers(kb.when("(robot_at rb1 ?w)", since=3)) == [("hall", 3, None)]
     assert numbers(kb.when("(not (robot_at rb1 kitchen))", since=3)) == [(None, None)]
     assert numbers(kb.when("(not (child_in hall))", since=3)) == [(4, None)]
-
-
-# With asyncio.
 
 
 async def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:
