@@ -14,10 +14,13 @@ from sqlalchemy.sql.expression import Executable
 
 import kant_sql
 from kant_sql import KnowledgeBase
+from kant_sql.history import follow
 from kant_sql.sql.query import Query
 from tests.support import async_facade, remote
 from tests.support.chain import check_chain
 from tests.support.citus import Cluster
+from tests.support.faults import be_impatient
+from tests.support.processes.workers import PATIENCE
 from tests.support.profile import PROFILE
 from tests.support.reading import beside, findings
 from tests.support.remote import Served
@@ -219,6 +222,17 @@ def everywhere(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iter
     for url in urls:
         assert check_chain(url)
         assert findings(url) == []
+
+
+@pytest.fixture
+def only_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waits for news does not look by itself: it has to be told."""
+    monkeypatch.setattr(follow, "LOOK_EVERY", 10 * PATIENCE)
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    be_impatient(monkeypatch)
 
 
 @pytest.fixture

@@ -36,7 +36,7 @@ from tests.support.generators.junk import World
 from tests.support.parts import DAOS, FRONTS, part
 from tests.support.processes.workers import PATIENCE
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import Undone
+from tests.support.reading import Undone, present
 from tests.support.worlds.robots import RB1, ROBOT, WP2, robot_at, waypoint
 
 # Who waits for another waits longer.
@@ -671,8 +671,7 @@ def test_ctrl_c_in_a_block_writes_nothing_of_it_and_ends(shared_url: str) -> Non
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as child:
-        assert child.stdout is not None
-        assert child.stdout.readline() == "ready\n"
+        assert present(child.stdout).readline() == "ready\n"
         child.send_signal(signal.SIGINT)
         _, errors = child.communicate(timeout=60)
     assert "KeyboardInterrupt" in errors

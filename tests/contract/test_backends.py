@@ -28,17 +28,13 @@ class ToyBackend(SqliteBackend):
 """
 
 
-@pytest.fixture
-def toy_url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def test_a_registered_backend_serves_all_of_the_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, connect: Connect
+) -> None:
     (tmp_path / "toy_backend.py").write_text(TOY)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setitem(BACKENDS, "toy", "toy_backend:ToyBackend")
-    return f"toy:///{tmp_path / 'robot.toy'}"
-
-
-def test_a_registered_backend_serves_all_of_the_library(
-    toy_url: str, tmp_path: Path, connect: Connect
-) -> None:
+    toy_url = f"toy:///{tmp_path / 'robot.toy'}"
     kb = connect(toy_url, knowledge_base="tiago", actor="me")
     assert type(kb.store.factory._store.backend).__name__ == "ToyBackend"  # type: ignore[attr-defined]
     kb.propositions.save(robot_at())

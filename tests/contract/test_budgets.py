@@ -427,9 +427,6 @@ def test_a_formula_takes_few_statements_to_save_and_to_delete(kb: KnowledgeBase)
     assert count(lambda: kb.goals.delete(goal)) <= 2
 
 
-# Opening.
-
-
 def test_opening_a_store_takes_three_statements_at_most(shared_url: str, connect: Connect) -> None:
     fill(connect(shared_url), 100)
     assert count(lambda: connect(shared_url)) <= OPEN

@@ -14,6 +14,7 @@ import pytest
 import kant_sql
 from tests.benchmarks.causing import ASKED, DOMAIN, PROBLEM, STEPS
 from tests.contract.test_plans import keep_without_statistics
+from tests.support.reading import loaded
 from tests.support.servers import Server
 from tests.support.statements import is_bracket, seen
 
@@ -41,8 +42,7 @@ def test_what_a_fact_led_to_reads_about_as_much_without_statistics(server: Serve
     url = server.new_store()
     keep_without_statistics(url)
     with kant_sql.connect(url, knowledge_base="robot", actor="executive") as kb:
-        kb.load_domain(DOMAIN)
-        kb.load_problem(PROBLEM)
+        loaded(kb, DOMAIN, PROBLEM)
         for step in islice(cycle(STEPS), ACTS):
             kb.apply(step)
     read = []

@@ -53,19 +53,6 @@ def many(count: int = COUNT) -> Iterator[PddlPropositionDto]:
     return (near(number) for number in range(count))
 
 
-def texts(*numbers: int) -> list[str]:
-    return sorted(f"(near wp{number} wp0)" for number in numbers)
-
-
-def test_a_generator_is_saved_in_one_revision(fresh_kb: KnowledgeBase) -> None:
-    assert fresh_kb.propositions.save_all(many()) == COUNT
-    assert fresh_kb.revision == 1
-    assert reading.facts(fresh_kb) == texts(*range(COUNT))
-    with reading.nothing_changes(fresh_kb):
-        assert fresh_kb.propositions.save_all(many()) == 0
-        assert fresh_kb.propositions.save_all(iter([])) == 0
-
-
 def test_a_large_number_of_facts_is_written_piece_by_piece(
     fresh_kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:

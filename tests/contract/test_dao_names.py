@@ -19,7 +19,8 @@ from kant_sql import (
     UnknownNameError,
 )
 from kant_sql.errors import InvalidNameError
-from tests.support.reading import beside, facts, nothing_changes, present, refuses, state, undone
+from tests.support.reading import facts, nothing_changes, present, refuses, state, undone
+from tests.support.worlds.depot import again
 from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, robot_at
 
 STRANGE = [
@@ -112,7 +113,7 @@ def test_a_name_pddl_cannot_carry_is_refused_wherever_it_stands(fresh_kb: Knowle
     for name in (*wrong, "x" * 256, "😀" * 256):
         for call in ways_to_save(fresh_kb, name):
             caught = refuses(fresh_kb, InvalidNameError, call)
-            assert "cannot name a" in str(caught.value)
+            assert "cannot name a" in str(caught)
 
 
 def test_asking_for_a_name_that_cannot_be_finds_nothing(fresh_kb: KnowledgeBase) -> None:
@@ -202,7 +203,7 @@ def test_names_that_an_older_version_stored_stay_readable(
             fresh_kb.propositions.save(fact(name))
         fresh_kb.propositions.save(fact(">="))
         fresh_kb.function_values.set(PddlFunctionDto("not"), objects=[], value=3)
-    kb = beside(fresh_kb, fresh_kb.store.factory._store.name)  # type: ignore[attr-defined]
+    kb = again(fresh_kb)
     for seen in (kb, kb.at(kb.revision)):
         assert [dto.name for dto in seen.objects.get_all()] == [*names, ">="]
         assert [str(each) for each in seen.propositions.get_by_predicate(">=")] == ["(>= >=)"]

@@ -132,14 +132,14 @@ def test_what_is_no_dto_of_the_kind_is_refused(fresh_kb: kant_sql.KnowledgeBase,
             has_text = method == dao.save and wrong == ["?"]
             caught = refuses(fresh_kb, kant_sql.PddlError if has_text else error, method, wrong)
             if is_text or has_text:
-                assert "'?'" in str(caught.value)
-            elif "take lists" in str(caught.value):
+                assert "'?'" in str(caught)
+            elif "take lists" in str(caught):
                 assert isinstance(wrong, list)
             elif kind == "propositions":
-                assert "a fact" in str(caught.value)
-                assert "(robot_at rb1 wp1)" in str(caught.value)
+                assert "a fact" in str(caught)
+                assert "(robot_at rb1 wp1)" in str(caught)
             else:
-                assert type(GOOD[kind]).__name__ in str(caught.value)
+                assert type(GOOD[kind]).__name__ in str(caught)
         refuses(fresh_kb, error, dao.save_all, [GOOD[kind], wrong])
 
 
@@ -148,7 +148,7 @@ def test_save_all_takes_an_iterable(fresh_kb: kant_sql.KnowledgeBase, kind: str)
     dao = dao_of(fresh_kb, kind)
     for wrong in (None, 5, object(), GOOD[kind]):
         caught = refuses(fresh_kb, kant_sql.InvalidKnowledgeError, dao.save_all, wrong)
-        assert "is an iterable of DTOs, not" in str(caught.value)
+        assert "is an iterable of DTOs, not" in str(caught)
 
 
 def test_what_is_no_name_cannot_be_asked_for(fresh_kb: kant_sql.KnowledgeBase) -> None:

@@ -16,6 +16,7 @@ from kant_sql.errors import SourceError, TypeCycleError
 from kant_sql.pddl import read_domain, read_problem, write
 from tests.contract.test_proportion import ratio
 from tests.support.profile import PROFILE
+from tests.support.reading import loaded, present
 
 DOMAIN = """
 (define (domain deep) (:requirements :adl :fluents :derived-predicates :constraints)
@@ -43,8 +44,7 @@ def load(kb: KnowledgeBase, opening: str, levels: int) -> tuple[Any, Any]:
     left = f"{'(+ ' * levels}(f){' (f))' * levels}"
     goal = f"(and {formula} {terms})"
     problem = read_problem(PROBLEM.format(goal=goal, value=left), domain=domain)
-    kb.load_domain(write(domain))
-    kb.load_problem(write(problem))
+    loaded(kb, write(domain), write(problem))
     return domain, problem
 
 
@@ -164,8 +164,7 @@ def test_a_deep_hierarchy_is_loaded_listed_and_saved(fresh_kb: KnowledgeBase) ->
     types = fresh_kb.types.get_all()
     assert len(types) == TYPE_LEVELS
     assert fresh_kb.types.save_all(types) == 0
-    deepest = fresh_kb.types.get(f"t{TYPE_LEVELS - 1}")
-    assert deepest is not None
+    deepest = present(fresh_kb.types.get(f"t{TYPE_LEVELS - 1}"))
     assert str(deepest) == f"t{TYPE_LEVELS - 1} - t{TYPE_LEVELS - 2}"
     assert fresh_kb.types.insert(deepest) is False
     fresh_kb.objects.save(PddlObjectDto(deepest, "o"))

@@ -17,16 +17,16 @@ from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import Domain, Problem
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside
+from tests.support.reading import loaded
 from tests.support.stores import Everywhere
+from tests.support.worlds.depot import again
 
 Documents = tuple[Domain, Problem]
 
 
 def load(kb: KnowledgeBase, documents: Documents) -> None:
     with kb.transaction():
-        kb.load_domain(write(documents[0]))
-        kb.load_problem(write(documents[1]))
+        loaded(kb, write(documents[0]), write(documents[1]))
 
 
 def folded(value: Any) -> Any:
@@ -61,7 +61,7 @@ def test_documents_survive_the_store(everywhere: Everywhere) -> None:
             made = kb.revision
             check_holds(kb, documents)
             # Definitions of a process that has not written them come from the tables.
-            newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
+            newcomer = again(kb)
             check_holds(newcomer, documents)
             for mode in ("replace", "merge"):
                 assert newcomer.load_domain(kb.domain_pddl(), mode=mode).revision is None
@@ -89,8 +89,7 @@ def test_documents_replace_others(everywhere: Everywhere) -> None:
             check_holds(kb.at(1), before)
             load(kb, before)
             check_holds(kb, before)
-            newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
-            check_holds(newcomer, before)
+            check_holds(again(kb), before)
 
         everywhere(check)
 

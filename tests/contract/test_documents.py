@@ -6,22 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from kant_sql import (
-    InvalidKnowledgeError,
-    KnowledgeBase,
-    PddlActionDto,
-    PddlObjectDto,
-    PddlPredicateDto,
-    PddlPropositionDto,
-    PddlTypeDto,
-    ReadOnlyError,
-)
+from kant_sql import InvalidKnowledgeError, KnowledgeBase, ReadOnlyError
 from kant_sql.documents.exchange import Mode
-from kant_sql.dto.formulas import And, Constant, Equal, Exists, Fluent, Not, TypedName
+from kant_sql.dto.formulas import And, Constant, Equal, Exists, Not, TypedName
 from kant_sql.errors import ConflictError, PddlError, SourceMissingError
 from kant_sql.pddl import read_domain, read_problem, write
 from kant_sql.pddl.document import FunctionValue
-from tests.support.reading import facts, last_changes, nothing_changes, rows, store_of, undone
+from tests.support.reading import (
+    documents,
+    facts,
+    last_changes,
+    loaded,
+    nothing_changes,
+    rows,
+    store_of,
+    undone,
+)
 from tests.support.worlds.depot import (
     DOMAIN,
     HUB,
@@ -38,13 +38,6 @@ from tests.support.worlds.depot import (
     load,
     number,
 )
-
-TRUCKS, PLACES = PddlTypeDto("truck"), PddlTypeDto("place")
-AT = PddlPredicateDto("at", [TRUCKS, PLACES])
-
-
-def fact(truck: str = "t1", place: str = "p1") -> PddlPropositionDto:
-    return PddlPropositionDto(AT, [PddlObjectDto(TRUCKS, truck), PddlObjectDto(PLACES, place)])
 
 
 def domain(body: str, name: str = "depot") -> str:
@@ -141,7 +134,7 @@ def test_several_files_are_one_domain(fresh_kb: KnowledgeBase) -> None:
     ],
 )
 def test_what_cannot_be_read_leaves_nothing(depot_kb: KnowledgeBase, wrong: str) -> None:
-    texts = depot_kb.domain_pddl(), depot_kb.problem_pddl()
+    texts = documents(depot_kb)
     with nothing_changes(depot_kb), pytest.raises(PddlError) as caught:
         depot_kb.load_domain(wrong)
     assert str(caught.value).startswith("<string>:1:")
@@ -149,14 +142,14 @@ def test_what_cannot_be_read_leaves_nothing(depot_kb: KnowledgeBase, wrong: str)
         depot_kb.load_problem("(define (problem q) (:domain other) (:goal (and)))")
     with nothing_changes(depot_kb), pytest.raises(PddlError):
         depot_kb.load_problem(problem("(at t1 c1)"))
-    assert (depot_kb.domain_pddl(), depot_kb.problem_pddl()) == texts
+    assert documents(depot_kb) == texts
 
 
 def test_within_a_transaction_it_is_a_part_of_it(fresh_kb: KnowledgeBase) -> None:
     with fresh_kb.transaction(reason="start"):
         assert fresh_kb.load_domain(DOMAIN).revision is None
         assert fresh_kb.load_problem(PROBLEM).revision is None
-        fresh_kb.propositions.save(fact("t2"))
+        fresh_kb.propositions.save("(at t2 p1)")
         assert set(fresh_kb.pddl.problem().facts) == {at(), at(T2)}
         with pytest.raises(PddlError):
             fresh_kb.load_problem(problem("(near t1 t2)"))
@@ -178,27 +171,28 @@ def test_the_past_is_read_only(depot_kb: KnowledgeBase) -> None:
 
 
 def test_past_documents_stay(fresh_kb: KnowledgeBase) -> None:
-    texts = [(fresh_kb.domain_pddl(), fresh_kb.problem_pddl())]
+    texts = [documents(fresh_kb)]
     fresh_kb.load_domain(DOMAIN)
-    texts.append((fresh_kb.domain_pddl(), fresh_kb.problem_pddl()))
+    texts.append(documents(fresh_kb))
     fresh_kb.load_problem(PROBLEM)
-    texts.append((fresh_kb.domain_pddl(), fresh_kb.problem_pddl()))
+    texts.append(documents(fresh_kb))
     fresh_kb.load_problem(problem("(at t2 p2) (= (fuel t1) 1)", "(idle)"))
-    texts.append((fresh_kb.domain_pddl(), fresh_kb.problem_pddl()))
+    texts.append(documents(fresh_kb))
     fresh_kb.load_domain(domain("(:predicates (idle))", "other"))
-    texts.append((fresh_kb.domain_pddl(), fresh_kb.problem_pddl()))
+    texts.append(documents(fresh_kb))
     assert len({*texts}) == 5
     for reader in (fresh_kb, again(fresh_kb)):
-        for revision, (domain_text, problem_text) in enumerate(texts):
-            past = reader.at(revision)
-            assert (past.domain_pddl(), past.problem_pddl()) == (domain_text, problem_text)
-            check_text(past)
+        for revision, text in enumerate(texts):
+            assert documents(reader.at(revision)) == text
+            check_text(reader.at(revision))
 
 
 def test_a_knowledge_base_without_documents_has_some(fresh_kb: KnowledgeBase) -> None:
     assert fresh_kb.domain_pddl() == "(define (domain default)\n  (:requirements :strips)\n)\n"
     check_text(fresh_kb)
-    fresh_kb.propositions.save(fact())
+    fresh_kb.predicates.save("(at ?t - truck ?p - place)")
+    fresh_kb.objects.save(["t1 - truck", "p1 - place"])
+    fresh_kb.propositions.save("(at t1 p1)")
     assert fresh_kb.pddl.domain().requirements == (":strips", ":typing")
     assert fresh_kb.pddl.problem().facts == (at(),)
     check_text(fresh_kb)
@@ -316,8 +310,7 @@ def test_what_fits_no_more_goes_with_the_domain_that_is_replaced(
         assert problem_.facts == (at(),)
         assert left == {"fuel", "home"} - {gone}
     assert depot_kb.at(1).pddl.problem() == before
-    depot_kb.load_domain(DOMAIN)
-    depot_kb.load_problem(PROBLEM)
+    loaded(depot_kb, DOMAIN, PROBLEM)
     assert depot_kb.pddl.problem() == before
 
 
@@ -330,8 +323,7 @@ def test_a_problem_follows_its_domain_to_another_name(depot_kb: KnowledgeBase) -
 def test_an_action_may_become_an_event_and_a_constant_an_object(fresh_kb: KnowledgeBase) -> None:
     act = "(:action act :parameters () :precondition (at ?t hub) :effect (idle))"
     act = act.replace("()", "(?t - truck)")
-    fresh_kb.load_domain(DOMAIN.rstrip()[:-1] + act + ")")
-    fresh_kb.load_problem(problem("(at t1 hub)"))
+    loaded(fresh_kb, DOMAIN.rstrip()[:-1] + act + ")", problem("(at t1 hub)"))
     event = DOMAIN.rstrip()[:-1] + act.replace(":action", ":event") + ")"
     fresh_kb.load_domain(event)
     assert fresh_kb.pddl.domain() == read_domain(event)
@@ -391,15 +383,14 @@ def test_merging_a_contradiction_is_refused(
     fresh_kb: KnowledgeBase, old: str, new: str, message: str
 ) -> None:
     whole = DOMAIN.rstrip()[:-1] + ACT + ")"
-    fresh_kb.load_domain(whole)
-    fresh_kb.load_problem(PROBLEM)
+    loaded(fresh_kb, whole, PROBLEM)
     changed = whole.replace(old, new)
     assert changed != whole
-    texts = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
+    texts = documents(fresh_kb)
     with nothing_changes(fresh_kb), pytest.raises(ConflictError) as caught:
         fresh_kb.load_domain(changed, mode="merge")
     assert message in str(caught.value)
-    assert (fresh_kb.domain_pddl(), fresh_kb.problem_pddl()) == texts
+    assert documents(fresh_kb) == texts
 
 
 PROBLEM_CONTRADICTIONS: dict[str, tuple[str, str]] = {
@@ -471,7 +462,7 @@ def test_the_order_of_goals_is_kept(depot_kb: KnowledgeBase) -> None:
         assert sorted(literals) == ["(at t1 p2)", "(at t2 p2)", "(idle)"]
     # Whoever adds one later adds it at the end.
     depot_kb.goals.save(Exists((TRUCK,), at(T, HUB)))
-    depot_kb.goals.delete(PddlPropositionDto(PddlPredicateDto("idle"), [], True))
+    depot_kb.goals.delete("(idle)")
     found = [str(goal) for goal in depot_kb.pddl.problem().goal]
     left = ["(at t2 p2)", "(or (idle))", "(at t1 p2)", "(not (at t1 p1))"]
     assert found == [*left, "(exists (?t - truck) (at ?t hub))"]
@@ -527,18 +518,13 @@ def test_numbers_are_exact(depot_kb: KnowledgeBase) -> None:
 
 def test_edits_through_daos_show_in_the_documents(depot_kb: KnowledgeBase) -> None:
     with depot_kb.transaction():
-        depot_kb.types.save(PddlTypeDto("ship", parent=PddlTypeDto("machine")))
-        depot_kb.predicates.save(PddlPredicateDto("sunk", [PddlTypeDto("ship")]))
-        depot_kb.objects.save(PddlObjectDto(PddlTypeDto("ship"), "s1"))
-        depot_kb.propositions.save(
-            PddlPropositionDto(
-                PddlPredicateDto("sunk", [PddlTypeDto("ship")]),
-                [PddlObjectDto(PddlTypeDto("ship"), "s1")],
-            )
-        )
-        depot_kb.propositions.delete(fact())
+        depot_kb.types.save("ship - machine")
+        depot_kb.predicates.save("(sunk ?s - ship)")
+        depot_kb.objects.save("s1 - ship")
+        depot_kb.propositions.save("(sunk s1)")
+        depot_kb.propositions.delete("(at t1 p1)")
         depot_kb.function_values.increase("fuel", objects=["t1"], by=1)
-        depot_kb.actions.save(PddlActionDto("act", [], [Not(IDLE)], [IDLE], durative=False))
+        depot_kb.actions.save("(:action act :precondition (not (idle)) :effect (idle))")
     domain_, problem_ = depot_kb.pddl.domain(), depot_kb.pddl.problem()
     assert domain_.types[-1] == TypedName("ship", ("machine",))
     assert domain_.predicates[-1].name == "sunk"
@@ -550,7 +536,7 @@ def test_edits_through_daos_show_in_the_documents(depot_kb: KnowledgeBase) -> No
 
 def test_a_fact_that_comes_to_hold_is_not_denied(depot_kb: KnowledgeBase) -> None:
     depot_kb.load_problem(problem("(not (at t1 p1)) (not (idle)) (= t1 t1)"))
-    depot_kb.propositions.save(fact())
+    depot_kb.propositions.save("(at t1 p1)")
     problem_ = depot_kb.pddl.problem()
     assert problem_.facts == (at(),)
     assert problem_.literals == (Not(IDLE), Equal(T1, T1))
@@ -559,8 +545,7 @@ def test_a_fact_that_comes_to_hold_is_not_denied(depot_kb: KnowledgeBase) -> Non
 
 def test_requirements_are_kept_as_written_and_computed(fresh_kb: KnowledgeBase) -> None:
     written = DOMAIN.replace("(:types", "(:requirements :adl :typing :adl) (:types")
-    fresh_kb.load_domain(written)
-    fresh_kb.load_problem(PROBLEM)
+    loaded(fresh_kb, written, PROBLEM)
     assert fresh_kb.pddl.domain().requirements == (":adl", ":typing")
     assert {":strips", ":typing", ":object-fluents"} <= {*fresh_kb.pddl.requirements()}
     assert ":adl" not in fresh_kb.pddl.requirements()
@@ -577,8 +562,3 @@ def test_a_document_within_a_transaction_is_what_it_has_changed(depot_kb: Knowle
         if not store_of(depot_kb).backend.has_one_connection:
             assert again(depot_kb).pddl.problem().goal == ()
     assert depot_kb.pddl.problem().goal == (at(T2), Not(IDLE))
-
-
-def test_fluents_are_kept(depot_kb: KnowledgeBase) -> None:
-    values = {value.fluent: value.value for value in again(depot_kb).pddl.problem().values}
-    assert values == {fuel(): number("7.50"), Fluent("home", (T1,)): HUB}

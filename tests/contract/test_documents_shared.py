@@ -22,6 +22,7 @@ from tests.support.processes.sharing import (
     read_often_with,
 )
 from tests.support.processes.workers import in_processes
+from tests.support.reading import loaded, undone
 from tests.support.stores import Connect
 from tests.support.worlds.depot import DOMAIN, PROBLEM, check_text, load
 
@@ -94,8 +95,7 @@ def test_a_problem_and_its_domain_are_of_one_state(shared_url: str, connect: Con
     load(kb)
     before = kb.pddl.problem()
     with other.transaction():
-        other.load_domain(OTHER_DOMAIN)
-        other.load_problem(PROBLEM.replace("monday", "tuesday"))
+        loaded(other, OTHER_DOMAIN, PROBLEM.replace("monday", "tuesday"))
         # Nothing of it is seen before it is committed.
         assert kb.pddl.problem() == before
         assert kb.pddl.domain() == read_domain(DOMAIN)
@@ -114,12 +114,6 @@ SECOND = """(define (problem one) (:domain d) (:objects a b c e)
   (:init (p a b) (p b c) (p c e) (q b) (= (f a) 1) (= (f b) 3)) (:goal (and (q c) (q c) (q e))))"""
 
 
-def _load_in_vain(kb: KnowledgeBase) -> None:
-    with kb.transaction():
-        kb.load_problem(FIRST)
-        raise ZeroDivisionError
-
-
 @pytest.mark.parametrize("spill_at", [1, 3, 10_000])
 @pytest.mark.parametrize("mode", ["replace", "merge"])
 def test_a_problem_that_was_just_loaded_is_loaded_again(
@@ -129,8 +123,7 @@ def test_a_problem_that_was_just_loaded_is_loaded_again(
     second = SECOND if mode == "replace" else SECOND.replace("(= (f b) 3)", "(= (f b) 2)")
     kb = connect(url)
     with kb.transaction():
-        kb.load_domain(SMALL_DOMAIN)
-        kb.load_problem(FIRST)
+        loaded(kb, SMALL_DOMAIN, FIRST)
         kb.load_problem(second, mode=mode)  # type: ignore[arg-type]
     facts = {str(fact) for fact in kb.propositions.get_all()}
     merged = {"(q a)"} if mode == "merge" else set()
@@ -144,8 +137,8 @@ def test_a_load_that_fails_leaves_nothing_for_the_next(connect: Connect, url: st
     kb = connect(url)
     kb.load_domain(SMALL_DOMAIN)
     with kb.transaction():
-        with pytest.raises(ZeroDivisionError):
-            _load_in_vain(kb)
+        with undone(kb):
+            kb.load_problem(FIRST)
         kb.load_problem(SECOND)
     assert {str(fact) for fact in kb.propositions.get_all()} == {
         *("(p a b)", "(p b c)", "(p c e)", "(q b)")

@@ -16,9 +16,10 @@ from kant_sql.knowledge.atoms import FluentKey, FluentValue
 from tests.support.chain import check_chain
 from tests.support.processes.workers import change, in_processes
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, last_changes, rows, undone
-from tests.support.stores import Connect
+from tests.support.reading import last_changes, rows, undone
+from tests.support.stores import Connect, Everywhere
 from tests.support.worlds import robots
+from tests.support.worlds.depot import again
 
 
 def test_the_seam_for_files_takes_rows_without_dtos(kb: KnowledgeBase) -> None:
@@ -108,8 +109,6 @@ def test_values_are_part_of_a_revision_that_was_too_much_to_keep(
     assert check_chain(shared_url) == {"default": 3}
 
 
-# Any sequence of calls.
-
 FLUENTS: list[tuple[str, tuple[str, ...]]] = [
     ("battery", ("rb1",)),
     ("battery", ("rb2",)),
@@ -182,7 +181,7 @@ def check(kb: KnowledgeBase, program: list[Any]) -> None:
         assert kb.revision - revision == (state != states[-1])
         if kb.revision > revision:
             states.append(dict(state))
-    newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
+    newcomer = again(kb)
     assert read(newcomer) == state
     came = 0
     for number, (before, then) in enumerate(pairwise(states), start=4):
@@ -198,16 +197,10 @@ def check(kb: KnowledgeBase, program: list[Any]) -> None:
     assert rows(kb, versions) == [(came,)]
 
 
-@pytest.mark.parametrize("backend", ["sqlite-memory", "postgresql"])
-def test_any_program_has_the_results_of_a_dict(
-    backend: str, request: pytest.FixtureRequest, connect: Connect
-) -> None:
-    url = "sqlite://" if backend == "sqlite-memory" else request.getfixturevalue("one_database")
-    root, numbers = connect(url), iter(range(1_000_000))
-
+def test_any_program_has_the_results_of_a_dict(everywhere: Everywhere) -> None:
     @hunting(PROFILE.programs)
     @given(_programs)
     def holds_for(program: list[Any]) -> None:
-        check(beside(root, f"values {next(numbers)}"), program)
+        everywhere(lambda kb: check(kb, program))
 
     holds_for()

@@ -20,7 +20,6 @@ from kant_sql import (
     InvalidArgumentError,
     InvalidKnowledgeError,
     KnowledgeBase,
-    PddlActionDto,
     PddlObjectDto,
     PddlTypeDto,
     Plan,
@@ -36,7 +35,7 @@ from tests.support.pages import opened
 from tests.support.processes.workers import change, in_processes
 from tests.support.statements import count
 from tests.support.stores import Connect
-from tests.support.worlds.depot import HUB, P1, P2, P, T, at, fuel, load, number
+from tests.support.worlds.depot import fuel, load, number
 from tests.support.worlds.robots import BATTERY, RB1, ROBOT, WP1, WP2, robot_at, waypoint
 
 PAGES = {"LOG_PAGE": 3, "LOG_CHANGES": 4}
@@ -263,25 +262,22 @@ def of_hub(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     kb.function_values.set("distance", objects=["hub", "p1"], value=3)
     kb.function_values.set("home", objects=["t1"], value="p2")
     kb.function_values.set("home", objects=["t1"], value="hub")
-    truck = PddlObjectDto(PddlTypeDto("truck"), "t")
-    for needed, effect in (
-        (at(T, P1), at(T, HUB)),
-        (at(T, HUB), at(T, P1)),
-        (at(T, P2), at(T, P1)),
-    ):
-        kb.actions.save(PddlActionDto("back", [truck], [needed], [effect], durative=False))
-    place = PddlObjectDto(PddlTypeDto("place"), "p")
-    kb.actions.save(PddlActionDto("go", [truck, place], [], [at(T, P)], durative=False))
+    for needed, effect in (("p1", "hub"), ("hub", "p1"), ("p2", "p1")):
+        kb.actions.save(
+            f"(:action back :parameters (?t - truck) :precondition (at ?t {needed})"
+            f" :effect (at ?t {effect}))"
+        )
+    kb.actions.save("(:action go :parameters (?t - truck ?p - place) :effect (at ?t ?p))")
     steps = PlanStep(None, "back", ("t1",)), PlanStep(None, "go", ("t1", "hub"))
     for step in kb.plans.record(Plan(steps, "me", "found")).steps:
         kb.plans.set_status(step, status="running")
         kb.plans.set_status(step, status="succeeded")
     with kb.transaction():
         for each in range(5):
-            kb.objects.save(PddlObjectDto(PddlTypeDto("place"), f"q{each}"))
+            kb.objects.save(f"q{each} - place")
             kb.propositions.save(f"(linked q{each} hub)")
     kb.propositions.delete("(at t2 hub)")
-    kb.objects.delete(PddlObjectDto(PddlTypeDto("place"), "hub"))
+    kb.objects.delete("hub")
     return kb
 
 

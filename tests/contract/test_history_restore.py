@@ -21,20 +21,20 @@ from kant_sql.dto.formulas import Comparison, Derived, Exists, Metric, Modal, No
 from kant_sql.pddl import write
 from kant_sql.pddl.document import Domain, Problem
 from kant_sql.sql.changes import Change
+from tests.contract.test_properties import tight
 from tests.support.atoms import Atoms
 from tests.support.chain import check_chain
 from tests.support.generators.documents import domains_and_problems
 from tests.support.generators.programs import Program, programs, run
 from tests.support.parts import DAOS, part
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import last_changes, undone
+from tests.support.reading import last_changes, loaded, undone
 from tests.support.statements import count
 from tests.support.stores import Connect, Everywhere
 from tests.support.worlds.depot import IDLE, PLACE, TRUCK, P, T, again, at, fuel, load, number
 from tests.support.worlds.robots import BATTERY, RB1, STORY, WP2, robot_at, waypoint
 
 REACHABLE = Derived("reachable", (PLACE,), Exists((TRUCK,), at(T, P)))
-_numbers = itertools.count(1)
 
 
 def text_of(call: Callable[[], str]) -> str:
@@ -252,14 +252,6 @@ def test_statements_do_not_grow_with_facts(kb: KnowledgeBase, size: int) -> None
 # Any history.
 
 
-TIGHT = {
-    "kant_sql.store.transaction.SPILL_AT": 1,
-    "kant_sql.dao.base.BATCH": 2,
-    "kant_sql.sql.dialects.sqlite.FETCH_SIZE": 1,
-    "kant_sql.sql.dialects.postgresql.COPY_FROM_ROWS": 2,
-}
-
-
 def check_program(kb: KnowledgeBase, program: Program, places: list[float]) -> None:
     processes = [kb, again(kb)]
     for process, step in program.steps:
@@ -296,9 +288,7 @@ def test_any_state_of_any_program_is_restored(everywhere: Everywhere) -> None:
     @hunting(PROFILE.restored)
     @given(programs(), st.lists(st.floats(0, 1), min_size=1, max_size=3))
     def restored(program: Program, places: list[float]) -> None:
-        with pytest.MonkeyPatch.context() as patch:
-            for name, value in TIGHT.items() if program.is_tight else ():
-                patch.setattr(name, value)
+        with tight(program):
             everywhere(lambda kb: check_program(kb, program, places))
 
     restored()
@@ -312,8 +302,7 @@ def test_any_documents_are_restored(everywhere: Everywhere) -> None:
         def check(kb: KnowledgeBase) -> None:
             for domain, problem in (first, second):
                 with kb.transaction():
-                    kb.load_domain(write(domain))
-                    kb.load_problem(write(problem))
+                    loaded(kb, write(domain), write(problem))
             for revision in (1, kb.revision, 0, 1):
                 kb.restore(revision)
                 check_is_as_at(kb, revision)
@@ -328,32 +317,6 @@ def lines(kb: KnowledgeBase, a: Any, b: Any) -> list[str]:
     return [" ".join(change) for change in kb.diff(a, b)]
 
 
-def held(kb: KnowledgeBase) -> set[tuple[str, str]]:
-    """Kind and text of all that holds, from what each revision changed."""
-    held: set[tuple[str, str]] = set()
-    for entry in reversed(list(kb.log())):
-        held -= {(kind, text) for sign, kind, text in entry.changes if sign == "-"}
-        held |= {(kind, text) for sign, kind, text in entry.changes if sign == "+"}
-    return held
-
-
-@pytest.fixture
-def told(fresh_kb: KnowledgeBase) -> KnowledgeBase:
-    for step in STORY:
-        step(fresh_kb)
-    assert fresh_kb.revision == len(STORY)
-    return fresh_kb
-
-
-def test_it_is_the_difference_of_any_two_states(told: KnowledgeBase) -> None:
-    states = [held(told.at(revision)) for revision in range(len(STORY) + 1)]
-    for a, here in enumerate(states):
-        for b, there in enumerate(states):
-            expected = [("+", *each) for each in there - here]
-            expected += [("-", *each) for each in here - there]
-            assert [tuple(change) for change in told.diff(a, b)] == sorted(expected)
-
-
 def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> None:
     start = load(fresh_kb)
     fresh_kb.goals.save(Comparison(">", fuel(), number("2")))
@@ -364,8 +327,10 @@ def test_formulas_have_the_kind_of_their_section(fresh_kb: KnowledgeBase) -> Non
     ]
 
 
-def test_times_name_states(told: KnowledgeBase) -> None:
-    moments = [revision.committed_at for revision in told.store.revisions()]
+def test_times_name_states(fresh_kb: KnowledgeBase) -> None:
+    for step in STORY:
+        step(fresh_kb)
+    moments = [revision.committed_at for revision in fresh_kb.store.revisions()]
     before = moments[0] - timedelta(microseconds=1)
-    assert told.diff(before, moments[-1]) == told.diff(0, len(STORY))
-    assert told.diff(moments[-1], before) == told.diff(len(STORY), 0)
+    assert fresh_kb.diff(before, moments[-1]) == fresh_kb.diff(0, len(STORY))
+    assert fresh_kb.diff(moments[-1], before) == fresh_kb.diff(len(STORY), 0)

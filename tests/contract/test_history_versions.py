@@ -352,5 +352,4 @@ def test_a_text_may_have_many_arguments(fresh_kb: KnowledgeBase) -> None:
         tour = PddlPredicateDto(f"tour{length}", [robots.WAYPOINT] * length)
         fresh_kb.propositions.save(PddlPropositionDto(tour, stops[:length]))
         blamed = fresh_kb.blame(f"(TOUR{length} {' '.join(each.name for each in stops[:length])})")
-        assert blamed is not None
-        assert blamed.kind == "fact"
+        assert present(blamed).kind == "fact"

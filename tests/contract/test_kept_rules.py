@@ -18,7 +18,7 @@ from kant_sql.errors import RuleViolatedError as Refused
 from kant_sql.knowledge_base import state_of
 from kant_sql.reasoning.rule_watch import kept_within
 from tests.support.profile import HUNT
-from tests.support.reading import beside, last_changes, present
+from tests.support.reading import Undone, beside, last_changes, present
 from tests.support.statements import count
 from tests.support.stores import Connect
 
@@ -280,10 +280,6 @@ def test_a_replica_has_the_rules_and_an_archive_those_of_the_past(
         assert moved.store.verify().is_intact
 
 
-class _UndoneError(Exception):
-    """Rolls a transaction back."""
-
-
 OBJECTS = {"robot": ("r1", "r3"), "drone": ("r2", "r4"), "place": ("hall", "room", "ward")}
 
 
@@ -333,9 +329,9 @@ def judge(kb: KnowledgeBase, twin: KnowledgeBase, seed: int, steps: int) -> int:
                     not twin.objects.get("r1") and " r1 " in rule
                 )
                 if not gone and not twin.holds(condition):
-                    raise _UndoneError
+                    raise Undone
             is_kept = True
-        except _UndoneError:
+        except Undone:
             is_kept = False
         try:
             with kb.transaction():

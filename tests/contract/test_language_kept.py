@@ -21,7 +21,7 @@ from kant_sql.dto import formulas as f
 from kant_sql.errors import ConflictError, InvalidKnowledgeError
 from kant_sql.pddl.document import Action, Domain
 from tests.support.parts import dao_of
-from tests.support.reading import last_changes, nothing_changes, present, rows
+from tests.support.reading import documents, last_changes, nothing_changes, present, rows
 from tests.support.worlds.depot import (
     C1,
     CONDITIONS,
@@ -474,13 +474,13 @@ def test_an_object_an_action_mentions_is_a_constant_of_the_domain(depot_kb: Know
     assert [part.name for part in depot_kb.pddl.domain().constants] == ["hub", "t2", "p2"]
     assert [part.name for part in depot_kb.pddl.problem().objects] == ["t1", "c1", "p1"]
     check_text(depot_kb)
-    text, problem = depot_kb.domain_pddl(), depot_kb.problem_pddl()
+    text, problem = documents(depot_kb)
     # A problem does not retract what the domain needs.
     depot_kb.load_problem(problem)
-    assert (depot_kb.domain_pddl(), depot_kb.problem_pddl()) == (text, problem)
+    assert documents(depot_kb) == (text, problem)
     depot_kb.load_domain(text, mode="merge")
     assert present(depot_kb.objects.get("t2")).is_constant
-    assert (depot_kb.domain_pddl(), depot_kb.problem_pddl()) == (text, problem)
+    assert documents(depot_kb) == (text, problem)
 
 
 def test_a_redefined_action_keeps_its_history(depot_kb: KnowledgeBase) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from kant_sql import CausalLink, KnowledgeBase, Plan, PlanError
+from tests.support.reading import loaded, present
 
 DOMAIN = """(define (domain home)
   (:requirements :typing :adl :fluents :derived-predicates :durative-actions)
@@ -33,9 +34,7 @@ PLAN = Plan.read("""
 @pytest.fixture
 def home(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     with fresh_kb.transaction():
-        fresh_kb.load_domain(DOMAIN)
-        fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
+        return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def test_links_name_the_steps_that_made_conditions_true(home: KnowledgeBase) -> None:
@@ -57,8 +56,7 @@ def test_links_name_the_steps_that_made_conditions_true(home: KnowledgeBase) -> 
 
 
 def test_a_recorded_plan_is_linked_from_the_state_it_was_made_from(home: KnowledgeBase) -> None:
-    recorded = home.plans.get(home.plans.record(PLAN).id)
-    assert recorded is not None
+    recorded = present(home.plans.get(home.plans.record(PLAN).id))
     before = home.pddl.causal_links(PLAN)
     assert home.pddl.causal_links(recorded.id) == before == home.pddl.causal_links(PLAN.steps)
     for step in recorded.steps:

@@ -26,7 +26,6 @@ from tests.support.faults import (
     BOUND,
     WRITES,
     a_transaction,
-    be_impatient,
     closed_door,
     lose_answer,
     lose_at,
@@ -48,11 +47,6 @@ def kb(shared_url: str, connect: Connect) -> KnowledgeBase:
     kb = connect(shared_url)
     kb.propositions.save(robot_at())
     return kb
-
-
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    be_impatient(monkeypatch)
 
 
 def test_connections_that_were_lost_between_calls_are_made_again(
@@ -266,9 +260,6 @@ def test_an_answer_that_cannot_be_found_out_names_what_to_look_for(
     assert last.number == 2
     assert f"revision {last.number} with hash {last.hash}" in str(caught.value)
     assert one_call(kb) is False
-
-
-# All at once.
 
 
 def test_what_many_threads_do_is_done_once_while_connections_come_and_go(

@@ -22,9 +22,9 @@ from kant_sql.errors import MergeConflictError, ReplicaError, RuleViolatedError,
 from kant_sql.history.merge import _Merging
 from kant_sql.history.merged import Decision
 from kant_sql.knowledge_base import state_of
-from tests.contract.test_reasoning_branch import Branch, branch_of, documents, everything
+from tests.contract.test_reasoning_branch import Branch, branch_of, everything
 from tests.support.parts import dao_of
-from tests.support.reading import facts, loaded, store_of
+from tests.support.reading import documents, facts, loaded, present, store_of
 from tests.support.statements import count
 from tests.support.stores import Connect
 
@@ -341,8 +341,7 @@ def test_two_who_were_erased_are_not_taken_for_one(rooms: KnowledgeBase, branch_
     trial.propositions.save("(open p1)")
     assert lines(rooms.merge(trial)) == ["+ fact (open p1)"]
     trial.propositions.save("(open erased-1)")
-    said = rooms.merge_preview(trial).refused
-    assert said is not None
+    said = present(rooms.merge_preview(trial).refused)
     with pytest.raises(
         ConflictError, match="names an object that was erased in the branch"
     ) as caught:
@@ -456,8 +455,7 @@ def test_decisions_that_break_a_rule_are_refused(rooms: KnowledgeBase, branch_of
     found = rooms.merge_preview(trial, decide=decide)
     assert elements(found) == [*decide, f"rule closed {closed}"]
     decide[f"rule closed {closed}"] = "ours"
-    said = rooms.merge_preview(trial, decide=decide).refused
-    assert said is not None
+    said = present(rooms.merge_preview(trial, decide=decide).refused)
     with pytest.raises(RuleViolatedError, match="at-one") as caught:
         rooms.merge(trial, decide=decide)
     assert str(caught.value) == said

@@ -16,7 +16,7 @@ from kant_sql.history.merge import _Merging
 from kant_sql.knowledge_base import state_of
 from tests.contract.test_reasoning_branch import Branch, branch_of
 from tests.support.profile import PROFILE
-from tests.support.reading import loaded, store_of
+from tests.support.reading import loaded, present, store_of
 from tests.support.two_clocks import FACTS, FLUENTS, Content, Model, Plain, Saying, Writer
 
 __all__ = ["branch_of"]
@@ -110,8 +110,7 @@ def test_what_differs_from_what_was_said_here_of_the_time_is_decided(
         rooms.merge(trial)
     [conflict] = rooms.merge_preview(trial).conflicts
     assert conflict.element.startswith("saying (:held (open p1) :from")
-    assert conflict.theirs.revision is not None
-    assert conflict.theirs.revision.actor == "camera"
+    assert present(conflict.theirs.revision).actor == "camera"
     made = rooms.merge(trial, decide={conflict.element: side})
     # What is said of the same period here needs nothing.
     both = ["(:held (open p1)", "(:held (open p3)"]
@@ -124,8 +123,7 @@ def test_what_differs_from_what_was_said_here_of_the_time_is_decided(
     with trial.transaction(**period(8, 9)):
         trial.propositions.delete("(open p3)")
     [conflict] = rooms.merge_preview(trial.at(5)).conflicts
-    assert conflict.ours.text is not None
-    assert conflict.ours.text.startswith("(:not-held (open p3)")
+    assert present(conflict.ours.text).startswith("(:not-held (open p3)")
     assert rooms.merge(trial.at(5), decide={conflict.element: "theirs"}).revision is not None
     assert rooms.merge(trial).conflicts == ()
     assert open_at(rooms, 8) == []
@@ -145,8 +143,7 @@ def test_what_was_changed_here_in_the_period_is_a_conflict(
     [conflict] = rooms.merge_preview(trial).conflicts
     assert conflict.element.startswith("saying (:held (open p2)")
     assert conflict.ours.text is None
-    assert conflict.ours.revision is not None
-    assert conflict.ours.revision.actor == "door"
+    assert present(conflict.ours.revision).actor == "door"
 
 
 def test_a_revision_says_one_thing_of_an_element(rooms: KnowledgeBase, branch_of: Branch) -> None:

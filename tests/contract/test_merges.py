@@ -15,7 +15,7 @@ from kant_sql.documents import load as domain_loading
 from kant_sql.knowledge.definitions import Item
 from kant_sql.pddl import read_problem
 from tests.support.archives import TABLES, Rows, rows_of
-from tests.support.reading import last_changes
+from tests.support.reading import last_changes, loaded
 from tests.support.stores import Connect
 from tests.support.worlds.depot import again, check_text
 
@@ -97,8 +97,7 @@ def written(before: Rows, after: Rows) -> tuple[int, int]:
 def merge_all(kb: KnowledgeBase, url: str, name: str, size: int) -> dict[str, tuple[int, int]]:
     """Merge one document after the other; give what each of them wrote."""
     with kb.transaction():
-        kb.load_domain(domain(size))
-        kb.load_problem(large(size))
+        loaded(kb, domain(size), large(size))
     found, before = {}, rows_of(url, name)
     for case, (text, _) in MERGES.items():
         merge(kb, text)
@@ -126,8 +125,7 @@ def test_a_merge_writes_what_is_new(shared_url: str, connect: Connect) -> None:
 def test_only_what_no_element_shows_changes_the_document(
     fresh_kb: KnowledgeBase, text: str
 ) -> None:
-    fresh_kb.load_domain(domain(3))
-    fresh_kb.load_problem(large(21))
+    loaded(fresh_kb, domain(3), large(21))
     merge(fresh_kb, text)
     documents = [line for line in last_changes(fresh_kb) if line.split()[1] == "document"]
     if ":requirements" not in text:
@@ -160,8 +158,7 @@ def test_a_merge_keeps_an_order_that_is_not_that_of_the_elements(fresh_kb: Knowl
 
 
 def test_a_merge_keeps_what_is_said_twice(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.load_domain(domain(3))
-    fresh_kb.load_problem(problem(O1, "", "(:goal (and (p o1) (p1)))"))
+    loaded(fresh_kb, domain(3), problem(O1, "", "(:goal (and (p o1) (p1)))"))
     twice = "(:goal (and (preference x (p2)) (preference x (p2))))"
     merge(fresh_kb, problem(O1, "", twice))
     goals = [str(goal) for goal in again(fresh_kb).pddl.problem().goal]
@@ -190,8 +187,7 @@ def test_a_type_above_all_that_an_older_version_listed_stays_listed(
 
 
 def test_merges_are_restored_and_replaced(fresh_kb: KnowledgeBase) -> None:
-    fresh_kb.load_domain(domain(3))
-    fresh_kb.load_problem(large(21))
+    loaded(fresh_kb, domain(3), large(21))
     texts = [fresh_kb.problem_pddl()]
     fresh_kb.objects.save(PddlObjectDto(PddlTypeDto("t"), "by_hand"))
     for text in (problem("new by_hand - t", "(p new)"), PROBLEMS["requirement and object"][0]):

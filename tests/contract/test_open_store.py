@@ -34,7 +34,6 @@ from kant_sql.errors import (
     SchemaMissingError,
     TransactionOpenError,
 )
-from kant_sql.history import follow
 from kant_sql.sql.dialects import base as dialect_base
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.postgresql_sharing import SharedListening
@@ -50,12 +49,6 @@ ROBOTS, CONNECTIONS, THREADS = 1_000, 8, 24
 def store(url: str) -> Iterator[KnowledgeStore]:
     with kant_sql.open_store(url) as opened:
         yield opened
-
-
-@pytest.fixture
-def only_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who waits does not look by itself: it has to be told."""
-    monkeypatch.setattr(follow, "LOOK_EVERY", 10 * PATIENCE)
 
 
 def count_others(connection: psycopg.Connection[Any]) -> int:

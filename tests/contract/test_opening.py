@@ -219,23 +219,16 @@ def test_a_file_opened_read_only_can_be_read_and_not_written(
 
 
 @pytest.fixture
-def public_folder() -> Iterator[Path]:
-    """A folder that another user can reach, as the one for temporary files is not."""
-    with tempfile.TemporaryDirectory(prefix="kant_sql") as name:
-        folder = Path(name)
-        folder.chmod(0o755)
-        yield folder
-        folder.chmod(0o755)
-
-
-@pytest.fixture
-def public_store(public_folder: Path) -> Path:
-    """A file with a fact in it, in that folder, which nobody may write."""
-    path = public_folder / "store.db"
-    with kant_sql.connect(sqlite_url(path)) as kb:
-        kb.propositions.save(robot_at())
-    path.chmod(0o444)
-    return path
+def public_store() -> Iterator[Path]:
+    """A file with a fact in it, which nobody may write, in a folder that other users can reach."""
+    with tempfile.TemporaryDirectory(prefix="kant_sql") as folder:
+        path = Path(folder, "store.db")
+        with kant_sql.connect(sqlite_url(path)) as kb:
+            kb.propositions.save(robot_at())
+        path.chmod(0o444)
+        path.parent.chmod(0o755)
+        yield path
+        path.parent.chmod(0o755)
 
 
 def test_a_file_without_the_right_to_write_can_be_read(public_store: Path) -> None:
@@ -285,9 +278,6 @@ def test_processes_that_create_knowledge_bases_at_once_leave_one_of_each_name(
         *[(sharing.connect_and_write, shared_url, n, name) for n, name in enumerate(names)]
     )
     assert check_chain(shared_url) == {"same": 3, f"other {round_}": 1}
-
-
-# The end.
 
 
 def test_rows_that_are_given_up_after_the_end_of_their_connection_are_no_error(

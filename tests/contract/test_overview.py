@@ -6,14 +6,14 @@ from collections import Counter
 
 import pytest
 
-from kant_sql import KnowledgeBase, PddlFunctionDto, UnknownRevisionError
+from kant_sql import KnowledgeBase, UnknownRevisionError
 from kant_sql.history.overview import read_overview, read_tally
 from kant_sql.html import ROWS
 from kant_sql.knowledge_base import state_of
 from tests.audit.story import record_store
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
-from tests.support.worlds.robots import RB1, ROBOT, WP1, robot_at
+from tests.support.worlds.robots import BATTERY, RB1, WP1, robot_at
 
 MOST = 3
 
@@ -38,7 +38,7 @@ def test_what_is_pending_counts(kb: KnowledgeBase) -> None:
     assert tuple(read_overview(state_of(kb))) == (0, 0, 0, 0)
     with kb.transaction():
         kb.propositions.save(robot_at(RB1, WP1))
-        kb.function_values.set(PddlFunctionDto("battery", [ROBOT]), objects=[RB1], value=1)
+        kb.function_values.set(BATTERY, objects=[RB1], value=1)
         assert tuple(read_overview(state_of(kb))) == (2, 1, 0, 1)
 
 

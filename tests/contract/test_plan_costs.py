@@ -10,6 +10,7 @@ import pytest
 from kant_sql import KnowledgeBase, Plan, PlanStep
 from kant_sql.errors import InvalidArgumentError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
+from tests.support.reading import loaded
 
 DOMAIN = """
 (define (domain floor) (:requirements :typing :durative-actions :fluents)
@@ -58,8 +59,7 @@ def report(kb: KnowledgeBase, *arguments: str, worked: int = 0, failed: int = 0)
 
 
 def begin(kb: KnowledgeBase, metric: str = "") -> None:
-    kb.load_domain(DOMAIN)
-    kb.load_problem(PROBLEM.format(metric))
+    loaded(kb, DOMAIN, PROBLEM.format(metric))
 
 
 def costs(plan: Plan) -> dict[str, int]:

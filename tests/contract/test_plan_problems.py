@@ -5,14 +5,11 @@ KANT_SQL_TEST_EXAMPLES=1000 hunts for longer, each time from another seed.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
 from hypothesis import given
 
-import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.errors import PlanError
 from kant_sql.pddl import write
@@ -21,22 +18,15 @@ from kant_sql.planning import Plan, problem_hash
 from kant_sql.plans import RecordedPlan
 from tests.support.generators.documents import domains_and_problems
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, loaded, present, rows
+from tests.support.reading import documents, loaded, present, rows
+from tests.support.stores import Everywhere
+from tests.support.worlds.depot import again
 from tests.support.worlds.missions import PROBLEM, TOUR, arrive, begin, plan_of, recorded
 
 Texts = tuple[str, str]
 Documents = tuple[Domain, Problem]
 FOREIGN = "; von Hand, für 🤖\r\n(define (problem p)\t(:domain tour)\n\n(:goal (and)))"
 KEPT = "SELECT domain_pddl, problem_pddl FROM plan WHERE kb_id = :kb ORDER BY id"
-
-
-def newcomer(kb: KnowledgeBase) -> KnowledgeBase:
-    """The same knowledge base, of which nothing is known yet."""
-    return beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
-
-
-def texts_of(kb: KnowledgeBase) -> Texts:
-    return kb.domain_pddl(), kb.problem_pddl()
 
 
 def given_to(plan: RecordedPlan) -> Texts:
@@ -49,7 +39,7 @@ def found_in(kb: KnowledgeBase, plan_id: int) -> RecordedPlan:
 
 def test_what_the_store_writes_is_not_kept_but_written_again(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
-    texts = texts_of(fresh_kb)
+    texts = documents(fresh_kb)
     plans = [
         fresh_kb.plans.record(TOUR),
         fresh_kb.plans.record(TOUR, domain_pddl=texts[0], problem_pddl=texts[1]),
@@ -57,16 +47,16 @@ def test_what_the_store_writes_is_not_kept_but_written_again(fresh_kb: Knowledge
     fresh_kb.load_problem(PROBLEM.replace("(at rb1 wp1)", "(at rb1 wp2)"))
     fresh_kb.objects.delete_all()
     fresh_kb.actions.delete_all()
-    assert texts_of(fresh_kb) != texts
+    assert documents(fresh_kb) != texts
     for plan in plans:
         assert plan.problem_hash == problem_hash(texts[0], problem=texts[1])
-        assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id)) == texts
+        assert given_to(plan) == given_to(found_in(again(fresh_kb), plan.id)) == texts
     assert rows(fresh_kb, KEPT) == [(None, None)] * 2
 
 
 def test_what_the_store_does_not_write_is_kept(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
-    domain, problem = texts_of(fresh_kb)
+    domain, problem = documents(fresh_kb)
     plans = {
         (domain, FOREIGN): fresh_kb.plans.record(TOUR, problem_pddl=FOREIGN),
         (FOREIGN, problem): fresh_kb.plans.record(TOUR, domain_pddl=FOREIGN),
@@ -75,7 +65,7 @@ def test_what_the_store_does_not_write_is_kept(fresh_kb: KnowledgeBase) -> None:
     assert rows(fresh_kb, KEPT) == [(None, FOREIGN), (FOREIGN, None), ("", ".")]
     for texts, plan in plans.items():
         assert plan.problem_hash == problem_hash(texts[0], problem=texts[1])
-        assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id)) == texts
+        assert given_to(plan) == given_to(found_in(again(fresh_kb), plan.id)) == texts
         (line,) = next(fresh_kb.at(plan.recorded_in).log(limit=1)).changes
         for role, text, written in zip(
             ("domain", "problem"), texts, (domain, problem), strict=True
@@ -86,7 +76,7 @@ def test_what_the_store_does_not_write_is_kept(fresh_kb: KnowledgeBase) -> None:
 
 def test_a_plan_in_a_transaction_gives_it_too(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
-    texts = texts_of(fresh_kb)
+    texts = documents(fresh_kb)
     with fresh_kb.transaction():
         arrive(fresh_kb, "wp2")
         plan = fresh_kb.plans.record(TOUR, problem_pddl=FOREIGN)
@@ -116,7 +106,7 @@ def planner(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("planner")
 def test_a_plan_knows_what_it_was_made_from(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
-    plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
+    plan, texts = fresh_kb.plan(), documents(fresh_kb)
     assert (plan.revision, plan.problem_hash) == (1, problem_hash(texts[0], problem=texts[1]))
     arrive(fresh_kb, "wp2")
     made = fresh_kb.plans.record(plan)
@@ -131,7 +121,7 @@ def test_a_plan_of_what_is_pending_is_recorded_with_its_texts(fresh_kb: Knowledg
     begin(fresh_kb)
     with fresh_kb.transaction():
         arrive(fresh_kb, "wp2")
-        plan, texts = fresh_kb.plan(), texts_of(fresh_kb)
+        plan, texts = fresh_kb.plan(), documents(fresh_kb)
         with pytest.raises(PlanError, match=r"not given revision 1 .* the uncommitted state of a"):
             fresh_kb.plans.record(plan)
         made = fresh_kb.plans.record(plan, domain_pddl=texts[0], problem_pddl=texts[1])
@@ -154,33 +144,15 @@ def test_a_plan_of_a_branch_is_refused_as_such(fresh_kb: KnowledgeBase, is_beyon
         assert trial.plans.record(plan).revision == plan.revision
 
 
-_numbers = itertools.count(1)
-_FIRST: list[KnowledgeBase] = []
-
-
-@pytest.fixture
-def stores(one_file: str, one_database: str) -> Iterator[None]:
-    """A store of each kind, in which each example has a knowledge base of its own."""
-    _FIRST[:] = [kant_sql.connect(url) for url in ("sqlite://", one_file, one_database)]
-    yield
-    for kb in _FIRST:
-        kb.close()
-
-
-def load(kb: KnowledgeBase, documents: Documents) -> None:
-    with kb.transaction():
-        kb.load_domain(write(documents[0]))
-        kb.load_problem(write(documents[1]))
-
-
 def episode(kb: KnowledgeBase, states: list[Documents]) -> None:
     """Plan in each state, and check in the end what was given in each."""
     plan = Plan((), "hand", "")
     begun: list[tuple[int, Texts]] = []
     made: list[tuple[Texts, RecordedPlan]] = []
-    for documents in states:
-        load(kb, documents)
-        texts = texts_of(kb)
+    for state in states:
+        with kb.transaction():
+            loaded(kb, write(state[0]), write(state[1]))
+        texts = documents(kb)
         begun.append((kb.revision, texts))
         made.append((texts, kb.plans.record(plan)))
         kb.propositions.delete_all()
@@ -188,19 +160,16 @@ def episode(kb: KnowledgeBase, states: list[Documents]) -> None:
         late = replace(plan, revision=revision)
         made.append((texts, kb.plans.record(late, domain_pddl=texts[0], problem_pddl=texts[1])))
     for texts, one in made:
-        assert given_to(one) == given_to(found_in(newcomer(kb), one.id)) == texts
+        assert given_to(one) == given_to(found_in(again(kb), one.id)) == texts
     assert {*rows(kb, KEPT)} == {(None, None)}
 
 
-@pytest.mark.usefixtures("stores")
 @pytest.mark.more
-def test_nothing_that_comes_later_changes_what_a_planner_was_given() -> None:
+def test_nothing_that_comes_later_changes_what_a_planner_was_given(everywhere: Everywhere) -> None:
     @hunting(PROFILE.histories)
     @given(domains_and_problems(repeats=True), domains_and_problems())
     def hold(first: Documents, second: Documents) -> None:
-        name = f"planned {next(_numbers)}"
-        for kb in _FIRST:
-            episode(beside(kb, name), [first, second, first])
+        everywhere(lambda kb: episode(kb, [first, second, first]))
 
     hold()
 
@@ -234,7 +203,7 @@ def test_what_the_planner_was_really_given_is_kept(fresh_kb: KnowledgeBase) -> N
         ("rb1", "wp2", "wp3"),
     ]
     plan = fresh_kb.plans.record(found)
-    assert given_to(plan) == given_to(found_in(newcomer(fresh_kb), plan.id))
+    assert given_to(plan) == given_to(found_in(again(fresh_kb), plan.id))
     assert given_to(plan) == (found.domain_pddl, found.problem_pddl)
     assert plan.problem_hash == found.problem_hash
     assert plan.problem_hash != problem_hash(fresh_kb.domain_pddl(), problem=WISHES)

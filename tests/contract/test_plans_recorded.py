@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -15,17 +14,16 @@ from kant_sql import (
     InvalidArgumentError,
     InvalidKnowledgeError,
     KnowledgeBase,
-    PddlObjectDto,
-    PddlPropositionDto,
     ReadOnlyError,
     UnknownRevisionError,
 )
 from kant_sql.errors import ArchivedError, PlanError
 from kant_sql.planning import Plan, PlanStep, problem_hash
 from tests.support.chain import check_chain
-from tests.support.reading import beside, last_changes, nothing_changes, present, rows, undone
+from tests.support.reading import documents, last_changes, nothing_changes, present, rows, undone
 from tests.support.statements import count
 from tests.support.stores import Connect
+from tests.support.worlds.depot import again
 from tests.support.worlds.missions import (
     PROBLEM,
     STEPS,
@@ -75,7 +73,7 @@ def test_a_plan_is_read_as_it_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert {(one.plan_id, one.outcome, one.outcomes, one.revisions) for one in made.steps} == {
         (made.id, None, (), ())
     }
-    newcomer = beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
+    newcomer = again(kb)
     assert newcomer.plans.get(made.id) == made == kb.plans.get(made.id)
     assert newcomer.plans.get_all() == [made]
     for strange in (made.id + 1, made.id - 1, 0, -1, 10**30):
@@ -99,7 +97,7 @@ def test_what_is_not_said_is_taken_from_the_plan_and_the_state(fresh_kb: Knowled
 
 def test_the_change_line_says_all_of_it(fresh_kb: KnowledgeBase) -> None:
     begin(fresh_kb)
-    domain, problem = fresh_kb.domain_pddl(), fresh_kb.problem_pddl()
+    domain, problem = documents(fresh_kb)
     made = fresh_kb.plans.record(plan_of(*STEPS[1:3]), objective='a "b"\n', value=-3)
     assert made.problem_hash == problem_hash(domain, problem=problem)
     assert last_changes(fresh_kb) == [
@@ -264,15 +262,11 @@ def test_the_hash_covers_a_plan_in_a_transaction_that_is_too_large_to_keep(
     monkeypatch.setattr("kant_sql.store.transaction.SPILL_AT", 10)
     kb = connect(shared_url)
     begin(kb)
-    dirty, place = kb.predicates.get("dirty"), kb.types.get("place")
-    assert dirty is not None
-    assert place is not None
     with kb.transaction():
         made = kb.plans.record(TOUR)
         kb.plans.set_status(made.steps[0], status="running")
-        kb.propositions.save_all(
-            PddlPropositionDto(dirty, [PddlObjectDto(place, f"p{number}")]) for number in range(30)
-        )
+        kb.objects.save_all(f"p{number} - place" for number in range(30))
+        kb.propositions.save_all(f"(dirty p{number})" for number in range(30))
         kb.plans.set_status(made.steps[0], status="failed")
         kb.plans.record(plan_of())
     assert check_chain(shared_url) == {"default": 2}
@@ -371,9 +365,8 @@ def test_plans_are_numbered_from_one(kb: KnowledgeBase) -> None:
     numbers = [kb.plans.record(plan).id]
     with kb.transaction():
         numbers += [kb.plans.record(plan).id, kb.plans.record(plan).id]
-        with suppress(RuntimeError), kb.transaction():
+        with undone(kb):
             kb.plans.record(plan)
-            raise RuntimeError
         kb.propositions.save("(p)")
         numbers += [kb.plans.record(plan).id]
     numbers += [kb.plans.record(plan).id for _ in range(40)]

@@ -5,6 +5,8 @@ KANT_SQL_TEST_EXAMPLES=5000 hunts for longer, each time from another seed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -45,10 +47,16 @@ TIGHT = {
 }
 
 
-def check_everywhere(everywhere: Everywhere, program: Program) -> None:
+@contextmanager
+def tight(program: Program) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for name, value in TIGHT.items() if program.is_tight else ():
             patch.setattr(name, value)
+        yield
+
+
+def check_everywhere(everywhere: Everywhere, program: Program) -> None:
+    with tight(program):
         everywhere(lambda kb: check([again(kb), again(kb)], program))
 
 

@@ -20,7 +20,7 @@ from kant_sql import (
     PddlError,
     aio,
 )
-from tests.support.reading import rows, undone
+from tests.support.reading import loaded, rows, undone
 from tests.support.stores import Connect
 
 DOMAIN = """(define (domain yard) (:requirements :adl :fluents :derived-predicates)
@@ -58,12 +58,7 @@ PROBLEM = """(define (problem one) (:domain yard)
 def yard(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     domain = DOMAIN.replace("Dock - wp", "a Dock - wp")
     with fresh_kb.transaction():
-        fresh_kb.load_domain(domain)
-        fresh_kb.load_problem(PROBLEM)
-    return fresh_kb
-
-
-# Nothing is known.
+        return loaded(fresh_kb, domain, PROBLEM)
 
 
 def test_an_empty_knowledge_base_has_a_logic(fresh_kb: KnowledgeBase) -> None:
@@ -297,9 +292,6 @@ def test_refusals(yard: KnowledgeBase, name: str) -> None:
         ask(yard)
 
 
-# The statement, to be pasted elsewhere.
-
-
 @pytest.mark.parametrize("variable", ["a:kb", "a:at", "a%s", "select", "x-y", "é", "v0"])
 def test_the_statement_has_any_variable_as_a_column(yard: KnowledgeBase, variable: str) -> None:
     answers = yard.query(f"(p ?{variable} b)")
@@ -344,8 +336,7 @@ def test_a_condition_at_the_end_of_an_effect_there(yard: KnowledgeBase) -> None:
 def test_answers_are_of_one_state_while_others_write(shared_url: str, connect: Connect) -> None:
     kb = connect(shared_url)
     with kb.transaction():
-        kb.load_domain(LINE)
-        kb.load_problem(line(60))
+        loaded(kb, LINE, line(60))
     stop, failed = threading.Event(), []
 
     def write() -> None:
@@ -403,8 +394,7 @@ def line(many: int) -> str:
 
 def test_stored_facts_of_predicates_that_derive_each_other_hold(fresh_kb: KnowledgeBase) -> None:
     with fresh_kb.transaction():
-        fresh_kb.load_domain(LINE)
-        fresh_kb.load_problem(line(5))
+        loaded(fresh_kb, LINE, line(5))
     fresh_kb.propositions.save("(odd w2)")
     odd = [("w1",), ("w2",), ("w3",), ("w4",)]
     assert list(fresh_kb.query("(odd ?x)")) == odd
@@ -445,8 +435,7 @@ def test_the_rules_of_the_past_are_those_of_then(yard: KnowledgeBase) -> None:
 def test_a_store_that_is_opened_for_reading_answers(tmp_path: Path, connect: Connect) -> None:
     kb = connect(f"sqlite:///{tmp_path / 'store.db'}")
     with kb.transaction():
-        kb.load_domain(LINE)
-        kb.load_problem(line(3))
+        loaded(kb, LINE, line(3))
     reader = connect(f"sqlite:///{tmp_path / 'store.db'}?mode=ro")
     assert reader.holds("(reach w0 w2)")
     assert reader.query("(even ?x)")[:] == [("w0",), ("w2",)]

@@ -15,9 +15,6 @@ from kant_sql import (
     ConflictError,
     InvalidArgumentError,
     KnowledgeBase,
-    PddlFunctionDto,
-    PddlObjectDto,
-    PddlTypeDto,
     ReadOnlyError,
     UnknownRevisionError,
     aio,
@@ -26,13 +23,11 @@ from kant_sql.errors import ArchivedError, InvalidUrlError, TransactionOpenError
 from kant_sql.store import transaction as transactions
 from tests.support.atoms import Atoms
 from tests.support.corpus import Pair, needs_corpus, small_pairs
-from tests.support.reading import beside, facts, loaded, state, undone
+from tests.support.reading import beside, documents, facts, loaded, state, undone
 from tests.support.statements import count, fill
 from tests.support.stores import Connect
 from tests.support.worlds.depot import load, number
-from tests.support.worlds.robots import RB1, ROBOT, WAYPOINT, WP1, WP2, robot_at, waypoint
-
-BATTERY = PddlFunctionDto("battery", [ROBOT])
+from tests.support.worlds.robots import BATTERY, RB1, WP1, WP2, robot_at, waypoint
 
 
 @pytest.fixture
@@ -47,7 +42,7 @@ def everything(kb: KnowledgeBase) -> None:
     loaded(kb, DOMAIN, PROBLEM)
     with kb.transaction(actor="driver", reason="moved"):
         kb.propositions.delete_all()
-        kb.objects.save(PddlObjectDto(PddlTypeDto("place"), "late"))
+        kb.objects.save("late - place")
 
 
 DOMAIN = """
@@ -79,10 +74,6 @@ PROBLEM = """
   (:constraints (and (sometime (at t1 hub)) (preference late (within 5 (idle)))))
   (:metric minimize (+ (fuel t1) (* 2 (is-violated calm)))))
 """
-
-
-def documents(kb: KnowledgeBase) -> tuple[str, str]:
-    return kb.domain_pddl(), kb.problem_pddl()
 
 
 def first(kb: KnowledgeBase) -> kant_sql.Revision:
@@ -362,7 +353,7 @@ def test_pending_changes_count(fresh_kb: KnowledgeBase) -> None:
     with kb.branch() as other, kb.transaction():
         kb.propositions.save(robot_at(RB1, WP2))
         with other.transaction():
-            other.objects.save(PddlObjectDto(WAYPOINT, "wp9"))
+            other.objects.save("wp9 - wp")
             assert [" ".join(change) for change in kb.diff(kb, other)] == [
                 "+ object wp9 - wp",
                 "- fact (robot_at rb1 wp2)",
@@ -387,9 +378,6 @@ def test_it_takes_one_statement_each(fresh_kb: KnowledgeBase) -> None:
     fill(other, 20)
     fresh_kb.diff(fresh_kb, other)
     assert count(lambda: fresh_kb.diff(fresh_kb, other)) <= 4
-
-
-# With asyncio.
 
 
 async def test_the_asynchronous_front_door_branches_compares_and_merges(url: str) -> None:

@@ -43,7 +43,7 @@ from tests.support.evaluator import (
 )
 from tests.support.generators.episodes import EPISODES, Episode, Question, episode, free_variables
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, undone
+from tests.support.reading import beside, loaded, undone
 
 _numbers = itertools.count(1)
 # So many assignments of a question's variables are asked one by one.
@@ -54,8 +54,7 @@ def opened(kb: KnowledgeBase, episode: Episode) -> KnowledgeBase:
     """A knowledge base of its own with the initial state."""
     new = beside(kb, f"episode {next(_numbers)}")
     with new.transaction():
-        new.load_domain(write(episode.domain))
-        new.load_problem(write(episode.problem))
+        loaded(new, write(episode.domain), write(episode.problem))
     return new
 
 

@@ -28,7 +28,7 @@ from tests.support.generators.episodes import (
     theory_of,
 )
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside
+from tests.support.reading import beside, loaded
 
 _numbers = itertools.count(1)
 REVISIONS = 7
@@ -40,8 +40,7 @@ def recorded(kb: KnowledgeBase, told: Episode) -> KnowledgeBase:
     new = beside(kb, f"past {next(_numbers)}")
     random = Random(told.seed)
     with new.transaction():
-        new.load_domain(write(told.domain))
-        new.load_problem(write(told.problem))
+        loaded(new, write(told.domain), write(told.problem))
     for number, change in enumerate(told.changes):
         with new.transaction():
             change.make(new)

@@ -340,8 +340,6 @@ def test_nothing_was_recorded(fresh_kb: KnowledgeBase) -> None:
     assert str(fresh_kb.pddl.check_rules()) == "there are no rules"
 
 
-# Random pasts, judged by the definitions.
-
 ATOMS = ("(robot_at rb1 hall)", "(robot_at rb1 kitchen)", "(child_in hall)", "(child_in kitchen)")
 
 

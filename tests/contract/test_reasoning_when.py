@@ -20,7 +20,6 @@ from kant_sql import (
     UnknownRevisionError,
     aio,
 )
-from kant_sql.dto.formulas import And, Atom, Constant, Not, Variable
 from kant_sql.errors import ArchivedError
 from tests.contract.test_reasoning_rules import (
     AT,
@@ -132,15 +131,6 @@ def test_bindings_and_types(day: KnowledgeBase) -> None:
             day.when(text, **given)
     with pytest.raises(InvalidKnowledgeError):
         day.when(text, r="hall")
-
-
-def test_nodes_are_conditions_too(day: KnowledgeBase) -> None:
-    where = Atom("robot_at", (Variable("r"), Constant("kitchen")))
-    assert numbers(day.when(where)) == [("rb2", 2, 4), ("rb1", 5, None)]
-    assert numbers(day.when(And((where, Not(Atom("child_in", (Constant("kitchen"),))))))) == [
-        # `child_in` is defined from revision 3 on.
-        ("rb1", 6, 7)
-    ]
 
 
 def test_a_goal_is_no_fact(day: KnowledgeBase) -> None:
@@ -423,9 +413,6 @@ def test_definitions_that_matter_as_now_are_not_read_again(day: KnowledgeBase) -
     assert reads() == 1
 
 
-# Archives.
-
-
 def test_an_archived_past_is_refused(shared_url: str, file_url: str, connect: Connect) -> None:
     kb = connect(shared_url, knowledge_base="tiago", actor="test")
     step(kb, "a", ("+", at(RB1, HALL)), ("+", child(HALL)))
@@ -440,9 +427,6 @@ def test_an_archived_past_is_refused(shared_url: str, file_url: str, connect: Co
     assert numbers(kb.when("(robot_at rb1 ?w)", since=3)) == [("hall", 3, None)]
     assert numbers(kb.when("(not (robot_at rb1 kitchen))", since=3)) == [(None, None)]
     assert numbers(kb.when("(not (child_in hall))", since=3)) == [(4, None)]
-
-
-# With asyncio.
 
 
 async def test_the_asynchronous_front_door_has_the_same_periods_and_verdicts(url: str) -> None:

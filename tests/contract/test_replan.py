@@ -28,7 +28,7 @@ from kant_sql.reasoning.execute import Executive
 from kant_sql.reasoning.replan import Remaining
 from kant_sql.store.state import State
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, loaded, present, store_of
+from tests.support.reading import beside, loaded, present, store_of, undone
 
 HOUSE = """
 (define (domain house) (:requirements :adl :durative-actions :fluents :derived-predicates)
@@ -288,17 +288,11 @@ def test_what_is_asked_of_is_a_recorded_plan(fresh_kb: KnowledgeBase) -> None:
 
 def test_what_is_not_committed_is_not_remembered(kb: KnowledgeBase) -> None:
     assert kb.replan().broken is None
-
-    def rolled_back() -> None:
-        with kb.transaction():
-            kb.propositions.delete("(open d2)")
-            assert look(kb, Remaining(1))[0] is not None
-            with pytest.raises(NoPlanError):
-                kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        rolled_back()
+    with undone(kb):
+        kb.propositions.delete("(open d2)")
+        assert look(kb, Remaining(1))[0] is not None
+        with pytest.raises(NoPlanError):
+            kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}")
     assert kb.replan().broken is None
 
 
@@ -413,8 +407,6 @@ def test_a_plan_that_is_given_up_just_before_it_is_made_again_is_not(
     with pytest.raises(QuestionCancelledError):
         executive.run()
 
-
-# What is remembered is never wrong.
 
 WORLD = """
 (define (domain world) (:requirements :adl :fluents :derived-predicates)

@@ -18,24 +18,10 @@ from kant_sql.errors import ConnectionLostError, StoreFullError
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Backend, Session
 from tests.support.chain import check_chain
-from tests.support.faults import (
-    BOUND,
-    be_impatient,
-    each_write,
-    held,
-    lose_answer,
-    on_file,
-    on_server,
-    one_call,
-)
+from tests.support.faults import BOUND, each_write, held, lose_answer, on_file, on_server, one_call
 from tests.support.processes.workers import PATIENCE
 from tests.support.stores import Connect, new_file_store
 from tests.support.worlds.robots import WP2, robot_at, waypoint
-
-
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    be_impatient(monkeypatch)
 
 
 def quickly(url: str) -> str:
@@ -166,9 +152,6 @@ def test_a_server_s_full_disk_is_told_by_its_state(shared_url: str, connect: Con
     assert "free space on the server's disk" in str(error)
 
 
-# Answers that do not come.
-
-
 @pytest.mark.parametrize("commits", [True, False])
 @each_write
 def test_what_a_lost_answer_said_is_found_out(
@@ -192,9 +175,6 @@ def test_what_a_lost_answer_said_is_found_out(
     assert kb.propositions.delete(robot_at(place=WP2))
     assert not kb.propositions.delete(robot_at(place=WP2))
     assert [len(entry.changes) for entry in kb.log()] == [1, 2, 6]
-
-
-# A database that undoes a transaction by itself.
 
 
 @on_file

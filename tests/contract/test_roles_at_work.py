@@ -14,12 +14,9 @@ import kant_sql
 from kant_sql import (
     KantSqlError,
     KnowledgeBase,
-    PddlFunctionDto,
     PddlFunctionValueDto,
-    PddlObjectDto,
     PddlPredicateDto,
     PddlPropositionDto,
-    PddlTypeDto,
     StoreError,
 )
 from kant_sql.errors import ReadOnlyStoreError, SchemaMissingError
@@ -52,6 +49,7 @@ from tests.support.servers import Server
 from tests.support.stores import Connect
 from tests.support.worlds.missions import arrive, recorded
 from tests.support.worlds.robots import (
+    BATTERY,
     RB1,
     ROBOT,
     WAYPOINT,
@@ -205,12 +203,6 @@ def test_what_others_may_revoke_is_left_to_them_by_name(server: Server, connect:
             admin.execute(named("DROP ROLE {}", user))
 
 
-# Roles on PostgreSQL: for what each is meant for, its rights are enough.
-
-
-BATTERY = PddlFunctionDto("battery", [ROBOT])
-
-
 # Writers.
 
 
@@ -243,9 +235,9 @@ def change(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
         kb.propositions.save(robot_at())
         kb.function_values.save(PddlFunctionValueDto(BATTERY, [RB1], 80))
         kb.predicates.update(PddlPredicateDto("near", [WAYPOINT, ROBOT]))
-        kb.types.save(PddlTypeDto("drone", parent=ROBOT))
+        kb.types.save("drone - robot")
         state(kb)
-        kb.types.delete(PddlTypeDto("drone"))
+        kb.types.delete("drone")
         kb.propositions.save(robot_at(place=WP2))
     with undone(kb):
         kb.propositions.delete_all()
@@ -254,7 +246,7 @@ def change(kb: KnowledgeBase, patch: pytest.MonkeyPatch) -> None:
     near = PddlPredicateDto("near", [ROBOT, ROBOT])
     kb.propositions.save(PddlPropositionDto(near, [RB1, RB1]))
     kb.predicates.update(PddlPredicateDto("near", [WAYPOINT]), cascade=True)
-    kb.objects.delete(PddlObjectDto(WAYPOINT, "wp2"))
+    kb.objects.delete("wp2")
     with patch.context() as tight:
         # As if there were many more: they are written and forgotten, and some taken back later.
         tight.setattr(propositions, "SPILL_AT", 500)

@@ -149,8 +149,7 @@ PROBLEM = """(define (problem night) (:domain home) (:objects hall lab attic - p
 @pytest.fixture
 def home(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     with fresh_kb.transaction():
-        loaded(fresh_kb, DOMAIN, PROBLEM)
-    return fresh_kb
+        return loaded(fresh_kb, DOMAIN, PROBLEM)
 
 
 def test_a_search_ends_in_one_revision(home: KnowledgeBase) -> None:

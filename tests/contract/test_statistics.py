@@ -16,6 +16,7 @@ import pytest
 from kant_sql import Execution, KnowledgeBase, NotApplicableError
 from kant_sql.acts.statistics import Statistics, wilson
 from kant_sql.errors import InvalidArgumentError, UnknownNameError, UnknownRevisionError
+from tests.support.reading import loaded
 from tests.support.statements import count
 
 DOMAIN = """
@@ -38,8 +39,7 @@ GROUPINGS: list[tuple[Any, ...]] = [
 @pytest.fixture
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A knowledge base in which much was done."""
-    fresh_kb.load_domain(DOMAIN)
-    fresh_kb.load_problem(PROBLEM)
+    loaded(fresh_kb, DOMAIN, PROBLEM)
     dice = random.Random(5)
     acts: list[tuple[str, tuple[str, ...]]]
     acts = [("unlock", ("r1", "front")), ("unlock", ("r2", "back")), ("swap", ("front", "front"))]

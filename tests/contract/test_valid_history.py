@@ -20,6 +20,7 @@ from kant_sql.pddl.given import ReadCondition, read_condition, read_rules
 from kant_sql.reasoning.trajectory import Trajectory
 from tests.support.evaluator import Evaluator, State, Theory
 from tests.support.profile import PROFILE
+from tests.support.reading import present
 from tests.support.two_clocks import FACTS, FLUENTS, OBJECTS, Model, Writer
 
 BEFORE, AFTER = datetime.min.replace(tzinfo=UTC), datetime.max.replace(tzinfo=UTC)
@@ -223,10 +224,7 @@ def cup(fresh_kb: KnowledgeBase) -> KnowledgeBase:
         "(define (domain cafe) (:requirements :typing) (:types cup room)"
         " (:predicates (in ?c - cup ?r - room)))"
     )
-    for name in ("cup1", "cup2"):
-        fresh_kb.objects.save(f"{name} - cup")
-    for room in ("kitchen", "hall"):
-        fresh_kb.objects.save(f"{room} - room")
+    fresh_kb.objects.save(["cup1 - cup", "cup2 - cup", "kitchen - room", "hall - room"])
     return fresh_kb
 
 
@@ -289,8 +287,7 @@ def test_what_is_gone_has_a_past(cup: KnowledgeBase) -> None:
     assert (held.since and held.since.number, held.until and held.until.number) == (there, gone)
     # It can be no object of a quantifier after its end.
     (never,) = cup.when("(forall (?c - cup) (not (in ?c ?r)))", r="kitchen", clock="valid")[1:]
-    assert never.since is not None
-    assert never.since.number == gone
+    assert present(never.since).number == gone
     with cup.transaction(valid_from="9 minutes ago", valid_until="7 minutes ago"):
         cup.propositions.save("(in cup2 hall)")
     moments = [one.committed_at for one in cup.store.revisions()]

@@ -19,6 +19,7 @@ from kant_sql import KnowledgeBase
 from kant_sql.sql import valid_time
 from kant_sql.store import valid_store
 from tests.support.profile import hunting
+from tests.support.reading import loaded
 from tests.support.two_clocks import FACTS, FLUENTS, OBJECTS, Content, Model, Plain, Writer
 
 READS = 10
@@ -141,8 +142,7 @@ def judge_fitting(
             ]
             assert any(covers) is truth[one], (one, where(moment, known))
     with kant_sql.connect("sqlite://") as copy:
-        copy.load_domain(then.domain_pddl())
-        copy.load_problem(then.problem_pddl())
+        loaded(copy, then.domain_pddl(), then.problem_pddl())
         assert {str(dto) for dto in copy.propositions.get_all()} == facts
 
 

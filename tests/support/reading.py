@@ -21,6 +21,7 @@ from kant_sql.store.store import Store
 
 State = dict[str, list[str]]
 T = TypeVar("T")
+E = TypeVar("E", bound=Exception)
 
 
 def present(found: T | None) -> T:
@@ -34,6 +35,11 @@ def loaded(kb: KnowledgeBase, domain: str, problem: str) -> KnowledgeBase:
     kb.load_domain(domain)
     kb.load_problem(problem)
     return kb
+
+
+def documents(kb: KnowledgeBase) -> tuple[str, str]:
+    """The texts of its domain and its problem."""
+    return kb.domain_pddl(), kb.problem_pddl()
 
 
 class SameStore(SqlDaoFactory):
@@ -115,17 +121,13 @@ def nothing_changes(kb: KnowledgeBase) -> Iterator[None]:
 
 
 def refuses(
-    kb: KnowledgeBase,
-    error: type[Exception],
-    call: Callable[..., object],
-    *arguments: object,
-    **said: object,
-) -> pytest.ExceptionInfo[Exception]:
-    """Check that a call raises an error of just this class and leaves nothing behind."""
+    kb: KnowledgeBase, error: type[E], call: Callable[..., object], *arguments: object
+) -> E:
+    """Check that a call raises an error of just this class and leaves nothing behind; give it."""
     with nothing_changes(kb), pytest.raises(error) as caught:
-        call(*arguments, **said)
+        call(*arguments)
     assert type(caught.value) is error
-    return caught
+    return caught.value
 
 
 class Undone(Exception):

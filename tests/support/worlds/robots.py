@@ -111,6 +111,7 @@ ELEMENTS = {
     "types": ROBOT,
     "objects": RB1,
     "predicates": ROBOT_AT,
+    "functions": DISTANCE,
     "propositions": robot_at(),
     "actions": navigation(),
     "function_values": PddlFunctionValueDto(BATTERY, [RB1], 1),
