@@ -16,7 +16,6 @@ BENCHMARKS = (
 
 
 def main(argv: list[str]) -> int:
-    """Run them."""
     unknown = [name for name in argv if name not in BENCHMARKS]
     if unknown:
         print(f"run.py: no benchmark {unknown[0]!r}; there are {', '.join(BENCHMARKS)}")

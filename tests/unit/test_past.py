@@ -63,7 +63,6 @@ def sql(url: str) -> str:
 
 @pytest.fixture(scope="module")
 def sqlite_query() -> Iterator[Compute]:
-    """SQLite's own result."""
     text = sql("sqlite://")
     with closing(sqlite3.connect(":memory:", check_same_thread=False)) as connection:
         yield lambda ends: connection.execute(text, ends).fetchone()[0]
@@ -71,7 +70,6 @@ def sqlite_query() -> Iterator[Compute]:
 
 @pytest.fixture(scope="module")
 def postgresql_query(server: Server) -> Iterator[Compute]:
-    """PostgreSQL's own result."""
     text = sql("postgresql://").encode()
     with psycopg.connect(server.url.render_as_string(hide_password=False)) as connection:
         yield lambda ends: connection.execute(text, ends).fetchall()[0][0]

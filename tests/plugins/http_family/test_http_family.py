@@ -55,7 +55,6 @@ BATTERY = "(= (battery) 0)"
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[Served]:
-    """A server of an empty store."""
     with served(new_file_store(tmp_path / "store.db"), tmp_path) as running_server:
         yield running_server
 
