@@ -174,7 +174,6 @@ def run_rows(root: Path) -> Iterator[tuple[str, object]]:
 
 
 def suite_rows(root: Path) -> Iterator[tuple[str, object]]:
-    """Yield how long the suites take."""
     for target in ("test", "test-all"):
         began = time.monotonic()
         code = subprocess.run(["make", target], cwd=root, check=False).returncode
@@ -195,7 +194,6 @@ class Size(NamedTuple):
 
 
 def measure(root: Path) -> Size:
-    """Measure the source below a folder."""
     sources = read_sources(root, PACKAGE)
     if not sources:
         raise SystemExit(f"measure.py: no Python files in {root / PACKAGE}")
@@ -208,7 +206,6 @@ def measure(root: Path) -> Size:
 
 
 def source_rows(size: Size) -> Iterator[tuple[str, object]]:
-    """Yield what the source shows."""
     yield f"lines in {PACKAGE}/", f"{size.lines:,}"
     yield "files", size.files
     yield f"functions over {LONG_FUNCTION} lines", len(size.long_functions)

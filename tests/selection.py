@@ -64,7 +64,6 @@ class SlowTests:
             self._seconds[str(dict(report.user_properties)["name"])] += report.duration
 
     def pytest_sessionfinish(self) -> None:
-        """Write the list."""
         slow = sorted(name for name, seconds in self._seconds.items() if seconds > LONG)
         SLOW.write_text("".join(f"{name}\n" for name in slow), encoding="utf-8")
 

@@ -63,13 +63,6 @@ def same(one: str, other: str) -> bool:
     return rows == others
 
 
-@pytest.fixture
-def archived(shared_url: str, any_archive_url: str, connect: Connect) -> KnowledgeBase:
-    kb = connect(shared_url, knowledge_base="tiago", actor="test")
-    kb.store.archive(live(kb), to=any_archive_url)
-    return kb
-
-
 @pytest.mark.every_backend
 def test_it_is_erased_in_both_and_in_replicas(
     shared_url: str, any_archive_url: str, connect: Connect, tmp_path: Path
@@ -123,14 +116,16 @@ def test_a_preview_lists_archives_that_are_called_so(
 
 
 def test_what_revisions_say_is_erased_by_rules(
-    archived: KnowledgeBase, any_archive_url: str
+    shared_url: str, any_archive_url: str, connect: Connect
 ) -> None:
+    kb = connect(shared_url, knowledge_base="tiago", actor="test")
+    kb.store.archive(live(kb), to=any_archive_url)
     with pytest.raises(ConflictError, match="--archive"):
-        archived.store.retain(read_rules(["camera 0s reason,source"]))
-    done = archived.store.retain(read_rules(["camera 0s reason,source"]), archive=any_archive_url)
+        kb.store.retain(read_rules(["camera 0s reason,source"]))
+    done = kb.store.retain(read_rules(["camera 0s reason,source"]), archive=any_archive_url)
     assert (done.parts, done.revisions) == (2, 1)
-    assert archived.erase(NAME, reason="asked", archive=any_archive_url).parts > 15
-    assert archived.store.verify().findings == ()
+    assert kb.erase(NAME, reason="asked", archive=any_archive_url).parts > 15
+    assert kb.store.verify().findings == ()
     intact(any_archive_url)
     assert not names_it(any_archive_url)
 

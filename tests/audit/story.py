@@ -118,7 +118,6 @@ class Teller:
                 self.kb.propositions.save(fact)
 
     def set_battery(self, robot: str, value: str) -> None:
-        """Set how much charge a robot has."""
         self.kb.function_values.set("battery", objects=[robot], value=Decimal(value))
 
     def set_status(self, step: int, status: str) -> None:

@@ -16,7 +16,6 @@ TITLES = re.findall(r"^\d+\. (.+)$", PAGE.text, re.MULTILINE)
 
 @pytest.fixture(scope="session", params=["sqlite-file", "postgresql", *CITUS])
 def fleet_url(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The URL of the fleet's store, on each dialect in turn."""
     return write_fleet(make_store_url(request, request.param, tmp_path_factory.mktemp("fleet")))
 
 

@@ -83,13 +83,11 @@ class Bare:
         self.defined = False
 
     def create(self) -> None:
-        """Create the knowledge base."""
         self.run(insert("knowledge_base", 2), (self.kb, self.name))
         # Written here, so without an origin.
         self.run(insert("head", 11), (self.kb, 0, 0, 1, None, None, 0, *[None] * 4))
 
     def close(self) -> None:
-        """Close the connection."""
         self.driver.connection.close()
 
     # Writing: one transaction is one revision.
@@ -202,17 +200,14 @@ class Bare:
         self.defined = True
 
     def save_type(self, dto: kant_sql.PddlTypeDto) -> None:
-        """Define a type."""
         parent = None if dto.parent is None else self.id("type", dto.parent.name)
         self.define("type", self.id("type", dto.name), dto, parent)
 
     def save_object(self, dto: kant_sql.PddlObjectDto) -> None:
-        """Define an object."""
         type_id = self.id("type", dto.type.name)
         self.define("object", self.id("object", dto.name), dto, type_id, after=(False,))
 
     def save_predicate(self, dto: kant_sql.PddlPredicateDto) -> None:
-        """Define a predicate."""
         id_ = self.id("predicate", dto.name)
         self.define("predicate", id_, dto)
         names = [f"{type_.name[:1]}{place}" for place, type_ in enumerate(dto.types)]
@@ -293,7 +288,6 @@ class Bare:
     # Reading: one statement, which sees one state by itself.
 
     def get(self, kind: str, name: str) -> list[Row]:
-        """Read a definition."""
         return self.run(DEFINITION.format(kind), (self.kb, name.lower())).fetchall()
 
     def get_by_predicate(self, name: str) -> list[Row]:

@@ -72,7 +72,6 @@ FEW = {"save 1,000 facts": 20, "facts of a predicate": 10, "facts of the past": 
 
 
 def median_ms(call: Call, kb: KnowledgeBase, numbers: range) -> float:
-    """The median time of a call."""
     return 1e3 * statistics.median(seconds(partial(call, kb, number)) for number in numbers)
 
 
@@ -138,7 +137,6 @@ def plain_store(cluster: Cluster) -> str:
 
 
 def run(cluster: Cluster, calls: int, duration: float) -> None:
-    """Measure, and print a table of each."""
     plain, distributed = plain_store(cluster), cluster.new_store(shards=32)
     for url in (plain, distributed):
         with kant_sql.connect(url, knowledge_base="tiago") as kb:
@@ -162,7 +160,6 @@ def run(cluster: Cluster, calls: int, duration: float) -> None:
 
 
 def main() -> None:
-    """Run it on the cluster of the tests."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--calls", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=5)

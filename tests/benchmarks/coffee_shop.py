@@ -137,7 +137,6 @@ def play(ready: Ready) -> Round:
 
 @contextmanager
 def open_stores(backend: str, folder: Path) -> Iterator[Stores]:
-    """Make two empty stores on one backend."""
     if not backend.startswith("postgresql"):
         yield sqlite_stores(backend, folder)
         return
@@ -149,7 +148,6 @@ def open_stores(backend: str, folder: Path) -> Iterator[Stores]:
 
 
 def postgresql_stores(server: Server, wait: bool) -> Stores:
-    """Make two databases."""
     options = {} if wait else {"options": "-csynchronous_commit=off"}
     urls = []
     for _ in ("library", "bare"):
@@ -208,8 +206,6 @@ def measure(stores: Stores, rounds: int, folder: Path) -> Measured:
 
 
 def summary(steps: list[Step], library: list[Round], bare: list[Round]) -> Measured:
-    """Take the medians."""
-
     def medians(rounds: list[Round]) -> dict[str, float]:
         times = {kind: median(one.by_kind[kind] for one in rounds) for kind in rounds[0].by_kind}
         return {**times, ALL: median(one.total for one in rounds)}
@@ -219,7 +215,6 @@ def summary(steps: list[Step], library: list[Round], bare: list[Round]) -> Measu
 
 
 def compare_stores(stores: Stores, kb: KnowledgeBase, folder: Path) -> None:
-    """Check that both stores hold the same."""
     if stores.urls:
         compare_tables(*stores.urls)
         copy = stores.urls[1]
@@ -259,7 +254,6 @@ def report(measured: dict[str, Measured]) -> None:
 
 
 def main(argv: list[str]) -> int:
-    """Measure and report."""
     parser = argparse.ArgumentParser(description="The coffee shop against the bare driver.")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--backends", nargs="+", choices=BACKENDS, default=BACKENDS)

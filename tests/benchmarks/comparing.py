@@ -14,7 +14,6 @@ OWN = {"committed_at", "hash", "form", "seed"}
 
 
 def compare_results(library: list[Any], bare: list[Any]) -> None:
-    """Check that every read gave the same."""
     for mine, theirs in zip(library, bare, strict=True):
         if isinstance(theirs, list):
             assert _texts(mine) == sorted(tuple(row) for row in theirs), (mine, theirs)

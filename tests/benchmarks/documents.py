@@ -49,7 +49,6 @@ Tables = dict[str, list[Row]]
 
 
 def rows_of(url: str) -> Tables:
-    """Read all rows of a store."""
     store = bare(url)
     rows = {
         table.name: store.execute(
@@ -86,7 +85,6 @@ def rows_to_insert(new: NewStore, problem: str) -> tuple[Tables, Row]:
 
 
 def by_library(url: str, problem: str) -> Callable[[], None]:
-    """Prepare the library's side."""
     kb = kant_sql.connect(url)
     kb.propositions.get_all()
 
@@ -98,7 +96,6 @@ def by_library(url: str, problem: str) -> Callable[[], None]:
 
 
 def by_driver(url: str, rows: Tables, head: Row) -> Callable[[], None]:
-    """Prepare the bare driver's side."""
     store = bare(url)
 
     def insert() -> None:
@@ -136,7 +133,6 @@ def insert_all(store: Driver, tables: Tables) -> None:
 
 
 def compare_loading(new: NewStore, problem: str, repeat: int) -> list[str]:
-    """Give a line of the table of loading."""
     domain = read_domain(generated.DOMAIN)
     rows, head = rows_to_insert(new, problem)
     urls: dict[str, str] = {}
@@ -160,7 +156,6 @@ def compare_loading(new: NewStore, problem: str, repeat: int) -> list[str]:
 
 
 def compare_writing(new: NewStore, problem: str, repeat: int) -> list[str]:
-    """Give a line of the table of writing."""
     url = defined(new)
     with kant_sql.connect(url) as kb:
         kb.load_problem(problem)
@@ -181,7 +176,6 @@ def compare_writing(new: NewStore, problem: str, repeat: int) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and report."""
     options = read_options(__doc__, argv, facts=200_000, repeat=3)
     facts, half = options.facts, options.facts // 2
     problems = {

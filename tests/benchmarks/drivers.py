@@ -52,7 +52,6 @@ class Driver(ABC):
         return list(cursor.fetchall()) if cursor.description else []
 
     def close(self) -> None:
-        """Close the connection."""
         self.connection.close()
 
 

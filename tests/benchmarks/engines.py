@@ -84,7 +84,6 @@ def reason(said: str) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run all pairs, and print the tables."""
     words = [*(sys.argv[1:] if argv is None else argv)]
     listed = Path(words.pop(0))
     options = read_options(__doc__, words, engines=ENGINES, seconds=20.0, megabytes=8192)

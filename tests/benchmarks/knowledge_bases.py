@@ -100,7 +100,6 @@ def measure(backend: str, url: str, robots: int, revisions: int) -> list[tuple[s
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and print a table."""
     given = read_options(__doc__, argv, robots=ROBOTS, revisions=REVISIONS)
     rows: list[Sequence[str]] = []
     with stores(given.backend) as made:

@@ -238,7 +238,6 @@ def run(backend: str, url: str) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run it."""
     options = read_options(__doc__, argv, boxes=2_000, facts=1_000_000, revisions=100_000)
     with stores(options.backend) as places:
         for backend, new in places.items():

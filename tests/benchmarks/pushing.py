@@ -56,7 +56,6 @@ def _column(name: str, url: str) -> str:
 
 
 def push(source: str, target: str, name: str = NAME) -> None:
-    """Push by the library."""
     with kant_sql.connect(source, knowledge_base=name, read_only=True) as kb:
         sent = kb.store.push(target)
     assert sent.revision == sent.source_revision > 0
@@ -141,7 +140,6 @@ def _used(url: str) -> float:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and print the tables."""
     words = sys.argv[1:] if argv is None else argv
     if [*words[:1]] == ["--push"]:
         push(*words[1:])

@@ -36,7 +36,6 @@ class Step(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """Name what the step does."""
         call = self.calls[0]
         return "transaction" if self.in_transaction else f"{call.dao}.{call.method}"
 

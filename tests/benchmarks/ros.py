@@ -86,7 +86,6 @@ def measure(backend: str, new_store: Callable[[], str], facts: int) -> list[tupl
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and print a table."""
     options = read_options(__doc__, argv, facts=FACTS)
     if importlib.util.find_spec("rclpy") is None or importlib.util.find_spec("kant_msgs") is None:
         print("skipped: it needs ROS 2 with kant_msgs; source its setup.bash")

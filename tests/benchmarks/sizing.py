@@ -66,7 +66,6 @@ class Place:
         self._server = server
 
     def spent(self) -> Spent:
-        """Measure."""
         cpu = self._cpu()
         store = bare(self.url)
         if self._server is None:
@@ -209,7 +208,6 @@ def pushed(place: Place, revisions: int) -> Spent:
 
 
 def own_cpu() -> float:
-    """Give the CPU seconds of this process."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
@@ -250,7 +248,6 @@ def columns(spent: Spent) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and report."""
     options = read_options(__doc__, argv, revisions=REVISIONS)
     found: dict[str, Spent] = {}
     with places(options.backend or BACKENDS) as there:

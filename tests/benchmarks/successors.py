@@ -129,7 +129,6 @@ def summary(name: str, ratios: Sequence[float]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and print the tables."""
     if argv is None and sys.argv[1:2] == ["child"]:
         tool, domain, problem, most, limit = sys.argv[2:]
         print(*walk(tool, domain, problem, int(most), float(limit)))

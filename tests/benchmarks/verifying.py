@@ -90,7 +90,6 @@ def _write(session: Session, digests: list[tuple[str, int]]) -> None:
 
 
 def verify(url: str, structure: bool) -> None:
-    """Verify by the library."""
     with kant_sql.connect(url, knowledge_base=NAME) as kb:
         verification = kb.store.verify(structure=structure)
     assert verification.findings == (), verification.findings[:3]
@@ -142,7 +141,6 @@ def measure(name: str, url: str, count: int) -> tuple[str, ...]:
 
 
 def main(argv: list[str]) -> int:
-    """Measure, and print the tables."""
     if argv[:1] == ["--verify"]:
         verify(argv[1], True)
         print(status("VmHWM"))

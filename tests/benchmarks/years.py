@@ -127,7 +127,6 @@ class Writer:
 
     @staticmethod
     def moment(number: int) -> str:
-        """When a revision was made."""
         return time_text(START + number * STEP)
 
     def revisions(self, first: int, last: int) -> Iterator[Row]:

@@ -24,7 +24,6 @@ def reported(url: str, folder: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def report(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of the story."""
     return reported(sqlite_story, tmp_path_factory.mktemp("report"))
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 import kant_sql
 from kant_sql import PddlObjectDto, PddlTypeDto
+from tests.support.processes.commands import start
 from tests.support.stores import make_store_url
 from tests.support.worlds.robots import ROBOT, WP2, navigation, robot_at
 
@@ -44,6 +48,17 @@ def write_breakfast(url: str) -> None:
             kb.load_problem(FILES / "breakfast.pddl")
         with kb.transaction(actor="executive", reason="the cup is there"):
             kb.apply("(move rb1 table1 kitchen)")
+
+
+@contextmanager
+def in_background(*words: str, program: Sequence[str] = ()) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a command in a process of its own, which is gone at the end."""
+    process = start(*words, program=program)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 @pytest.fixture(scope="session", params=BACKENDS)

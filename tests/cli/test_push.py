@@ -9,8 +9,8 @@ import signal
 import sqlite3
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from kant_sql.sql import schema
 from kant_sql.sql.dialects import create_backend, postgresql
 from kant_sql.sql.dialects.base import Backend
 from kant_sql.sql.dialects.sqlite import FileListener, SqliteBackend
-from tests.cli.conftest import write_history
+from tests.cli.conftest import in_background, write_history
 from tests.support.archives import damage, equal_histories, target_url
 from tests.support.processes.commands import (
     CHILD_TIMEOUT,
@@ -325,15 +325,8 @@ def test_promote(source: str, replica: str) -> None:
     assert run("verify", replica).exit_code == 0
 
 
-@contextmanager
-def following(*words: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Follow in a process of its own, which is gone at the end."""
-    process = start("push", *words, "--follow", "--json", program=PROGRAM)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+def following(*words: str) -> AbstractContextManager[subprocess.Popen[bytes]]:
+    return in_background("push", *words, "--follow", "--json", program=PROGRAM)
 
 
 def next_event(process: subprocess.Popen[bytes], *wanted: str) -> Document:
@@ -635,13 +628,9 @@ def test_a_handler_that_is_not_python_s_does_no_harm(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.more
 def test_log_lines_are_pairs(source: str, replica: str) -> None:
-    process = start("push", source, replica, "--follow", program=PROGRAM)
-    try:
+    with in_background("push", source, replica, "--follow", program=PROGRAM) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline().decode() for _ in range(2)]
-    finally:
-        process.kill()
-        process.communicate()
     pair = r'[a-z_]+=(?:[^\s"=]+|"(?:[^"\\]|\\.)*")'
     for line in lines:
         assert re.fullmatch(rf"{pair}(?: {pair})*\n", line), line

@@ -5,29 +5,17 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import kant_sql
-from tests.support.processes.commands import CHILD_TIMEOUT, documents, run, start
+from tests.cli.conftest import in_background
+from tests.support.processes.commands import CHILD_TIMEOUT, documents, run
 from tests.support.worlds.robots import waypoint
 
 
 def watched(*words: str) -> list[dict[str, Any]]:
     """What `watch --json` writes until its time is over: a document on each line."""
     return documents("watch", *words, "--timeout", "0")
-
-
-@contextmanager
-def watching(*words: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Watch in a process of its own, which is gone at the end."""
-    process = start("watch", *words)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def next_document(process: subprocess.Popen[bytes]) -> dict[str, Any]:
@@ -53,7 +41,7 @@ def test_it_begins_after_a_revision_and_is_the_log_turned_round(store: str) -> N
 
 
 def test_a_pipe_gets_each_revision_at_once(own_store: str) -> None:
-    with watching(own_store, "--json", "--after", "2") as process:
+    with in_background("watch", own_store, "--json", "--after", "2") as process:
         assert next_document(process)["number"] == 3
         for number in (4, 5):
             save(own_store, number)
@@ -64,13 +52,13 @@ def test_a_pipe_gets_each_revision_at_once(own_store: str) -> None:
 
 
 def test_it_ends_by_itself_when_time_is_over(own_store: str) -> None:
-    with watching(own_store, "--timeout", "0.1") as process:
+    with in_background("watch", own_store, "--timeout", "0.1") as process:
         assert process.wait(CHILD_TIMEOUT) == 0
         assert process.communicate() == (b"", b"")
 
 
 def test_ctrl_c_ends_it_without_a_word(own_store: str) -> None:
-    with watching(own_store, "--json", "--after", "2") as process:
+    with in_background("watch", own_store, "--json", "--after", "2") as process:
         assert next_document(process)["number"] == 3
         process.send_signal(signal.SIGINT)
         assert process.wait(CHILD_TIMEOUT) == 130
@@ -79,7 +67,7 @@ def test_ctrl_c_ends_it_without_a_word(own_store: str) -> None:
 
 
 def test_it_ends_when_nobody_reads_any_more(own_store: str) -> None:
-    with watching(own_store, "--after", "2") as process:
+    with in_background("watch", own_store, "--after", "2") as process:
         assert process.stdout is not None
         assert process.stdout.readline().startswith(b"revision 3  ")
         process.stdout.close()

@@ -13,29 +13,24 @@ import pytest
 import kant_sql
 from kant_sql import StoreError
 from kant_sql.history.replication import batch
+from tests.replication.conftest import target
 from tests.support.archives import equal_histories, intact, rows_of, target_url
 from tests.support.chain import check_chain
 from tests.support.processes.commands import PROGRAM, start
 from tests.support.processes.crashes import all_told, die_after, write_for_ever
 from tests.support.processes.workers import PATIENCE, dies, killed_later, wait_for
 from tests.support.servers import MortalServer
-from tests.support.stores import CITUS, Connect, make_store_url
+from tests.support.stores import Connect
 from tests.support.worlds import counter
 from tests.support.worlds.story import write_whole_story
+
+__all__ = ["target"]
 
 pytestmark = pytest.mark.more
 
 # Enough statements for several batches; a push of all of them takes more.
 MOST = 150
 KILLS, SERVER_KILLS = 2, 2
-
-
-@pytest.fixture(params=["sqlite-file", "postgresql", *CITUS])
-def target(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """The URL of an empty store to push to, on each backend in turn."""
-    folder = tmp_path / "target"
-    folder.mkdir()
-    return make_store_url(request, request.param, folder)
 
 
 def push_and_die(source: str, target: str, statements: int) -> None:

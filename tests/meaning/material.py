@@ -47,7 +47,6 @@ class Pair:
 
     @property
     def size(self) -> int:
-        """How many bytes the two files have."""
         return self.domain.stat().st_size + self.problem.stat().st_size
 
     @property

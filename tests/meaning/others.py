@@ -98,7 +98,6 @@ def pyperplan(pair: Pair) -> Reading:
 def run(
     command: Sequence[str], text: str = "", folder: Path | None = None, seconds: int = SECONDS
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end."""
     return subprocess.run(
         command,
         input=text,

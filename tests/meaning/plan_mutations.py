@@ -14,12 +14,10 @@ EPSILON = Decimal("0.01")
 
 
 def plan_of(steps: Sequence[PlanStep]) -> Plan:
-    """Make a plan."""
     return Plan(tuple(steps), "by hand", "unknown")
 
 
 def is_timed(steps: Sequence[PlanStep]) -> bool:
-    """Whether steps have times."""
     return any(step.start is not None for step in steps)
 
 

@@ -55,12 +55,10 @@ class Task(NamedTuple):
 
     @property
     def objects(self) -> list[str]:
-        """The names of the objects."""
         return [one.name for one in (*self.domain.constants, *self.problem.objects)]
 
 
 def read(pair: Pair) -> Task:
-    """Read a pair."""
     domain = read_domain(pair.domain)
     return Task(pair, domain, read_problem(pair.problem, domain=domain))
 

@@ -154,7 +154,6 @@ def columns_of(url: str) -> dict[str, str]:
 
 
 def answers(url: str, names: set[str]) -> dict[str, list[str]]:
-    """All that views say."""
     return {view: sorted(ask(url, f"SELECT * FROM {view}")) for view in names}
 
 

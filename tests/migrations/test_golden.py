@@ -68,7 +68,6 @@ def test_a_store_that_is_created_is_one_that_was_migrated(tmp_path: Path) -> Non
 
 
 def digest_of(url: str) -> str:
-    """The digest of the schema."""
     return sha256(dump_of(url).encode()).hexdigest()
 
 

@@ -97,11 +97,6 @@ def test_everything(domain: Domain) -> None:
     )
 
 
-def test_the_order_of_facts_is_kept(domain: Domain) -> None:
-    found = read_problem(PROBLEM, domain=domain)
-    assert [str(fact) for fact in found.facts] == ["(at t1 quay)", "(at T2 Hub)", "(free)"]
-
-
 def test_without_the_domain_names_are_guessed_by_their_place() -> None:
     found = read_problem(PROBLEM, strict=True)
     assert found.domain == "DEPOT"

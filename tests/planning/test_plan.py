@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from decimal import Decimal
 from pathlib import Path
 
@@ -22,7 +20,8 @@ from kant_sql.pddl.writer import write
 from kant_sql.planning import Judged, Plan, PlanStep, solve, solving, to_unified_planning
 from tests.meaning import val
 from tests.meaning.material import Pair
-from tests.support.processes.workers import PATIENCE
+from tests.planning.conftest import mentioning
+from tests.support.processes.workers import PATIENCE, wait_for
 
 pytest.importorskip("unified_planning")
 
@@ -511,26 +510,6 @@ def _hard() -> tuple[Domain, Problem]:
     return domain, problem
 
 
-def _mentioning(folder: Path) -> list[str]:
-    """Processes that have a folder among their arguments: a planner's files are in its own."""
-    if not Path("/proc/self/cmdline").exists():
-        pytest.skip("processes are looked up in /proc")
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            arguments = (process / "cmdline").read_bytes().decode(errors="replace")
-            if str(folder) in arguments:
-                found.append(arguments)
-    return found
-
-
-def _until(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + SOON
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return condition()
-
-
 @pytest.mark.more
 @pytest.mark.parametrize("engine", ["fast-downward-opt", "pyperplan-opt"])
 def test_time_is_up_and_nothing_stays_behind(
@@ -543,12 +522,12 @@ def test_time_is_up_and_nothing_stays_behind(
         solve_pair(_hard(), engine=engine, timeout=4)
     assert caught.value.status == "timeout"
     assert time.monotonic() - started < SOON
-    assert _until(lambda: not _mentioning(tmp_path))
+    wait_for(lambda: not mentioning(tmp_path))
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.more
-@pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no process groups here")
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="processes are looked up in /proc")
 def test_a_killed_parent_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     call = "t.solve_pair(t._hard(), engine='fast-downward-opt')"
@@ -556,8 +535,8 @@ def test_a_killed_parent_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     root, environment = Path(__file__).parents[2], {**os.environ, "TMPDIR": str(tmp_path)}
     parent = subprocess.Popen([sys.executable, "-c", code], cwd=root, env=environment)
     try:
-        assert _until(lambda: any("downward" in text for text in _mentioning(tmp_path)))
+        wait_for(lambda: any("downward" in text for text in mentioning(tmp_path)))
     finally:
         parent.kill()
         parent.wait()
-    assert _until(lambda: not _mentioning(tmp_path))
+    wait_for(lambda: not mentioning(tmp_path))

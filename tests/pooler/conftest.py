@@ -56,5 +56,4 @@ def url(wide: str) -> str:
 
 @pytest.fixture
 def fresh_kb(wide: str, connect: Connect) -> KnowledgeBase:
-    """An empty knowledge base."""
     return connect(wide, knowledge_base="tiago", actor="test")

@@ -34,7 +34,6 @@ from tests.support.worlds.robots import robot_at, waypoint
 
 @contextmanager
 def running(server: Server, mode: str = "transaction", **settings: str) -> Iterator[Pooler]:
-    """Start a pooler for one test."""
     pooler = Pooler(server, pool_mode=mode, **settings)
     try:
         yield pooler

@@ -54,7 +54,6 @@ class Caller:
         raise TimeoutError(client.srv_name)
 
     def close(self) -> None:
-        """Leave ROS."""
         self.node.destroy_node()
         rclpy.shutdown()
 

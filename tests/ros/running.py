@@ -50,7 +50,6 @@ def running(command: list[str], output: Path, **variables: str) -> Iterator[Proc
 
 @contextmanager
 def node(url: str, output: Path, *arguments: str, **variables: str) -> Iterator[Process]:
-    """Run the node."""
     with running([*PROGRAM, "ros", url, "--", *arguments], output, **variables) as process:
         yield process
 

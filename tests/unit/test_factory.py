@@ -48,7 +48,6 @@ def test_the_url_alone_picks_the_family(tmp_path: Path, one_url: str) -> None:
 
 @pytest.fixture
 def one_url(request: pytest.FixtureRequest) -> str:
-    """A PostgreSQL database with its tables."""
     url: str = request.getfixturevalue("server").new_database()
     kant_sql.upgrade(url)
     return url

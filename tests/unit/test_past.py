@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from typing import Any
 
 import psycopg
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from sqlalchemy import BigInteger, bindparam, create_engine, make_url, select
@@ -61,22 +60,6 @@ def sql(url: str) -> str:
     return str(select(Fork(*parameters)).compile(dialect=dialect))
 
 
-@pytest.fixture(scope="module")
-def sqlite_query() -> Iterator[Compute]:
-    """SQLite's own result."""
-    text = sql("sqlite://")
-    with closing(sqlite3.connect(":memory:", check_same_thread=False)) as connection:
-        yield lambda ends: connection.execute(text, ends).fetchone()[0]
-
-
-@pytest.fixture(scope="module")
-def postgresql_query(server: Server) -> Iterator[Compute]:
-    """PostgreSQL's own result."""
-    text = sql("postgresql://").encode()
-    with psycopg.connect(server.url.render_as_string(hide_password=False)) as connection:
-        yield lambda ends: connection.execute(text, ends).fetchall()[0][0]
-
-
 def check_forks(compute: Compute) -> None:
     """Compare a database's forks with those of the library, for all small and for large ends."""
 
@@ -93,9 +76,13 @@ def check_forks(compute: Compute) -> None:
             assert compute({"since": since, "until": until}) == fork(since, until)
 
 
-def test_sqlite_computes_the_same(sqlite_query: Compute) -> None:
-    check_forks(sqlite_query)
+def test_sqlite_computes_the_same() -> None:
+    text = sql("sqlite://")
+    with closing(sqlite3.connect(":memory:")) as connection:
+        check_forks(lambda ends: connection.execute(text, ends).fetchone()[0])
 
 
-def test_postgresql_computes_the_same(postgresql_query: Compute) -> None:
-    check_forks(postgresql_query)
+def test_postgresql_computes_the_same(server: Server) -> None:
+    text = sql("postgresql://").encode()
+    with psycopg.connect(server.url.render_as_string(hide_password=False)) as connection:
+        check_forks(lambda ends: connection.execute(text, ends).fetchall()[0][0])

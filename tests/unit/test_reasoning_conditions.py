@@ -26,7 +26,6 @@ DOMAIN = """(define (domain d)
 
 
 def fact(world: World, name: str, *objects: str) -> tuple[int, tuple[int, ...]]:
-    """Find the ids of a fact."""
     predicate = world.definitions.predicates.named(name)
     assert predicate is not None
     return predicate.id, tuple([world.ids[one] for one in objects])

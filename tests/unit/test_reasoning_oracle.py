@@ -53,20 +53,17 @@ def check(world: World, conditions: Conditions, plain: Evaluator, episode: Episo
 
 
 def ids(world: World, names: Iterable[object]) -> tuple[int, ...]:
-    """Find objects."""
     found = [world.object(str(name)) for name in names]
     return tuple([id_ for id_ in found if id_ is not None])
 
 
 def fact(world: World, atom: Atom) -> tuple[int, tuple[int, ...]]:
-    """Find a fact."""
     predicate = world.definitions.predicates.named(atom.predicate)
     assert predicate is not None
     return predicate.id, ids(world, atom.terms)
 
 
 def put(world: World, fluent: Fluent, value: Fraction | str | None) -> None:
-    """Set the value of a fluent."""
     function = world.definitions.functions.named(fluent.function)
     assert function is not None
     given: Decimal | int | None = decimal_of(value) if isinstance(value, Fraction) else None

@@ -22,7 +22,6 @@ States = list[tuple[Decimal, set[str]]]
 
 
 def judge(constraints: list[f.Formula], states: States) -> Trajectory:
-    """Judge a whole trajectory."""
     trajectory = Trajectory(constraints, lambda variable: ("one", "two"))
     now: set[str] = set()
 

@@ -47,7 +47,6 @@ def _section(title: str) -> str:
 
 
 def _files(title: str) -> set[str]:
-    """The modules that a recipe names."""
     return {
         name
         for name in re.findall(r"`([\w/]+\.py)`", _section(title))

@@ -48,7 +48,6 @@ class Bare(NamedTuple):
         return cursor.fetchall() if cursor.description else []
 
     def rows(self, table: str) -> list[Row]:
-        """Read a table."""
         names = list(TABLES[table].c.keys())
         # A document as the text that it is.
         read = ["CAST(source AS text)" if name == "source" else name for name in names]
@@ -64,13 +63,11 @@ class Bare(NamedTuple):
         self.run(f"UPDATE {table} SET {assignments} WHERE {where}", *values)
 
     def delete(self, table: str, row: Row) -> None:
-        """Delete a row."""
         key = TABLES[table].primary_key.columns.keys()
         where = " AND ".join(f"{name} = ?" for name in key)
         self.run(f"DELETE FROM {table} WHERE {where}", *(row[name] for name in key))
 
     def insert(self, table: str, row: Row) -> None:
-        """Insert a row."""
         marks = ", ".join("?" for _ in row)
         self.run(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", *row.values())
 

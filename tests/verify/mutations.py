@@ -27,7 +27,6 @@ class Mutation(NamedTuple):
     changes: Row  # what is set
 
     def apply(self, bare: Bare) -> None:
-        """Make the change."""
         if self.column == "delete":
             bare.delete(self.table, self.row)
         elif self.column in ("double", "insert"):

@@ -82,14 +82,12 @@ def story_url(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def client(story_url: str) -> Iterator[TestClient]:
-    """A client of the application."""
     with TestClient(create_app(story_url), base_url=BASE) as made:
         yield made
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def filled(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Filled]:
-    """A knowledge base to fill, and a reader of it."""
     if request.param == "sqlite":
         url = f"sqlite:///{tmp_path / 'store.db'}"
     else:

@@ -22,7 +22,6 @@ from tests.web.conftest import Filled, archive_some, get, walk
 
 
 def plan_id(client: TestClient) -> int:
-    """The id of the only plan of the story."""
     (plan,) = get(client, "/plans")["plans"]
     found: int = plan["plan"]
     return found

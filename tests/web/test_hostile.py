@@ -53,7 +53,6 @@ def postgresql_hostile(server: Server) -> str:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def hostile(request: pytest.FixtureRequest) -> Iterator[TestClient]:
-    """A client of the application of a hostile store."""
     url = request.getfixturevalue(f"{request.param}_hostile")
     with TestClient(create_app(url), base_url=BASE) as client:
         yield client

@@ -33,8 +33,6 @@ SOON = 20.0
 
 
 class Event(NamedTuple):
-    """A server-sent event."""
-
     id: str
     data: dict[str, Any]
 
@@ -58,7 +56,6 @@ class Listening:
         raise AssertionError("the stream has ended")
 
     def comment(self) -> None:
-        """Wait for a comment."""
         assert any(line.startswith(":") for line in self._lines)
 
     def rest(self) -> Iterator[str]:

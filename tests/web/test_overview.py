@@ -54,7 +54,6 @@ def test_what_has_no_planned_end_is_not_due_and_what_is_over_it_is_late(busy: Fi
 
 
 def step_of(kb: KnowledgeBase) -> Execution:
-    """Record a step that takes a minute."""
     step = PlanStep(Decimal(0), "dock", ("rb1",), Decimal(60))
     return kb.plans.record(Plan((step,), "by hand", "unknown")).steps[0]
 

@@ -90,7 +90,6 @@ def story(story_url: str) -> Iterator[KnowledgeBase]:
 
 @pytest.fixture
 def sqlite_kb(sqlite_story: str) -> Iterator[KnowledgeBase]:
-    """The story on SQLite."""
     with kant_sql.connect(sqlite_story, knowledge_base="courier", read_only=True) as kb:
         yield kb
 
@@ -161,7 +160,6 @@ def test_it_needs_nothing_else(story: KnowledgeBase) -> None:
 
 
 def drawing(text: str) -> str:
-    """The drawing of the timeline."""
     found = re.findall(r"<svg.*</svg>", text, re.DOTALL)
     assert len(found) == 1
     return str(found[0])

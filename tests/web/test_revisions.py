@@ -21,7 +21,6 @@ from tests.web.conftest import Filled, archive_some, get, walk
 
 
 def numbers(page: Any) -> list[int]:
-    """The revisions of a page."""
     return [line["number"] for line in page["revisions"]]
 
 

@@ -60,7 +60,6 @@ def everything(pages: Sequence[str] = ALL) -> Iterator[str]:
 
 @contextmanager
 def serving(url: str, folder: Path, *words: str, **options: Any) -> Iterator[Serving]:
-    """Serve a store for a while."""
     served = Serving(url, folder, *words, **options)
     try:
         yield served
@@ -70,7 +69,6 @@ def serving(url: str, folder: Path, *words: str, **options: Any) -> Iterator[Ser
 
 @pytest.fixture(scope="module")
 def served(sqlite_story: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
-    """A server of the story."""
     with serving(sqlite_story, tmp_path_factory.mktemp("served")) as running:
         yield running
 

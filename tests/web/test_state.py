@@ -20,7 +20,6 @@ from tests.web.conftest import Filled
 
 
 def part(data: Any, kind: str) -> Any:
-    """The part of one kind."""
     return next(one for one in data["parts"] if one["kind"] == kind)
 
 

@@ -40,7 +40,6 @@ Post = Callable[..., Any]
 
 @pytest.fixture
 def tokens(tmp_path: Path) -> TokenFile:
-    """A file of tokens."""
     return TokenFile(tmp_path / "tokens.json")
 
 
@@ -55,7 +54,6 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 @pytest.fixture
 def client(url: str, tokens: TokenFile) -> Iterator[TestClient]:
-    """A client of a server of which programs write."""
     with TestClient(create_app(url, tokens=tokens), base_url=BASE) as made:
         yield made
 

@@ -57,7 +57,6 @@ def execute(url: str, script: str) -> None:
 
 
 def drop_foreign_keys(connection: psycopg.Connection[Any], table: str) -> None:
-    """Drop the foreign keys of a table."""
     keys = connection.execute(
         "SELECT conname FROM pg_constraint WHERE conrelid = %s::regclass AND contype = 'f'", [table]
     )

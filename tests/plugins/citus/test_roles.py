@@ -36,7 +36,6 @@ class Users(NamedTuple):
 
 
 def searching(url: str, *schemas: str) -> str:
-    """The URL with another search path."""
     path = {"options": f"-csearch_path={','.join(schemas)}"}
     return make_url(url).update_query_dict(path).render_as_string(hide_password=False)
 

@@ -42,7 +42,6 @@ def opened(url: str) -> Iterator[Session]:
 
 
 def setting(session: Session, name: str) -> str:
-    """A setting on the worker."""
     return str(session.rows_of(ON_WORKER.format(name))[0][1])
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from itertools import pairwise
 from typing import NamedTuple
 
 import kant_sql
@@ -24,16 +23,10 @@ class Work(NamedTuple):
     Attributes:
         saved: of each knowledge base, the numbers of the facts whose saving returned.
         unsure: of each knowledge base, the numbers of facts whose saving raised an error.
-        longest_pause: the longest time between two revisions of one writer, in seconds.
-        usual_pause: the same before something happened.
-        took: how long what happened took, in seconds.
     """
 
     saved: dict[str, list[int]]
     unsure: dict[str, list[int]]
-    longest_pause: float
-    usual_pause: float
-    took: float
 
 
 def names(writers: int) -> list[str]:
@@ -45,7 +38,6 @@ def at_work(url: str, writers: int, happens: Callable[[], object]) -> Work:
     """Let writers save facts, one after the other, while something happens."""
     saved: dict[str, list[int]] = {name: [] for name in names(writers)}
     unsure: dict[str, list[int]] = {name: [] for name in names(writers)}
-    times: dict[str, list[float]] = {name: [] for name in names(writers)}
     is_over = threading.Event()
 
     def write(kb: KnowledgeBase, name: str) -> None:
@@ -58,7 +50,6 @@ def at_work(url: str, writers: int, happens: Callable[[], object]) -> Work:
                 unsure[name].append(number)
             else:
                 saved[name].append(number)
-                times[name].append(time.monotonic())
 
     kbs = {name: kant_sql.connect(url, knowledge_base=name) for name in names(writers)}
     for kb in kbs.values():
@@ -68,9 +59,7 @@ def at_work(url: str, writers: int, happens: Callable[[], object]) -> Work:
         thread.start()
     try:
         time.sleep(AROUND)
-        began = time.monotonic()
         happens()
-        ended = time.monotonic()
         time.sleep(AROUND)
     finally:
         is_over.set()
@@ -78,22 +67,7 @@ def at_work(url: str, writers: int, happens: Callable[[], object]) -> Work:
             thread.join()
         for kb in kbs.values():
             kb.close()
-    return Work(
-        saved,
-        unsure,
-        max(_pauses(times, began, ended + AROUND)),
-        max(_pauses(times, 0, began - AROUND / 10)),
-        ended - began,
-    )
-
-
-def _pauses(times: dict[str, list[float]], low: float, high: float) -> list[float]:
-    return [
-        after - before
-        for moments in times.values()
-        for before, after in pairwise(moments)
-        if low <= after and before <= high
-    ] or [0.0]
+    return Work(saved, unsure)
 
 
 def check_work(url: str, work: Work) -> None:
@@ -108,7 +82,7 @@ def check_work(url: str, work: Work) -> None:
             assert kb.store.verify(structure=False).is_intact
 
 
-def move_a_shard(cluster: Cluster, url: str) -> int:
+def move_a_shard(cluster: Cluster, url: str) -> None:
     """Move the shard of the first knowledge base, with those colocated, to another worker."""
     ((shard, host, port),) = cluster.run(
         "SELECT shardid, nodename, nodeport FROM citus_shards "
@@ -124,7 +98,6 @@ def move_a_shard(cluster: Cluster, url: str) -> int:
         "'force_logical')",
         url,
     )
-    return int(shard)
 
 
 def crash_a_worker(cluster: Cluster, url: str, group: int) -> None:

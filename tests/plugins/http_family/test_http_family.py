@@ -55,7 +55,6 @@ BATTERY = "(= (battery) 0)"
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[Served]:
-    """A server of an empty store."""
     with served(new_file_store(tmp_path / "store.db"), tmp_path) as running_server:
         yield running_server
 
@@ -296,6 +295,7 @@ def cut_at_random(
     kb: KnowledgeBase, server: Served, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[None]:
     """Cut the connections of a block at random places."""
+    monkeypatch.setattr(http_family, "PAUSES", (0.0,) * 60)
     send = http_family._Link._send
 
     def send_alone(self: Any, method: str, target: str, body: bytes, headers: Any) -> Any:
@@ -309,14 +309,19 @@ def cut_at_random(
     assert min(proxy.cuts.values()) > 30
 
 
+@pytest.fixture
+def direct(server: Served, connect: Connect) -> KnowledgeBase:
+    """A knowledge base of the server's store with a value to count by."""
+    kb = connect(server.url, knowledge_base="tiago", actor="setup")
+    assert kb.functions.save("(battery) - number")
+    assert kb.function_values.save(BATTERY)
+    return kb
+
+
 @pytest.mark.more
 def test_writes_whose_connections_are_cut_are_written_once(
-    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    server: Served, direct: KnowledgeBase, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_family, "PAUSES", (0.0,) * 60)
-    direct = connect(server.url, knowledge_base="tiago", actor="setup")
-    assert direct.functions.save("(battery) - number")
-    assert direct.function_values.save(BATTERY)
     kb = connect(server.at("tiago"))
     with cut_at_random(kb, server, monkeypatch):
         done = [kb.function_values.increase("battery", by=1) for _ in range(100)]
@@ -459,12 +464,8 @@ def test_a_token_that_may_not_read_reads_in_no_transaction(
 
 @pytest.mark.more
 def test_transactions_whose_connections_are_cut_are_written_once(
-    server: Served, connect: Connect, monkeypatch: pytest.MonkeyPatch
+    server: Served, direct: KnowledgeBase, connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_family, "PAUSES", (0.0,) * 60)
-    direct = connect(server.url, knowledge_base="tiago", actor="setup")
-    assert direct.functions.save("(battery) - number")
-    assert direct.function_values.save(BATTERY)
     kb = connect(server.at("tiago"))
     with cut_at_random(kb, server, monkeypatch):
         for number in range(30):

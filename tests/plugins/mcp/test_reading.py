@@ -262,7 +262,6 @@ def test_a_tool_that_is_unknown_is_an_error_of_the_protocol(reader: KantServer, 
 
 
 def texts_in(data: Any) -> Iterator[str]:
-    """All texts of a document."""
     if isinstance(data, str):
         yield data
     elif isinstance(data, dict | list):
