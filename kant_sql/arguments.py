@@ -7,7 +7,7 @@ import re
 import reprlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from datetime import timedelta
+from datetime import datetime, timedelta
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -65,6 +65,8 @@ _REPR = _Shown()
 
 def shown(value: object, length: int = 80) -> str:
     """Return a value for a message: bounded, on one line, even if its `repr()` fails."""
+    if isinstance(value, datetime):
+        return value.isoformat()
     return " ".join(_REPR.repr(value).split("\n"))[:length]
 
 

@@ -13,6 +13,7 @@ from tests.benchmarks import engines, sizing
 SMALL = {
     "adding": ["--rounds", "2", "--backend", "sqlite"],
     "causing": ["--acts", "20", "--backend", "sqlite"],
+    "answering": ["--facts", "2000", "--edges", "90", "--rounds", "3", "--backend", "sqlite"],
     "asof": ["--changes", "30000", "--small", "20000", "--backend", "sqlite"],
     "documents": ["--facts", "50", "--repeat", "1", "--backend", "sqlite"],
     "knowledge_bases": ["--robots", "4", "--revisions", "4", "--backend", "sqlite"],
