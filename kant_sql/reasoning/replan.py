@@ -138,13 +138,18 @@ def replan(
     if broken is None:
         return Replanned(given, None, is_validated)
     given = _as_now(state, given)
-    runs = [step for step in given.steps if step.outcome == RUNNING]
-    if runs:
-        raise PlanError(
-            f"plan {given.id} broke while {runs[0].place}, {runs[0]}, runs: {broken}; end or abort "
-            "that step, and plan again"
-        )
+    _refuse_running(given, broken)
     return Replanned(take_over(state, given, broken, options), broken, True)
+
+
+def _refuse_running(plan: RecordedPlan, why: str) -> None:
+    """Refuse to replace a plan of which a step runs."""
+    runs = next((step for step in plan.steps if step.outcome == RUNNING), None)
+    if runs is not None:
+        raise PlanError(
+            f"plan {plan.id} broke while {runs.place}, {runs}, runs: {why}; end or abort that "
+            "step, and plan again"
+        )
 
 
 def check_options(options: object) -> None:
@@ -184,6 +189,12 @@ def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -
     is_within = state.store.current() is not None
     found, dao = search.plan(state, **options), SqlPlanDao(state.store)
     with state.store.transaction(reason=f"plan {old.id} broke: {why}"):
+        # Others may have begun a step, or replaced the plan, while the planner worked.
+        old = _as_now(state, old)
+        other = _successor(state, old)
+        if other.id != old.id:
+            return other
+        _refuse_running(old, why)
         try:
             made = dao.record(found)
         except PlanError as error:

@@ -23,7 +23,7 @@ from kant_sql.errors import (
     ReadOnlyError,
 )
 from kant_sql.knowledge_base import state_of
-from kant_sql.reasoning import replan
+from kant_sql.reasoning import replan, search
 from kant_sql.reasoning.execute import Executive
 from kant_sql.reasoning.replan import Remaining
 from kant_sql.store.state import State
@@ -390,6 +390,34 @@ def test_a_step_that_is_done_while_its_plan_is_judged_breaks_nothing(
 
     monkeypatch.setattr(replan, "read_task", read_later)
     assert kb.replan(engine="none: sh -c 'exit 0' {domain} {problem}").broken is None
+
+
+@pytest.mark.parametrize("other", ["replans", "begins a step"])
+def test_what_others_do_while_the_planner_works_counts(
+    other: str, kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, knows: Callable[..., list[str]]
+) -> None:
+    plan, (engine,) = search.plan, knows(FAR)
+    before = kb.plans.record(
+        Plan.read("0: (sweep hall) [5]\n6: (go hall kitchen d1)\n8: (go kitchen office d2)\n")
+    )
+
+    def plan_meanwhile(state: State, **options: Any) -> Plan:
+        monkeypatch.undo()
+        found = plan(state, **options)
+        if other == "replans":
+            assert camera(kb).replan(engine=engine).plan.id == 3
+        else:
+            camera(kb).start(before.steps[0])
+        return found
+
+    kb.propositions.delete("(open d2)")
+    monkeypatch.setattr(search, "plan", plan_meanwhile)
+    if other == "replans":
+        assert kb.replan(engine=engine).plan.id == 3
+    else:
+        with pytest.raises(PlanError, match=r"plan 2 broke while .*\(sweep hall\).* runs"):
+            kb.replan(engine=engine)
+    assert kb.plans.get(4) is None
 
 
 def test_a_plan_that_is_given_up_just_before_it_is_made_again_is_not(
