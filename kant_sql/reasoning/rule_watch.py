@@ -116,20 +116,27 @@ class RuleWatcher:
 
     def stand(self, state: State) -> Verdicts:
         """Judge the revisions up to a state; return the verdicts on all rules so far."""
-        with self._lock:
-            # Within the lock: a head read before it may be older than another thread's.
-            head = head_revision(state)
-            if head < self.last:
-                # The store was put back to an earlier state.
-                self.last, self._judges, self._sweep = 0, {}, None
-            self._judge(head)
+        # Within a transaction, nobody is waited for, who may wait for its connection.
+        if not self._lock.acquire(blocking=self._store.current() is None):
+            return RuleWatcher(self._store, 0).stand(state)
+        try:
+            return self._stand(state)
+        finally:
+            self._lock.release()
 
-            def work(session: Session, kb_id: int) -> list[Verdict]:
-                return stand(session, kb_id, [*self._judges.values()])
+    def _stand(self, state: State) -> Verdicts:
+        # With the lock: a head read before it may be older than another thread's.
+        head = head_revision(state)
+        if head < self.last:
+            # The store was put back to an earlier state.
+            self.last, self._judges, self._sweep = 0, {}, None
+        self._judge(head)
 
-            none: list[Verdict] = []
-            found = self._store.query_known(work, none)
-            return Verdicts(found, first=min(head, 1), last=head)
+        def work(session: Session, kb_id: int) -> list[Verdict]:
+            return stand(session, kb_id, [*self._judges.values()])
+
+        none: list[Verdict] = []
+        return Verdicts(self._store.query_known(work, none), first=min(head, 1), last=head)
 
     def within(self, low: int, high: int) -> list[Verdict]:
         """Judge a range as a whole by the rules that are kept at its end, each since it was."""

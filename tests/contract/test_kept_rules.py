@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -15,8 +17,11 @@ import kant_sql
 from kant_sql import DependantsError, KnowledgeBase, UnsupportedConstructError, aio
 from kant_sql.errors import InvalidKnowledgeError, InvalidNameError, PddlError
 from kant_sql.errors import RuleViolatedError as Refused
+from kant_sql.history.moments import head_revision
 from kant_sql.knowledge_base import state_of
+from kant_sql.reasoning import rule_watch
 from kant_sql.reasoning.rule_watch import kept_within
+from kant_sql.store.state import State
 from tests.support.profile import HUNT
 from tests.support.reading import Undone, beside, last_changes, present
 from tests.support.statements import count
@@ -436,6 +441,28 @@ def test_a_watched_verdict_is_that_of_check_rules(kb: KnowledgeBase) -> None:
             assert verdict.is_satisfied == (seen[rule] == "kept"), rule
     last = {each.rule: each.verdict for each in watching}
     assert last.items() <= seen.items()
+
+
+def test_within_a_transaction_nobody_else_who_judges_is_waited_for(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kb.rules.save("alone", ONE_PLACE)
+    judges, has_answer = threading.Event(), threading.Event()
+
+    def wait(state: State) -> int:
+        if not judges.is_set():
+            judges.set()
+            assert has_answer.wait(20)
+        return head_revision(state)
+
+    monkeypatch.setattr(rule_watch, "head_revision", wait)
+    with ThreadPoolExecutor(1) as other:
+        found = other.submit(kb.rules.standing)
+        assert judges.wait(60)
+        with kb.transaction():
+            assert {each.verdict for each in kb.rules.standing()} == {"kept"}
+            has_answer.set()
+        assert {each.verdict for each in found.result(60)} == {"kept"}
 
 
 def test_standing_goes_on_from_the_last_call(kb: KnowledgeBase) -> None:
