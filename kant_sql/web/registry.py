@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from datetime import datetime
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
@@ -12,7 +12,6 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from .. import errors
-from ..arguments import shown
 from ..html import visible
 from ..json_values import JsonValue, json_value
 from ..knowledge_base import KnowledgeBase
@@ -174,15 +173,6 @@ async def _form(request: Request, error: errors.KantSqlError, template: str) -> 
     return render(request, template, None, kb, status=status_of(error), error=said)
 
 
-def _check_names(request: Request, known: Collection[str]) -> None:
-    """Refuse a parameter that nothing would read: the answer would be to another question."""
-    for name in request.query_params:
-        if name not in known:
-            raise errors.InvalidArgumentError(
-                f"{request.url.path} has no parameter {shown(name)}; it has {', '.join(known)}"
-            )
-
-
 def _check_texts(query: Mapping[str, object]) -> None:
     for name, value in query.items():
         if isinstance(value, str) and "\0" in value:
@@ -199,7 +189,6 @@ def _endpoint(
     signature = inspect.signature(function, eval_str=True)
     first, *others = signature.parameters.values()
     of_store = first.annotation is OpenStore
-    known = ["kb", *(other.name for other in others)]
 
     async def endpoint(request: Request, **query: Any) -> Any:
         store: OpenStore = request.app.state.store
@@ -227,8 +216,6 @@ def _endpoint(
                 return read(kb, chosen, head)
 
         try:
-            if respond is _json:
-                _check_names(request, known)
             _check_texts(query)
             found = await answer(request, work)
         except errors.KantSqlError as error:
