@@ -49,6 +49,8 @@ class _Shown(reprlib.Repr):
         if isinstance(x, int) and not isinstance(x, bool):
             return self.repr_int(x, level)
         try:
+            if isinstance(x, datetime):
+                return x.isoformat()
             return str(x) if isinstance(x, Readable) else super().repr1(x, level)
         except Exception:
             # Its class may have the name of a class that reprlib knows.
@@ -65,8 +67,6 @@ _REPR = _Shown()
 
 def shown(value: object, length: int = 80) -> str:
     """Return a value for a message: bounded, on one line, even if its `repr()` fails."""
-    if isinstance(value, datetime):
-        return value.isoformat()
     return " ".join(_REPR.repr(value).split("\n"))[:length]
 
 
