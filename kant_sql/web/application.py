@@ -14,7 +14,7 @@ from typing import Protocol
 
 import anyio
 import uvicorn
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from fastapi.staticfiles import StaticFiles
@@ -23,6 +23,7 @@ from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
 from .. import __version__
+from ..arguments import shown
 from ..dao_calls import DAO_PATH, LONGEST_BODY, TOKEN_VARIABLE, is_loopback
 from ..errors import InvalidArgumentError, KantSqlError
 from ..json_values import JsonValue, json_value
@@ -124,13 +125,14 @@ def create_app(
     app.state.writing = writing
     app.state.transactions = Transactions()
     # First: programs ask these most often, and the routes before a path are tried one by one.
-    app.include_router(reading)
+    strict = [Depends(_check_parameters)]
+    app.include_router(reading, dependencies=strict)
     if writing is not None:
-        app.include_router(write_routes)
+        app.include_router(write_routes, dependencies=strict)
     for pages in (*TOPICS, *added):
-        app.include_router(pages.api)
+        app.include_router(pages.api, dependencies=strict)
         app.include_router(pages.html)
-    app.include_router(live)
+    app.include_router(live, dependencies=strict)
     describe(app)
     for name, endpoint in endpoints.items():
         app.router.routes.append(Route(f"/{name}", endpoint, methods=["POST"]))
@@ -142,6 +144,16 @@ def create_app(
         Guard, bound=bound, hosts=allowed_hosts(bound, hosts), token=token, programs=own
     )
     return app
+
+
+async def _check_parameters(request: Request) -> None:
+    """Refuse a parameter that the route does not read: the answer would be to another question."""
+    known = [each.alias for each in request.scope["route"].dependant.query_params]
+    for name in request.query_params:
+        if name not in known:
+            raise InvalidArgumentError(
+                f"{request.url.path} has no parameter {shown(name)}; it has {', '.join(known)}"
+            )
 
 
 def _answer_errors(app: FastAPI) -> None:

@@ -54,6 +54,7 @@ def test_errors_are_one_sentence_with_a_status(client: TestClient) -> None:
     ("path", "query", "status", "said"),
     [
         ("log", {"actor": "executiv"}, 404, "did you mean executive"),
+        ("log", {"acter": "executive"}, 400, "/api/log has no parameter 'acter'; it has kb, "),
         ("log", {"element": "(robot_at rb7 t1)"}, 404, "rb7"),
         ("state", {"at": "37"}, 404, "it is at 36"),
         ("state", {"at": "never"}, 400, "2026-01-31T09:30:00Z"),
