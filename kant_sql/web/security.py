@@ -9,7 +9,7 @@ import socket
 from collections.abc import Iterable, Mapping
 from urllib.parse import parse_qs, quote, unquote_to_bytes, urlencode, urlsplit
 
-from fastapi.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from fastapi.responses import JSONResponse, RedirectResponse, Response
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.exceptions import HTTPException
 from starlette.requests import Request, cookie_parser
@@ -26,7 +26,8 @@ logger = logging.getLogger("kant_sql.web")
 TOKEN_COOKIE = "kant_sql_token"
 LOGIN = "/token"
 _LONGEST_FORM = 10_000
-_WRONG = "its token is not the one of this server"
+_WRONG = "the token is not the one of this server"
+_NO_TOKEN = "give the token of this server: Authorization: Bearer TOKEN"
 _UNKNOWN = "the token is unknown, or was revoked: get one by 'kant-sql tokens add'"
 # No inline script or style, nothing from elsewhere, in no other page's frame.
 POLICY = "; ".join(
@@ -227,13 +228,13 @@ class Guard:
         headers = Headers(scope=scope)
         name = _host_name(headers.get("host", ""))
         if not self._is_known(name):
-            log_refusal(scope, 400, f"it asked for the host {shown(name)}")
-            return PlainTextResponse(
-                "This server is not known under this name; start it with --allow-host NAME.", 400
+            return refusal(
+                scope,
+                400,
+                f"this server is not known as {shown(name)}; start it with --allow-host NAME",
             )
         if not (_is_read(scope, headers) or _is_same_site(headers)):
-            log_refusal(scope, 403, "it comes from another site")
-            return PlainTextResponse("This request comes from another site.", 403)
+            return refusal(scope, 403, "the request comes from another site")
         if not _is_text(scope["query_string"]):
             return refusal(scope, 400, "the query is not UTF-8, percent-encoded")
         if self._programs is not None:
@@ -248,8 +249,7 @@ class Guard:
         given = _given(headers)
         if self._is_token(given) or scope["path"].startswith("/static/"):
             return None
-        log_refusal(scope, 401, _WRONG if given else "it gave no token")
-        return self._ask_for_token(scope)
+        return self._ask_for_token(scope, _WRONG if given else _NO_TOKEN)
 
     def _is_known(self, name: str) -> bool:
         if name in self._hosts:
@@ -265,7 +265,7 @@ class Guard:
         async for part in request.stream():
             body += part
             if len(body) > _LONGEST_FORM:
-                return PlainTextResponse("This form is too long.", 413)
+                return refusal(request.scope, 413, "the form is too long")
         form = parse_qs(body.decode("utf-8", "replace"), keep_blank_values=True)
         given, target = form.get("token", [""])[0], form.get("next", ["/"])[0]
         if not self._is_token(given):
@@ -277,11 +277,11 @@ class Guard:
         response.set_cookie(TOKEN_COOKIE, given, httponly=True, samesite="lax", path="/")
         return response
 
-    def _ask_for_token(self, scope: Scope) -> Response:
+    def _ask_for_token(self, scope: Scope, why: str) -> Response:
         is_stream = "text/event-stream" in Headers(scope=scope).get("accept", "")
         if scope["path"].startswith("/api/") or scope["path"] == "/live" or is_stream:
-            headers = {"WWW-Authenticate": "Bearer"}
-            return PlainTextResponse("Give the token: Authorization: Bearer TOKEN.", 401, headers)
+            return refusal(scope, 401, why)
+        log_refusal(scope, 401, why)
         query = scope["query_string"].decode("latin-1")
         return _token_page(scope["path"] + (f"?{query}" if query else ""))
 

@@ -73,7 +73,7 @@ def test_a_server_for_others_knows_addresses_and_its_names(guarded: TestClient) 
 def test_without_the_token_nothing_is_read_and_each_refusal_is_logged(
     guarded: TestClient, given: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    why = "its token is not the one" if given.startswith("Bearer ") else "it gave no token"
+    why = "the token is not" if given.startswith("Bearer ") else "give the token of this server"
     for path in ("/", "/api/", "/revision?kb=courier&number=1", "/api/openapi.json", "/nothing"):
         caplog.clear()
         answer = guarded.get(path, headers={"authorization": given})
@@ -83,6 +83,11 @@ def test_without_the_token_nothing_is_read_and_each_refusal_is_logged(
         refused = f"refused GET {path.partition('?')[0]} to nobody at testclient: 401, {why}"
         assert said.startswith(refused)
         assert TOKEN not in said
+        if path.startswith("/api/"):
+            assert (answer.json()["type"], answer.headers["www-authenticate"]) == (
+                "RefusedError",
+                "Bearer",
+            )
 
 
 def test_a_wrong_token_of_the_page_is_logged_and_not_written(
@@ -99,11 +104,16 @@ def test_a_wrong_token_of_the_page_is_logged_and_not_written(
 def test_foreign_names_and_sites_are_logged(
     client: TestClient, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert client.get("/", headers={"host": "evil.example"}).status_code == 400
-    assert client.post("/token", headers={"origin": "http://evil.example"}).status_code == 403
+    answers = [
+        client.get("/", headers={"host": "evil.example"}),
+        client.post("/token", headers={"origin": "http://evil.example"}),
+    ]
+    name = "this server is not known as 'evil.example'; start it with --allow-host NAME"
+    site = "the request comes from another site"
+    assert [(one.status_code, one.json()["error"]) for one in answers] == [(400, name), (403, site)]
     assert [one.getMessage() for one in caplog.records if one.name == "kant_sql.web"] == [
-        "refused GET / to nobody at testclient: 400, it asked for the host 'evil.example'",
-        "refused POST /token to nobody at testclient: 403, it comes from another site",
+        f"refused GET / to nobody at testclient: 400, {name}",
+        f"refused POST /token to nobody at testclient: 403, {site}",
     ]
 
 
@@ -199,10 +209,18 @@ def test_names_and_actors_show_what_hides_in_them(
         # No call gives such a name.
         file.execute("UPDATE knowledge_base SET name = ? WHERE name = 'other'", (hidden,))
     with TestClient(create_app(url), base_url=BASE) as client:
-        for page in ("/", "/log", "/state", "/revision", "/timeline", "/fact", "/search", "/ask"):
-            asked = {"number": "1", "text": "(robot_at rb1 wp1)", "q": hidden, "actor": hidden}
-            asked |= {"condition": f"(robot_at ?{hidden} ?w)", "kb": "courier"}
-            query = urlencode({} if page == "/" else asked)
+        own = {"kb": "courier"}
+        for page, asked in {
+            "/": {},
+            "/log": own | {"actor": hidden},
+            "/state": own,
+            "/revision": own | {"number": "1"},
+            "/timeline": own,
+            "/fact": own | {"text": "(robot_at rb1 wp1)"},
+            "/search": own | {"q": hidden},
+            "/ask": own | {"condition": f"(robot_at ?{hidden} ?w)"},
+        }.items():
+            query = urlencode(asked)
             text = client.get(f"{page}?{query}").text
             assert list(Markup(text).faults()) == [], page
             assert visible(hidden) in text or page == "/ask", page
