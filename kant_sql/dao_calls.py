@@ -32,7 +32,8 @@ DAO_PATH = "/api/dao"
 TRANSACTION_PATH = f"{DAO_PATH}/transaction"
 TOKEN_VARIABLE = "KANT_SQL_TOKEN"
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
-# Bytes of a request, and elements in it.
+# Bytes of a request's address, with its headers, and of its body; and elements in that.
+LONGEST_HEAD = 256 << 10
 LONGEST_BODY, MOST_CHANGES = 16 << 20, 100_000
 # Levels of lists in lists: no argument has more than three.
 _DEEPEST = 8

@@ -143,8 +143,14 @@ class _Link:
 
     def get(self, **query: str) -> Any:
         """Ask what reads."""
-        query = {"kb": self.place.name, **query}
-        return self._repeat("GET", f"{dao_calls.DAO_PATH}?{urlencode(query)}", None, {})
+        target = f"{dao_calls.DAO_PATH}?{urlencode({'kb': self.place.name, **query})}"
+        # The headers have some of it.
+        if len(target) > (most := dao_calls.LONGEST_HEAD - 2_000):
+            raise InvalidArgumentError(
+                f"the call has {len(target):,} bytes as an address, more than {most:,}; "
+                "ask in several"
+            )
+        return self._repeat("GET", target, None, {})
 
     def post(self, call: dict[str, object], path: str = dao_calls.DAO_PATH) -> Any:
         """Write once."""
@@ -231,6 +237,8 @@ class _Link:
             said = shown(errors.printable(text[:200].decode("utf-8", "replace")), 200)
         if status in (401, 403) and kind in (0, "RefusedError"):
             raise errors.AuthenticationError(f"{address}: {said}")
+        if kind == "RefusedError":
+            raise StoreError(f"{address}: {said}")
         if status in (429, 503) and kind in (0, "HTTPException"):
             raise errors.StoreBusyError(f"{address}: {said}")
         made = getattr(errors, kind, None) if isinstance(kind, str) else None

@@ -24,7 +24,7 @@ from starlette.types import Receive, Scope, Send
 
 from .. import __version__
 from ..arguments import shown
-from ..dao_calls import DAO_PATH, LONGEST_BODY, TOKEN_VARIABLE, is_loopback
+from ..dao_calls import DAO_PATH, LONGEST_BODY, LONGEST_HEAD, TOKEN_VARIABLE, is_loopback
 from ..errors import InvalidArgumentError, KantSqlError
 from ..json_values import JsonValue, json_value
 from ..plugins import Plugins
@@ -205,8 +205,6 @@ def _error(
 
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
-# Names and conditions are in the address.
-LONGEST_REQUEST = 256 * 1024
 
 
 def token_for(host: str) -> str | None:
@@ -271,7 +269,7 @@ def make_server(
         log_level="warning",
         server_header=False,
         proxy_headers=False,
-        h11_max_incomplete_event_size=LONGEST_REQUEST,
+        h11_max_incomplete_event_size=LONGEST_HEAD,
         timeout_graceful_shutdown=2,
     )
     return _Server(config), token

@@ -489,6 +489,9 @@ def test_too_much_for_one_request_is_refused_here(
         kb.types.save_all(endless())
     with pytest.raises(InvalidArgumentError, match="write it in several"):
         kb.types.save_all("x" * 2**20 for _ in range(17))
+    with pytest.raises(InvalidArgumentError, match="ask in several"):
+        kb.types.get("x" * 261_000)
+    assert kb.types.get("x" * 250_000) is None
     assert kb.revision == 0
 
 
