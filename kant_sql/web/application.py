@@ -148,7 +148,9 @@ def create_app(
 
 async def _check_parameters(request: Request) -> None:
     """Refuse a parameter that the route does not read: the answer would be to another question."""
-    known = [each.alias for each in request.scope["route"].dependant.query_params]
+    read = request.scope["route"].dependant.query_params
+    # A token for one knowledge base gives its name to every request.
+    known = dict.fromkeys(("kb", *(each.alias for each in read)))
     for name in request.query_params:
         if name not in known:
             raise InvalidArgumentError(

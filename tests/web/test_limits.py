@@ -76,7 +76,9 @@ def test_the_question_of_a_reader_who_leaves_is_cancelled(story_url: str) -> Non
         leave_during(address, "/api/slow?kb=courier", lambda: slow.began.wait(SOON))
         assert slow.ended.wait(SOON)
         assert isinstance(slow.error, QuestionCancelledError)
-        assert httpx2.get(f"{address}/api/revision?kb=courier&number=5").status_code == 200
+        assert (
+            httpx2.get(f"{address}/api/revision?kb=courier&number=5", timeout=60).status_code == 200
+        )
 
 
 def test_the_database_server_ends_it_too(postgresql_story: str) -> None:

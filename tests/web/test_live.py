@@ -139,8 +139,8 @@ def test_the_home_page_follows_all_knowledge_bases(
 def test_an_unknown_knowledge_base_is_refused(shared_url: str, kb: KnowledgeBase) -> None:
     with running(shared_url) as address:
         for path in ("/live", "/api/live"):
-            assert httpx2.get(f"{address}{path}?kb=nobody").status_code == 404
-        assert httpx2.get(f"{address}/live?kb=tiago&after=-1").status_code == 422
+            assert httpx2.get(f"{address}{path}?kb=nobody", timeout=SOON).status_code == 404
+        assert httpx2.get(f"{address}/live?kb=tiago&after=-1", timeout=SOON).status_code == 422
 
 
 def watchers() -> int:
@@ -173,7 +173,7 @@ def test_too_many_readers_are_refused(
 ) -> None:
     monkeypatch.setattr(live, "MOST_READERS", 1)
     with running(shared_url) as address, listening(address):
-        assert httpx2.get(f"{address}/live?kb=tiago").status_code == 503
+        assert httpx2.get(f"{address}/live?kb=tiago", timeout=SOON).status_code == 503
 
 
 def test_readers_who_leave_at_once_are_no_readers(
@@ -237,7 +237,9 @@ def test_a_file_that_takes_the_place_of_the_store_is_opened(
         for number in range(3):
             write(theirs, number)
     with running(shared_url) as address, listening(address, "kb=tiago&after=1") as stream:
-        assert httpx2.get(f"{address}/api/revision?kb=tiago&number=1").status_code == 200
+        assert (
+            httpx2.get(f"{address}/api/revision?kb=tiago&number=1", timeout=SOON).status_code == 200
+        )
         kb.close()
         place = Path(shared_url.removeprefix("sqlite:///"))
         for name in (f"{place}-wal", f"{place}-shm"):
@@ -245,9 +247,12 @@ def test_a_file_that_takes_the_place_of_the_store_is_opened(
         (tmp_path / "other.db").replace(place)
         event = stream.next()
         assert (event.id, event.data["actor"]) == ("3", "somebody else")
-        answer = httpx2.get(f"{address}/api/revision?kb=tiago&number=3")
+        answer = httpx2.get(f"{address}/api/revision?kb=tiago&number=3", timeout=SOON)
         assert answer.json()["revision"]["actor"] == "somebody else"
-        assert httpx2.get(f"{address}/api/").json()["knowledge_bases"][0]["revision"] == 3
+        assert (
+            httpx2.get(f"{address}/api/", timeout=SOON).json()["knowledge_bases"][0]["revision"]
+            == 3
+        )
 
 
 @pytest.mark.parametrize("shared_url", ["postgresql"], indirect=True)
@@ -281,10 +286,13 @@ def test_readers_go_on_after_a_restart_of_the_database(connect: Connect) -> None
 
 def test_pages_follow_what_they_show(shared_url: str, kb: KnowledgeBase) -> None:
     with running(shared_url) as address:
-        page = httpx2.get(f"{address}/revision?kb=tiago&number=1").text
+        page = httpx2.get(f"{address}/revision?kb=tiago&number=1", timeout=SOON).text
         assert 'data-feed="/live?kb=tiago" data-head="1"' in page
         assert "data-live" in page
         assert 'role="status" aria-live="polite"' in page
         assert "/static/live.js?v=" in page
-        assert 'data-feed="/live" data-head="1"' in httpx2.get(address).text
-        assert "data-feed" not in httpx2.get(f"{address}/revision?kb=tiago&number=9").text
+        assert 'data-feed="/live" data-head="1"' in httpx2.get(address, timeout=SOON).text
+        assert (
+            "data-feed"
+            not in httpx2.get(f"{address}/revision?kb=tiago&number=9", timeout=SOON).text
+        )

@@ -36,7 +36,7 @@ def test_the_tools_answer_over_http_as_the_pages_do(url: str) -> None:
 
     with running(url) as address:
         known, domain, count = asked(f"{address}/mcp", work)
-        page = httpx2.get(f"{address}/api/state").json()
+        page = httpx2.get(f"{address}/api/state", timeout=PATIENCE).json()
     assert known.structured_content == page
     assert "(domain ward)" in domain.contents[0].text
     assert count > 20
