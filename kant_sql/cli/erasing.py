@@ -1,4 +1,4 @@
-"""`kant-sql erase` and `retention`: what names somebody is destroyed."""
+"""`kant-sql erase` and `retention`: destroy names and texts."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def erase(
 ) -> int:
     """Erase the name of an object, or texts of single revisions.
 
-    Without --yes it changes nothing: it counts the texts that would be erased, and lists others
-    that may name the same person. Exits with 1 if bytes of the name may remain in the database.
+    Without --yes it changes nothing: it counts the texts to erase, and lists others that may name
+    the same person. Exits with 1 if bytes of the name may remain in the database.
     """
     url, objects = _ERASE.split(words)
     if bool(objects) == bool(revision):
@@ -142,7 +142,7 @@ def _write_preview(found: ErasurePreview, name: str, as_json: bool) -> None:
 def _write_said(
     name: str, kb: KnowledgeBase, numbers: list[int], parts: list[str], as_json: bool
 ) -> None:
-    """Show what revisions say that would be erased."""
+    """Show the texts of revisions that would be erased."""
     from ..history.erasure.erase import make_wanted
     from ..history.revisions import refuse_unknown
 
@@ -200,7 +200,7 @@ def retention(
     of = "*" if of_actor is None else f'"{of_actor}"'
     lines = [] if after is None else [f"{of} {after} {_PARTS if parts is None else parts}"]
     if rules is not None:
-        # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
+        # Bytes that are not text are refused as a rule. Editors may begin a file with a mark.
         with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:
             lines += file.read().splitlines()
     wanted = read_rules(lines)
@@ -230,7 +230,7 @@ def _retain(
 
     with c.open_to_read(url, kb) as (name, knowledge_base):
         for named in sorted({rule.actor for rule in rules if rule.actor is not None}):
-            # It may be misspelt, or have written nothing yet.
+            # The actor may be misspelt, or have written nothing yet.
             try:
                 refuse_unknown_actor(state_of(knowledge_base).store, named)
             except UnknownNameError as error:

@@ -33,7 +33,7 @@ def add(
         option("What it may do: read, write, apply or verify; repeatable.", metavar="SCOPE"),
     ],
 ) -> None:
-    """Make a token, and write it to standard output, only this once."""
+    """Make a token, and write it to standard output, once only."""
     from ..web.tokens import TokenFile
 
     made = TokenFile(file).add(actor, kb, scope)
