@@ -300,7 +300,7 @@ def rules(
     url, given = _RULES.split(words)
     source = next(map(rules_source, given), None)
     if refuse and save is None:
-        raise typer.BadParameter("goes with --save", param_hint="--refuse")
+        raise typer.BadParameter("needs --save", param_hint="--refuse")
     of_range = bool(since or until or clock != COMMITTED)
     if save is not None or delete is not None:
         if of_range or kept or at or as_json or (given and save is None):
@@ -309,7 +309,7 @@ def rules(
         with c.open_to_read(url, kb, actor) as (_, knowledge_base):
             return _change_kept(knowledge_base, save, delete, source, refuse)
     if actor is not None:
-        raise typer.BadParameter("goes with --save or --delete", param_hint="--actor")
+        raise typer.BadParameter("needs --save or --delete", param_hint="--actor")
     if kept and (given or of_range):
         raise typer.BadParameter(
             "judges each rule since it was saved; leave out RULES, --since, --until and --clock",

@@ -24,7 +24,10 @@ Archive = Annotated[
 _PARTS = "reason,source"
 Parts = Annotated[
     str | None,
-    c.option(f"What to erase: {', '.join(SAID)}, by commas; default: {_PARTS}.", metavar="PARTS"),
+    c.option(
+        f"What to erase: {', '.join(SAID)}, separated by commas; default: {_PARTS}.",
+        metavar="PARTS",
+    ),
 ]
 _ERASE = c.CommandWords("[URL] [OBJECT]", "sqlite:///robot.db maria")
 _RETENTION = c.CommandWords("[URL]", "sqlite:///robot.db --after 30d")
@@ -46,7 +49,7 @@ def erase(
     also: Annotated[
         list[str] | None,
         c.option(
-            f"Also erase these parts of revisions with the name: {', '.join(SAID)}, by commas.",
+            f"Also erase these parts of revisions with the name: {', '.join(SAID)}, separated by commas.",
             metavar="PARTS",
         ),
     ] = None,
@@ -118,7 +121,7 @@ def erase(
 def _goes_with(other: object, what: str, option: str, given: str | list[str] | None) -> None:
     """Refuse an option that would be ignored."""
     if given is not None and not other:
-        raise typer.BadParameter(f"goes with {what}", param_hint=option)
+        raise typer.BadParameter(f"needs {what}", param_hint=option)
 
 
 def _write_preview(found: ErasurePreview, name: str, as_json: bool) -> None:
@@ -163,7 +166,7 @@ def retention(
     words: Annotated[list[str] | None, _RETENTION.argument("none.")] = None,
     after: Annotated[
         str | None,
-        c.option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE"),
+        c.option("Erase in revisions older than this, such as 30d, 12h or 90m.", metavar="AGE"),
     ] = None,
     parts: Parts = None,
     of_actor: Annotated[
@@ -172,7 +175,7 @@ def retention(
     rules: Annotated[
         str | None,
         c.option(
-            "A file of rules, one a line, as 'camera 30d reason,source'; * is any actor.",
+            "A file with a rule per line, such as 'camera 30d reason,source'; * is any actor.",
             metavar="FILE",
         ),
     ] = None,

@@ -39,7 +39,7 @@ _Best = Annotated[
 _Memory = Annotated[
     int | None, c.option("The most megabytes of a planner's process.", metavar="MB", min=1)
 ]
-_Timeout = Annotated[float | None, c.seconds("Stop planning after so long.")]
+_Timeout = Annotated[float | None, c.seconds("Stop planning after this time.")]
 _Strict = Annotated[
     bool, c.option("Fail rather than ignore a part of the metric or a preference.", "--strict")
 ]

@@ -316,7 +316,7 @@ def archive(
 def _write_archived(printer: Printer, name: str, done: Archived, dry_run: bool) -> None:
     kb = f"knowledge base {printable(name)}"
     if not done.versions:
-        printer.line(f"{kb}: nothing is here that ended up to revision {done.upto}")
+        printer.line(f"{kb}: no version ended up to revision {done.upto}")
         return
     verb = "to move" if dry_run else f"moved in revision {done.revision}"
     total = sum(done.versions.values())
@@ -390,14 +390,14 @@ def export(
     predicate: Annotated[
         list[str] | None,
         c.option(
-            "Of a plugin's format: only this predicate or function; you can repeat this.",
+            "For a plugin's format: only this predicate or function; repeatable.",
             metavar="NAME",
         ),
     ] = None,
     element: Annotated[
         list[str] | None,
         c.option(
-            "Of a plugin's format: only this fact or fluent, as '(robot_at rb1 wp1)'; may be given "
+            "For a plugin's format: only this fact or fluent, such as '(robot_at rb1 wp1)'; may be given "
             "several times.",
             metavar="TEXT",
         ),

@@ -26,7 +26,7 @@ def add(
     actor: Annotated[str, option("The actor of its writes.", metavar="NAME")],
     kb: Annotated[
         list[str],
-        option("The knowledge base that it is for, * for all; repeatable.", metavar="NAME"),
+        option("A knowledge base for the token, or * for all; repeatable.", metavar="NAME"),
     ],
     scope: Annotated[
         list[str],

@@ -48,7 +48,8 @@ def verify(
     url: Url,
     kb: Name = None,
     verify_all: Annotated[
-        bool, option("Verify all knowledge bases, each from where it was last verified.", "--all")
+        bool,
+        option("Verify all knowledge bases, each from its last verified revision on.", "--all"),
     ] = False,
     jobs: Annotated[int, option("With --all: the number of processes.", metavar="N", min=1)] = 1,
     is_continued: Annotated[
@@ -246,7 +247,7 @@ def _write(printer: Printer, done: Verification, has_anchor: bool, is_resumable:
     for archive in done.archives:
         line(f"{name}: {printable(archive)}")
     if has_anchor and done.anchored is None:
-        line(f"{name}: the anchor says nothing of it", "yellow")
+        line(f"{name}: not in the anchor", "yellow")
 
 
 def _write_totals(printer: Printer, totals: Mapping[str, int]) -> None:

@@ -211,8 +211,8 @@ def _refuse_circles(definitions: d.Definitions, names: Iterable[str]) -> None:
 
 def _missing(kind: str, name: str) -> ConflictError:
     return ConflictError(
-        f"{kind} {name!r} is mentioned, and is not here; save it here, or delete there what "
-        "mentions it"
+        f"the branch mentions {kind} {name!r}, which is missing here; save it here, or delete the "
+        "elements of the branch that mention it"
     )
 
 

@@ -107,7 +107,7 @@ def say_all(transaction: Transaction, sayings: Iterable[MergeSaying]) -> None:
         place, name = (Period(one.begin, one.end, False), one.key[0]), one.key[1]
         if first.setdefault(one.key, one) is not one:
             before = f"merge up to before it first, as in kb.merge(branch.at({one.number - 1}))"
-            wrong.append(f"{one.element}: a revision says one thing of an element, so {before}")
+            wrong.append(f"{one.element}: a revision has one saying about an element: {before}")
         elif one.end > now:
             wrong.append(f"{one.element}: it ends after the store's clock, {time_text(now)}")
         try:

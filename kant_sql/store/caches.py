@@ -95,7 +95,7 @@ class Agreements:
         self.known, self.new = {}, {}
 
     def learn(self, definitions: Definitions) -> None:
-        """Share the agreements of a writer, which are valid for the definitions after its commit."""
+        """Share the agreements of a writer, valid for the definitions after its commit."""
         known = self.known
         if len(known) + len(self.new) > CACHED_AGREEMENTS:
             known = {}

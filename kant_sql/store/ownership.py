@@ -70,7 +70,7 @@ class Block:
         return TransactionOpenError(
             f"knowledge base {self._name!r} has a transaction of {who} open in this thread, "
             f"{where}, which only its own task and context may use: {what} would block the thread "
-            "for ever; end that block first, use kant_sql.aio, or go to another thread"
+            "forever; end that block first, use kant_sql.aio, or go to another thread"
         )
 
 

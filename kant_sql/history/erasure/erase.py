@@ -277,7 +277,7 @@ class Eraser:
         if head.archived_revision:
             place = archive_of(self._session, self._kb, head.archived_revision - 1)
             raise ConflictError(
-                f"what ended up to revision {head.archived_revision} was moved to the archive "
+                f"versions that ended up to revision {head.archived_revision} are in the archive "
                 f"{place}, where the name would stay; nothing was erased: give its URL, with its "
                 "password, as archive= (--archive URL)"
             )
