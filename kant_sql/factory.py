@@ -118,7 +118,7 @@ class DaoFactory(ABC):
             execution: the running execution, a step of a recorded plan or not; the revision links
                 to it.
             confirm: whether saving a fact that already holds confirms it; otherwise it does
-            nothing.
+                nothing.
 
         Returns:
             The context manager.

@@ -49,7 +49,7 @@ def erase(
     also: Annotated[
         list[str] | None,
         c.option(
-            f"Also erase these parts of revisions with the name: {', '.join(SAID)}, separated by commas.",
+            f"Also erase these parts of revisions with the name: {', '.join(SAID)}; use commas.",
             metavar="PARTS",
         ),
     ] = None,

@@ -397,8 +397,8 @@ def export(
     element: Annotated[
         list[str] | None,
         c.option(
-            "For a plugin's format: only this fact or fluent, such as '(robot_at rb1 wp1)'; may be given "
-            "several times.",
+            "For a plugin's format: only this fact or fluent, such as '(robot_at rb1 wp1)'; "
+            "repeatable.",
             metavar="TEXT",
         ),
     ] = None,

@@ -158,7 +158,7 @@ def retain(
 
     Raises:
         InvalidArgumentError: a rule is not valid, or needs an actor that another rule erases
-        earlier.
+            earlier.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
 
     Examples:

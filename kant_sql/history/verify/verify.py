@@ -148,7 +148,7 @@ class Verification:
             if it began at revision 1.
         continued_at: the time of that verification, in UTC.
         complete_at: the time of the last kept verification before this one that began at revision
-        1.
+            1.
         is_kept: whether the next verification can continue this one; None without `keep`.
         keep_error: why the last verified revision could not be stored, or, after a finding, the
             stored one not removed.
