@@ -131,7 +131,7 @@ class Store:
         logger.info("%s: connected, knowledge base %r, actor %r", backend.label, name, actor)
 
     def forked(self) -> None:
-        """Start over in a forked child: another thread may have held the caches' locks."""
+        """Start over in a forked child: another thread may have held locks of the caches."""
         self._forget_identities()
         self.remembered.clear()
 

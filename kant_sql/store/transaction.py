@@ -153,7 +153,7 @@ class Transaction:
         self.agreements.clear()
 
     def _touched(self) -> list[PendingChanges]:
-        """Return the touched ledgers, in the order of writing."""
+        """Return what was touched, in the order of writing."""
         ledgers = self._ledgers
         if len(ledgers) < 2:
             return [*ledgers.values()]

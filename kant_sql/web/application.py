@@ -123,7 +123,7 @@ def create_app(
     app.state.added = [pages.first for pages in added]
     app.state.writing = writing
     app.state.transactions = Transactions()
-    # First: programs use these most often, and routes are tried one by one.
+    # First: programs ask these most often, and the routes before a path are tried one by one.
     app.include_router(reading)
     if writing is not None:
         app.include_router(write_routes)
