@@ -129,7 +129,7 @@ def history(
     at: c.At = None,
     as_json: Annotated[bool, c.json_lines("version")] = False,
 ) -> None:
-    """Show each version of an element, and the revisions at both ends.
+    """Show when an element held, and the revisions at both ends.
 
     The oldest version comes first.
     """
@@ -187,7 +187,7 @@ def corrections(
     limit: Annotated[int | None, c.most("Show at most N corrections.")] = None,
     as_json: Annotated[bool, c.json_lines("correction")] = False,
 ) -> None:
-    """Show sayings that differ from an earlier belief about the same time."""
+    """Show sayings that differ from earlier beliefs."""
     first, last = c.parse_range(since, until)
     with c.open_state(url, kb, None) as (_, state):
         found = state.corrections(since=first, until=last, limit=limit)
@@ -347,7 +347,7 @@ def branch(
     actor: c.Actor = None,
     as_json: c.AsJson = False,
 ) -> None:
-    """Create a knowledge base from a state of another, to try something out."""
+    """Create a knowledge base from a state of another."""
     url, names = _BRANCH.split(words)
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
@@ -386,7 +386,7 @@ def watch(
     timeout: Annotated[float | None, c.seconds("Stop after so long; default: at Ctrl-C.")] = None,
     as_json: Annotated[bool, c.json_lines("revision")] = False,
 ) -> None:
-    """Show each revision when it is committed: who, when, why, what."""
+    """Show new revisions: who, when, why, what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     with c.open_to_read(url, kb) as (_, knowledge_base):
         seen = knowledge_base.revision if after is None else after

@@ -294,7 +294,7 @@ def archive(
     reason: c.Reason = None,
     as_json: c.AsJson = False,
 ) -> None:
-    """Move versions that ended before a revision or a time to another store.
+    """Move versions that ended before a time to another store.
 
     That store then answers questions about them.
     """
