@@ -322,7 +322,9 @@ def restore(
         if made is None:
             printer.line(f"knowledge base {name}: nothing is different from revision {restored}")
             return
-        printer.line(f"knowledge base {name}, revision {made}: as revision {restored} was", "bold")
+        printer.line(
+            f"knowledge base {name}, revision {made}: the state of revision {restored}", "bold"
+        )
         write_changes(printer, changes)
 
 

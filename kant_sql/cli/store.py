@@ -318,7 +318,7 @@ def _write_archived(printer: Printer, name: str, done: Archived, dry_run: bool) 
     if not done.versions:
         printer.line(f"{kb}: no version ended up to revision {done.upto}")
         return
-    verb = "to move" if dry_run else f"moved in revision {done.revision}"
+    verb = "would move" if dry_run else f"moved in revision {done.revision}"
     total = sum(done.versions.values())
     versions = plural(total, "version")
     printer.line(
