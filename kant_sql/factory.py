@@ -117,8 +117,7 @@ class DaoFactory(ABC):
                 Definitions, goals and plans have no valid period.
             execution: the running execution, a step of a recorded plan or not; the revision links
                 to it.
-            confirm: whether saving a fact that already holds confirms it; otherwise it does
-                nothing.
+            confirm: whether saving a fact that already holds confirms it.
 
         Returns:
             The context manager.

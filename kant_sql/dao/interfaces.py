@@ -542,8 +542,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
 
         Raises:
             ArityError: the function has another number of parameters.
-            TypeMismatchError: an object does not fit its parameter, or the value does not fit the
-                function.
+            TypeMismatchError: an object does not fit its parameter, or the value the function.
             ConflictError: a DTO is stored with another definition.
             InvalidKnowledgeError: a name is unknown, or an argument is not well-formed.
 

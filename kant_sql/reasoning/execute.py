@@ -59,8 +59,7 @@ class ExecutedPlan:
     Attributes:
         outcome: `succeeded`, or the outcome of the step that ended it: `failed`, `aborted`, or
             `refused` if its condition did not hold within the timeout.
-        step: the execution that ended it; None if the plan succeeded, or was cancelled between
-            steps.
+        step: the execution that ended it; None if it succeeded, or was cancelled between steps.
         unsatisfied: the conditions of that step that did not hold, each with the revision that
             broke it; none if the step failed by itself.
         plan: the recorded plan, with the outcomes of its steps; with `replan`, the last one.
@@ -131,8 +130,7 @@ def execute(
         `dispatch` are not raised.
 
     Raises:
-        NoPlanError: with `replan`, the plan broke and there is no other; finished steps stay
-            recorded.
+        NoPlanError: with `replan`, the plan broke and there is no other; ended steps stay recorded.
         PlanError: there is no such plan; a step is not one of the domain, or cannot begin because
             it is running or has failed.
         PddlError: the text is not a plan.

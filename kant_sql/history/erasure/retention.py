@@ -157,8 +157,7 @@ def retain(
         The erasure.
 
     Raises:
-        InvalidArgumentError: a rule is not valid, or needs an actor that another rule erases
-            earlier.
+        InvalidArgumentError: a rule is wrong, or needs an actor that another rule erases earlier.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
 
     Examples:

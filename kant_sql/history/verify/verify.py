@@ -144,11 +144,11 @@ class Verification:
         archives: the archives and their contents, in words.
         erasures: the erasures and their revisions, in words.
         anchored: the revision that was compared with an anchor, or None.
-        continued_from: the last revision of the earlier verification that this one continued; None
-            if it began at revision 1.
+        continued_from: the last revision of the continued verification; None if it began at
+            revision 1.
         continued_at: the time of that verification, in UTC.
-        complete_at: the time of the last kept verification before this one that began at revision
-            1.
+        complete_at: the time of the last kept verification that began at revision 1, before this
+            one.
         is_kept: whether the next verification can continue this one; None without `keep`.
         keep_error: why the last verified revision could not be stored, or, after a finding, the
             stored one not removed.
